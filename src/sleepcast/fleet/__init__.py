@@ -1,13 +1,14 @@
-"""The fleet: the minds of many robots of one vocabulary as arrays. Each is, bit for bit, what a node would be.
+"""The fleet: the minds of many robots with one vocabulary, as arrays. Each robot behaves exactly as a node would, bit
+for bit.
 
-state         variables as columns, minds kept once             pure      the built-in functions over columns
-evaluation    budget and faults, and how each rule has fared    memory    what a program may touch, for many at once
-scheduler     which rules run in a tick                         machine   one walk over a program for many robots
-messages      what waits, and what robots send                  bodies    stopping, releasing, holding still
-inspection    telemetry, previews, explanations                 native/   native code for rules, through LLVM
-schema        the serialized state                              snapshot  to it, and back
+state         variables as columns, shared minds                   pure      the built-in functions over columns
+evaluation    budget and faults, rule statistics                   memory    what programs may read and change
+scheduler     which rules run in a tick                            machine   evaluates a program for many robots
+messages      queues and outboxes                                  bodies    STOP, RELEASE and holding still
+inspection    telemetry, previews, explanations                    native/   native code for rules, through LLVM
+schema        the serialized state                                 snapshot  saving and restoring it
 marks         groups and flags of each robot, for pictures
-fleet         messages and readings in, a tick of all; the robots by name, and each seen as a mind of its own
+fleet         takes messages and readings, runs ticks; maps robots' names to views of their minds
 """
 
 from sleepcast.fleet.fleet import Evaluated, Fleet, FleetError, RobotView

@@ -1,8 +1,9 @@
-"""Bodies: what a fleet asks of its robots' bodies by itself - to stop, to be let go, to keep still while a robot sleeps
-or is frozen - of many at once where they can be asked so.
+"""What a fleet itself asks of its robots' bodies - to stop, to be released, to hold still while a robot sleeps or is
+frozen - many at once where the bodies allow it.
 
-STOP and RELEASE may come late, and in another order than they were sent in: each robot obeys them as a node does, by
-its `Latch`; robots that have heard the same share one."""
+STOP and RELEASE may arrive late and out of order: each robot obeys them as a node does, by its `Latch`; robots that
+have received the same ones share a latch.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +19,12 @@ from sleepcast.mind.authority import Latch
 from sleepcast.robot import Robot
 
 MAX_LATCHES = 16
-"""Latches that are kept before those that no robot has any more are left out."""
+"""Stored latches above which those that no robot has any more are removed."""
 
 
 @runtime_checkable
 class ManyBodies(Protocol):
-    """Bodies, by the robots' indices, of which many can be asked at once. See `Robot` for what each does."""
+    """Bodies, by the robots' indices, that can be commanded many at once. See `Robot` for what each method does."""
 
     def stop(self, robots: Index, /) -> None: ...
 
@@ -33,7 +34,7 @@ class ManyBodies(Protocol):
 
 
 class FleetBodies:
-    """The bodies of a fleet's robots. bodies: `ManyBodies`, or one by one what may be a `Robot`."""
+    """The bodies of a fleet's robots. bodies: `ManyBodies`, or a list of bodies, each possibly a `Robot`."""
 
     def __init__(self, state: FleetState, bodies: Sequence[object | None]) -> None:
         self._state, self._bodies = state, bodies
@@ -42,7 +43,7 @@ class FleetBodies:
         """Whether any body is held still."""
 
     def obey_stop(self, message: Message, rows: Rows) -> tuple[Rows, Rows]:
-        """Stop these robots; gives which have stopped, and those for which a RELEASE has ended it."""
+        """Stop these robots; returns those that have stopped, and those for which a later RELEASE already ended it."""
         stopped = np.zeros(rows.size, np.bool_)
         for some, found in self._latched(rows, lambda latch: latch.stop(message)):
             stopped[some] = found is not None
@@ -50,7 +51,7 @@ class FleetBodies:
         return rows.take(stopped), rows.take(~stopped)
 
     def obey_release(self, message: Message, rows: Rows) -> tuple[Rows, list[tuple[Rows, str]]]:
-        """Release these robots; gives which are free, and those that are not, each with the reason."""
+        """Release these robots; returns those that are free, and those that are not, each group with the reason."""
         free, refused = np.zeros(rows.size, np.bool_), []
         for some, found in self._latched(rows, lambda latch: latch.release(message)):
             free[some] = found is not None and not found.holding
@@ -60,12 +61,12 @@ class FleetBodies:
         return rows.take(free), refused
 
     def _latch_of(self, rows: Rows) -> Latch:
-        """That of the first of these robots."""
+        """The latch of the first of these robots."""
         return self._state.latches[int(self._state.latch[rows.index][0])]
 
     def _latched(self, rows: Rows, order: Callable[[Latch], Latch | None]) -> Iterator[tuple[Mask, Latch | None]]:
-        """Give each of these robots the latch that an order makes of its own, or none; robots with the same one
-        together."""
+        """Replace each robot's latch by what `order` makes of it, and yield the robots of each old latch with their new
+        one, or None."""
         state = self._state
         before = state.latch[rows.index].copy()
         for number in np.flatnonzero(np.bincount(before)).tolist():
@@ -75,12 +76,12 @@ class FleetBodies:
                     state.latches.append(found)
                 state.latch[rows.take(some).index] = state.latches.index(found)
             yield some, found
-        if len(state.latches) > MAX_LATCHES:  # most are those of robots before they heard this
+        if len(state.latches) > MAX_LATCHES:  # most belong to robots that had not received this message yet
             numbers, state.latch[:] = np.unique(state.latch, return_inverse=True)
             state.latches = [state.latches[number] for number in numbers.tolist()]
 
     def _stop(self, rows: Rows) -> None:
-        """Stop these robots; where the body has no latch of its own, functions that act are refused instead."""
+        """Stop these robots; if the body has no latch of its own, functions that act are refused instead."""
         self._state.stopped[rows.index] = True
         if self._many is not None:
             self._many.stop(rows.robots)
@@ -93,7 +94,7 @@ class FleetBodies:
                 self._state.held[robot] = True
 
     def _release(self, rows: Rows) -> None:
-        """End `_stop` for these robots."""
+        """Undo `_stop` for these robots."""
         self._state.stopped[rows.index] = self._state.held[rows.index] = False
         if self._many is not None:
             self._many.release(rows.robots)
@@ -103,15 +104,15 @@ class FleetBodies:
                 body.release()
 
     def resting(self, rows: Rows) -> Mask | None:
-        """Which of these robots sleep or are frozen, None if none of them."""
+        """Which of these robots sleep or are frozen, None if none of them does."""
         asleep, frozen = self._state.read(SLEEPING, rows), self._state.read(FROZEN, rows)
         if isinstance(asleep, float) and isinstance(frozen, float) and not (asleep > 0.0 or frozen > 0.0):
-            return None  # one number for all, as nearly always
+            return None  # one number for all: the most common case
         found = np.greater(asleep, 0.0) | np.greater(frozen, 0.0)
         return np.broadcast_to(found, rows.size) if found.any() else None
 
     def hold(self, rows: Rows) -> None:
-        """Robots that rest keep their bodies still, others do not."""
+        """Resting robots hold their bodies still, others do not."""
         state, resting = self._state, self.resting(rows)
         if resting is None and not self._any_still:
             return

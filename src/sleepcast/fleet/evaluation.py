@@ -1,8 +1,8 @@
-"""An evaluation under way: whose it is, what it has cost, what went wrong in it, and which minds it changes; and the
-statistics that remain of it: how each rule has fared on each robot.
+"""One evaluation - its robots, cost, faults and changes of minds - and rule statistics: how each rule has performed on
+each robot.
 
-A refusal is a fault: noted, unknown as a value, and nothing is changed. Robots that have run out of steps take no
-further part: whatever is asked for them changes nothing.
+A refused act is recorded as a fault, gives unknown, and changes nothing. Robots that have run out of steps take no
+further part: acts have no effect on them.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Rest = ParamSpec("Rest")
 
 
 class Noted(NamedTuple):
-    """A fault of some robots."""
+    """A fault that occurred on some robots."""
 
     robots: Index
     part: Part
@@ -45,7 +45,7 @@ Method: TypeAlias = Callable[Concatenate[Owner, Part, Rows, Rest], Column]
 
 
 def by_the_living(method: Method[Owner, Rest]) -> Method[Owner, Rest]:
-    """Let only robots that have steps left take part; for the others the value is unknown."""
+    """Exclude robots that have run out of steps; their value is unknown."""
 
     @wraps(method)
     def living(memory: Owner, part: Part, rows: Rows, /, *columns: Rest.args, **none: Rest.kwargs) -> Column:
@@ -64,22 +64,22 @@ def by_the_living(method: Method[Owner, Rest]) -> Method[Owner, Rest]:
 
 
 class Evaluation:
-    """See the module; it is used for one evaluation after the other.
+    """See the module; one object is used for successive evaluations.
 
-    Of the last evaluation: matched (of its rows), noted (its faults in their order) and, if it is a list, answers (what
-    the memory gave back; kept only where there is one robot).
+    Results of the last evaluation: matched (which rows), noted (faults in order) and, if it is a list, answers
+    (values that the memory returned; only with one robot).
     """
 
     def __init__(self, state: FleetState, minds: Minds) -> None:
         self.state, self.minds, self.statistics = state, minds, StatisticsTable(state)
         self.depth = self.levels = 0
-        """Programs entered inside one another, and parentheses open in them: the same for all that have come so far."""
+        """Nesting of entered programs, and of parentheses in them: the same for all robots that have come so far."""
         self.top: Program
         self.matched: Mask = np.zeros(state.count, np.bool_)
         self.dead: Mask | None = None
-        """Which robots have run out of steps, if any has."""
+        """Which robots have run out of steps, or None."""
         self._entered: NDArray[np.int32] | None = None
-        """Steps charged on entering buffers and operators, made when one is first entered."""
+        """Steps charged for entering buffers and operators, allocated when one is first entered."""
         self.noted: list[Noted] = []
         self._faults: NDArray[np.int16] | None = None
         self.answers: list[Answer] | None = None
@@ -87,7 +87,7 @@ class Evaluation:
     # ---- an evaluation and its bounds
 
     def begin(self, program: Program, rows: Rows) -> None:
-        """Begin an evaluation of these robots."""
+        """Begin an evaluation on these robots."""
         self.top, self.depth, self.levels, self.dead = program, 0, program.height, None
         self.noted, self._faults = [], None
         self.matched[rows.index] = program.test is None
@@ -95,7 +95,7 @@ class Evaluation:
             self._entered[rows.index] = 0
 
     def charge(self, program: Program, rows: Rows) -> None:
-        """Charge for entering a program; robots that cannot pay are out of the evaluation, with a fault."""
+        """Charge for entering a program; robots that cannot pay leave the evaluation, with a fault."""
         if self._entered is None:
             self._entered = np.zeros(self.state.count, np.int32)
         self._entered[rows.index] += program.cost
@@ -108,12 +108,12 @@ class Evaluation:
             self.dead[some.index] = True
 
     def steps(self, rows: Rows) -> NDArray[np.int32] | int:
-        """Steps used by each of these robots, or by all of them alike."""
+        """Steps used by each of these robots, or one number if all are equal."""
         return self.top.cost if self._entered is None else self._entered[rows.index] + np.int32(self.top.cost)
 
     @by_the_living
     def fault(self, part: Part, rows: Rows, reason: str) -> Column:
-        """Note a fault; gives unknown."""
+        """Record a fault; returns unknown."""
         unknown = np.full(rows.size, nan)
         if len(self.noted) >= MAX_FAULTS:
             rows = self._with_room(rows)
@@ -122,7 +122,8 @@ class Evaluation:
         return unknown
 
     def faults(self, part: Part, rows: Rows, places: Index, reasons: Sequence[str]) -> None:
-        """Note faults at some places of the rows, each with its reason; nothing is made of those without room."""
+        """Record faults at some places of the rows, each with its reason; dropped on robots that have too many
+        already."""
         if len(self.noted) >= MAX_FAULTS:
             room = self._counted()[rows.robots[places]] < MAX_FAULTS
             places, reasons = places[room], [reason for reason, there in zip(reasons, room, strict=True) if there]
@@ -135,7 +136,7 @@ class Evaluation:
             self.fault(part, rows.take(mask), reason)
 
     def _counted(self) -> NDArray[np.int16]:
-        """How many faults each robot has so far, which is counted only once there may be too many."""
+        """Number of faults of each robot so far; counted only once there may be too many."""
         if self._faults is None:
             self._faults = np.zeros(self.state.count, np.int16)
             for noted in self.noted:
@@ -143,7 +144,7 @@ class Evaluation:
         return self._faults
 
     def _with_room(self, rows: Rows) -> Rows:
-        """Those that do not have `MAX_FAULTS` faults yet; now they have one more."""
+        """Those with fewer than `MAX_FAULTS` faults; counts one more for them."""
         faults = self._counted()
         rows = rows.take(faults[rows.index] < MAX_FAULTS)
         faults[rows.index] += 1
@@ -151,13 +152,13 @@ class Evaluation:
 
     @by_the_living
     def refuse(self, part: Part, rows: Rows, reason: str) -> Column:
-        """A fault that this memory itself has to note."""
+        """Record a fault that this memory itself detects."""
         if self.answers is not None:
             self.answers.append(Refusal(part, reason))
         return self.fault(part, rows, reason)
 
     def refuse_where(self, part: Part, rows: Rows, wrong: Mask, reason: str, values: Column) -> Rows:
-        """Refuse some of the rows, whose values become unknown in place; gives the others."""
+        """Refuse the rows where `wrong`, setting their values to unknown in place; returns the other rows."""
         if not wrong.any():
             return rows
         self.refuse(part, rows.take(wrong), reason)
@@ -165,13 +166,13 @@ class Evaluation:
         return rows.take(~wrong)
 
     def answer(self, values: Column) -> Column:
-        """Write down what the memory gives back, if that is wanted."""
+        """Append to `answers` what the memory returned, if that is recorded."""
         if self.answers is not None:
             self.answers.append(float(values[0]))
         return values
 
     def first_faults(self) -> dict[int, str]:
-        """The first fault of each robot that had one in the last evaluation, as people read it."""
+        """The first fault of each robot that had one in the last evaluation, as text."""
         found: dict[int, str] = {}
         for noted in reversed(self.noted):
             found.update(dict.fromkeys(noted.robots.tolist(), fault_text(noted)))
@@ -180,7 +181,7 @@ class Evaluation:
     # ---- minds
 
     def divide(self, rows: Rows, sort: Callable[[int], Sort]) -> list[tuple[Sort, Rows, Mask | None]]:
-        """The rows by what `sort` says of the number of their mind, each sort with where it is (None: everywhere)."""
+        """Group the rows by the result of `sort` for their mind's number; each group with its places (None: all)."""
         if rows.size == 0:
             return []
         if (one := self.state.one_mind) is not None:
@@ -189,7 +190,7 @@ class Evaluation:
         if (numbers == numbers[0]).all():
             one = int(numbers[0])
             if rows.size == self.state.count:
-                self.state.turn(rows, one)  # to remember it
+                self.state.turn(rows, one)  # updates the cached common mind
             return [(sort(one), rows, None)]
         unique, which = distinct(numbers)
         sorts: dict[Sort, int] = {}
@@ -199,14 +200,14 @@ class Evaluation:
         return [(found, rows.take(codes == code), codes == code) for found, code in sorts.items()]
 
     def where(self, rows: Rows, holds: Callable[[Mind], bool]) -> Mask:
-        """On which of the rows something holds of the mind."""
+        """On which of the rows `holds` is true of the mind."""
         found = np.zeros(rows.size, np.bool_)
         for truth, _, mask in self.divide(rows, lambda number: holds(self.minds[number])):
             found[... if mask is None else mask] = truth
         return found
 
     def change(self, part: Part, rows: Rows, how: Callable[[RuleBase], str | None]) -> Mask:
-        """Change the minds of these robots, unless `how` says why not; gives where it was done."""
+        """Change the minds of these robots, unless `how` returns a reason not to; returns where it was done."""
         done = np.ones(rows.size, np.bool_)
         for number, some, mask in self.divide(rows, lambda number: number):
             draft = self.minds.draft(number, partial(self.changing, some))
@@ -224,7 +225,8 @@ class Evaluation:
         self.statistics.carry_out(draft.effects, rows)
 
     def changing(self, rows: Rows) -> None:
-        """The rules of these robots are about to change: where they have proved themselves, they are remembered."""
+        """To be called before the rules of these robots change: minds that are proven become the ones to roll back
+        to."""
         state = self.state
         ticks = state.column(TICK, rows).astype(np.int64)
         ripe = ticks - state.unproven_since[rows.index] >= PROVEN_TICKS
@@ -235,7 +237,7 @@ class Evaluation:
         state.unproven_since[rows.index] = ticks
 
     def is_dead(self, rows: Rows) -> bool:
-        """Whether the first of these robots is out of the evaluation."""
+        """Whether the first of these robots has left the evaluation."""
         return self.dead is not None and bool(self.dead[rows.robots[0]])
 
     def kept(self, robot: int) -> Mind:
@@ -244,7 +246,7 @@ class Evaluation:
 
 
 def distinct(numbers: NDArray[np.int32]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The different numbers, ascending, and which of them each one is."""
+    """The distinct numbers, ascending, and for each number its index among them."""
     lowest, highest = (int(numbers.min()), int(numbers.max())) if len(numbers) else (0, -1)
     if lowest >= highest:
         return np.arange(lowest, highest + 1), np.zeros(len(numbers), np.intp)
@@ -257,41 +259,42 @@ def distinct(numbers: NDArray[np.int32]) -> tuple[NDArray[np.intp], NDArray[np.i
 
 
 def fault_text(noted: Noted) -> str:
-    """A fault as people read it."""
+    """A fault as text for people."""
     return f"{noted.reason} in {show(noted.part.form)}"
 
 
-# ---- rule statistics: how each rule has fared on each robot, and when its lease ends, as columns by its key
+# ---- rule statistics: how each rule has performed on each robot, and when its lease ends, as columns by its key
 
 MOST_FRESH = 255
-"""Evaluations by native code until their matches, counted in single bytes, are added to the others."""
+"""Evaluations by native code after which its matches, counted in single bytes, are added to the others."""
 NARROW = 65_535
-"""Matches that two bytes can count; after that it takes four."""
+"""Largest count of matches in two bytes; beyond it four are used."""
 
 
 class RuleStatistics:
-    """One key's columns: last value, steps of the last evaluation, firings, faults in a row; texts of last faults.
+    """Statistics of one rule: last value, steps of the last evaluation, firings, consecutive faults, texts of last
+    faults.
 
-    What all robots have in common takes no column, and counts are as narrow as they can be.
+    Values common to all robots take no column, and counts use the narrowest type possible.
     """
 
     def __init__(self, count: int) -> None:
         self.last_value: Column = filled(nan, np.float64, count)
         self.most_steps = 0
-        """No robot has used more steps in an evaluation."""
+        """An upper bound of the steps that any robot has used."""
         self._steps: NDArray[np.uint16] | int = 0
         self._firings: NDArray[np.uint16 | np.uint32] = filled(0, np.uint16, count)
         self._fired = 0
-        """No robot has fired more often."""
+        """An upper bound of the firings of any robot."""
         self._fresh: NDArray[np.uint8] = filled(0, np.uint8, count)
         self._counted = 0
         self._in_row: NDArray[np.int8] | None = None
-        """Made by the first fault."""
+        """Allocated by the first fault."""
         self.last_fault: dict[int, str] = {}
         self._sink = Sink(self.last_value, self._fresh, None)
 
     def sink(self, *, steps: bool) -> Sink:
-        """The columns that native code writes. steps: whether those as well."""
+        """The columns that native code writes. steps: whether it writes them too."""
         if steps and self._sink.steps is None:
             self._sink = self._sink._replace(steps=self._own_steps())
         return self._sink
@@ -299,14 +302,14 @@ class RuleStatistics:
     # ---- steps
 
     def steps(self, rows: Rows) -> NDArray[np.uint16] | int:
-        """Steps of the last evaluation of each of these robots, or of all alike."""
+        """Steps of the last evaluation of each of these robots, or one number if all are equal."""
         return self._steps if isinstance(self._steps, int) else self._steps[rows.index]
 
     def steps_of(self, robot: int) -> int:
         return self._steps if isinstance(self._steps, int) else int(self._steps[robot])
 
     def used(self, steps: NDArray[np.int32] | int, rows: Rows) -> None:
-        """These robots have used so many steps, each or all alike."""
+        """Store the steps that these robots have used, an array or one number for all."""
         if isinstance(steps, int) and rows.size == len(self._fresh):
             self._steps = steps
             if self._sink.steps is not None:
@@ -323,23 +326,23 @@ class RuleStatistics:
 
     @property
     def firings(self) -> NDArray[np.uint16 | np.uint32]:
-        """How often each robot has matched."""
+        """Number of matches of each robot."""
         if self._counted:
             self._gather()
         return self._firings
 
     def _gather(self) -> None:
-        """Add what native code has counted."""
+        """Add the matches that native code has counted."""
         self._count(slice(None), self._fresh, self._counted)
         self._fresh[...] = 0
         self._counted = 0
 
     def fired(self, rows: Rows, matched: Mask) -> None:
-        """Those of these robots have matched once more that are `matched`."""
+        """Count one more match on those of these robots that are `matched`."""
         self._count(rows.index, matched.view(np.uint8), 1)
 
     def _count(self, index: slice | Index, more: NDArray[np.uint8], most: int) -> None:
-        """Add to firings. most: no robot's `more` is greater."""
+        """Add to firings. most: upper bound of `more`."""
         if self._fired + most > NARROW and self._firings.dtype == np.uint16:
             self._fired = int(self._firings.max(initial=0))
             if self._fired + most > NARROW:
@@ -351,15 +354,15 @@ class RuleStatistics:
 
     @property
     def faulted(self) -> bool:
-        """Whether any evaluation has ever had a fault: until then nothing has to be counted."""
+        """Whether any evaluation has ever had a fault: until then nothing needs counting."""
         return self._in_row is not None
 
     def in_row(self, rows: Rows) -> NDArray[np.int8]:
-        """Evaluations of each of these robots, one after the other, that had a fault."""
+        """Number of consecutive evaluations with a fault, for each of these robots."""
         return np.zeros(rows.size, np.int8) if self._in_row is None else self._in_row[rows.index]
 
     def failed(self, rows: Rows, faulted: Mask) -> None:
-        """Evaluations of these robots: of those that are `faulted` with a fault, of the others without."""
+        """Count an evaluation on these robots; `faulted` marks those where it had a fault."""
         if self._in_row is None:
             self._in_row = np.zeros(len(self._fresh), np.int8)
         self._in_row[rows.index] = np.where(faulted, np.minimum(self._in_row[rows.index], 100) + 1, 0)
@@ -367,8 +370,8 @@ class RuleStatistics:
     # ---- what happens to an expression
 
     def ran(self, steps: int, rows: Rows, *, kept: bool) -> None:
-        """Native code has evaluated the expression on these robots, without a fault. steps: at most, of one of them;
-        kept: whether it has kept those of each, else all have used as many."""
+        """Native code has evaluated the rule on these robots, without a fault. steps: an upper bound; kept: whether the
+        native code has stored each robot's steps, otherwise all have used the bound."""
         if not kept:
             self.used(steps, rows)
         if steps > self.most_steps:
@@ -380,7 +383,7 @@ class RuleStatistics:
             self._in_row[rows.index] = 0
 
     def renew(self, rows: Rows) -> None:
-        """The expression is another one now: nothing is known of its last evaluation."""
+        """The expression was replaced: reset the results of its last evaluation."""
         self.last_value[rows.index] = nan
         if self._in_row is not None:
             self._in_row[rows.index] = 0
@@ -389,12 +392,12 @@ class RuleStatistics:
                 self.last_fault.pop(robot, None)
 
     def begin(self, rows: Rows) -> None:
-        """The expression has just come to these robots."""
+        """The expression is new on these robots."""
         self.renew(rows)
         self.used(0, rows)
         self.firings[rows.index] = 0
 
-    # ---- kept and made again
+    # ---- saving and restoring
 
     def state(self) -> RuleStatisticsState:
         everybody = Rows.run(0, len(self._fresh))
@@ -409,7 +412,7 @@ class RuleStatistics:
         return RuleStatisticsState(dump_arrays(arrays), self.most_steps, self.faulted, dict(self.last_fault))
 
     def restore(self, state: RuleStatisticsState) -> None:
-        """Be as that tally was. Raises SerialError."""
+        """Restore these statistics. Raises SerialError."""
         count = len(self._fresh)
         steps, firings = np.zeros(count, np.uint16), np.zeros(count, np.int32)
         in_row = np.zeros(count, np.int8)
@@ -425,7 +428,8 @@ class RuleStatistics:
 
 
 class StatisticsTable:
-    """All tallies, leases (s, inf for none) and, while a round runs, which expressions robots have lost in it."""
+    """All rule statistics, leases (end in s, inf for none) and, during a round, which expressions robots have lost in
+    it."""
 
     def __init__(self, state: FleetState) -> None:
         self._state = state
@@ -441,7 +445,7 @@ class StatisticsTable:
         return found
 
     def keep_only(self, keys: set[str]) -> None:
-        """Forget the columns of expressions that no robot keeps any more."""
+        """Drop the columns of expressions that no robot stores any more."""
         for columns in (self._tallies, self.leases):
             for key in [key for key in columns if key not in keys]:
                 del columns[key]
@@ -451,14 +455,14 @@ class StatisticsTable:
         self._lease_column(self.leases, key)[rows.index] = until
 
     def prove(self, rows: Rows) -> None:
-        """Remember the leases as they are, to come back to them."""
+        """Remember the current leases for a rollback."""
         for key in self.leases.keys() | self.proven_leases.keys():
             column = self.leases.get(key)
             now: Column | float = inf if column is None else column[rows.index]
             self._lease_column(self.proven_leases, key)[rows.index] = now
 
     def restore_lease(self, key: str, rows: Rows) -> None:
-        """Bring a lease back."""
+        """Restore a remembered lease."""
         column = self.proven_leases.get(key)
         if column is not None:
             self.lease(key, rows, column[rows.index])
@@ -475,7 +479,7 @@ class StatisticsTable:
         return None if lost is None else lost[rows.index]
 
     def carry_out(self, effects: Sequence[Effect], rows: Rows) -> None:
-        """Do to each of these robots what a change of mind says."""
+        """Apply the effects of a change of mind to each of these robots."""
         for effect in effects:
             key = effect.key
             if effect.what == "new":
@@ -498,12 +502,12 @@ class StatisticsTable:
             self.leases[key][rows.index] = inf
 
     def state(self) -> StatisticsState:
-        """All of it between two rounds."""
+        """All statistics between two rounds."""
         tallies = {key: tally.state() for key, tally in self._tallies.items()}
         return StatisticsState(tallies, dump_arrays(self.leases), dump_arrays(self.proven_leases))
 
     def restore(self, state: StatisticsState) -> None:
-        """Be as those tallies were. Raises SerialError."""
+        """Restore these statistics. Raises SerialError."""
         self._tallies.clear()
         for key, tally in state.tallies.items():
             self[key].restore(tally)

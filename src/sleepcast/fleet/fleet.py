@@ -1,7 +1,7 @@
-"""The fleet: the minds of many robots of one vocabulary; `fleet[name]` is one of them, seen as a mind of its own.
+"""The fleet: the minds of many robots with one vocabulary; `fleet[name]` is a view of one of them.
 
-Messages and readings come in, a tick lets all robots think. It does what a list of nodes would do, robot by robot and
-bit for bit, but evaluates every message and every rule for all robots at once.
+It takes messages and readings, and each tick evaluates all robots. The results equal those of a list of nodes, robot
+by robot and bit for bit, but every message and every rule is evaluated for all robots at once.
 """
 
 from __future__ import annotations
@@ -49,20 +49,20 @@ from sleepcast.mind.rules import in_order
 from sleepcast.mind.views import Fault, Result, RuleView
 
 SPARE_MINDS = 256
-"""Minds that no robot is of any more, before they are looked for and forgotten."""
+"""Unused minds that may accumulate before they are removed."""
 
 
 class FleetError(MisuseError):
-    """A fleet that cannot be made, or robots that are not in it."""
+    """The fleet cannot be created, or a robot is not in it."""
 
 
 Some: TypeAlias = Rows | Sequence[int] | Index | None
-"""Some robots by their indices; None is all of them."""
+"""Robots by their indices; None means all of them."""
 
 
 @dataclass
 class Evaluated:
-    """What came of one text on the robots `rows`. Columns have one value for each of them; faults are in order."""
+    """The result of one text on the robots `rows`. Columns have one value for each of them; faults are in order."""
 
     rows: Rows
     entry: LogEntry
@@ -74,12 +74,12 @@ class Evaluated:
 
 
 class RobotView:
-    """The robot at one place of a fleet. It keeps nothing itself."""
+    """A view of one robot of a fleet; it stores nothing itself."""
 
     def __init__(self, fleet: Fleet, place: int) -> None:
         self._fleet, self.place = fleet, place
 
-    # ---- what others look at
+    # ---- state
 
     @property
     def name(self) -> str:
@@ -95,7 +95,7 @@ class RobotView:
 
     @property
     def values(self) -> list[float]:
-        """The numbers by slot, as they are now; NaN is unknown."""
+        """The variables by slot, current values; NaN is unknown."""
         return self._fleet.state.row(self.place)
 
     @property
@@ -109,22 +109,22 @@ class RobotView:
 
     @property
     def dropped(self) -> int:
-        """Assignments and calls that an unknown kept from the body."""
+        """Number of assignments and calls that were not passed to the body because a value was unknown."""
         return int(self._fleet.state.dropped[self.place])
 
     @property
     def lost(self) -> int:
-        """Messages and sayings that found no room."""
+        """Number of messages lost because a queue or the outbox was full."""
         return int(self._fleet.state.lost[self.place])
 
     @property
     def awake(self) -> bool:
-        """Whether the next tick has anything to do: a message, or rules that run."""
+        """Whether the next tick has anything to do: a message, or active rules."""
         return self._fleet.waiting(self.place) > 0 or bool(self._mind.running)
 
     @property
     def outbox(self) -> list[Message]:
-        """The messages that it is about to send; the sender clears the list."""
+        """The messages waiting to be sent; the sender clears the list."""
         return self._fleet.outbox.of(self.place)
 
     @property
@@ -150,11 +150,11 @@ class RobotView:
         return None if kept is None else kept.program
 
     def operator(self, part: Part) -> Program | None:
-        """The program of the operator that a `call` part names, None if it has none of that name."""
+        """The operator that a `call` part names, None if it does not exist."""
         return self._mind.operators.get(part.name)
 
     def rules(self) -> list[RuleView]:
-        """Every kept expression, in the order of the round."""
+        """Every stored expression, in order of evaluation."""
         found, tallies = [], self._fleet.memory.statistics
         for kept in in_order(self._mind.rules):
             tally, leases = tallies[kept.key], tallies.leases.get(kept.key)
@@ -192,7 +192,7 @@ class RobotView:
                 taken[vocabulary.actuators[slot - first].name] = values[slot]
         return taken
 
-    # ---- what comes in
+    # ---- input
 
     def receive(self, message: Message) -> None:
         """Take a message from the channel."""
@@ -203,7 +203,7 @@ class RobotView:
         self._fleet.sense(np.array([readings], np.float64), now, [self.place])
 
     def think(self, tick: int, now: float) -> None:
-        """One tick of this robot alone."""
+        """Run one tick of this robot alone."""
         self._fleet.think(tick, now, [self.place])
 
     def evaluate(self, text: str) -> Result:
@@ -211,12 +211,12 @@ class RobotView:
         return self.run(check(text, self))
 
     def run(self, checked: Checked) -> Result:
-        """Evaluate a text that has been checked. Raises CheckError if it has errors."""
+        """Evaluate a checked text. Raises CheckError if it has errors."""
         outcome = self._fleet.run(checked.required(), self._fleet.rows([self.place]))
         return self.result(outcome, checked.cost)
 
     def result(self, outcome: Evaluated, cost: int) -> Result:
-        """What an evaluation by many robots, this one among them, came to on this one."""
+        """This robot's part of an evaluation on many robots."""
         at = int(np.searchsorted(outcome.rows.robots, self.place))
         printed = []
         for robots, label, columns in outcome.printed:
@@ -240,7 +240,7 @@ class RobotView:
     def why(self, command: str | None = None) -> Explanation:
         """How a command was evaluated (by its id; None: the last one), or what a rule (by its name) would do now.
 
-        Raises SleepcastError if the robot remembers neither.
+        Raises SleepcastError if the robot has no record of it.
         """
         entry = self._fleet.evaluation_log.find(self.place, command)
         if entry is not None:
@@ -252,7 +252,7 @@ class RobotView:
         raise SleepcastError(f"{self.name} remembers {what}: {self._fleet.evaluation_log.limits()}")
 
     def recollection(self, entry: LogEntry) -> Recollection:
-        """What went into a command on this robot."""
+        """Re-evaluate a logged command for this robot."""
         return recollect(entry, self.place, self.vocabulary, self._fleet.state.keys)
 
     def install(self, name: str, text: str, *, priority: int = 0, protected: bool = True) -> None:
@@ -263,13 +263,13 @@ class RobotView:
 class Fleet(Mapping[str, RobotView]):
     """See the module.
 
-    names: of the robots. numbers: their `id` in expressions and in their chance, 1 upwards if none are given. seed:
-    of the run. bodies: what the functions of the vocabulary are called on; those that are a `Robot` are stopped,
-    released and held still as well, all at once if they are `ManyBodies`. native: whether rules that stay may become
-    native code, where llvmlite is installed; it makes no difference but in speed. pool: the threads that it may use.
-    sensed: where the bodies' sensor values lie, if they lie side by side: SI, NaN for unknown, shape (sensors, robots),
-    C order; they are read there and never copied, but for sensors with a freshness limit (see `look`). Raises
-    FleetError for a vocabulary with linked variables: what lies in a host's own memory is no column.
+    names: of the robots. numbers: their `id` in expressions and random streams, 1 upwards by default. seed: of the
+    run. bodies: targets of the vocabulary's functions; those that are a `Robot` are also stopped, released and held
+    still, all at once if they are `ManyBodies`. native: whether rules may be compiled to native code where llvmlite
+    is installed, which changes nothing but speed. pool: threads to use. sensed: the bodies' table of sensor values,
+    if there is one: SI, NaN for unknown, shape (sensors, robots), C order; it is read in place, never copied, except
+    for sensors with a freshness limit (see `look`). Raises FleetError for a vocabulary with linked variables, which
+    lie in a host's own memory and have no column.
     """
 
     def __init__(
@@ -291,7 +291,7 @@ class Fleet(Mapping[str, RobotView]):
         numbers = range(1, count + 1) if numbers is None else numbers
         bodies = [None] * count if bodies is None else bodies
         self.names = names if isinstance(names, NameIndex) else NameIndex(names)
-        """The robots' names by index, and the other way round."""
+        """Maps indices to the robots' names and back."""
         if count == 0 or not (len(self.names) == len(numbers) == len(bodies) == count):
             raise FleetError(
                 f"a fleet needs at least one robot, names that differ, and a number and a body for each: got {count}"
@@ -307,23 +307,23 @@ class Fleet(Mapping[str, RobotView]):
         self.scheduler = BatchScheduler(self.memory)
         self._bodies = FleetBodies(self.state, bodies)
         self.telemetry = FleetTelemetry(self.state, self.minds)
-        """The latest telemetry that the robots have sent."""
+        """The latest telemetry of each robot."""
         self._read_set = ReadSet(self.memory)
         self.inbox = Inbox(count)
         self.minds_used = 1
-        """Minds that robots were of when it was last looked."""
+        """Number of minds in use when last counted."""
         self.measured: dict[int, Column] = {
             vocabulary.first_sensor + i: np.full(count, -inf)
             for i, quantity in enumerate(vocabulary.sensors)
             if quantity.freshness < inf
         }
-        """When each robot last measured what grows old, s, by slot."""
+        """For variables with a freshness limit, the time when each robot last measured them, s, by slot."""
         self._sensed = sensed
         if sensed is not None:
             self._share(sensed)
 
     def _share(self, sensed: NDArray[np.float64]) -> None:
-        """Read the sensors where they lie. Raises FleetError for another shape."""
+        """Read the sensors in place. Raises FleetError for a wrong shape."""
         if sensed.shape != (len(self.vocabulary.sensors), len(self)):
             sensors = len(self.vocabulary.sensors)
             raise FleetError(f"a table of shape {sensed.shape} for {sensors} sensors of {len(self)} robots")
@@ -347,7 +347,7 @@ class Fleet(Mapping[str, RobotView]):
         return RobotView(self, place)
 
     def column(self, slot: int) -> Column:
-        """A variable of all robots, NaN for unknown; not to be written."""
+        """A variable of all robots, NaN for unknown; read-only."""
         return self.state.column(slot, self.rows())
 
     @property
@@ -357,11 +357,11 @@ class Fleet(Mapping[str, RobotView]):
 
     @property
     def groups(self) -> Mapping[str, Mask]:
-        """Who is in which group, by its key."""
+        """The members of each group, by its key."""
         return self.state.groups
 
     def members(self) -> dict[str, int]:
-        """How many robots are in each group."""
+        """Number of robots in each group."""
         counts = {key: int(members.sum()) for key, members in self.state.groups.items()}
         return {key: count for key, count in sorted(counts.items()) if count}
 
@@ -378,11 +378,11 @@ class Fleet(Mapping[str, RobotView]):
         return list(dict.fromkeys(name for mind in self._different() for name in mind.heard()))
 
     def _different(self) -> Iterator[Mind]:
-        """The minds that robots have now, each once."""
+        """The distinct minds that robots have now."""
         return (self.minds[number] for number in np.flatnonzero(np.bincount(self.state.mind)).tolist())
 
     def actuators(self, name: str) -> tuple[slice | Index, Column]:
-        """The robots that have assigned this actuator since the last call, and their values (SI), not to be written."""
+        """The robots that have assigned this actuator since the last call, and their values (SI), read-only."""
         slot = self._actuator_slots.get(name.casefold())
         if slot is None:
             raise FleetError(f"{self.vocabulary.name} has no actuator {name}")
@@ -400,7 +400,7 @@ class Fleet(Mapping[str, RobotView]):
         return {name: slot for slot, name in enumerate(names, self.vocabulary.first_actuator)}
 
     def reads(self) -> frozenset[int]:
-        """The slots of the variables that any active rule or waiting message may look at in the next tick."""
+        """The slots of the variables that any active rule or waiting message may read in the next tick."""
         found = self._read_set.slots(self.inbox.messages())
         return frozenset(self.state.slots()) if found is None else found
 
@@ -422,7 +422,7 @@ class Fleet(Mapping[str, RobotView]):
 
     @property
     def awake(self) -> Mask:
-        """Which robots have anything to do in the next tick: a message, or rules that run."""
+        """Which robots have anything to do in the next tick: a message, or active rules."""
         found = self.inbox.waiting > 0
         found |= self.memory.where(self.rows(), _runs)
         return found
@@ -436,27 +436,28 @@ class Fleet(Mapping[str, RobotView]):
         return everybody.take(self.awake)
 
     def waiting(self, robot: int) -> int:
-        """Messages that wait for a robot's next tick."""
+        """Number of messages waiting for a robot's next tick."""
         return int(self.inbox.waiting[robot])
 
     def said(self) -> list[MessageBatch]:
-        """Everything that has been said and lies in no outbox that was looked into; it will come into none."""
+        """Take all outgoing messages that are not in a robot's `outbox` list yet."""
         return self.outbox.take()
 
     def pings(self) -> list[tuple[Index, Column]]:
-        """All pings that lie in no list that was looked into: robots, and their castes."""
+        """Take all pings that are not in a robot's `pings` list yet: robots, and their castes."""
         return self.outbox.take_pings()
 
-    # ---- what comes in
+    # ---- input
 
     def receive(self, message: Message, robots: Some = None) -> None:
-        """Take a message on these robots: STOP and RELEASE at once, commands and questions into their queues."""
+        """Receive a message on these robots: STOP and RELEASE take effect at once, commands and questions are
+        queued."""
         heard = meant = self.inbox.first_heard(message, self.rows(robots).robots)
         if FOR in message.body or NOT in message.body:
             meant = np.array([i for i in heard.tolist() if is_addressed(message.body, self.names[i])], np.intp)
         if (
             message.kind is Kind.STOP
-        ):  # every robot that hears it stops; those that are not addressed need not report it again
+        ):  # every robot that receives STOP stops; robots that it is not addressed to need not report it again
             rows = Rows.of(heard)
             stopped, others = self._bodies.obey_stop(message, rows)
             self._answer_alike(message, Rows.of(np.intersect1d(stopped.robots, meant)), "stopped")
@@ -471,14 +472,14 @@ class Fleet(Mapping[str, RobotView]):
             self.state.lost[self.inbox.put(message, meant)] += 1
 
     def _answer_alike(self, message: Message, rows: Rows, sort: str, fault: str = "") -> None:
-        """The same answer on each of these robots."""
+        """Give the same answer on each of these robots."""
         self.outbox.answer(rows, Answers.alike(message.id, rows.size, sort, fault=fault))
 
     def sense(self, readings: NDArray[np.float64], now: float, robots: Some = None) -> None:
-        """Take sensor values (SI; one row a robot, in the order of the vocabulary's sensors) at `now` (s).
+        """Take sensor values (SI; one row per robot, in the order of the vocabulary's sensors) at `now` (s).
 
-        What is not finite was not measured, so the last measurement stands. For a fleet without a shared table. Raises
-        FleetError for another shape.
+        Values that are not finite count as not measured, so the last measurement remains. For a fleet without a
+        shared table. Raises FleetError for a wrong shape.
         """
         rows = self.rows(robots)
         sensors = len(self.vocabulary.sensors)
@@ -488,7 +489,7 @@ class Fleet(Mapping[str, RobotView]):
             self._measure(self.vocabulary.first_sensor + i, rows, readings[:, i], now)
 
     def look(self, now: float, robots: Some = None) -> None:
-        """Take note that the shared table is up to date for these robots at `now` (s)."""
+        """Tell the fleet that the shared table is up to date for these robots at `now` (s)."""
         if self._sensed is None or not self.measured:
             return
         rows = self.rows(robots)
@@ -504,7 +505,8 @@ class Fleet(Mapping[str, RobotView]):
                 self.measured[slot][some.index] = now
 
     def think(self, tick: int, now: float, robots: Some = None) -> None:
-        """One tick of these robots: their waiting messages, then one round of active rules unless asleep or frozen."""
+        """Run one tick of these robots: their waiting messages, then one round of active rules unless asleep or
+        frozen."""
         state, rows = self.state, self.rows(robots)
         if rows.size == 0:
             return
@@ -521,7 +523,7 @@ class Fleet(Mapping[str, RobotView]):
         self._tidy()
 
     def _age(self, rows: Rows, now: float) -> None:
-        """What was measured too long ago becomes unknown."""
+        """Set values to unknown whose measurement is too old."""
         for slot, measured in self.measured.items():
             limit = self.vocabulary.sensors[slot - self.vocabulary.first_sensor].freshness
             old = ~(now - measured[rows.index] <= limit)
@@ -529,7 +531,7 @@ class Fleet(Mapping[str, RobotView]):
                 self.state.assign(slot, rows.take(old), np.full(int(old.sum()), nan))
 
     def _tidy(self) -> None:
-        """Forget minds that no robot is of any more, once there may be many."""
+        """Remove unused minds once there may be many."""
         if len(self.minds) > 2 * self.minds_used + SPARE_MINDS:
             used = {*np.unique(self.state.mind).tolist(), *np.unique(self.state.proven).tolist()}
             self.minds.keep_only(used)
@@ -541,8 +543,8 @@ class Fleet(Mapping[str, RobotView]):
     def evaluate(self, text: str, robots: Some = None) -> list[Evaluated]:
         """Check and evaluate one text on these robots, as if it were a message.
 
-        Robots that have learned different things may take it differently: one outcome for each sort. Raises ReadError
-        and CheckError, before anything is evaluated, if any of them cannot run it.
+        The text may mean different things on robots with different minds: there is one result per meaning. Raises
+        ReadError and CheckError, before anything is evaluated, if any of the robots cannot run it.
         """
 
         def program(number: int) -> Program:
@@ -553,8 +555,9 @@ class Fleet(Mapping[str, RobotView]):
         return [self.run(found, rows) for found, rows, _ in self.memory.divide(self.rows(robots), program)]
 
     def values_of(self, text: str, robots: Some = None) -> Column:
-        """What an expression comes to on each of these robots now, NaN for unknown; nothing is done. Raises ReadError,
-        CheckError, and FleetError for one that would do something, or that needs chance or a body's own function."""
+        """The value of an expression on each of these robots now, NaN for unknown, without side effects. Raises
+        ReadError, CheckError, and FleetError for an expression with side effects, random numbers or a body's own
+        function."""
         rows = self.rows(robots)
         found, memory = np.full(rows.size, nan), QuietMemory(self.state, self.minds)
 
@@ -570,7 +573,7 @@ class Fleet(Mapping[str, RobotView]):
         return found
 
     def run(self, program: Program, rows: Rows, command: str = "") -> Evaluated:
-        """Evaluate a program on these robots, and remember how to explain it."""
+        """Evaluate a program on these robots, and log its inputs for explanations."""
         memory = self.memory
         entry = self.evaluation_log.remember(program, rows, command)
         memory.hosts, memory.printed = entry.hosts, []
@@ -589,7 +592,7 @@ class Fleet(Mapping[str, RobotView]):
         protected: bool = True,
         robots: Some = None,
     ) -> None:
-        """Give these robots an active rule of their own. protected: nobody can change it by radio.
+        """Give these robots an active rule of their own. protected: it cannot be changed by radio.
 
         Raises ReadError and CheckError for the text, SleepcastError if the rule is refused for another reason.
         """
@@ -626,7 +629,7 @@ class Fleet(Mapping[str, RobotView]):
         self.memory.hops = MAX_HOPS
 
     def _asked(self, message: Message, program: Program, rows: Rows) -> None:
-        """Answer a question, robot by robot: nothing is done, so there is nothing to do for all at once."""
+        """Answer a question robot by robot: it changes nothing, so there is nothing to do for all at once."""
         for robot in rows.robots.tolist():
             found = rehearse(program, rehearsal(self.memory, robot), command=message.id)
             answers = Answers.alike(message.id, 1, "answer", found.value, "; ".join(found.faults))

@@ -1,18 +1,18 @@
-"""Inspection of a fleet: which variables anybody will look at (`ReadSet`), the values that robots reported last and
-what a test would give by them (`FleetTelemetry`), and why a robot did what it did (`EvaluationLog`).
+"""Inspection of a fleet: which variables may be read (`ReadSet`), the values that robots reported last and what a test
+gives on them (`FleetTelemetry`), and why a robot did what it did (`EvaluationLog`).
 
-What nobody reads is not measured. The columns of the telemetry are copies of the fleet's, each robot's as of its latest
-report. A test is evaluated on them for all robots at once, and nothing it could do is done; what the columns cannot say
-leaves a robot undecided, with the reason. What buffers and operators hold is asked of the robots' minds as they are
-now.
+Sensors that nothing reads are not measured. The telemetry's columns are copies of the fleet's, each robot's values
+as of its latest report. A test is evaluated on them for all robots at once, without side effects; if the columns
+cannot decide it, the robot is undecided, with a reason. The contents of buffers and operators come from the robots'
+current minds.
 
-A second copy of all variables is little in a small fleet and a quarter of all memory in a large one, where hardly any
-is ever looked at. So a large fleet reports the variables that a test has asked for, from the first time on: the robots
+A second copy of all variables is small in a small fleet but a quarter of all memory in a large one, where hardly any
+is read. So a large fleet reports only the variables that some test has asked for, from the first time on: the robots
 that reported last report them at once, and the others with their next telemetry.
 
-The log keeps no results. Of a command it keeps what went into it: the columns that the program can look at, as they
-were, what the robots had learned, and what their own functions gave. An explanation evaluates the command again, for
-the one robot, which gives the very same values.
+The log stores no results. For each command it stores the inputs: the columns that the program can read, the minds,
+and the results of the robots' own functions. An explanation evaluates the command again, for one robot, with the
+very same values.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, TIME_SLOT, Vocabulary
 
 _HARMLESS = frozenset({*FLAGS, "report", "tell", "ping", "join", "leave", "deactivate", "lease"})
-"""Acts after which no robot runs or names anything that it did not before."""
+"""Acts that cannot change which programs a robot runs, or which names it knows."""
 _READING = frozenset({"var", "write", "defvar", "set_user"})
 _ANYTHING = "*"
 _NOWHERE = -1
@@ -54,7 +54,7 @@ _NOWHERE = -1
 
 
 class ReadSet:
-    """What the robots of a memory look at; None stands for everything. It errs only by naming too much."""
+    """What the robots of a memory may read; None stands for everything. It may name too much, never too little."""
 
     def __init__(self, memory: Evaluation) -> None:
         self._memory = memory
@@ -84,7 +84,8 @@ class ReadSet:
         return self._of_mind[mind]
 
     def _by_message(self, message: Message, mind: Mind) -> frozenset[int] | None:
-        """What a message looks at, or the rules that it changes; one that cannot be read now may be readable then."""
+        """The slots that a message may read; None stands for everything: it cannot be compiled yet, or it may add rules
+        or names."""
         names = MindNames(self._memory.minds.vocabulary, mind)
         try:
             program = self._memory.minds.library.program(message.text, lambda: [read(message.text)], names)
@@ -104,14 +105,15 @@ def _together(programs: Iterable[Program], mind: Mind) -> frozenset[int] | None:
 
 
 def _teaches(part: Part) -> bool:
-    """Whether other rules or names may be there after a part was evaluated; what it enters was there before."""
+    """Whether evaluating a part may add rules or names; programs that it enters existed before."""
     if part.op == "write":
         return ACTIVE0 < part.slot < ACTIVE0 + BUFFERS
     return part.op in ("store", "fetch", "call") or (part.op == "act" and part.name not in _HARMLESS)
 
 
 def reads_of(program: Program, minds: Iterable[Mind]) -> tuple[set[int] | None, set[str]]:
-    """The slots and groups that a program can look at, with all that it can enter in these minds; None for any."""
+    """The slots and groups that a program can read, including everything that it can enter in these minds; None for
+    any."""
     slots: set[int] = set()
     groups: set[str] = set()
     taught: set[str] = set()
@@ -135,13 +137,13 @@ def reads_of(program: Program, minds: Iterable[Mind]) -> tuple[set[int] | None, 
             waiting += [mind.rules[key].program for key in found.uses if key in mind.rules]
             waiting += [mind.operators[key] for key in found.uses if key in mind.operators]
     if named and (_ANYTHING in taught or not named.isdisjoint(taught)):
-        # It may enter what it has only just learned, so it may look at anything.
+        # It may enter a program that is new, so it may read anything.
         return None, groups
     return slots, groups
 
 
 def _taught(part: Part) -> set[str]:
-    """The keys of what a part stores."""
+    """The keys that a part stores."""
     if isinstance(part.data, Storing):
         return {part.data.key}
     if part.op == "act" and part.name == "defun":
@@ -152,14 +154,14 @@ def _taught(part: Part) -> set[str]:
 # ---- telemetry
 
 MAX_REASONS = 200
-"""Different reasons told apart in one judgement, so that one fits a byte; the rest counts as the last of them."""
+"""Distinct reasons in one judgement, so that a byte can hold the index; further ones count as the last."""
 MANY = 30_000
-"""Robots from which on a fleet is large: fewer have less than ten megabytes of variables."""
+"""Number of robots from which on a fleet is large: the variables of fewer take less than ten megabytes."""
 NOT_YET = "its telemetry does not yet hold what the test reads"
 
 
 class FleetTelemetry:
-    """The telemetry of a fleet, and previews on it. state: of the fleet; minds: its table."""
+    """The latest telemetry of a fleet, and previews on it. state: of the fleet; minds: its table."""
 
     def __init__(self, state: FleetState, minds: Minds) -> None:
         self._state, self._minds = state, minds
@@ -167,12 +169,12 @@ class FleetTelemetry:
         self._stopped: Mask = np.zeros(state.count, np.bool_)
         self._large = state.count >= MANY
         self._last = Rows.run(0, 0)
-        """Those who reported last."""
+        """The robots that reported last."""
         self._asked: dict[int, Mask] = {}
-        """The slots that a large fleet reports, each with who has reported it."""
+        """The slots that a large fleet reports, each with the robots that have reported it."""
 
     def take(self, robots: Index) -> None:
-        """These robots tell of themselves now."""
+        """Record telemetry of these robots now."""
         rows = self._last = Rows.of(robots)
         self._then.copy_from(self._state, rows, list(self._asked) if self._large else self._state.slots())
         self._then.copy_groups(self._state, rows)
@@ -186,26 +188,26 @@ class FleetTelemetry:
         return found
 
     def state(self) -> TelemetryState:
-        """All of it, as plain data."""
+        """The telemetry as plain data."""
         asked = {slot: Array.of(those) for slot, those in self._asked.items()}
         last = Array.of(self._last.robots.astype(np.int32))
         return TelemetryState(self._then.values(), Array.of(self._stopped), asked, last)
 
     def restore(self, state: TelemetryState) -> None:
-        """Go on with that. Raises SerialError."""
+        """Restore saved telemetry. Raises SerialError."""
         self._then.refill(state.values)
         shape = self._stopped.shape
         self._stopped = state.stopped.made(np.bool_, shape, "who was stopped")
         self._last = Rows.of(ascending(state.last, len(self._stopped))) if state.last else Rows.run(0, 0)
         asked = state.asked
-        if asked is None:  # before it was kept, every robot that reported anything reported everything
+        if asked is None:  # in older snapshots, every robot that reported anything reported everything
             self._asked = {slot: np.ones(shape, np.bool_) for slot in state.values.columns} if self._large else {}
         else:
             self._asked = {slot: those.made(np.bool_, shape, f"who reported {slot}") for slot, those in asked.items()}
 
     def judge(self, test: Program, robots: Index) -> tuple[Mask, NDArray[np.uint8], list[str]]:
-        """What a test says of these robots: where it holds; where that cannot be said, which of the reasons, listed
-        last, is why (from 1; 0 where it can be said)."""
+        """Evaluate a test on these robots' telemetry: where it holds; and for each robot that is undecided the index of
+        the reason, from 1, in the list that follows (0: decided)."""
         rows = Rows.of(robots)
         memory = QuietMemory(self._then, self._minds)
         if self._large:
@@ -215,7 +217,7 @@ class FleetTelemetry:
         return is_true(values) & (reason == 0), reason, memory.reasons
 
     def _ask(self, test: Program, rows: Rows) -> Mask:
-        """From now on these robots report everything that the test reads; gives which of them already have."""
+        """Have these robots report everything that the test reads from now on; returns which of them already do."""
         minds = {self._minds[number] for number in np.unique(self._state.mind[rows.index]).tolist()}
         slots, _ = reads_of(test, minds)
         reported = np.ones(rows.size, np.bool_)
@@ -229,7 +231,7 @@ class FleetTelemetry:
 
 
 class QuietMemory(FleetMemory):
-    """A memory to read, in which nothing can be done. reason: by robot, as in `Told.judge`."""
+    """A read-only memory. reason: by robot, as in `FleetTelemetry.judge`."""
 
     def __init__(self, state: FleetState, minds: Minds) -> None:
         super().__init__(state, minds, Outbox(state, ()), ())
@@ -237,13 +239,13 @@ class QuietMemory(FleetMemory):
         self.reasons: list[str] = []
 
     def know(self, rows: Rows, reported: Mask) -> None:
-        """Of these robots only the `reported` ones are known."""
+        """Restrict these robots to the `reported` ones; the others are undecided."""
         if not reported.all():
             self.reasons.append(NOT_YET)
             self.reason[rows.take(~reported).index] = len(self.reasons)
 
     def _undecided(self, rows: Rows, reason: str) -> Column:
-        """These robots take no further part."""
+        """Make these robots undecided and exclude them from the rest."""
         if reason not in self.reasons and len(self.reasons) < MAX_REASONS:
             self.reasons.append(reason)
         number = self.reasons.index(reason) + 1 if reason in self.reasons else MAX_REASONS
@@ -265,7 +267,7 @@ class QuietMemory(FleetMemory):
         return self._quiet(part, super().operator(part, rows))
 
     def _quiet(self, part: Part, found: Found) -> Found:
-        """Programs that do nothing; robots that would enter another one are undecided."""
+        """Programs without side effects; robots that would enter another one become undecided."""
         quiet: Found = []
         for program, rows, mask in found:
             if program is not None and acts(program.root):
@@ -310,21 +312,21 @@ class QuietMemory(FleetMemory):
 # ---- the evaluation log
 
 MAX_ENTRIES = 4_096
-"""Commands whose inputs a fleet keeps at most, to explain them later: many are heard by a few robots only, because
-robots tell each other. What they take is bounded by `LOG_BYTES`."""
+"""Commands whose inputs a fleet keeps for explanations, at most: few robots receive most of them, because robots send
+messages to each other. `LOG_BYTES` bounds their memory."""
 LOG_BYTES = 256
-"""Bytes a robot for the inputs of past commands: a quarter of the kilobyte that a robot's mind may take."""
+"""Bytes per robot for the inputs of past commands: a quarter of the kilobyte that a robot's mind may take."""
 LOG_LEAST = 4 * 1024 * 1024
-"""Bytes for them in a small fleet, where nobody counts."""
+"""Bytes for the inputs in a small fleet, where memory does not matter."""
 ENTRY_BYTES = 2_048
-"""About what a command's inputs take besides their columns."""
+"""Approximate bytes of a command's inputs besides their columns."""
 
 
 @dataclass
 class LogEntry:
-    """What went into one command on the robots `rows`. minds: by number, those that they had then.
+    """The inputs of one command on the robots `rows`. minds: by number, as they were then.
 
-    proven, unproven_since: kept only if it may roll back. held: who was held then, kept only if anybody was.
+    proven, unproven_since: stored only if it may roll back. held: robots held then, stored only if there were any.
     """
 
     program: Program
@@ -342,7 +344,7 @@ class LogEntry:
 
     @property
     def bytes(self) -> int:
-        """About how much memory it takes."""
+        """Approximate bytes of memory."""
         arrays: Iterable[object] = (
             self.rows.index,
             self.mind,
@@ -356,11 +358,11 @@ class LogEntry:
 
     @property
     def host_bytes(self) -> int:
-        """As much of it is what the robots' own functions gave."""
+        """Approximate bytes of the results of the robots' own functions."""
         return sum(8 * len(given) for _, given in self.hosts if len(given) and not _alike(given))
 
     def given(self, robot: int) -> Iterator[float | str]:
-        """What a robot's own functions gave it, in their order."""
+        """The results of a robot's own functions, in order."""
         for rows, given in self.hosts:
             place = rows.place(robot)
             if place is not None:
@@ -368,22 +370,23 @@ class LogEntry:
                 yield found if isinstance(found, str) else float(found)
 
     def place(self, robot: int) -> int | None:
-        """Where a robot is among those of the command."""
+        """The index of a robot among those of the command; None if it is not there."""
         return self.rows.place(robot)
 
 
 class EvaluationLog:
-    """The last commands of a fleet, as many as its share of memory allows, the last one always."""
+    """The last commands of a fleet, as many as its share of memory allows, but at least the last one."""
 
     def __init__(self, memory: FleetMemory) -> None:
         self._memory = memory
         self._entries: deque[LogEntry] = deque(maxlen=MAX_ENTRIES)
         self._bytes = 0
         self.since: float | None = None
-        """The time (s) of the snapshot that the fleet goes on from: it holds no inputs of what came before."""
+        """The time (s) of the snapshot that the fleet was resumed from: inputs of earlier commands are not
+        available."""
 
     def remember(self, program: Program, rows: Rows, command: str) -> LogEntry:
-        """Keep what goes into a command that these robots are about to evaluate."""
+        """Store the inputs of a command that these robots are about to evaluate."""
         state, minds = self._memory.state, self._memory.minds
         mind, proven, unproven_since = state.mind[rows.index].copy(), None, None
         there = {number: minds[number] for number, _, _ in self._memory.divide(rows, lambda number: number)}
@@ -417,7 +420,7 @@ class EvaluationLog:
         return entry
 
     def weigh(self, entry: LogEntry) -> None:
-        """Count what the evaluation of the last entry has added to it."""
+        """Account for the memory that the evaluation of the last entry has added to it."""
         self._bytes += entry.host_bytes
         self._bound()
 
@@ -436,7 +439,7 @@ class EvaluationLog:
         return None
 
     def limits(self) -> str:
-        """Why a command may not be here, for people."""
+        """Why a command may be missing here, as text for people."""
         if self.since is None:
             return "its fleet keeps the last commands, as many as have room"
         return f"this run goes on from a snapshot taken at {self.since:g} s, which keeps no explanations of before"
@@ -448,7 +451,8 @@ def _alike(given: Column | list[float | str]) -> bool:
 
 
 def recollect(entry: LogEntry, robot: int, vocabulary: Vocabulary, keys: NDArray[np.uint64]) -> Recollection:
-    """Evaluate a command again as one robot did, writing down what its memory answered. keys: of chance, by robot."""
+    """Evaluate a command again as one robot did, recording what its memory answered. keys: of random streams, by
+    robot."""
     place = entry.place(robot)
     if place is None:
         raise KeyError(robot)
@@ -476,7 +480,8 @@ def recollect(entry: LogEntry, robot: int, vocabulary: Vocabulary, keys: NDArray
 
 
 def rehearsal(memory: FleetMemory, robot: int) -> Rehearsal:
-    """A memory for asking what a robot would do now: it starts where the robot is, and nothing in it happens."""
+    """A memory that starts from the robot's current state, for asking what it would do now; changes in it affect
+    nothing else."""
     state, mind = memory.state, memory.kept(robot)
     values = state.row(robot)
     key, tick = int(state.keys[robot]), int(values[TICK])

@@ -1,10 +1,10 @@
-"""The machine: one walk over a program's parts evaluates it for many robots, bit for bit as each would by itself.
+"""The machine: evaluates a program for many robots in one walk over its parts, bit for bit as each would by itself.
 
-Where robots take different ways - AND, OR, COND, IF, DICE, buffers that hold different expressions - the rows divide,
-and each way is walked with those that take it; nothing is computed for the others. Within one robot everything
-happens in the order in which the one-robot machine does it.
+Where robots take different branches - AND, OR, COND, IF, DICE, buffers that hold different expressions - the rows
+are split, and each branch is walked with the robots that take it; nothing is computed for the others. Within one
+robot everything happens in the same order as in the one-robot machine.
 
-The columns that `value` gives belong to its caller: they are no views of robots' variables.
+The columns that `value` returns belong to its caller: they are not views of robots' variables.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _CHANGING = frozenset({"set_user", "set_local", "write", "defvar", "store", "fet
 
 
 def evaluate(memory: FleetMemory, program: Program, rows: Rows) -> Column:
-    """One evaluation of a program by these robots; what else came of it lies in the memory."""
+    """Evaluate a program once on these robots; returns its values, with the other results in the memory."""
     memory.begin(program, rows)
     found = memory.kernels.run(memory, program, rows) if memory.kernels is not None else None
     if found is None:
@@ -39,8 +39,8 @@ def evaluate(memory: FleetMemory, program: Program, rows: Rows) -> Column:
 
 
 def walk_through(memory: FleetMemory, program: Program, rows: Rows) -> Column:
-    """What is evaluated, having begun, by walking."""
-    with np.errstate(all="ignore"):  # what is unusual is looked for in the results
+    """Walk a program whose evaluation has begun."""
+    with np.errstate(all="ignore"):  # exceptional values are found in the results
         pieces = [Sweep(memory, program, chunk).value(program.root, chunk) for chunk in rows.chunks()]
     values = pieces[0] if len(pieces) == 1 else np.concatenate(pieces) if pieces else np.empty(0)
     if memory.dead is not None:
@@ -57,7 +57,7 @@ def _steady(part: Part) -> bool:
 
 
 class Sweep:
-    """One walk through one program. rows: all that take part; arguments: the values of an operator's parameters."""
+    """One walk through one program. rows: all robots that take part; arguments: values of an operator's parameters."""
 
     def __init__(self, memory: FleetMemory, program: Program, rows: Rows, arguments: Sequence[Column] = ()) -> None:
         self.memory = memory
@@ -67,7 +67,7 @@ class Sweep:
             self.set_local(slot, rows, argument)
 
     def value(self, part: Part, rows: Rows) -> Column:
-        """The values of `part`, with all its effects."""
+        """The values of `part`, with all its side effects."""
         if part.parts and is_plain(part):
             return self._plain(rows).column(part)
         return _HOW[part.op](self, part, rows)
@@ -79,7 +79,7 @@ class Sweep:
         return [self.value(part, rows) for part in parts]
 
     def last(self, parts: Sequence[Part], rows: Rows) -> Column:
-        """One after the other; the values of the last, 0 of none."""
+        """Evaluate one after the other; returns the values of the last, 0 if there is none."""
         values = None
         for part in parts:
             values = self.value(part, rows)
@@ -92,7 +92,7 @@ class Sweep:
         return is_true(self.value(part, rows))
 
     def arguments(self, part: Part, rows: Rows) -> list[pure.Argument]:
-        """The values of a function's arguments; not copied where nothing changes them before they are used."""
+        """The values of a function's arguments; copied only if something may change them before they are used."""
         if not _steady(part):
             return list(self.all(part.parts, rows))
         return [self._seen(inside, rows) for inside in part.parts]
@@ -115,14 +115,14 @@ class Sweep:
         column[rows.within] = values
 
     def watched(self, part: Part, rows: Rows) -> None:
-        """Note that a top-level test has held; a test in a buffer or operator is nobody's business."""
+        """Record that a top-level test has held; tests inside buffers or operators do not count."""
         memory = self.memory
         if part.watch and memory.depth == 0 and rows.size:
             some = rows if memory.dead is None else rows.take(~memory.dead[rows.index])
             memory.matched[some.index] = True
 
     def enter(self, part: Part, program: Program, rows: Rows, arguments: Sequence[Column]) -> Column:
-        """Call a buffer, rule or operator."""
+        """Enter a buffer, rule or operator."""
         memory = self.memory
         refusal = too_deep(memory, program)
         if refusal:
@@ -144,7 +144,7 @@ class Sweep:
         return values
 
     def enter_each(self, part: Part, found: Found, rows: Rows) -> Column:
-        """Enter each of several programs with its robots, and the values of the part's parts as arguments."""
+        """Enter each of several programs with its robots, and the values of the part's own parts as arguments."""
         if len(found) == 1:
             return self._enter_one(part, found[0][0], rows)
         values = np.full(rows.size, nan)
@@ -160,7 +160,7 @@ class Sweep:
 
 
 class _Ways:
-    """The rows of a form in which robots take different ways: those still open, and the values of the others."""
+    """The rows of a form with branches: those still open, and the values of the others."""
 
     def __init__(self, rows: Rows) -> None:
         self.open = rows
@@ -168,7 +168,7 @@ class _Ways:
         self._places: Index | None = None
 
     def settle(self, mask: Mask, values: Column | float) -> None:
-        """The open rows of `mask` have these values (one for each of them), and are open no more."""
+        """Set the values (one for each) of the open rows in `mask`, and close these rows."""
         if self._places is None:
             self.values[mask] = values
             self._places = np.flatnonzero(~mask)
@@ -178,7 +178,7 @@ class _Ways:
         self.open = self.open.take(~mask)
 
     def settle_all(self, values: Column | float) -> Column:
-        """All that are open have these values; gives the values of all rows."""
+        """Set the values of all open rows; returns the values of all rows."""
         if self._places is None:
             self.values[...] = values
         else:
@@ -318,7 +318,7 @@ def _dice(w: Sweep, part: Part, rows: Rows) -> Column:
 
 
 def _finite(w: Sweep, part: Part, rows: Rows, values: Column) -> Column:
-    """Values of chance, with a fault where they are not finite."""
+    """Random values, with a fault where they are not finite."""
     wrong = ~np.isfinite(values)
     if wrong.any():
         w.memory.fault(part, rows.take(wrong), "overflow")
@@ -394,7 +394,7 @@ _HOW: dict[str, Callable[[Sweep, Part, Rows], Column]] = {
 }
 
 
-# Plain parts: numbers, variables, functions of numbers and tests, which change nothing and leave nothing to chance.
+# Plain parts: numbers, variables, functions of numbers and tests; without side effects or random numbers.
 
 _PLAIN = frozenset({"const", "var", "local", "absent", "pure", "and", "or", "known"})
 _COSTLY = frozenset({"^", "EXP", "LOG", "SIN", "COS", "TAN", "ATAN2", "BEARING"})
@@ -405,7 +405,7 @@ Faults = Callable[[Part, Rows, Index, Sequence[str]], None]
 
 @lru_cache(maxsize=4_096)
 def is_plain(part: Part) -> bool:
-    """Whether `part` is plain throughout, and cheap enough to be computed for nothing."""
+    """Whether `part` is plain throughout, and cheap enough to compute even if not needed."""
     return all(
         inside.op in _PLAIN and not inside.watch and not (inside.op == "pure" and inside.function.name in _COSTLY)
         for inside in walk(part)
@@ -413,18 +413,18 @@ def is_plain(part: Part) -> bool:
 
 
 def _is_test(part: Part) -> bool:
-    """Whether a part is a comparison of two, such as never holds if either is unknown."""
+    """Whether a part is a comparison of two values, which never holds if either is unknown."""
     return part.op == "pure" and len(part.parts) == 2 and part.function.name in pure.TESTS
 
 
 class Plain:
-    """Plain parts of some rows. read: a variable by slot; local: a local name; faults: notes some."""
+    """Evaluates plain parts on some rows. read: a variable by slot; local: a local name; faults: records some."""
 
     def __init__(self, rows: Rows, read: Callable[[int, Rows], Column | float], local: Local, faults: Faults) -> None:
         self._rows, self._read, self._local, self._faults = rows, read, local, faults
 
     def value(self, part: Part, mask: Mask | None) -> pure.Argument:
-        """The values of a part. mask: the rows that come to it, None for all; the others' values mean nothing."""
+        """The values of a part. mask: the rows that reach it, None for all; other rows' values are meaningless."""
         match part.op:
             case "const":
                 return part.number
@@ -444,13 +444,13 @@ class Plain:
                 return self._pure(part, mask)
 
     def column(self, part: Part) -> Column:
-        """The values of a part that all rows come to, not a view of anything."""
+        """The values of a part that all rows reach, not a view of anything."""
         if part.op == "pure":
             return self._pure(part, None)
         return np.array(np.broadcast_to(self.value(part, None), self._rows.size))
 
     def truth(self, part: Part, mask: Mask | None) -> Mask:
-        """Where a part is true, of the rows that come to it."""
+        """Where a part is true, among the rows that reach it."""
         if _is_test(part):
             first, second = (self.value(inside, mask) for inside in part.parts)
             return self._mask(pure.TESTS[part.function.name](first, second))
@@ -479,7 +479,8 @@ class Plain:
         return found
 
     def _all_hold(self, part: Part, mask: Mask | None) -> Column:
-        """AND of comparisons of two, the usual predicate: 1 where all hold, unknown where the first not to hold is."""
+        """AND of comparisons of two values, the most common predicate: 1 where all hold, unknown where the first that
+        does not hold is unknown."""
         holding = unknown = None
         for inside in part.parts:
             come = mask if holding is None else holding if mask is None else holding & mask

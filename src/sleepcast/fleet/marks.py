@@ -1,4 +1,4 @@
-"""What a picture of a fleet marks robots with, a byte each: the newest group of each, and its flags."""
+"""What a picture of a fleet marks robots with, one byte each: each robot's newest group, and its flags."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sleepcast.language.symbols import Declared
 from sleepcast.language.vocabulary import FROZEN, MARKED, MARKING, SLEEPING
 
 MAX_GROUPS = 255
-"""Groups that one byte can tell apart; robots of later ones are shown as in no group."""
+"""Groups that one byte can distinguish; robots of later ones are shown as in no group."""
 
 _BITS = ((FROZEN, 2), (SLEEPING, 4))
 _MARK = 8
@@ -28,7 +28,7 @@ class FleetMarks(Protocol):
 
     @property
     def groups(self) -> Mapping[str, NDArray[np.bool_]]:
-        """Who is in which group, by its key; the newest group last."""
+        """The members of each group, by its key; the newest group last."""
 
     def column(self, slot: int) -> NDArray[np.float64]:
         """A variable of all robots in SI, NaN for unknown."""
@@ -50,8 +50,8 @@ def flags_of(minds: FleetMarks) -> bytes:
 class Groups:
     """The groups of a fleet, numbered from 1 in the order in which they were first seen.
 
-    names: as written in the first message that named each. counts: members of each. shown: robots that the map shows
-    in each, because it is the newest that they are in.
+    names: as written in the first message that named each. counts: members of each. shown: members whose newest
+    group it is, as the map shows them.
     """
 
     def __init__(self) -> None:
@@ -61,7 +61,7 @@ class Groups:
         self._codes: dict[str, int] = {}
 
     def look(self, minds: FleetMarks) -> bytes:
-        """The code of each robot's newest group (0: none), and the counts brought up to date."""
+        """The number of each robot's newest group (0: none); updates the counts."""
         codes = np.zeros(len(minds), np.uint8)
         counts = [0] * MAX_GROUPS
         for key, members in minds.groups.items():
@@ -80,5 +80,5 @@ class Groups:
         return codes.tobytes()
 
     def code(self, groups: Iterable[str]) -> int:
-        """The number of the newest of these groups, 0 of none."""
+        """The number of the newest of these groups, 0 if there are none."""
         return max((self._codes.get(key, 0) for key in groups), default=0)

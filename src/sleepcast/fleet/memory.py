@@ -1,6 +1,6 @@
 """The memory of a fleet as a program sees it: what `language.evaluate.Memory` is for one robot, for many at once.
 
-Every method is about some rows and gives a column, one value for each of them.
+Every method works on some rows and returns a column, one value for each of them.
 """
 
 from __future__ import annotations
@@ -43,22 +43,22 @@ from sleepcast.mind.rules import (
 )
 
 Act = Callable[..., Column]
-"""How one act is carried out: (memory, part, rows, *arguments) to its values."""
+"""Implementation of one act: (memory, part, rows, *arguments) to its values."""
 
 
 Found: TypeAlias = list[tuple[Program | None, Rows, Mask | None]]
-"""Programs, each with the robots that have it and where they are among the rows (None: everywhere)."""
+"""Programs, each with the robots that have it and their places among the rows (None: all)."""
 
 
 Given: TypeAlias = tuple[Rows, Column | list[float | str]]
 
 
 class FleetMemory(Evaluation):
-    """See the module. bodies: what the functions of the vocabulary are called on, by robot.
+    """See the module. bodies: targets of the vocabulary's functions, by robot.
 
-    printed: what is reported, if it is a list. hosts: if it is a list, what the robots' own functions gave: robots, and
-    for each of them a number, or why it failed. script: what they gave when it is all done again. kernels: native code,
-    if there is any.
+    printed: collects reports, if it is a list. hosts: if it is a list, collects the results of the robots' own
+    functions: robots, and for each of them a number, or why it failed. script: these results when an evaluation is
+    repeated. kernels: native code, if there is any.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class FleetMemory(Evaluation):
         self.script: Iterator[float | str] | None = None
         self.kernels = kernels
         self.hops = MAX_HOPS
-        """How far what robots tell may go: less while they evaluate what another one has told."""
+        """How many hops a TELL may travel: fewer while robots evaluate what another one has told them."""
 
     @by_the_living
     def draw(self, part: Part, rows: Rows) -> Column:
@@ -91,13 +91,13 @@ class FleetMemory(Evaluation):
 
     @by_the_living
     def assign(self, part: Part, rows: Rows, values: Column) -> Column:
-        """SETQ of a user variable that is there."""
+        """SETQ of an existing user variable."""
         self.state.assign(part.slot, rows, values)
         return values
 
     @by_the_living
     def write(self, part: Part, rows: Rows, values: Column) -> Column:
-        """SETQ of an actuator, a support variable, or a user variable that may not be there."""
+        """SETQ of an actuator, a support variable, or a user variable that may not exist."""
         variable = part.data
         values = values.copy()
         if not isinstance(variable, Variable):
@@ -121,9 +121,9 @@ class FleetMemory(Evaluation):
         return self.answer(values)
 
     def _refuse_built_in(self, part: Part, rows: Rows, values: Column) -> Rows:
-        """Refuse to assign the flag of a protected buffer; gives the robots that may.
+        """Refuse to assign the flag of a protected buffer; returns the robots that may.
 
-        values: of all rows of the part, unknown for those that have been refused already.
+        values: of all rows of the part, set to unknown for those that have been refused.
         """
         number = part.slot - ACTIVE0
         if not 0 < number < BUFFERS or rows.size == 0:
@@ -136,7 +136,7 @@ class FleetMemory(Evaluation):
         return left
 
     def _flag_assigned(self, slot: int, rows: Rows) -> None:
-        """Let the buffer whose flag has been assigned be as active as the flag says."""
+        """Make the buffer whose flag was assigned as active as the flag says."""
         key = f"e{slot - ACTIVE0}"
         flags = self.state.column(slot, rows) > 0.0
         self.changing(rows)
@@ -149,7 +149,7 @@ class FleetMemory(Evaluation):
                     self.turn(some, draft)
 
     def defined(self, part: Part, rows: Rows) -> Mask:
-        """Where the user variable is there."""
+        """Where the user variable exists."""
         there = self.where(rows, lambda mind: isinstance(mind.symbols.get(part.name), UserVariable))
         if self.answers is not None and not self.is_dead(rows):
             self.answers.append(bool(there[0]))
@@ -178,7 +178,7 @@ class FleetMemory(Evaluation):
         return found
 
     def operator(self, part: Part, rows: Rows) -> Found:
-        """The programs of an operator; none, and a fault, where there is none of so many parameters."""
+        """The programs of an operator; none, and a fault, where it does not exist with this number of parameters."""
 
         def program(number: int) -> Program | None:
             found = self.minds[number].operators.get(part.name)
@@ -197,7 +197,7 @@ class FleetMemory(Evaluation):
 
     @by_the_living
     def host(self, part: Part, rows: Rows, *arguments: Column) -> Column:
-        """Call a function of the robots' own software; whatever it raises is a fault."""
+        """Call a function of the robots' own software; any exception becomes a fault."""
         function = host_of(part)
         unknown = np.zeros(rows.size, np.bool_)
         for argument in arguments:
@@ -229,7 +229,8 @@ class FleetMemory(Evaluation):
     def _ask(
         self, function: HostFunction, part: Part, rows: Rows, columns: Sequence[Column]
     ) -> Column | list[float | str]:
-        """What the robots' own function gives each of them: a number, NaN if it is not finite, or why it failed."""
+        """The result of the robots' own function on each of them: a number, NaN if it is not finite, or why it
+        failed."""
         if self.script is not None:
             return [next(self.script) for _ in range(rows.size)]
         if self._many is not None and function.many:
@@ -261,7 +262,7 @@ class FleetMemory(Evaluation):
 
 
 def _call(function: HostFunction, body: object | None, arguments: tuple[str | float, ...]) -> float | str:
-    """What one robot's own function gives: a number, NaN if it is not finite, or why it failed."""
+    """The result of one robot's own function: a number, NaN if it is not finite, or why it failed."""
     try:
         result = function.call(body, *arguments)
         given = 1.0 if result is None else float(result)
@@ -270,7 +271,7 @@ def _call(function: HostFunction, body: object | None, arguments: tuple[str | fl
     return given if np.isfinite(given) else nan
 
 
-# ---- acts: what an expression may do beyond assigning; what each means stands in `mind.rules`
+# ---- acts: what an expression may do besides assigning; `mind.rules` defines what each means
 
 
 def _values(done: Mask, value: float = 1.0) -> Column:
@@ -298,7 +299,7 @@ def _store(memory: FleetMemory, part: Part, rows: Rows, values: Column) -> Colum
 
 
 def _keep(memory: FleetMemory, part: Part, rows: Rows, form: Form, storing: Storing) -> Mask:
-    """Keep an expression in a buffer or rule; gives where it was done."""
+    """Store an expression in a buffer or rule; returns where it was done."""
     key, text, number = storing.key, show(form), buffer_number(storing.key)
     name = written(part) if number is None else key.upper()
     done = np.zeros(rows.size, np.bool_)
@@ -390,7 +391,7 @@ def _tell(memory: FleetMemory, part: Part, rows: Rows, *arguments: Column) -> Co
     memory.refuse_where(part, rows, unknown, UNKNOWN_TOLD, values)
     hops = min(part.data.hops, memory.hops)
     telling = ~unknown
-    telling[telling] = _may_tell(memory, rows.take(telling), hops)  # first: a text is made only for what goes out
+    telling[telling] = _may_tell(memory, rows.take(telling), hops)  # first: only what is sent needs a text
     told: dict[str, list[int]] = {}
     columns = [argument.tolist() for argument in arguments]
     for place in np.flatnonzero(telling).tolist():
@@ -406,7 +407,7 @@ def _tell(memory: FleetMemory, part: Part, rows: Rows, *arguments: Column) -> Co
 
 
 def _may_tell(memory: FleetMemory, rows: Rows, hops: int) -> Mask:
-    """Which of these robots may tell something now, so many hops far."""
+    """Which of these robots may TELL something now, over this many hops."""
     told, less = memory.outbox.may_tell(rows, hops)
     label = TELLS_TOO_OFTEN if hops >= 1 else TELLS_TOO_FAR
     if less.size:

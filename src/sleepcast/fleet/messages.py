@@ -1,7 +1,9 @@
-"""Messages of a fleet: the inbox, where they wait for the next tick, and the outbox, with everything that robots say.
+"""Messages of a fleet: the inbox, where they wait for the next tick, and the outbox, with everything that robots send.
 
-What many robots say at once is kept as columns, and becomes messages only when somebody reads it, robot by robot. A
-message that all robots have heard takes no memory for each robot; one that only some have heard takes a bit."""
+Messages that many robots send at once are stored as columns, and become message objects only when they are read,
+robot by robot. A message that all robots have received takes no memory per robot; one that only some have received
+takes a bit each.
+"""
 
 from __future__ import annotations
 
@@ -48,11 +50,12 @@ class Outbox:
         self._outboxes: dict[int, list[Message]] = {}
         self._pings: list[tuple[Index, Column]] = []
         self._pinged: NDArray[np.int16] | None = None
-        """Pings of each robot that nobody has taken yet; made when one first pings."""
+        """Pings of each robot that have not been taken yet; allocated when a robot first pings."""
         self._ping_lists: dict[int, list[float]] = {}
 
     def say(self, kind: Kind, rows: Rows, words: Contents, *, places: Index | None = None, lasts: float = inf) -> None:
-        """Say something on each of these robots. places: where in `words` their own are, if not in their order."""
+        """Send a message from each of these robots. places: where in `words` each robot's contents are, if not in
+        order."""
         if rows.size == 0:
             return
         state = self._state
@@ -73,7 +76,7 @@ class Outbox:
         )
 
     def _count_again(self, rows: Rows) -> None:
-        """Outboxes that seem full may have been emptied since."""
+        """Count outboxes that seem full again, since they may have been emptied."""
         self._deliver_all()
         for robot in rows.robots[self._state.said[rows.index] >= MAX_OUTBOX].tolist():
             self._state.said[robot] = len(self._outboxes.get(robot, ()))
@@ -90,7 +93,7 @@ class Outbox:
             self.say(Kind.REPORT, rows.take(heard), words, places=np.flatnonzero(heard))
 
     def _within_rate(self, rows: Rows) -> Mask:
-        """Which of the robots have not reported too much in this second of their clock; they have done so once more."""
+        """Which of the robots may still report in this second of their clock; counts one more report for them."""
         state = self._state
         seconds = state.column(TIME_SLOT, rows).astype(np.int32)
         before = np.where(state.reported_in[rows.index] == seconds, state.reported[rows.index], 0)
@@ -99,8 +102,8 @@ class Outbox:
         return before < REPORTS_A_SECOND
 
     def may_tell(self, rows: Rows, hops: int) -> tuple[Mask, Rows]:
-        """Which of the robots may tell something now, so many hops far, which is counted as told; and who of the others
-        has told everything so far."""
+        """Which of the robots may TELL something now, over this many hops, which is counted; and which of the others
+        have not been refused before."""
         state, now = self._state, self._state.column(TIME_SLOT, rows)
         begin = np.maximum(state.telling_until[rows.index], now)
         may: Mask = begin - now <= (TELL_BURST - 1) / TELLS_A_SECOND
@@ -115,11 +118,11 @@ class Outbox:
         return may, silenced
 
     def tell(self, rows: Rows, text: str, hops: int) -> None:
-        """TELL on each of these robots, which may."""
+        """TELL on each of these robots, which must be allowed to."""
         self.say(Kind.COMMAND, rows, Relays(text, hops), lasts=TELL_SECONDS)
 
     def answer(self, rows: Rows, answers: Answers) -> None:
-        """Answer a message on each of these robots."""
+        """Send the answers to a message from each of these robots."""
         self.say(Kind.ANSWER, rows, answers)
 
     def ping(self, rows: Rows, castes: Column) -> None:
@@ -135,7 +138,7 @@ class Outbox:
         self._pings.append((rows.robots, castes))
 
     def _count_pings(self, rows: Rows) -> Mask:
-        """Which of these robots have room for a ping, whose lists may have been emptied since."""
+        """Which of these robots have room for a ping; their lists may have been emptied since."""
         counts = np.array([len(self.pings(robot)) for robot in rows.robots.tolist()], np.int16)
         if self._pinged is not None:
             self._pinged[rows.index] = counts
@@ -151,7 +154,7 @@ class Outbox:
         return self._ping_lists.setdefault(robot, [])
 
     def take_pings(self) -> list[tuple[Index, Column]]:
-        """The pings that are in no list yet: robots and castes. They will not come into one."""
+        """Take the pings that are not in a robot's list yet: robots and castes."""
         taken, self._pings = self._pings, []
         for robots, _ in taken:
             if self._pinged is not None:
@@ -159,19 +162,19 @@ class Outbox:
         return taken
 
     def of(self, robot: int) -> list[Message]:
-        """The messages that it is about to send; the sender clears the list."""
+        """The messages that a robot is about to send; the sender clears the list."""
         self._deliver_all()
         return self._outboxes.setdefault(robot, [])
 
     def take(self) -> list[MessageBatch]:
-        """What is in no outbox yet; it will not come into one."""
+        """Take the messages that are not in a robot's outbox yet."""
         taken, self._sayings = self._sayings, []
         for saying in taken:
             self._state.said[saying.robots] -= 1
         return taken
 
     def state(self) -> OutboxState:
-        """What has been said and is still to be sent."""
+        """Everything that is still to be sent."""
         return OutboxState(
             self.epoch,
             [dump_batch(saying) for saying in self._sayings],
@@ -181,7 +184,7 @@ class Outbox:
         )
 
     def restore(self, state: OutboxState) -> None:
-        """Have to say what was to be said then. Raises SerialError."""
+        """Restore what was still to be sent. Raises SerialError."""
         count = self._state.count
         if not all(0 <= robot < count for robot in (*state.outboxes, *state.ping_lists)):
             raise SerialError("a robot that is not there has something to say")
@@ -205,7 +208,7 @@ class Outbox:
 
 
 class Inbox:
-    """The queues of `count` robots. Indices are ascending and name each robot once."""
+    """The queues of `count` robots. Indices are ascending, without repeats."""
 
     def __init__(self, count: int) -> None:
         self._count = count
@@ -215,7 +218,7 @@ class Inbox:
         """Messages waiting for each robot."""
 
     def first_heard(self, message: Message, robots: Index) -> Index:
-        """Those of the robots that have not heard this message before; now they have."""
+        """Those of the robots that have not received this message before; marks it as received."""
         everybody = len(robots) == self._count
         if message.id not in self._seen:
             self._seen[message.id] = None if everybody else self._bits(robots)
@@ -235,7 +238,7 @@ class Inbox:
         return bits
 
     def put(self, message: Message, robots: Index) -> Index:
-        """Let a message wait on these robots; gives those that had no room for it."""
+        """Queue a message on these robots; returns those whose queue was full."""
         room = self.waiting[robots] < MAX_QUEUE
         there = robots[room]
         if there.size:
@@ -245,11 +248,11 @@ class Inbox:
 
     @property
     def empty(self) -> bool:
-        """Whether nothing waits on anybody."""
+        """Whether no message is waiting."""
         return not self._queue
 
     def take(self, rows: Rows) -> list[tuple[Message, Rows]]:
-        """The messages that wait on some robots, in the order in which they came, each with those robots."""
+        """The messages waiting on some robots, in order of arrival, each with those robots."""
         if not self._queue:
             return []
         thinking = np.zeros(self._count, np.bool_)
@@ -265,18 +268,18 @@ class Inbox:
         return taken
 
     def messages(self) -> list[tuple[Message, Index]]:
-        """What waits, in the order in which it came, each message with its robots."""
+        """The waiting messages in order of arrival, each with its robots."""
         return list(self._queue)
 
     def state(self) -> InboxState:
-        """Everything that waits, and who has heard what."""
+        """All waiting messages, and which robots have received which messages."""
         return InboxState(
             [(key, None if bits is None else Array.of(bits)) for key, bits in self._seen.items()],
             [(message, Array.of(robots.astype(np.int32))) for message, robots in self._queue],
         )
 
     def restore(self, state: InboxState) -> None:
-        """Be as that inbox was. Raises SerialError."""
+        """Restore a saved inbox. Raises SerialError."""
         if len(state.seen) > MAX_SEEN:
             raise SerialError(f"{len(state.seen)} messages that have been heard, at most {MAX_SEEN} are remembered")
         bytes_of_bits = (self._count + 7) // 8

@@ -1,11 +1,12 @@
 """The built-in functions of numbers over columns, with the results of the one-robot machine to the last bit.
 
-A function here has only to be right for finite numbers with a finite result: wherever it gives NaN or infinity, or
-an argument is unknown, `apply` decides robot by robot with the language's own function, which also says what is wrong.
+A function here only needs to be right for finite numbers with a finite result: wherever it gives NaN or infinity, or
+an argument is unknown, `apply` decides robot by robot with the language's own function, which also names the reason
+of a fault.
 
-Sums, products, quotients, square roots and remainders are exact in the same way in NumPy and in the C library.
-NumPy's own logarithms, powers and sines may differ from the C library's in the last bit, depending on the processor,
-so those functions are called one number at a time.
+Sums, products, quotients, square roots and remainders are equally exact in NumPy and in the C library. NumPy's own
+logarithms, powers and sines may differ from the C library's in the last bit, depending on the processor, so those
+functions are called one number at a time.
 """
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ Argument: TypeAlias = Column | float
 """A column, or one number for all; of several arguments at least one is a column."""
 Compute: TypeAlias = Callable[[Sequence[Argument]], Argument]
 Report: TypeAlias = Callable[[Index, Sequence[str]], None]
-"""Takes which of the rows met a fault, ascending, and the reason of each."""
+"""Takes the rows that met a fault, ascending, and the reason of each."""
 
 
 def apply(part: Part, arguments: Sequence[Argument], size: int, report: Report) -> Column:
-    """A pure function of `size` rows: unknown if an argument is; a fault if it has no value, or no finite one."""
+    """A pure function of `size` rows: unknown if an argument is; a fault if the result is undefined or not finite."""
     name = part.function.name
     found = VECTOR[name](arguments)
     values = np.full(size, float(np.asarray(found).item())) if np.size(found) == 1 else np.asarray(found, np.float64)
@@ -47,7 +48,7 @@ def apply(part: Part, arguments: Sequence[Argument], size: int, report: Report) 
 
 
 def _decide(part: Part, arguments: Sequence[Argument], values: Column, doubtful: Mask, report: Report) -> None:
-    """Settle the doubtful rows one by one, in place."""
+    """Compute the doubtful rows one by one, in place."""
     compute = part.function.compute
     if compute is None:
         raise TypeError(f"{part.name} computes nothing")
@@ -60,7 +61,7 @@ def _decide(part: Part, arguments: Sequence[Argument], values: Column, doubtful:
         return
     numbers = np.array([column[rows] for column in columns])
     bits = numbers.view(np.int64)
-    alike = bool((bits == bits[:, :1]).all())  # what is the same on all robots is computed once
+    alike = bool((bits == bits[:, :1]).all())  # values that are the same on all robots are computed once
     settled = [_settled(compute, arguments) for arguments in numbers[:, : 1 if alike else None].T.tolist()]
     settled *= rows.size if alike else 1
     values[rows] = [value for value, _ in settled]
@@ -69,7 +70,7 @@ def _decide(part: Part, arguments: Sequence[Argument], values: Column, doubtful:
 
 
 def _settled(compute: Callable[[Sequence[float]], float], arguments: Sequence[float]) -> tuple[float, str]:
-    """The value, and ""; or NaN, and why there is none."""
+    """The value, and ""; or NaN, and the reason."""
     reason = "overflow"
     try:
         value = compute(arguments)
@@ -93,7 +94,7 @@ def _fold(operation: np.ufunc, empty: float, one: Callable[[Argument], Argument]
 
 
 def _pick(better: np.ufunc) -> Compute:
-    """MIN and MAX: the first of equals, so that 0 and -0 are kept apart as they came."""
+    """MIN and MAX: the first of equal values, so that 0 and -0 are told apart by their order."""
 
     def picked(arguments: Sequence[Argument]) -> Argument:
         best = np.array(arguments[0])
@@ -105,7 +106,7 @@ def _pick(better: np.ufunc) -> Compute:
 
 
 def _one_by_one(compute: Callable[..., float]) -> Compute:
-    """A function of the C library, called for each row; NaN where it refuses."""
+    """A function of the C library, called for each row; NaN where it raises."""
 
     def safely(*numbers: float) -> float:
         try:
@@ -208,7 +209,7 @@ VECTOR: dict[str, Compute] = {
     "COS": _one_by_one(math.cos),
     "TAN": _one_by_one(math.tan),
     "ATAN2": _angle,
-    # Adding 0 makes a 0 of -0: the language's own functions go through whole numbers, which have no -0.
+    # Adding 0 turns -0 into 0: the language's own functions go through integers, which have no -0.
     "FLOOR": lambda a: np.floor(a[0]) + 0.0,
     "CEIL": lambda a: np.ceil(a[0]) + 0.0,
     "ROUND": lambda a: np.rint(a[0]) + 0.0,
@@ -235,7 +236,7 @@ TESTS: dict[str, np.ufunc] = {
     ">": np.greater,
     ">=": np.greater_equal,
 }
-"""Comparisons of two that do not hold if either is unknown, as they stand."""
+"""Comparisons of two values that do not hold if either is unknown, without further checks."""
 
 TRUTHS = frozenset({*TESTS, "/=", "NOT"})
-"""Functions that give 1 or 0 and never a fault."""
+"""Functions that return 1 or 0 and never a fault."""

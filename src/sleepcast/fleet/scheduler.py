@@ -1,8 +1,8 @@
-"""The batch scheduler: the active rules of many robots in a tick, in each robot's own order and budget.
+"""The batch scheduler: evaluates the active rules of many robots in a tick, in each robot's own order and budget.
 
-The order is that of one robot's scheduler: E1 upwards, then the rules in the order of their arrival, a higher
-priority later; if the budget does not reach for all, the higher priority is served, then those left over from the
-tick before. Robots with different rules go different ways; where ways meet in the same rule, they evaluate it
+The order is that of one robot's scheduler: E1 upwards, then the rules in order of arrival, higher priorities later.
+If the budget does not suffice for all, higher priorities are served first, then those left over from the tick
+before. Robots with different rules take different ways; where ways meet in the same rule, the robots evaluate it
 together.
 """
 
@@ -26,10 +26,8 @@ from sleepcast.mind.rules import Rule
 
 
 class Way:
-    """Robots that have the same rules before them. keys: of those rules, in order; done: how many are behind.
-
-    until: how many of the rules are walked now.
-    """
+    """Robots with the same remaining rules. keys: of these rules, in order; done: number of those already evaluated;
+    until: number of those to walk now."""
 
     def __init__(self, keys: tuple[str, ...], rows: Rows, done: int = 0, until: int | None = None) -> None:
         self.keys, self.rows, self.done = keys, rows, done
@@ -49,17 +47,17 @@ class BatchScheduler:
         self.left_over: dict[int, frozenset[str]] = {}
 
     def run(self, rows: Rows) -> None:
-        """One round of each of these robots, which are awake."""
+        """Run one round on each of these robots, which are awake."""
         self._memory.statistics.lost.clear()
         for stretch in self._run_natively(rows).stretches():
             self._used[stretch.index] = 0
             self._walk(self._ways(stretch))
         self._memory.statistics.lost.clear()
 
-    # ---- natively
+    # ---- by native code
 
     def _run_natively(self, rows: Rows) -> Rows:
-        """The rounds of those robots for whose rules there is native code; gives the others."""
+        """Run the rounds of robots whose rules have native code; returns the others."""
         memory, kernels = self._memory, self._memory.kernels
         if kernels is None or rows.size == 0:
             return rows
@@ -79,14 +77,14 @@ class BatchScheduler:
         return Rows.of(np.sort(np.concatenate([some.robots for some in left]))) if left else Rows.run(0, 0)
 
     def _affordable(self, plan: Plan) -> bool:
-        """Whether the budget reaches for all rules of a plan, whatever their robots do."""
+        """Whether the budget suffices for all rules of a plan, whatever branches are taken."""
         expected = plan.steps
         for key, size in zip(plan.keys, plan.sizes, strict=True):
             expected += max(0, self._memory.statistics[key].most_steps - size.steps)
         return expected <= TICK_STEPS
 
     def _follow(self, plan: Plan, rows: Rows) -> None:
-        """One round of robots that all have the rules of a plan, leg by leg."""
+        """Run one round on robots that all have the rules of a plan, leg by leg."""
         memory, done = self._memory, 0
         self._used[rows.index] = 0
         for leg in plan.legs:
@@ -106,7 +104,8 @@ class BatchScheduler:
             done = after
 
     def _unchanged(self, way: Way, rows: Rows, before: NDArray[np.int32]) -> Rows:
-        """Those robots that walking has left as they were; the others, which have other rules now, walk on."""
+        """The robots whose minds the walk has not changed; the others, which have different rules now, continue by
+        walking."""
         memory = self._memory
         changed = memory.state.mind[rows.index] != before
         for lost in memory.statistics.lost.values():
@@ -119,13 +118,13 @@ class BatchScheduler:
         return rows.take(~(changed | spent)) if changed.any() or spent.any() else rows
 
     def _evaluate_natively(self, keys: Sequence[str], kernel: Kernel, rows: Rows, *, last: bool) -> Rows:
-        """Evaluate rules natively; gives the robots that have to walk them. last: nothing comes after them."""
+        """Evaluate rules by native code; returns the robots that have to be walked. last: whether nothing follows."""
         memory, kernels = self._memory, self._memory.kernels
         if kernels is None:
             return rows
         tallies = [memory.statistics[key] for key in keys]
         one = int(rows.index.start if isinstance(rows.index, slice) else rows.index[0])
-        when = moment(memory.state, Rows.run(one, one + 1))  # all robots of a round think at the same moment
+        when = moment(memory.state, Rows.run(one, one + 1))  # all robots of a round have the same tick and time
         sinks = [tally.sink(steps=entering) for tally, entering in zip(tallies, kernel.entering, strict=True)]
         left = kernels.evaluate(kernel, memory.state, rows, when, sinks)
         done = rows.take(~np.isin(rows.robots, left.robots)) if left.size else rows
@@ -135,7 +134,7 @@ class BatchScheduler:
                 self._used[done.index] += np.asarray(tally.steps(done), np.int32)
         return left
 
-    # ---- which rules, in which order
+    # ---- choice and order of rules
 
     def _ways(self, rows: Rows) -> list[Way]:
         memory, ways = self._memory, []
@@ -151,7 +150,7 @@ class BatchScheduler:
         return ways
 
     def _out_of_the_ordinary(self, rows: Rows) -> Mask:
-        """Robots whose budget may not reach for all, or with rules left over."""
+        """Robots with rules left over, or whose budget may not suffice for all."""
         memory = self._memory
         found = np.zeros(rows.size, np.bool_)
         for mind, some, mask in memory.divide(rows, lambda number: memory.minds[number]):
@@ -164,7 +163,7 @@ class BatchScheduler:
         return found
 
     def _choose(self, robot: int) -> tuple[str, ...]:
-        """The rules that one robot's budget reaches for, in the order of evaluation; the others are left over."""
+        """The rules that one robot's budget suffices for, in order of evaluation; the others are left over."""
         running = self._memory.kept(robot).running
         left_over = self.left_over.get(robot, frozenset())
         budget = TICK_STEPS
@@ -192,7 +191,7 @@ class BatchScheduler:
             ways = self._step(ways)
 
     def _step(self, ways: list[Way]) -> list[Way]:
-        """Evaluate one rule on all robots that have it before them; gives the ways that go on."""
+        """Evaluate one rule on all robots for which it comes next; returns the ways that continue."""
         key = _next(ways)
         there = [way for way in ways if way.head == key]
         if len(there) == 1:
@@ -206,7 +205,7 @@ class BatchScheduler:
         return [way for way in ways if way.done < way.until and way.rows.size]
 
     def _spare(self, way: Way) -> None:
-        """Robots that have used up their budget leave the rest over."""
+        """Leave the remaining rules over on robots that have used up their budget."""
         spent = self._used[way.rows.index] > TICK_STEPS
         if spent.any():
             rest = frozenset(way.keys[way.done :])
@@ -215,7 +214,7 @@ class BatchScheduler:
             way.rows = way.rows.take(~spent)
 
     def _evaluate(self, key: str, rows: Rows) -> None:
-        """Evaluate one rule where it is still there and active."""
+        """Evaluate one rule where it still exists and is active."""
         memory = self._memory
 
         def active(number: int) -> Program | None:
@@ -234,7 +233,7 @@ class BatchScheduler:
                 self._tally(key, some, values, steps)
 
     def _tally(self, key: str, rows: Rows, values: NDArray[np.float64], steps: NDArray[np.int32] | int) -> None:
-        """Note how the evaluation went; a rule that only has faults is deactivated."""
+        """Record the result of the evaluation; a rule with nothing but faults is deactivated."""
         memory, tally = self._memory, self._memory.statistics[key]
         first = memory.first_faults()
         faulted = np.zeros(rows.size, np.bool_)
@@ -242,7 +241,7 @@ class BatchScheduler:
             faulted = np.isin(rows.robots, list(first))
             memory.changing(rows.take(faulted))
         lost = memory.statistics.lost_in_round(key, rows)
-        if lost is not None and lost.any():  # what it was on these robots is no more
+        if lost is not None and lost.any():  # the rule no longer exists on these robots
             here = ~lost
             gone = set(rows.robots[lost].tolist())
             first = {robot: text for robot, text in first.items() if robot not in gone}
@@ -259,7 +258,7 @@ class BatchScheduler:
             self._deactivate(key, tally, rows.take(faulted))
 
     def _deactivate(self, key: str, tally: RuleStatistics, rows: Rows) -> None:
-        """Deactivate a rule where it has had nothing but faults for too long, unless it is built in."""
+        """Deactivate a rule after too many consecutive faults, unless it is built in."""
         memory = self._memory
         worn = rows.take(tally.in_row(rows) >= MAX_FAULTS_IN_ROW)
         for number, some, _ in memory.divide(worn, lambda number: number):
@@ -273,7 +272,7 @@ class BatchScheduler:
 
 
 def _next(ways: list[Way]) -> str:
-    """The rule to evaluate next: one that no way comes to later, if there is one, so that ways meet."""
+    """The rule to evaluate next: one that no way reaches later, if there is one, so that ways meet."""
     if len(ways) == 1:
         return ways[0].head
     later = {key for way in ways for key in way.keys[way.done + 1 : way.until]}
@@ -285,7 +284,7 @@ def _next(ways: list[Way]) -> str:
 
 
 def expired(memory: FleetMemory, rows: Rows, now: float) -> None:
-    """Deactivate what robots hold on a lease that has ended, and let them report it."""
+    """Deactivate expressions whose lease has ended, and report it."""
     tallies = memory.statistics
     if not tallies.leases:
         return

@@ -1,8 +1,8 @@
-"""The serialized state of a fleet: plain data from which the same fleet can be made again; `mind.state` has what its
-robots have learned.
+"""The serialized state of a fleet: plain data from which it can be restored; `mind.state` holds what its robots have
+learned.
 
-Robots are named by their indices. What only lasts within a tick is not here, and neither are the inputs of past
-commands, from which explanations are made.
+Robots are identified by their indices. Values that only last within a tick are not included, nor are the inputs of
+past commands, from which explanations are made.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from sleepcast.mind.state import SharedMinds
 
 
 class ValuesState(msgspec.Struct):
-    """The variables and groups of a `FleetState`: by slot one number for all or a column; members by group."""
+    """The variables and groups of a `FleetState`: for each slot one number for all or a column; members by group."""
 
     same: list[float]
     columns: dict[int, Array]
@@ -25,8 +25,8 @@ class ValuesState(msgspec.Struct):
 
 
 class ColumnsState(msgspec.Struct):
-    """`FleetState`: its values, its arrays by name, by slot who has assigned an actuator, and which of the latches
-    each robot has (`orders`)."""
+    """`FleetState`: its values, its arrays by name, which robots have assigned each actuator (by slot), and the latches
+    with each robot's index into them (`orders`)."""
 
     values: ValuesState
     arrays: Arrays
@@ -37,8 +37,8 @@ class ColumnsState(msgspec.Struct):
 
 
 class TelemetryState(msgspec.Struct):
-    """The latest telemetry of each robot, and who was stopped then. asked: of a large fleet, the slots in it, each
-    with the robots that did; None where that was not kept yet. last: those who reported last."""
+    """The latest telemetry of each robot, and which robots were stopped then. asked: for a large fleet, the slots in
+    it, each with the robots that reported it; None in older snapshots. last: the robots that reported last."""
 
     values: ValuesState
     stopped: Array
@@ -47,7 +47,7 @@ class TelemetryState(msgspec.Struct):
 
 
 class RuleStatisticsState(msgspec.Struct, array_like=True):
-    """How one expression has fared; see `RuleStatistics`."""
+    """How one expression has performed; see `RuleStatistics`."""
 
     arrays: Arrays
     most_steps: int
@@ -64,15 +64,15 @@ class StatisticsState(msgspec.Struct):
 
 
 class InboxState(msgspec.Struct):
-    """seen: ids of messages with who has heard them (None: all), oldest first. queue: what waits for whom."""
+    """seen: ids of messages with the robots that have received them (None: all), oldest first. queue: waiting messages
+    with their robots."""
 
     seen: list[tuple[str, Array | None]]
     queue: list[tuple[Message, Array]]
 
 
 class OutboxState(msgspec.Struct):
-    """What has been said and not yet been sent: in one piece, or by robot where somebody has looked. pings: robots and
-    castes."""
+    """Messages still to be sent: together, or by robot if its outbox has been read. pings: robots and castes."""
 
     epoch: int
     sayings: list[MessageBatchState]
@@ -82,8 +82,8 @@ class OutboxState(msgspec.Struct):
 
 
 class FleetSnapshot(msgspec.Struct):
-    """Everything. left_over: by robot, the rules that the budget of the last tick did not reach. measured: by slot,
-    when each robot last measured it (s)."""
+    """The whole state. left_over: by robot, the rules that the budget of the last tick did not reach. measured: by
+    slot, when each robot last measured it (s)."""
 
     minds: SharedMinds
     state: ColumnsState

@@ -1,7 +1,7 @@
-"""A fleet as plain data, and a fleet that goes on where that one was.
+"""Saving a fleet as plain data, and restoring it.
 
-Numbers are kept as arrays. Minds are kept as what has been learned; each program's text is compiled again with the
-meanings that its names had when it was first compiled, so it becomes the program that it was, whatever has happened to
+Numbers are stored as arrays. Minds are stored as what has been learned; each program's text is compiled again with
+the meanings that its names had when it was first compiled, so the program is the same, whatever has happened to
 those names since.
 """
 
@@ -23,7 +23,7 @@ from sleepcast.mind.state import ProgramState, SharedMind, SharedMinds, SharedRu
 
 
 def state_of(fleet: Fleet) -> FleetSnapshot:
-    """The fleet between two ticks. Nothing of it is changed."""
+    """The state of a fleet between two ticks; the fleet is not changed."""
     return FleetSnapshot(
         shared_minds(fleet.minds),
         fleet.state.state(),
@@ -38,9 +38,9 @@ def state_of(fleet: Fleet) -> FleetSnapshot:
 
 
 def restore(fleet: Fleet, state: FleetSnapshot, when: float) -> None:
-    """Make a fleet, just made, what that one was. when: the time at which it was kept, s, for those who ask why.
+    """Restore a new fleet to a saved state. when: time of the snapshot, s, for explanations.
 
-    Raises SerialError for a state of another fleet, or one that holds what no fleet can hold.
+    Raises SerialError for the state of another fleet, or one with impossible values.
     """
     refill(fleet.minds, state.minds)
     fleet.state.restore(state.state)
@@ -67,7 +67,7 @@ def restore(fleet: Fleet, state: FleetSnapshot, when: float) -> None:
 
 
 def shared_minds(minds: Minds) -> SharedMinds:
-    """The table of minds. Programs that robots share are kept once."""
+    """The table of minds. Programs that robots share are stored once."""
     places: dict[Program, int] = {}
     programs: list[ProgramState] = []
 
@@ -83,7 +83,7 @@ def shared_minds(minds: Minds) -> SharedMinds:
 
 
 def refill(minds: Minds, kept: SharedMinds) -> None:
-    """Have what that table had. Raises SerialError."""
+    """Restore the table of minds. Raises SerialError."""
     vocabulary = minds.vocabulary
     if len(kept.user_names) > MAX_USER_VARIABLES:
         raise SerialError(f"{len(kept.user_names)} names of user variables, at most {MAX_USER_VARIABLES} fit")

@@ -1,13 +1,13 @@
 """The state of a fleet: its robots' variables as columns, and what they have learned as minds.
 
-A column holds one number a robot, side by side, so that one instruction of the processor serves many robots. A
-variable's column is made when robots first differ in it; until then one number stands for all. NaN is unknown. `Rows`
-says which robots something is about: a run of neighbours, whose columns are seen without copying, or a list.
+A column holds one number per robot, contiguously, so that one vector instruction serves many robots. A variable gets
+a column when robots first differ in it; until then one number stands for all. NaN is unknown. `Rows` says which
+robots something refers to: a range of indices, whose columns are views without copying, or a list.
 
-A `Mind` - rules, operators, names - is kept once for all robots that have learned the same, and never changes. A
-message that teaches something takes the robots it is for from one mind to another: a draft of the old mind (a
-`RuleBase`) is changed, and the table gives the mind that is like it, a new one if there is none yet. So the work of
-storing a rule is done once, however many robots store it.
+A `Mind` - rules, operators, names - is stored once for all robots that have learned the same, and never changes. A
+message that teaches something moves its robots from one mind to another: a draft of the old mind (a `RuleBase`) is
+changed, and the table returns the equal mind, a new one if there is none yet. So storing a rule costs the same
+however many robots store it.
 """
 
 from __future__ import annotations
@@ -41,18 +41,18 @@ from sleepcast.mind.merging import Merging
 from sleepcast.mind.rules import Rule, RuleBase, running
 
 Column: TypeAlias = NDArray[np.float64]
-"""One number for each of some rows, in their order."""
+"""One number for each of some rows, in order."""
 Mask: TypeAlias = NDArray[np.bool_]
 Index: TypeAlias = NDArray[np.intp]
 
 CHUNK = 16_384
 """Robots walked at once: a few columns of this length stay in the processor's second-level cache."""
 STRETCH = 8 * CHUNK
-"""Robots that go through all their rules before the next ones do: their columns stay in its third-level cache."""
+"""Robots that are taken through all their rules before the next ones: their columns stay in the third-level cache."""
 
 
 class Rows:
-    """Some robots of a fleet, in ascending order. index: what a column is indexed with. first: of their chunk."""
+    """Some robots of a fleet, in ascending order. index: what a column is indexed with. first: start of their chunk."""
 
     __slots__ = ("first", "index", "size")
 
@@ -61,19 +61,19 @@ class Rows:
 
     @classmethod
     def run(cls, start: int, stop: int) -> Rows:
-        """The robots from `start` up to `stop`."""
+        """The robots from `start` to `stop` (exclusive)."""
         return cls(slice(start, stop), stop - start, start)
 
     @classmethod
     def of(cls, index: Index) -> Rows:
-        """The robots with these indices, ascending; neighbours without a gap become a run."""
+        """The robots with these indices, ascending; consecutive ones become a range."""
         size = len(index)
         if size and int(index[-1]) - int(index[0]) + 1 == size:
             return cls.run(int(index[0]), int(index[-1]) + 1)
         return cls(index, size, int(index[0]) if size else 0)
 
     def take(self, mask: Mask) -> Rows:
-        """Those of them for which `mask` (one truth for each of them) holds."""
+        """Those for which `mask` (one truth per robot) holds."""
         if isinstance(self.index, slice):
             found = np.flatnonzero(mask)
             found += self.index.start
@@ -88,35 +88,35 @@ class Rows:
 
     @property
     def within(self) -> slice | Index:
-        """Where they are in their chunk."""
+        """Their places in the chunk."""
         if isinstance(self.index, slice):
             return slice(self.index.start - self.first, self.index.stop - self.first)
         return self.index - self.first
 
     @property
     def width(self) -> int:
-        """How long a column of their chunk must be to hold all of them."""
+        """Length of a column of their chunk that holds all of them."""
         if self.size == 0:
             return 0
         last = self.index.stop - 1 if isinstance(self.index, slice) else int(self.index[-1])
         return last - self.first + 1
 
     def place(self, robot: int) -> int | None:
-        """Where a robot is among them."""
+        """The place of a robot among them."""
         if isinstance(self.index, slice):
             return robot - self.index.start if self.index.start <= robot < self.index.stop else None
         place = int(np.searchsorted(self.index, robot))
         return place if place < self.size and self.index[place] == robot else None
 
     def places(self, robots: Index) -> Index:
-        """Where robots, all of them among these, are among them."""
+        """The places of these robots, which must all be among them."""
         if isinstance(self.index, slice):
             found: Index = robots - self.index.start
             return found
         return np.searchsorted(self.index, robots)
 
     def pieces(self, length: int) -> list[Rows]:
-        """The same robots, so many neighbours at a time."""
+        """The same robots in pieces of at most `length`."""
         if isinstance(self.index, slice):
             start, stop = self.index.start, self.index.stop
             return [Rows.run(i, min(i + length, stop)) for i in range(start, stop, length)]
@@ -132,7 +132,7 @@ class Rows:
 
 
 class FleetState:
-    """Everything that is one number a robot. numbers: the robots' ids; seed: of the run."""
+    """All values with one number per robot. numbers: the robots' ids; seed: of the run."""
 
     def __init__(self, vocabulary: Vocabulary, numbers: Sequence[int], seed: int) -> None:
         count = self.count = len(numbers)
@@ -141,53 +141,53 @@ class FleetState:
         self._same[MARKING] = 1.0
         self._columns: list[Column | None] = [None] * len(self._same)
         self._shared: set[int] = set()
-        """Slots of variables whose columns somebody else keeps."""
+        """Slots of variables whose columns are stored elsewhere."""
         self._columns[ID] = np.array(numbers, dtype=np.float64)
         self.keys = filled(0, np.uint64, count)
         self.keys[:] = streams(seed, np.array(numbers, dtype=np.int64))
-        """The stream of each robot's chance."""
+        """The key of each robot's random stream."""
         self.draws = filled(0, np.int32, count)
         """Random numbers drawn in this tick."""
         self.mind = np.zeros(count, np.int32)
         """What each robot has learned: a number in the table of minds. Changed by `turn`."""
         self._one_mind: list[int] = [0]
-        """The mind that all robots have, if it is known that they have one; in a list, because shadows share it."""
+        """The common mind of all robots, if it is known that there is one; in a list, because shadows share it."""
         self.proven = np.zeros(count, np.int32)
-        """The mind whose rules ROLLBACK brings back."""
+        """The mind whose rules ROLLBACK restores."""
         self.unproven_since = np.zeros(count, np.int64)
         """Tick in which the rules last changed or met a fault."""
         self.groups: dict[str, Mask] = {}
-        """Who is in which group."""
+        """The members of each group."""
         self.actuated: dict[int, Mask] = {}
-        """Which robots have assigned an actuator, by slot, since somebody last asked."""
+        """Which robots have assigned an actuator, by slot, since it was last queried."""
         self.dropped = np.zeros(count, np.int32)
-        """Assignments and calls that an unknown kept from the body."""
+        """Number of assignments and calls that were not passed to the body because a value was unknown."""
         self.lost = np.zeros(count, np.int32)
-        """Messages and sayings that found no room."""
+        """Number of messages lost because a queue or the outbox was full."""
         self.said = np.zeros(count, np.int32)
         """Messages in the outbox."""
         self.sequence = np.zeros(count, np.int32)
-        """The number of the last message said."""
+        """The number of the last message sent."""
         self.reported_in = np.zeros(count, np.int32)
         """The second in which each robot last reported anything."""
         self.reported = np.zeros(count, np.int32)
         """Its reports in that second."""
         self.telling_until = np.zeros(count)
-        """When all that each robot has told would be over at the rate at which it may tell, s."""
+        """When everything that each robot has told would be paid off at its permitted rate, s."""
         self.told_less = np.zeros(count, np.bool_)
-        """Whether it did not tell something since it was quiet last."""
+        """Whether a TELL has been refused since the robot was last below its rate."""
         self.stopped = np.zeros(count, np.bool_)
         self.latches: list[Latch] = [Latch()]
-        """Which STOPs hold, and which are over: each one that some robots have."""
+        """All latches in use: which STOPs hold, and which have ended."""
         self.latch = np.zeros(count, np.int32)
-        """Which of these each robot has."""
+        """Index of each robot's latch."""
         self.held = np.zeros(count, np.bool_)
         """Whether functions that act are refused: the robot is stopped and its body has no latch of its own."""
         self.still = np.zeros(count, np.bool_)
         """Whether the body is held still."""
 
     def read(self, slot: int, rows: Rows) -> Column | float:
-        """The values of a variable: a column (of a run of rows a view, not to be written), or one number for all."""
+        """The values of a variable: a column (for a range of rows a read-only view), or one number for all."""
         if slot >= len(self._same):
             return nan
         column = self._columns[slot]
@@ -205,7 +205,7 @@ class FleetState:
         self.own(slot)[rows.index] = values
 
     def own(self, slot: int) -> Column:
-        """The column of a variable itself, made now if one number stood for all until now."""
+        """The variable's own column, allocated now if one number stood for all until now."""
         while slot >= len(self._same):
             self._same.append(nan)
             self._columns.append(None)
@@ -216,7 +216,7 @@ class FleetState:
 
     @property
     def one_mind(self) -> int | None:
-        """The mind that all robots have; None if they may have different ones."""
+        """The common mind of all robots; None if they may have different ones."""
         return self._one_mind[0] if self._one_mind else None
 
     def turn(self, rows: Rows, mind: int) -> None:
@@ -228,31 +228,31 @@ class FleetState:
             self._one_mind.clear()
 
     def share(self, slot: int, column: Column) -> None:
-        """Let a variable be read from a column that somebody else keeps, as it is at that moment."""
+        """Read a variable from a column stored elsewhere, always with its current values."""
         self._columns[slot] = column
         self._shared.add(slot)
 
     def shadow(self) -> FleetState:
-        """A state that has variables and groups of its own, with nothing in them, and shares everything else."""
+        """A state with its own, empty variables and groups that shares everything else."""
         found = copy(self)
         found._shared = set()
         found._same, found._columns, found.groups = [nan] * len(self._same), [None] * len(self._same), {}
         return found
 
     def copy_from(self, other: FleetState, rows: Rows, slots: Iterable[int]) -> None:
-        """Take over some variables of these robots."""
+        """Copy some variables of these robots."""
         for slot in slots:
             values = other.read(slot, rows)
             if isinstance(values, np.ndarray) or not self._is(slot, values):
                 self.assign(slot, rows, values)
 
     def copy_groups(self, other: FleetState, rows: Rows) -> None:
-        """Take over who of these robots is in which group."""
+        """Copy the group memberships of these robots."""
         for key, members in other.groups.items():
             self.group(key)[rows.index] = members[rows.index]
 
     def _is(self, slot: int, value: float) -> bool:
-        """Whether a variable is this number on all robots."""
+        """Whether a variable has this value on all robots."""
         if slot >= len(self._same) or self._columns[slot] is not None:
             return False
         same = self._same[slot]
@@ -270,7 +270,7 @@ class FleetState:
         ]
 
     def group(self, key: str) -> Mask:
-        """Who is in a group; a group that nobody has heard of is made."""
+        """The members of a group; an unknown group is created."""
         found = self.groups.get(key)
         if found is None:
             found = self.groups[key] = filled(0, np.bool_, self.count)
@@ -281,16 +281,16 @@ class FleetState:
         return frozenset(key for key, members in self.groups.items() if members[robot])
 
     def assigned(self, slot: int) -> Mask:
-        """Who has assigned an actuator."""
+        """Which robots have assigned an actuator."""
         found = self.actuated.get(slot)
         if found is None:
             found = self.actuated[slot] = filled(0, np.bool_, self.count)
         return found
 
-    # ---- kept and made again
+    # ---- saving and restoring
 
     def state(self) -> ColumnsState:
-        """All of it but the chance, which comes from the seed."""
+        """Everything except the random streams, which follow from the seed."""
         actuated = {slot: Array.of(robots) for slot, robots in self.actuated.items()}
         return ColumnsState(
             self.values(),
@@ -302,12 +302,12 @@ class FleetState:
         )
 
     def values(self) -> ValuesState:
-        """The variables that nobody else keeps, and the groups."""
+        """The variables that are not stored elsewhere, and the groups."""
         columns = {slot: Array.of(column) for slot, column in self._own().items()}
         return ValuesState(list(self._same), columns, dump_arrays(self.groups))
 
     def restore(self, state: ColumnsState) -> None:
-        """Be as that state was. Raises SerialError if it is of another fleet."""
+        """Restore a saved state. Raises SerialError if it is of another fleet."""
         self.refill(state.values)
         load_arrays(state.arrays, self._arrays())
         self._one_mind.clear()
@@ -317,15 +317,15 @@ class FleetState:
             slot: robots.made(np.bool_, (self.count,), f"who assigned actuator {slot}")
             for slot, robots in state.actuated.items()
         }
-        if state.telling:  # else it was kept before robots told at a bounded rate
+        if state.telling:  # absent in states saved before the rate of TELL was bounded
             load_arrays(state.telling, self._telling())
-        if state.latches:  # else it was kept before STOPs were known by their numbers: the next RELEASE ends them
+        if state.latches:  # absent in states saved before STOPs were identified by number: the next RELEASE ends them
             load_arrays(state.orders, {"latch": self.latch})
             within(self.latch, 0, len(state.latches) - 1, "the latch of a robot")
             self.latches = list(state.latches)
 
     def refill(self, state: ValuesState) -> None:
-        """Have those values. Raises SerialError if they are of another fleet."""
+        """Restore saved values. Raises SerialError if they are of another fleet."""
         length, shape = len(state.same), (self.count,)
         if not len(self._same) <= length <= len(self._same) + MAX_USER_VARIABLES:
             raise SerialError(f"robots with {length} variables, wanted {len(self._same)} and those that they made")
@@ -340,16 +340,16 @@ class FleetState:
         self.groups = {key: members.made(np.bool_, shape, f"group {key}") for key, members in state.groups.items()}
 
     def _own(self) -> dict[int, Column]:
-        """The columns that nobody else keeps, by slot."""
+        """The columns that are stored here, by slot."""
         columns = enumerate(self._columns)
         return {slot: column for slot, column in columns if column is not None and slot not in self._shared}
 
     def _telling(self) -> dict[str, NDArray[np.generic]]:
-        """What bounds the rate at which robots tell."""
+        """The arrays that bound the rate of TELL."""
         return {"telling_until": self.telling_until, "told_less": self.told_less}
 
     def _arrays(self) -> dict[str, NDArray[np.generic]]:
-        """Everything that has one element a robot, and is no variable."""
+        """All arrays with one element per robot that are not variables."""
         return {
             "draws": self.draws,
             "mind": self.mind,
@@ -368,7 +368,7 @@ class FleetState:
 
 
 def spread(values: Column | float, size: int) -> Column:
-    """A column, also of one number for all."""
+    """A column, also if given one number."""
     return np.full(size, values) if isinstance(values, float) else values
 
 
@@ -378,7 +378,7 @@ def is_true(values: Column | float) -> Mask:
     return found
 
 
-# Chance over columns: the same numbers as `language.chance` gives one robot, for many robots at once.
+# Random numbers over columns: the same numbers as `language.chance` gives one robot, for many robots at once.
 
 Words: TypeAlias = NDArray[np.uint64]
 
@@ -388,14 +388,14 @@ _30, _27, _31, _11 = (np.uint64(shift) for shift in (30, 27, 31, 11))
 
 
 def _mixed(z: Words) -> Words:
-    """The finaliser of SplitMix64, see `language.chance.mix`; whole numbers wrap at 64 bits by themselves."""
+    """The finaliser of SplitMix64, see `language.chance.mix`; arrays of integers wrap at 64 bits."""
     z = (z ^ (z >> _30)) * _FIRST
     z = (z ^ (z >> _27)) * _SECOND
     return z ^ (z >> _31)
 
 
 def streams(seed: int, robots: NDArray[np.int64]) -> Words:
-    """The 64-bit key of each robot's chance."""
+    """The 64-bit key of each robot's random stream."""
     first = np.uint64(mix(seed + GOLDEN & MASK))
     return _mixed(first + robots.astype(np.uint64) * _GOLDEN)
 
@@ -410,13 +410,13 @@ def draws(keys: Words, ticks: NDArray[np.int64], numbers: NDArray[np.int32]) -> 
 # ---- minds
 
 UNMERGED = Merging()
-"""A fleet hears its commands in one order, so all of them count."""
+"""A fleet receives its commands in one order, so all of them count."""
 
 
 class Mind:
-    """What some robots have learned. rules, operators and symbols by key, in the order of their arrival.
+    """What some robots have learned. rules, operators and symbols by key, in order of arrival.
 
-    running: the active rules in the order of the round; sequence: their keys.
+    running: the active rules in order of evaluation; sequence: their keys.
     """
 
     def __init__(self, rules: dict[str, Rule], symbols: dict[str, Declared], operators: dict[str, Program]) -> None:
@@ -425,7 +425,7 @@ class Mind:
         self.sequence = tuple(rule.key for rule in self.running)
 
     def declared(self, key: str) -> Declared | None:
-        """What is learned under `key`."""
+        """The declaration learned under `key`."""
         return declared_in(self.rules, self.symbols, key)
 
     def heard(self) -> Iterable[str]:
@@ -476,11 +476,11 @@ class Minds:
         )
 
     def settle(self, draft: RuleBase) -> int:
-        """The number of the mind that is like the draft."""
+        """The number of the mind equal to the draft."""
         return self.add(Mind(draft.rules, draft.symbols, draft.operators))
 
     def add(self, mind: Mind) -> int:
-        """The number of a mind like this one."""
+        """The number of a mind equal to this one."""
         number = self._numbers.setdefault(_key(mind), self._next)
         if number == self._next:
             self._minds[number] = mind
@@ -493,18 +493,18 @@ class Minds:
         return dict(self._minds), self._next
 
     def fill(self, minds: dict[int, Mind], following: int) -> None:
-        """Have just these minds under these numbers, all below `following`, which the next one gets."""
+        """Replace all minds by these, under these numbers, all below `following`, the next number."""
         self._minds, self._numbers, self._next = {}, {}, following
         for number, mind in sorted(minds.items()):
             self._minds[number] = mind
             self._numbers.setdefault(_key(mind), number)
 
     def keep_only(self, used: set[int]) -> None:
-        """Forget the minds that no robot is of any more; 0 stays."""
+        """Remove the minds that no robot has any more; 0 stays."""
         self._minds = {number: mind for number, mind in self._minds.items() if number in used or number == 0}
         self._numbers = {key: number for key, number in self._numbers.items() if number in self._minds}
 
 
 def _key(mind: Mind) -> tuple[object, ...]:
-    """What makes a mind the same as another one."""
+    """A key that is equal for equal minds."""
     return tuple(mind.rules.values()), tuple(mind.symbols.items()), tuple(mind.operators.items())

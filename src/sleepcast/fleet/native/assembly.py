@@ -1,8 +1,8 @@
-"""Assembly: writes the text of LLVM code that works on several robots at once, one in each lane of a vector.
+"""Assembly: writes LLVM code as text, for several robots at once, one in each lane of a vector.
 
-Values are the names of results, or constants, as text; the methods append instructions and give the new names. What
-changes on the way lies in cells on the stack, which the optimiser turns into registers; so there may be real branches:
-`when` leaves out what no lane comes to.
+Values are names of results, or constants, as text; the methods append instructions and return the new names. Values
+that change lie in cells on the stack, which the optimiser turns into registers, so real branches are possible:
+`when` skips code that no lane reaches.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from contextlib import contextmanager
 
 
 class Assembly:
-    """The body of one function. lanes: robots at a time, a power of two; of one lane nothing is a vector."""
+    """The body of one function. lanes: robots at a time, a power of two; with one lane, values are scalars."""
 
     def __init__(self, lanes: int) -> None:
         self.lanes = lanes
@@ -24,13 +24,13 @@ class Assembly:
         self.lines: list[str] = []
         self.cells: list[str] = []
         self.outside: dict[str, str] = {}
-        """Declarations and functions that go beside this one, by name."""
+        """Declarations and further functions of the module, by name."""
         self._names = 0
 
     # ---- constants and instructions
 
     def vector(self, kind: str) -> str:
-        """The type of something in every lane."""
+        """The type with one element per lane."""
         return kind if self.lanes == 1 else f"<{self.lanes} x {kind}>"
 
     def each_lane(self, kind: str, values: Sequence[str]) -> str:
@@ -52,7 +52,7 @@ class Assembly:
         return f"%n{self._names}"
 
     def emit(self, instruction: str) -> str:
-        """An instruction with a result; gives its name."""
+        """An instruction with a result; returns its name."""
         name = self.fresh()
         self.lines.append(f"{name} = {instruction}")
         return name
@@ -65,7 +65,7 @@ class Assembly:
         return self.emit(f"{operation} {kind} {a}, {b}")
 
     def compare(self, how: str, a: str, b: str) -> str:
-        """A comparison of numbers; how: as LLVM names it, `olt` and so on."""
+        """Compare numbers; how: LLVM's name of the comparison, such as `olt`."""
         return self.emit(f"fcmp {how} {self.real} {a}, {b}")
 
     def select(self, mask: str, a: str, b: str, kind: str = "") -> str:
@@ -83,7 +83,7 @@ class Assembly:
         return b if a == self.no else a if b == self.no else self.binary("or", self.truth, a, b)
 
     def neither(self, a: str) -> str:
-        """Where `a` does not hold."""
+        """Where `a` is false."""
         return self.no if a == self.yes else self.yes if a == self.no else self.binary("xor", self.truth, a, self.yes)
 
     def convert(self, how: str, kind: str, a: str, to: str) -> str:
@@ -94,20 +94,20 @@ class Assembly:
         return self.emit(f"call {kind} @{name}({given})")
 
     def intrinsic(self, name: str, *arguments: str) -> str:
-        """One of LLVM's own functions of numbers."""
+        """Call an LLVM intrinsic on numbers."""
         full = f"llvm.{name}.{'' if self.lanes == 1 else f'v{self.lanes}'}f64"
         kinds = [self.real] * len(arguments)
         self.outside[full] = f"declare {self.real} @{full}({', '.join(kinds)})"
         return self.call(full, self.real, arguments, kinds)
 
     def any(self, mask: str) -> str:
-        """Whether a mask holds in any lane, as one truth."""
+        """Whether a mask holds in any lane, as a scalar."""
         if self.lanes == 1:
             return mask
         return self.emit(f"icmp ne i{self.lanes} {self.convert('bitcast', self.truth, mask, f'i{self.lanes}')}, 0")
 
     def splat(self, kind: str, value: str) -> str:
-        """One value in every lane."""
+        """A scalar broadcast to every lane."""
         if self.lanes == 1:
             return value
         vector = self.vector(kind)
@@ -117,7 +117,7 @@ class Assembly:
     # ---- memory
 
     def cell(self, kind: str, value: str = "") -> str:
-        """A place on the stack. value: what it holds from here on."""
+        """A variable on the stack. value: its initial value."""
         name = self.fresh()
         self.cells.append(f"{name} = alloca {kind}")
         if value:
@@ -131,10 +131,10 @@ class Assembly:
         self.do(f"store {kind} {value}, ptr {place}, align 1")
 
     def at(self, column: str, kind: str, index: str) -> str:
-        """Where an element of a column lies. kind: of one element."""
+        """The address of an element of a column. kind: of one element."""
         return self.emit(f"getelementptr {kind}, ptr {column}, i64 {index}")
 
-    # ---- ways
+    # ---- branches and loops
 
     def label(self) -> str:
         return self.fresh()[1:]
@@ -144,7 +144,7 @@ class Assembly:
 
     @contextmanager
     def when(self, truth: str) -> Iterator[None]:
-        """What is written inside is done only if one truth holds."""
+        """The code written inside runs only if the scalar `truth` holds."""
         inside, after = self.label(), self.label()
         self.do(f"br i1 {truth}, label %{inside}, label %{after}")
         self.begin(inside)
@@ -154,7 +154,7 @@ class Assembly:
 
     @contextmanager
     def repeated(self, count: int) -> Iterator[str]:
-        """What is written inside is done so many times; gives the number of the time, from 0, as a number."""
+        """The code written inside runs `count` times; yields the counter, from 0."""
         counter = self.cell("i32", "0")
         inside, after = self.label(), self.label()
         self.do(f"br label %{inside}")

@@ -1,12 +1,12 @@
-"""Native code: several programs, one after the other, become one loop over robots, through LLVM; the only module that
-knows llvmlite.
+"""The compiler: several programs in sequence become one loop over robots, through LLVM; the only module that uses
+llvmlite.
 
-What has been made once is kept for other processes (`code_cache`), since it takes a tenth of a second to make.
+Machine code is cached for other processes (`code_cache`), since compiling takes a tenth of a second.
 
-The loop takes as many robots at once as a vector has lanes. A robot's variables are read once and written once, in
-place, when all programs are done; so a robot that met anything out of the ordinary is left as it was, and walked.
-All is computed in 64-bit floats, without contraction and without fast-math, so each number is the one that NumPy and
-the one-robot machine give, whatever the lanes and however many threads.
+The loop processes as many robots at once as a vector has lanes. A robot's variables are read once and written once,
+in place, after all programs; so a robot that met anything exceptional is left unchanged, and walked instead.
+Everything is computed in 64-bit floats, without contraction and without fast-math, so the results are those of NumPy
+and of the one-robot machine, for any number of lanes and threads.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ if TYPE_CHECKING:
     from llvmlite.binding import ModuleRef, TargetMachine
 
 LANES = 8
-"""Robots at a time: what the widest vectors hold; where they are narrower, LLVM takes several."""
+"""Robots at a time: what the widest vectors hold; for narrower ones, LLVM uses several."""
 SPLIT = 500_000
-"""Robots times parts from which on threads share the work: below, waiting for others costs more than that."""
+"""Robots times parts from which on threads share the work: below, waiting for each other costs more."""
 GRAIN = 64
-"""Robots whose numbers of a byte each fill a line of the processor's caches, which two threads had better not share."""
+"""Robots whose one-byte values fill a cache line, which two threads should not share."""
 
 ABSENT, THERE, TROUBLED = range(3)
-"""What a byte of `part` says of a robot: it takes no part, it does, it did not because it has to be walked."""
+"""States of a robot in `part`: it takes no part; it does; it met something exceptional and has to be walked."""
 
 _ELEMENTS = {
     "slot": ("double", 8),
@@ -58,14 +58,14 @@ _ELEMENTS = {
     "acted": ("i8", 1),
     "fresh": ("i8", 1),
 }
-"""The type and bytes of an element of each sort of column."""
+"""The LLVM type and bytes of an element of each kind of column."""
 
 Entry: TypeAlias = tuple[str, int | str]
-"""One thing that the code finds by its table: a column by its sort and what of that sort, or `tick` or `time`."""
+"""One entry of the code's address table: a kind of column and which one of it, or `tick` or `time`."""
 
 
 class Sink(NamedTuple):
-    """Where the results of one program go. fresh: one more where it matched. steps: None where they are not written."""
+    """Where the results of one program go. fresh: incremented where it matched. steps: None if they are not written."""
 
     value: Column
     fresh: NDArray[np.uint8]
@@ -73,7 +73,7 @@ class Sink(NamedTuple):
 
 
 class Writer:
-    """Writes the text of one loop. counted: whether the steps of each program are kept."""
+    """Writes the text of one loop. counted: whether the steps of each program are stored."""
 
     def __init__(self, programs: Sequence[Program], names: Meaning, lanes: int, counted: bool) -> None:
         self.a = Assembly(lanes)
@@ -82,7 +82,7 @@ class Writer:
         self._base = ""
 
     def text(self) -> str:
-        """The module's text; `entries` then says what its table holds."""
+        """The module's text; afterwards `entries` says what the address table holds."""
         a = self.a
         place, bad = a.cell("i64", "%start"), a.cell("i64", "0")
         head, body, done = a.label(), a.label(), a.label()
@@ -109,7 +109,8 @@ class Writer:
         return "\n".join([*a.outside.values(), start, *a.cells, *pointers, *a.lines, "}", ""])
 
     def _lanes(self, here: str) -> str:
-        """The lanes that take part; the last ones reach back to robots that have had their turn, who do not."""
+        """The lanes that take part; the last vector reaches back to robots already processed, which take no part
+        again."""
         a = self.a
         room = a.binary("sub", "i64", "%count", str(a.lanes))
         late = a.emit(f"icmp sgt i64 {here}, {room}")
@@ -157,7 +158,7 @@ class Writer:
                 self._keep("steps", number, a.convert("trunc", a.whole, a.get(steps, a.whole), a.short), well)
 
     def _give(self, sort: str, value: str, mask: str) -> None:
-        """Write a column that nobody has written yet."""
+        """Write a column that has not been written yet."""
         a = self.a
         kind = self._vector(sort)
         place = self._at(sort, 0)
@@ -173,7 +174,7 @@ class Writer:
             a.put(self._at("fresh", number), a.byte, a.binary("add", a.byte, self._read("fresh", number, a.byte), more))
 
     def _keep(self, sort: str, what: int | str, value: str, mask: str) -> None:
-        """Write what is new of a column; what is as it was costs no writing."""
+        """Write the new values of a column; skips unchanged ones."""
         a = self.a
         kind = self._vector(sort)
         old = self._read(sort, what, kind)
@@ -204,7 +205,7 @@ class Writer:
 
 
 class Kernel:
-    """The native code of some programs in a row, on robots on which their names mean the same."""
+    """The native code of some programs in sequence, for robots on which their names have the same meaning."""
 
     def __init__(self, programs: Sequence[Program], names: Meaning, lanes: int, *, counted: bool = True) -> None:
         writer = Writer(programs, names, lanes, counted)
@@ -213,9 +214,9 @@ class Kernel:
         sizes = [Size(program, names) for program in programs]
         self.lanes, self.parts = lanes, sum(size.parts for size in sizes)
         self.steps = [size.steps for size in sizes]
-        """Steps of each program at most."""
+        """Largest number of steps of each program."""
         self.entering = [enters(program, names) for program in programs]
-        """Whether each program enters others: if not, its steps are always as many."""
+        """Whether each program enters others: if not, its number of steps is constant."""
         self._slots = [what for sort, what in self._entries if sort == "slot" and isinstance(what, int)]
         self._acted = [what for sort, what in self._entries if sort == "acted" and isinstance(what, int)]
         self._groups = [what for sort, what in self._entries if sort == "group" and isinstance(what, str)]
@@ -233,10 +234,10 @@ class Kernel:
         sinks: Sequence[Sink],
         pool: ThreadPool,
     ) -> bool:
-        """Evaluate the programs on those of the robots `where` for which `part` says `THERE`.
+        """Evaluate the programs on those of the robots `where` whose `part` is `THERE`.
 
-        when: see `moment`. sinks: for each program. Robots that have to be walked are `TROUBLED` then; gives whether
-        there are any.
+        when: see `moment`. sinks: one for each program. Robots that have to be walked become `TROUBLED`; returns
+        whether there are any.
         """
         start, stop = where.start, where.stop
         if when is None or state.count < self.lanes or not self._bind(state, part, sinks):
@@ -258,7 +259,7 @@ class Kernel:
         return any(pool.share(work, borders(stop - start, pool.threads, grain=GRAIN)))
 
     def _bind(self, state: FleetState, part: NDArray[np.uint8], sinks: Sequence[Sink]) -> bool:
-        """Let the table hold the addresses of the columns as they are now; False if one is not as it should be."""
+        """Fill the address table with the current columns; False if a column has an unexpected type."""
         now: list[object] = [state.own(slot) for slot in self._slots]
         now += [state.assigned(slot) for slot in self._acted]
         now += [state.groups.get(key) for key in self._groups]
@@ -283,7 +284,7 @@ class Kernel:
 def _array(
     state: FleetState, part: NDArray[np.uint8], sinks: Sequence[Sink], sort: str, what: int | str
 ) -> NDArray[np.generic] | None:
-    """A column of the table, None for a group that nobody is in."""
+    """A column of the table, None for a group without members."""
     if isinstance(what, str):
         found: dict[str, NDArray[np.generic] | None]
         found = {"part": part, "keys": state.keys, "draws": state.draws, "group": state.groups.get(what)}
@@ -297,7 +298,7 @@ def _array(
 
 
 def moment(state: FleetState, rows: Rows) -> tuple[float, float] | None:
-    """The tick and the time (s) of these robots, None if they are not of one moment."""
+    """The tick and the time (s) of these robots, None if they differ."""
     found = []
     for slot in (TICK, TIME_SLOT):
         values = state.read(slot, rows)
@@ -331,7 +332,7 @@ _ONE_AT_A_TIME = Lock()
 
 
 def _compiled(text: str) -> Callable[[int, int, int, int], int]:
-    """The function in a module's text, optimised for this processor; as it was kept, if it was."""
+    """The function in a module's text, optimised for this processor, or from the cache."""
     from llvmlite import binding
 
     with _ONE_AT_A_TIME:
@@ -357,13 +358,13 @@ def _compiled(text: str) -> Callable[[int, int, int, int], int]:
     function = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)(place)
 
     def call(start: int, stop: int, count: int, table: int) -> int:
-        return int(function(start, stop, count, table)) if engine else 0  # the engine owns the code, so it must live on
+        return int(function(start, stop, count, table)) if engine else 0  # the engine owns the code: keep it alive
 
     return call
 
 
 def _name(*depends: str) -> str:
-    """Under which name code is kept that depends on these, and on this module."""
+    """The cache key of code that depends on these texts, and on this module."""
     return sha256(b"\0".join([Path(__file__).read_bytes(), *(each.encode() for each in depends)])).hexdigest()
 
 

@@ -1,7 +1,7 @@
 """Formulas: the built-in functions of numbers as native code, with the results of `pure` to the last bit.
 
-Each takes known numbers; where one gives no finite number, or leaves a case to the walk, the result is not finite.
-What only the C library can say is asked lane by lane, for the lanes that come to it.
+Each takes known numbers; where the function has no finite value, or leaves a case to the walk, the result is not
+finite. Functions that need the C library are called lane by lane, for the lanes that reach them.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from sleepcast.language.parts import Part
 
 ORDERED = {"<": "olt", "<=": "ole", ">": "ogt", ">=": "oge", "=": "oeq", "EQ": "oeq"}
 TRUTHS = frozenset({*ORDERED, "/=", "NOT"})
-"""Functions that give a truth and never a fault."""
+"""Functions that return a truth and never a fault."""
 MOST_DIFFERENT = 8
-"""Arguments of /= at most: each is compared with each."""
+"""Arguments of /=, at most: each is compared with each."""
 
 Formula = Callable[[Assembly, Sequence[str], str], str]
-"""Takes the numbers and the lanes that come to it."""
+"""Takes the numbers and the lanes that reach it."""
 
 
 def is_known(part: Part) -> bool:
@@ -36,12 +36,12 @@ def is_known(part: Part) -> bool:
 
 
 def has_logarithm() -> bool:
-    """Whether there is native code for what needs a logarithm."""
+    """Whether there is native code for functions that need a logarithm."""
     return libm.address("log") is not None
 
 
 def holds(a: Assembly, name: str, numbers: Sequence[str]) -> str:
-    """Where a truth of known numbers holds."""
+    """Where a test of known numbers holds."""
     if name == "NOT":
         return a.compare("oeq", numbers[0], a.zero)
     if name == "/=":
@@ -61,7 +61,7 @@ def each(a: Assembly, name: str, numbers: Sequence[str], mask: str) -> str:
 
 
 def _each(a: Assembly, name: str, count: int) -> str:
-    """The text of such a function: a way for each lane, taken if its bit is set."""
+    """The text of such a function: one branch per lane, taken if its bit is set."""
     given = "".join(f"{a.real} %a{i}, " for i in range(count))
     lines = [f"define internal {a.real} @each_{name}({given}i{a.lanes} %mask) noinline {{", "entry:"]
     before, value = "entry", a.zero
@@ -178,7 +178,7 @@ def _distance(a: Assembly, n: Sequence[str], mask: str) -> str:
 
 
 def _mod(a: Assembly, n: Sequence[str], mask: str) -> str:
-    """The remainder with the sign of the divisor, as Python's `%`; that of a smaller number is the number itself."""
+    """The remainder with the sign of the divisor, as Python's `%`; for a smaller dividend it is the dividend itself."""
     number, divisor = n
     small = a.compare("olt", a.intrinsic("fabs", number), a.intrinsic("fabs", divisor))
     found = a.cell(a.real, number)
@@ -205,7 +205,7 @@ def _clamp(a: Assembly, n: Sequence[str], mask: str) -> str:
 
 
 def _whole(name: str, a: Assembly, n: Sequence[str], mask: str) -> str:
-    """Adding 0 makes a 0 of -0, see `pure`."""
+    """Adding 0 turns -0 into 0, see `pure`."""
     return a.binary("fadd", a.real, a.intrinsic(name, n[0]), a.zero)
 
 
@@ -246,6 +246,6 @@ _NEEDS = {
     "COS": "cos",
     "TAN": "tan",
 }
-"""The function of the C library that each needs, if it needs one."""
+"""The function of the C library that each needs."""
 COSTLY = frozenset({*_NEEDS, "BEARING", "ATAN2"})
-"""Functions that are jumped over where no lane comes to them."""
+"""Functions that are skipped if no lane reaches them."""

@@ -1,9 +1,9 @@
 """Kernels: which programs get native code, and when.
 
-The rules that robots of one mind run at every tick become one piece of code, in their order; so does a text that is
-evaluated again and again. Code is made in a thread of its own, if llvmlite is installed. Until it is there, and where
-a rule is not for native code at all, rules are walked - those that are new, while what was there before them keeps the
-code that it has. Which of the two has run makes no difference to anything but speed.
+The rules that robots with one mind run at every tick are compiled together, in their order; so is a text that is
+evaluated repeatedly. If llvmlite is installed, a background thread compiles. Until the code is ready, and for rules
+that native code does not support, rules are walked; only new rules are, while older ones keep their code. This makes
+no difference to anything but speed.
 """
 
 from __future__ import annotations
@@ -27,30 +27,28 @@ from sleepcast.language.parts import walk
 from sleepcast.language.program import MAX_STEPS, Program
 
 THREADS = 2
-"""Threads that share the work of one piece of native code, where nobody says which."""
+"""Default number of threads that share the work of one piece of native code."""
 HOT = 4
-"""Walks of the same programs before native code is made of them: a command is heard once, a rule stays."""
+"""Walks of the same programs before they are compiled: a command is evaluated once, a rule again and again."""
 MAX_KERNELS = 512
-"""Pieces of native code that are kept; when full, all are forgotten and made again as they are needed."""
+"""Pieces of native code in memory; when full, all are dropped and compiled again as needed."""
 MAX_PARTS = 1_500
 """Parts of one piece at most: the optimiser's time grows faster than the program."""
 
 Rule: TypeAlias = tuple[Program, frozenset[tuple[Name, Program | bool | None]]]
-"""A program and what the names in it mean."""
+"""A program and the meanings of the names in it."""
 
 
 class Leg(NamedTuple):
-    """Some rules of a sequence that are evaluated in one go: natively, or walked if there is no kernel."""
+    """Rules of a sequence that are evaluated together: by native code, or walked if there is no kernel."""
 
     rules: int
     kernel: Kernel | None
 
 
 class Plan:
-    """How the rules of a sequence are evaluated now. keys: of the rules; rounds: in which that was asked for.
-
-    steps: that the rules may use in a tick, at most.
-    """
+    """How the rules of a sequence are evaluated at present. keys: of the rules; rounds: number of rounds that asked for
+    it; steps: upper bound of the steps that the rules use in a tick."""
 
     def __init__(self, keys: tuple[str, ...], rules: tuple[Rule, ...]) -> None:
         self.keys, self.rules = keys, rules
@@ -61,7 +59,7 @@ class Plan:
         self.steps = sum(size.steps for size in self.sizes)
 
     def pieces(self) -> Iterator[tuple[Rule, ...]]:
-        """The rules that native code can be made of, as many at a time as make a piece."""
+        """The compilable rules, grouped into pieces."""
         piece: list[Rule] = []
         parts = 0
         for rule, size in zip(self.rules, self.sizes, strict=True):
@@ -79,8 +77,8 @@ class Plan:
 class Kernels:
     """The native code of a fleet's programs.
 
-    hot: see `HOT`; with 0 nothing is ever walked that could be native, because all wait for the code. pool: the threads
-    that share the work where there is much of it.
+    hot: see `HOT`; with 0 nothing that could be native is ever walked, because evaluation waits for the code. pool:
+    the threads that share large amounts of work.
     """
 
     def __init__(self, hot: int = HOT, pool: ThreadPool | None = None) -> None:
@@ -129,7 +127,7 @@ class Kernels:
         self._ready += 1
 
     def _legs(self, rules: tuple[Rule, ...]) -> Iterator[Leg]:
-        """From each place on the longest piece that there is code for; what lies between is walked."""
+        """From each position the longest piece with code; rules in between are walked."""
         ready = {piece: found for piece, found in self._rules.items() if found.done() and not found.exception()}
         lengths = sorted({len(piece) for piece in ready}, reverse=True)
         place = walked = 0
@@ -153,7 +151,7 @@ class Kernels:
         when: tuple[float, float] | None,
         sinks: Sequence[Sink],
     ) -> Rows:
-        """Let native code evaluate its programs on these robots at a `moment`; gives those that have to be walked."""
+        """Let native code evaluate its programs on these robots at a `moment`; returns those that have to be walked."""
         if len(self._part) != state.count:
             self._part = filled(0, np.uint8, state.count)
         part, index = self._part, rows.index
@@ -170,7 +168,7 @@ class Kernels:
     # ---- texts
 
     def run(self, memory: Evaluation, program: Program, rows: Rows) -> tuple[Column, Rows] | None:
-        """Evaluate a text natively, if it can be done; gives the values, and the robots that have to be walked."""
+        """Evaluate a text natively, if possible; returns the values, and the robots that have to be walked."""
         found = self._texts.get(program, 0)
         if isinstance(found, int):
             self._meet(program, found + 1, memory.state)
@@ -185,7 +183,7 @@ class Kernels:
         return values[rows.index], left
 
     def _meet(self, program: Program, times: int, state: FleetState) -> None:
-        """A text has been walked once more."""
+        """Count walks of a text, and request its compilation once it is hot."""
         if len(self._texts) >= MAX_KERNELS and program not in self._texts:
             self._texts.clear()
         if times < self._hot:
@@ -198,7 +196,7 @@ class Kernels:
             self._texts[program] = None
 
     def settle(self) -> None:
-        """Wait until all code that has been asked for is made."""
+        """Wait until all requested code is compiled."""
         for found in (*self._rules.values(), *self._texts.values()):
             if isinstance(found, Future):
                 found.result()
@@ -210,12 +208,12 @@ def available() -> bool:
 
 
 def lanes(state: FleetState) -> int:
-    """Robots that native code takes at once in this fleet."""
+    """Robots that native code processes at once in this fleet."""
     return LANES if state.count >= LANES else 1
 
 
 def translatable(program: Program) -> bool:
-    """Whether native code can be made of a text by itself: it names nothing that robots learn, and is short enough."""
+    """Whether a text can be compiled on its own: it uses no names that robots learn, and is short enough."""
     if any(name_of(part) is not None for part in walk(program.root)):
         return False
     size = Size(program, {})

@@ -1,7 +1,7 @@
-"""The C library's functions by their addresses, for native code: those that give the very numbers of Python's `math`.
+"""Addresses of C library functions for native code: those that give exactly the numbers of Python's `math`.
 
-Each is tried on some numbers before it is offered: where a platform's `math` goes another way than its C library,
-native code leaves that function to the walk.
+Each is tested on some numbers first: where a platform's `math` differs from its C library, native code leaves that
+function to the walk.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from functools import cache
 from random import Random
 
 TRIALS = 2_000
-"""Numbers that each function is tried on, of all sizes."""
+"""Numbers, of all magnitudes, that each function is tested on."""
 _FUNCTIONS: dict[str, tuple[Callable[..., float], int]] = {
     "sin": (math.sin, 1),
     "cos": (math.cos, 1),
@@ -29,13 +29,13 @@ NAMES = tuple(_FUNCTIONS)
 
 
 def symbol(name: str) -> str:
-    """What native code calls a function: not by its own name, of which the optimiser would draw conclusions."""
+    """The name of a function in native code: not its own, from which the optimiser would draw conclusions."""
     return f"sleepcast_{name}"
 
 
 @cache
 def address(name: str) -> int | None:
-    """Where the function begins that can be called in place of `math`'s; None if there is none."""
+    """The address of a function that can replace `math`'s; None if there is none."""
     function, count = _FUNCTIONS[name]
     try:
         native = ctypes.CFUNCTYPE(ctypes.c_double, *[ctypes.c_double] * count)((name, ctypes.CDLL(None)))
@@ -43,13 +43,13 @@ def address(name: str) -> int | None:
         OSError,
         TypeError,
         AttributeError,
-    ):  # there is no library of the process itself on this platform, or no such
+    ):  # this platform has no library of the process itself, or no such function in it
         return None
     return ctypes.cast(native, ctypes.c_void_p).value if _agree(function, native, count) else None
 
 
 def _agree(function: Callable[..., float], native: Callable[..., float], count: int) -> bool:
-    """Whether both give the same bits wherever there is a finite result."""
+    """Whether both give the same bits wherever the result is finite."""
     chance = Random(count)
     for _ in range(TRIALS):
         numbers = [

@@ -1,7 +1,7 @@
-"""Lowering: the parts of checked expressions become native code, as `machine` walks them, for all lanes at once.
+"""Lowering: checked expressions to native code, as `machine` walks them, for all lanes at once.
 
-A mask says which lanes come to a part. Whatever is out of the ordinary - a fault, an unknown for an actuator, anything
-that only a walk can do - is noted as trouble of its lanes; what else the code then does there is thrown away.
+A mask says which lanes reach a part. Anything exceptional - a fault, an unknown for an actuator, anything that only
+a walk can do - marks its lanes as trouble; whatever the code computes there afterwards is discarded.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.vocabulary import Variable, VariableKind
 
 LIGHT = 3
-"""Parts at most that are computed for nothing rather than jumped over."""
+"""Parts at most that are computed even if not needed, rather than skipped."""
 _FIRST, _SECOND = 0xBF58_476D_1CE4_E5B9, 0x94D0_49BB_1331_11EB
 
 
 class Addresses:
-    """Where the code finds what it works on: addresses of columns, one for each slot and so on, made as they are met.
+    """The addresses of columns that the code uses, created as needed.
 
-    read: gives the lanes of a column. `written` holds the cells of slots that the code assigns: their new values, and
-    in which lanes.
+    read: gives the lanes of a column. `written` holds the cells of slots that the code assigns: their new values,
+    and in which lanes.
     """
 
     def __init__(self, a: Assembly, read: Callable[[str, int | str, str], str]) -> None:
@@ -35,7 +35,7 @@ class Addresses:
         self.actuators: set[int] = set()
 
     def slot(self, slot: int) -> str:
-        """The value of a variable now."""
+        """The current value of a variable."""
         if slot in self.written:
             return self.a.get(self.written[slot][0], self.a.real)
         return self.read("slot", slot, self.a.real)
@@ -48,7 +48,7 @@ class Addresses:
 
 
 class Lowering:
-    """Writes the code of one program after the other. drawn: the cell of the draws of this tick."""
+    """Writes the code of one program after the other. drawn: the cell with the number of draws in this tick."""
 
     def __init__(self, a: Assembly, columns: Addresses, names: Meaning) -> None:
         self.a, self._columns, self._names = a, columns, names
@@ -59,7 +59,8 @@ class Lowering:
         self._depth = self._levels = 0
 
     def program(self, program: Program, mask: str) -> str:
-        """The values of a program; `matched` and, if it enters others, `steps` are then cells that say the rest."""
+        """The values of a program; afterwards the cells `matched` and, if it enters others, `steps` hold its other
+        results."""
         a = self.a
         self.matched = a.cell(a.truth, a.no)
         self.steps = a.cell(a.whole, a.integer("i32", program.cost)) if enters(program, self._names) else ""
@@ -75,7 +76,7 @@ class Lowering:
     # ---- values
 
     def value(self, part: Part, mask: str) -> str:
-        """The values of a part in the lanes of the mask, with all its effects."""
+        """The values of a part in the lanes of the mask, with all its side effects."""
         a = self.a
         if not is_native(part, self._names, self._depth, self._levels):
             return self._give_up(mask)
@@ -108,7 +109,7 @@ class Lowering:
                 return how(part, mask)
 
     def _guarded(self, parts: Sequence[Part], mask: str) -> str:
-        """One part after the other; jumped over where no lane comes to them, if that saves anything."""
+        """One part after the other; skipped where no lane reaches them, if that saves anything."""
         if sum(map(weight, parts)) <= LIGHT:
             return self._last(parts, mask)
         a = self.a
@@ -170,7 +171,7 @@ class Lowering:
         self._in_trouble(a.both(known, self._unknown(a.binary("fsub", a.real, found, found))), mask)
         return a.select(known, found, a.nan)
 
-    # ---- ways
+    # ---- branches
 
     def _and(self, part: Part, mask: str) -> str:
         a = self.a
@@ -263,7 +264,7 @@ class Lowering:
         return self._enter(part, mask)
 
     def _enter(self, part: Part, mask: str) -> str:
-        """A buffer, rule or operator, its code written here; an empty buffer is unknown."""
+        """A buffer, rule or operator, inlined; an empty buffer is unknown."""
         a, program = self.a, entered(part, self._names)
         if program is None:
             return a.nan
@@ -279,7 +280,7 @@ class Lowering:
         self._locals, self._depth, self._levels = kept, self._depth - 1, levels
         return value
 
-    # ---- chance
+    # ---- random numbers
 
     def _draw(self, mask: str) -> str:
         """The next number in [0, 1) of the lanes of the mask."""
@@ -347,7 +348,7 @@ class Lowering:
 
 
 def weight(part: Part) -> int:
-    """About how much a part costs, of the measure of `LIGHT`."""
+    """Approximate cost of a part, in the unit of `LIGHT`."""
     heavy = {"prob", "random", "gauss", "dice", "dotimes", "fetch", "call", "in"}
     found = 0
     for inside in walk(part):
@@ -362,5 +363,5 @@ def enters(program: Program, names: Meaning) -> bool:
 
 
 def _signed(word: int) -> int:
-    """A word of 64 bits as LLVM writes it."""
+    """A 64-bit word as LLVM writes it."""
     return word - (1 << 64) if word > MASK >> 1 else word

@@ -1,7 +1,7 @@
-"""Meanings: what the names in a program stand for on robots of one mind, so that native code can be made of it all.
+"""Meanings: what the names in a program stand for on robots with one mind, so that all of it can be compiled.
 
-A buffer, a rule or an operator is another program, found only when it is evaluated; native code has it inside, so it
-belongs to the robots on which those names mean the same.
+A buffer, a rule or an operator is another program, looked up only when it is evaluated; native code inlines it, so
+the code is valid for robots on which those names mean the same.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ _EVERYWHERE = frozenset(
 )
 _NATIVE = _EVERYWHERE | {"dotimes", "set_user", "set_local", "in", "prob", "dice", "random", "gauss", "pure"}
 _ONE_WAY = frozenset({"and", "or", "if", "cond", "clause", "dice"})
-"""Parts of which only the first is evaluated whatever it gives."""
+"""Parts of which only the first is always evaluated."""
 
 
 def meaning(programs: Sequence[Program], mind: Mind) -> dict[Name, Program | bool | None]:
-    """What every name in these programs, and in those that they reach, means in this mind."""
+    """The meaning in this mind of every name in these programs, and in those that they enter."""
     found: dict[Name, Program | bool | None] = {}
     waiting, seen = list(programs), set(programs)
     while waiting:
@@ -45,7 +45,7 @@ def meaning(programs: Sequence[Program], mind: Mind) -> dict[Name, Program | boo
 
 
 def name_of(part: Part) -> Name | None:
-    """The name whose meaning a part depends on, None if it depends on none."""
+    """The name whose meaning a part depends on, or None."""
     if part.op in ("fetch", "call"):
         return part.op, part.name
     if part.op == "defvar" or (part.op == "write" and not isinstance(part.data, Variable)):
@@ -64,7 +64,7 @@ def _meant(name: Name, mind: Mind) -> Program | bool | None:
 
 
 def entered(part: Part, names: Meaning) -> Program | None:
-    """The program that a part enters, None if it enters none."""
+    """The program that a part enters, or None."""
     name = name_of(part)
     found = None if name is None else names[name]
     if not isinstance(found, Program) or (part.op == "call" and found.parameters != len(part.parts)):
@@ -73,9 +73,9 @@ def entered(part: Part, names: Meaning) -> Program | None:
 
 
 def is_native(part: Part, names: Meaning, depth: int, levels: int) -> bool:
-    """Whether native code does what a part itself does; if not, robots that come to it are walked.
+    """Whether native code supports a part itself; if not, robots that reach it are walked.
 
-    depth, levels: programs entered inside one another, and parentheses open in them.
+    depth, levels: nesting of entered programs, and of parentheses in them.
     """
     if part.op in ("fetch", "call"):
         inside = entered(part, names)
@@ -92,9 +92,10 @@ def is_native(part: Part, names: Meaning, depth: int, levels: int) -> bool:
 
 
 class Size:
-    """How large a program is with everything that it enters. parts: of all; steps: at most, in one evaluation.
+    """The size of a program including everything that it enters. parts: of all; steps: largest number in one
+    evaluation.
 
-    hopeless: every evaluation comes to something that is not native.
+    hopeless: every evaluation reaches something that is not native.
     """
 
     def __init__(self, program: Program, names: Meaning) -> None:

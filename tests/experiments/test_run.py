@@ -339,3 +339,69 @@ class TestCommandLine:
         assert re.search(sentence, said), said
         assert "Traceback" not in said
         assert not list(tmp_path.iterdir()), "nothing is left behind"
+
+
+class TestCluster:
+    def test_the_workers_of_a_cluster_find_the_same(self, tmp_path: Path) -> None:
+        pytest.importorskip("distributed")
+        wanted = experiment(seeds=4)
+        sweep(wanted, tmp_path / "here")
+        (tmp_path / "experiment.toml").write_text(wanted.to_toml())
+        file = tmp_path / "scheduler.json"
+        dask = (sys.executable, "-W", "ignore", "-m", "dask")
+        scheduler = (
+            *dask,
+            "scheduler",
+            "--host",
+            "127.0.0.1",
+            "--port",
+            "0",
+            "--no-dashboard",
+            "--scheduler-file",
+            f"{file}",
+        )
+        worker = (*dask, "worker", "--scheduler-file", f"{file}", "--nthreads", "1", "--no-dashboard", "--no-nanny")
+        with (tmp_path / "log").open("wb") as log:
+            started = [
+                subprocess.Popen(command, cwd=tmp_path, stdout=log, stderr=log)
+                for command in (scheduler, worker, worker)
+            ]
+            try:
+                while not (file.exists() and file.stat().st_size):
+                    assert started[0].poll() is None, (tmp_path / "log").read_text()
+                    time.sleep(0.05)
+                address = json.loads(file.read_text())["address"]
+                command = (sys.executable, "-m", "sleepcast", "sweep", "experiment.toml", "--out", "there", "--quiet")
+                done = subprocess.run(
+                    [*command, "--cluster", address], cwd=tmp_path, capture_output=True, text=True, check=False
+                )
+            finally:
+                for process in started:
+                    process.kill()
+                    process.wait()
+        assert done.returncode == 0, done.stderr
+        assert "8 of 8 runs done" in done.stdout
+        here, there = (list(outcomes_in(tmp_path / name)) for name in ("here", "there"))
+        assert all(each.same_as(other) for each, other in zip(here, there, strict=True))
+
+    def test_a_cluster_that_does_not_answer_is_named(self, tmp_path: Path) -> None:
+        pytest.importorskip("distributed")
+        program = (
+            "import sys\n"
+            "from sleepcast.cli import main\n"
+            "from sleepcast.experiments import run\n"
+            "run.CONNECTING = 0.2\n"
+            "sys.exit(main(sys.argv[1:]))\n"
+        )
+        (tmp_path / "experiment.toml").write_text(experiment(seeds=1).to_toml())
+        command = ("sweep", "experiment.toml", "--out", "there", "--cluster", "tcp://127.0.0.1:9")
+        done = subprocess.run(
+            [sys.executable, "-W", "ignore", "-c", program, *command],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 2, done.stderr
+        assert "no dask scheduler answers at tcp://127.0.0.1:9" in done.stderr
+        assert "Traceback" not in done.stderr

@@ -35,6 +35,7 @@ SHOWN_ERRORS = 3
 @click.option("--no-mission", is_flag=True, help="Leave out the scenario's own commands.")
 @click.option("--out", metavar="RESULTS", type=click.Path(path_type=Path), help="Folder, or table beside its folder.")
 @click.option("--workers", metavar="N", type=click.IntRange(1, 1024), help="Processes (default: one per core).")
+@click.option("--cluster", metavar="ADDRESS", help="Instead: the workers of a dask cluster, as tcp://host:8786.")
 @click.option("--retry", is_flag=True, help="Do runs again that failed.")
 @click.option("--verify", is_flag=True, help="Do finished runs again, and compare.")
 @click.option("--runs", metavar="N", type=click.IntRange(min=1), help="With --verify: only the first N.")
@@ -58,7 +59,9 @@ def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_jso
 
     folder, table = _folder(what, out)
     sys.path.append(str(Path(what).parent if Path(what).suffix == ".toml" else Path.cwd()))  # for measures in Python
-    many = workers or cores()
+    if how["cluster"] and workers:
+        raise MisuseError("--workers are processes here, --cluster others elsewhere: choose one of them")
+    many = how["cluster"] or workers or cores()
     if verify:
         return _verify(folder, many, how["runs"], as_json=as_json, quiet=quiet)
     experiment = _experiment(what, folder, how)
@@ -92,7 +95,14 @@ def _experiment(what: str, folder: Path, how: dict[str, object]) -> Experiment:
 
 
 def _sweep(
-    experiment: Experiment, folder: Path, table: Path | None, workers: int, *, retry: bool, as_json: bool, quiet: bool
+    experiment: Experiment,
+    folder: Path,
+    table: Path | None,
+    workers: int | str,
+    *,
+    retry: bool,
+    as_json: bool,
+    quiet: bool,
 ) -> int:
     from sleepcast.api.progress import steps
     from sleepcast.experiments.results import Results, export, summary_of
@@ -126,7 +136,7 @@ def _sweep(
     return int(summary.failed > 0)
 
 
-def _verify(folder: Path, workers: int, most: int | None, *, as_json: bool, quiet: bool) -> int:
+def _verify(folder: Path, workers: int | str, most: int | None, *, as_json: bool, quiet: bool) -> int:
     from sleepcast.api.progress import steps
     from sleepcast.experiments.results import outcomes_in
     from sleepcast.experiments.run import verify

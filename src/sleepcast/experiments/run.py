@@ -12,10 +12,12 @@ import signal
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
+from itertools import islice
 from math import isnan
 from multiprocessing import connection, get_context
 from pathlib import Path
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 from sleepcast.api.assembly import assemble, warm_up
 from sleepcast.api.fleet import SimulatedFleet
@@ -25,14 +27,23 @@ from sleepcast.experiments.plan import Experiment, Run
 from sleepcast.experiments.results import Outcome, Results, experiment_in, outcomes_in
 from sleepcast.simulator.scenario.mission import Order
 
+if TYPE_CHECKING:
+    from distributed import Future
+
 LOOKS = 1.0
 """Simulated seconds between two looks at the stop condition where no samples are taken on the way."""
-GATHER = 64
-"""Finished runs written at once, if so many finish at the same time."""
+CONNECTING = 10.0
+"""Seconds in which a cluster answers."""
+AHEAD = 3
+"""Runs that a cluster is given for each of its threads, so that none waits for us."""
 ENDED = "the system ended its worker process: perhaps there was not enough memory"
 
 _warm: set[str] = set()
 """Scenarios for which everything is compiled in this process."""
+
+
+class ClusterError(MisuseError):
+    """A cluster that cannot be reached."""
 
 
 def do(experiment: Experiment, run: Run) -> Outcome:
@@ -81,22 +92,29 @@ def _done(experiment: Experiment, run: Run) -> tuple[tuple[tuple[float | None, .
         return tuple(samples or [taken()]), fleet.hash
 
 
-def run_all(experiment: Experiment, results: Results, runs: list[Run], workers: int) -> Generator[Outcome, None, None]:
-    """Do these runs, and write each one as it finishes; gives them in that order. Raises ResultsLostError."""
-    with Workers(experiment, min(workers, len(runs))) as pool:
+def run_all(
+    experiment: Experiment, results: Results, runs: list[Run], workers: int | str
+) -> Generator[Outcome, None, None]:
+    """Do these runs, and write each one as it finishes; gives them in that order. workers: so many processes here, or
+    the address of a dask cluster. Raises ResultsLostError, and ClusterError where there is no cluster."""
+    with _pool(experiment, workers, len(runs)) as pool:
         for finished in pool.map(runs):
             results.keep(finished)
             yield from finished
 
 
-def verify(folder: Path, workers: int, most: int | None = None) -> Generator[tuple[Outcome, bool], None, None]:
+def verify(folder: Path, workers: int | str, most: int | None = None) -> Generator[tuple[Outcome, bool], None, None]:
     """Do finished runs again, the first `most` of them; gives each, and whether it came out the same."""
     experiment = experiment_in(folder)
     before = {each.run.key: each for each in list(outcomes_in(folder))[:most]}
-    with Workers(experiment, min(workers, len(before))) as pool:
+    with _pool(experiment, workers, len(before)) as pool:
         for finished in pool.map([each.run for each in before.values()]):
             for again in finished:
                 yield again, again.same_as(before[again.run.key])
+
+
+def _pool(experiment: Experiment, workers: int | str, runs: int) -> Workers | Cluster:
+    return Cluster(experiment, workers) if isinstance(workers, str) else Workers(experiment, min(workers, runs))
 
 
 class Workers:
@@ -169,6 +187,47 @@ class _Worker:
         self._process.kill()
         self._process.join()
         self.pipe.close()
+
+
+class Cluster:
+    """The workers of a dask cluster, on any number of machines; leaving forgets what they still do. They need the same
+    sleepcast, and modules with measures of your own. Raises ClusterError."""
+
+    def __init__(self, experiment: Experiment, address: str) -> None:
+        try:
+            from distributed import Client
+        except ImportError as error:
+            raise ClusterError('a cluster needs dask: install it with pip install "sleepcast[cluster]"') from error
+        self._experiment = experiment
+        try:
+            self._client = Client(address, timeout=CONNECTING)
+        except (OSError, ValueError) as error:
+            raise ClusterError(f"no dask scheduler answers at {address}: {error}") from error
+
+    def __enter__(self) -> Cluster:
+        return self
+
+    def __exit__(self, *ended: object) -> None:
+        self._client.close()
+
+    def map(self, runs: Iterable[Run]) -> Iterator[list[Outcome]]:
+        """See `Workers.map`."""
+        from distributed import as_completed
+
+        left = iter(runs)
+        asked = {self._submit(run): run for run in islice(left, AHEAD * max(1, sum(self._client.nthreads().values())))}
+        finished = as_completed(list(asked))
+        for future in finished:
+            run = asked.pop(future)
+            error = future.exception()
+            yield [future.result() if error is None else Outcome(run, error=f"{ENDED} ({type(error).__name__})")]
+            if (following := next(left, None)) is not None:
+                asked[added := self._submit(following)] = following
+                finished.add(added)
+
+    def _submit(self, run: Run) -> Future[Outcome]:
+        found: Future[Outcome] = self._client.submit(do, self._experiment, run, pure=False)
+        return found
 
 
 def _serve(pipe: connection.Connection, experiment: Experiment) -> None:

@@ -1,1 +1,1 @@
-"""The node: one robot's mind. It knows no socket, no array and no page."""
+"""The node: one robot's mind, without sockets, arrays or pages."""

@@ -1,9 +1,9 @@
-"""Declarations: what a host says of the variables and functions that it links.
+"""Declarations: how a host describes the variables and functions that it links.
 
-`sensor` and `actuator` describe a variable. Over a getter of a robot's class they mark it for linking; as the values of
-the table given to `link_struct` and `link_mapping` they describe a field or an entry. `function` and `command` mark a
-method that expressions may call. Everything is said in the host's own units; the numbers are converted to SI and
-back where they pass between the host and the robot's mind, and nowhere else.
+`sensor` and `actuator` describe a variable: as decorators of a getter they mark it for linking; in the table given
+to `link_struct` and `link_mapping` they describe a field or an entry. `function` and `command` mark a method that
+expressions may call. Declarations use the host's own units; numbers are converted to and from SI where they pass
+between the host and the robot's mind, and nowhere else.
 
     class Scout:
         @property
@@ -26,7 +26,7 @@ from sleepcast.language.functions import MANY
 from sleepcast.node.host_memory import LinkError, as_number
 
 MARK = "__sleepcast__"
-"""The attribute of a getter or method that keeps its declaration."""
+"""The attribute of a getter or method that holds its declaration."""
 
 Member = TypeVar("Member", bound=Callable[..., Any] | property)
 Method = TypeVar("Method", bound=Callable[..., Any])
@@ -34,7 +34,7 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 @dataclass(frozen=True, slots=True)
 class Declaration:
-    """One linked variable, as `sensor` or `actuator` made it; calling it marks a getter or property."""
+    """One linked variable, as returned by `sensor` or `actuator`; calling it marks a getter or property."""
 
     acts: bool
     unit: str
@@ -55,7 +55,7 @@ class Declaration:
         return member
 
     def quantity(self, name: str, doc: str = "") -> Quantity:
-        """The variable as the vocabulary knows it, its range in SI."""
+        """The variable in the vocabulary's form, its range in SI."""
         low, high = si(self.low, self.unit), si(self.high, self.unit)
         return Quantity(name, self.unit, low, high, self.freshness, self.doc or doc)
 
@@ -74,10 +74,10 @@ def sensor(
     """A variable that the host measures and expressions read.
 
     unit: of the host's number, a key of `units.UNITS`, "" for a plain number. low, high: its range, in that unit.
-    freshness: seconds after which a measurement counts as unknown; the host says when it measured, through the
-    attribute, field or key `measured_at` (seconds, by the clock that the robot thinks by) or through
-    `VariableTable.measured`. field: the attribute, field path or key, where it is not called as the variable is.
-    name: of the variable, where the getter is called otherwise. Raises LinkError for what cannot be.
+    freshness: seconds after which a measurement counts as unknown; the host gives the time of measurement through
+    the attribute, field or key `measured_at` (seconds, by the robot's clock) or through `VariableTable.measured`.
+    field: the attribute, field path or key, if it differs from the variable's name. name: of the variable, if it
+    differs from the getter's. Raises LinkError for invalid values.
     """
     return _checked(Declaration(False, unit, low, high, freshness, measured_at, None, field, name, doc))
 
@@ -92,10 +92,10 @@ def actuator(
     name: str = "",
     doc: str = "",
 ) -> Declaration:
-    """A variable that expressions set, for the host to act on; the words are those of `sensor`.
+    """A variable that expressions set, for the host to act on; the parameters are those of `sensor`.
 
-    What is set is first brought within low..high: the last check before the host's own. rest: what it is set to when
-    the robot is stopped; None is 0 for what moves (a speed, a rate, an acceleration) and leaves all else alone.
+    Values are first clamped to low..high: the last check before the host's own. rest: the value set when the robot
+    is stopped; None means 0 for motion (a speed, a rate, an acceleration) and no change for everything else.
     """
     _check_unit(unit)
     if rest is None and unit and UNITS[unit].dimension.time < 0:
@@ -123,7 +123,7 @@ def _check_unit(unit: str) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """One linked method, as `function` or `command` made it; units None: nothing was said of them."""
+    """One linked method, as returned by `function` or `command`; units None: not declared."""
 
     acts: bool
     units: tuple[str | None, ...] | None
@@ -139,7 +139,7 @@ class Operation:
         return method
 
     def host_function(self, kind: type, attribute: str) -> HostFunction:
-        """The function as the vocabulary knows it; it calls the method `attribute` of whatever body it is given."""
+        """The function in the vocabulary's form; it calls the method `attribute` of any body it is given."""
         label, method = f"{kind.__name__}.{attribute}", getattr(kind, attribute)
         names, least = _parameters(method, label)
         numbers = len(names) - self.labelled
@@ -162,7 +162,7 @@ class Operation:
 
 
 def declared_in(kind: type) -> dict[str, Declaration | Operation]:
-    """What a class declares, by attribute, base classes first; what overrides an attribute keeps its declaration."""
+    """The declarations of a class, by attribute, base classes first; an overridden attribute keeps its declaration."""
     found: dict[str, Declaration | Operation] = {}
     for base in reversed(kind.__mro__):
         for name, member in vars(base).items():
@@ -189,8 +189,9 @@ def function(
 ) -> Method | Operation:
     """A method that computes a number and changes nothing.
 
-    units: one for each argument, as for `sensor`, None where any number will do. result: the unit of what it
-    returns: a number, or None, which counts as 1. name: by which expressions call it, where that is not the method's.
+    units: one for each argument, as for `sensor`, None where any number is accepted. result: the unit of the
+    returned number; a method may also return None, which counts as 1. name: the name in expressions, if it differs
+    from the method's.
     """
     made = _operation(Operation(False, None if units is None else tuple(units), result, False, name, doc))
     return made if method is None else made(method)
@@ -217,9 +218,9 @@ def command(
     name: str = "",
     doc: str = "",
 ) -> Method | Operation:
-    """A method that does something to the world: like `function`, but an unknown argument never reaches it.
+    """A method that acts on the world: like `function`, but it is never called with an unknown argument.
 
-    labelled: its first argument is not a number but a text in quotes, of which `units` says nothing.
+    labelled: its first argument is a text in quotes instead of a number; `units` does not include it.
     """
     made = _operation(Operation(True, None if units is None else tuple(units), result, labelled, name, doc))
     return made if method is None else made(method)
@@ -236,7 +237,7 @@ def _dimension(unit: str | None) -> Dimension | None:
 
 
 def _parameters(method: Callable[..., object], label: str) -> tuple[list[str], int]:
-    """Names of a method's parameters, and how many of them must be given."""
+    """Names of a method's parameters, and how many of them are required."""
     from inspect import Parameter, signature  # slow to load, and only linking needs it
 
     _, *parameters = signature(method).parameters.values()
@@ -270,12 +271,12 @@ def _caller(
 
 
 def si(number: float, unit: str) -> float:
-    """A number of the host's `unit` in SI."""
+    """Convert a number in the host's `unit` to SI."""
     return to_si(number, unit) if unit else number
 
 
 def from_si(number: float, unit: str) -> float:
-    """A number in SI as the host's `unit`."""
+    """Convert a number in SI to the host's `unit`."""
     return number / UNITS[unit].factor if unit else number
 
 

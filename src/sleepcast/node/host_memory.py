@@ -1,10 +1,11 @@
-"""Host memory: where one number lies in a host program's own memory, and which numbers fit there.
+"""Host memory: where a number is stored in a host program's own memory, and which numbers fit there.
 
-A `HostNumber` reads and writes the very number that the host program uses; nothing is copied. It is in an object (an
-attribute, property or getter), in a mapping, in a ctypes structure or in a numpy record. A place is looked up once,
-when it is linked, so whatever cannot hold a number is refused then; a number that does not fit is refused when it is
-written. In structures and records a path names the field: `velocity`, `pose.x`, `sonar[3]`. Neither ctypes nor numpy is
-imported here: a host that has a structure or a record has imported them already."""
+A `HostNumber` reads and writes the host program's own number; nothing is copied. It may be in an object (an
+attribute, property or getter), in a mapping, in a ctypes structure or in a numpy record. Its location is looked up
+once, when it is linked, so anything that cannot hold a number is refused then; a number that does not fit is refused
+when it is written. In structures and records a path names the field: `velocity`, `pose.x`, `sonar[3]`. Neither
+ctypes nor numpy is imported here: a host that has a structure or a record has imported them already.
+"""
 
 from __future__ import annotations
 
@@ -28,11 +29,11 @@ if TYPE_CHECKING:
 
 
 class LinkError(MisuseError):
-    """A variable or function that cannot be linked, or a number that the host's memory cannot give or take."""
+    """A variable or function that cannot be linked, or a number that the host's memory cannot provide or accept."""
 
 
 class Field(NamedTuple):
-    """The numbers that a field holds. sort: "float", "int" or "bool"; least, most: its bounds, both included."""
+    """The numbers that a field holds. sort: "float", "int" or "bool"; least, most: its bounds, inclusive."""
 
     typename: str
     sort: str = "float"
@@ -40,7 +41,7 @@ class Field(NamedTuple):
     most: float = sys.float_info.max
 
     def fit(self, value: float, label: str) -> float | int | bool:
-        """A finite `value` as this field holds it: rounded (a half to the even integer) or made a truth.
+        """A finite `value` as this field stores it: rounded (half to even) or converted to a boolean.
 
         Raises LinkError if it lies outside the field's bounds.
         """
@@ -59,9 +60,9 @@ ANY_NUMBER = Field("float")
 
 
 class HostNumber(NamedTuple):
-    """One number of the host. label: as people know it (`Scout.velocity`).
+    """One number of the host. label: its name for people (`Scout.velocity`).
 
-    store: None where it can only be read; `fixed` then says why, and what could be done about it.
+    store: None if it is read-only; `fixed` then says why, and what to do about it.
     """
 
     label: str
@@ -72,9 +73,10 @@ class HostNumber(NamedTuple):
 
 
 def as_number(found: object, label: str) -> float:
-    """What a host gave as a float: numbers and truths of any kind; None and whatever is not finite are unknown (NaN).
+    """Convert a host's value to float: numbers and booleans of any kind; None and anything not finite are unknown
+    (NaN).
 
-    Raises LinkError for what is no number at all, a text of digits included.
+    Raises LinkError for anything that is not a number, including a text of digits.
     """
     if found is None:
         return math.nan
@@ -90,7 +92,7 @@ def as_number(found: object, label: str) -> float:
 
 
 def attribute(host: object, name: str) -> HostNumber:
-    """An attribute, property or getter of an object; a property without a setter and a getter can only be read."""
+    """An attribute, property or getter of an object; a getter, or a property without a setter, is read-only."""
     kind = type(host)
     label = f"{kind.__name__}.{name}"
     member = getattr(kind, name, None)
@@ -105,9 +107,9 @@ def attribute(host: object, name: str) -> HostNumber:
 
 
 def entry(host: Mapping[str, object], key: str) -> HostNumber:
-    """An entry of a mapping. It must be there (None if it has no value yet); one that goes away later is unknown.
+    """An entry of a mapping. It must exist (None if it has no value yet); if it is removed later, it is unknown.
 
-    A mapping has no types of its own: what is stored is a float.
+    A mapping has no declared types: values are stored as floats.
     """
     kind = type(host).__name__
     if key not in host:
@@ -122,17 +124,17 @@ def entry(host: Mapping[str, object], key: str) -> HostNumber:
     return HostNumber(whole, fetch, partial(setitem, host, key))
 
 
-# Records: places in memory that is laid out by a type, a ctypes structure or a numpy record.
+# Records: memory laid out by a type, in a ctypes structure or a numpy record.
 
 PATH_STEP = re.compile(r"\.?([^\W\d]\w*)|\[(\d+)\]")
 
-# Simple ctypes types by their letters, which are those of the module `struct`.
+# Simple ctypes types by their codes, which are those of the module `struct`.
 SIGNED, UNSIGNED = frozenset("bhilq"), frozenset("BHILQ")
 MOST_FLOAT = {"f": float.fromhex("0x1.fffffep127"), "d": ANY_NUMBER.most, "g": ANY_NUMBER.most}
 
 
 def field(host: object, path: str) -> HostNumber:
-    """The place of a field in a ctypes structure or union, or in a numpy record (one row of a structured array)."""
+    """A field in a ctypes structure or union, or in a numpy record (one row of a structured array)."""
     steps = _steps(path, type(host).__name__)
     if "ctypes" in sys.modules:
         import ctypes
@@ -159,7 +161,8 @@ def _steps(path: str, host: str) -> list[str | int]:
 
 
 def _in_structure(host: Structure, steps: list[str | int]) -> HostNumber:
-    """Walk the declared types beside the memory: ctypes gives plain Python numbers, which do not say what fits."""
+    """Follow the declared types along with the memory: ctypes returns plain Python numbers, which do not say what
+    fits."""
     label, bits = type(host).__name__, None
     owner: Any = host
     kind: Any = type(host)
@@ -185,7 +188,8 @@ def _inside(owner: Any, step: str | int) -> Any:
 
 
 def _fields_of(kind: type) -> dict[str, tuple[Any, int | None]]:
-    """Type and width in bits (None: all of its type) of each field, those of base classes and anonymous parts too."""
+    """Type and width in bits (None: the type's own) of each field, including those of base classes and anonymous
+    parts."""
     found: dict[str, tuple[Any, int | None]] = {}
     for base in reversed(kind.__mro__):
         anonymous = vars(base).get("_anonymous_", ())

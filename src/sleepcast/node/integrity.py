@@ -1,13 +1,15 @@
-"""Whether a store is whole, and the latest one: a robot whose STOP may have been forgotten stands until RELEASE.
+"""Integrity of a store: whether it is undamaged and the latest one. A robot that may have lost a STOP stays stopped
+until RELEASE.
 
-    seal      a row in the store, renewed by every transaction: which store it is, how many transactions it has seen,
-              and a sum over all rows of all tables. A bit that is not as it was written gives another sum
-    marker    a small file beside the store that says which store it was, and how far it had come. An old copy of a
-              store is whole, but behind its marker; a store that is gone has left its marker behind
+seal      a row in the store, renewed by every transaction: the store's identity, its number of transactions, and a
+          checksum over all rows of all tables. Any changed bit changes the checksum
+marker    a small file beside the store with the store's identity and progress. An old copy of a store is undamaged,
+          but behind its marker; a store that is lost has left its marker behind
 
-But for a newborn one, the store is always written first, so a kill at any moment leaves it level with its marker or
-ahead of it. The marker follows at each start, at each STOP and RELEASE, and else now and then. Who cannot write a STOP
-down takes the marker away, for which a full disk has room. Only a robot without store and marker is new.
+Except for a new one, the store is always written first, so after a kill at any moment it is level with its marker or
+ahead of it. The marker is updated at each start, at each STOP and RELEASE, and from time to time. If a STOP cannot
+be written, the marker is removed, which works even on a full disk. Only a robot without store and marker counts as
+new.
 """
 
 from __future__ import annotations
@@ -25,27 +27,28 @@ import msgspec
 from sleepcast.core.files import replace_file
 
 SUM_BYTES = 8
-"""Bytes of the sum of a row: damage that leaves it as it was comes about once in 10^19 times."""
+"""Bytes of a row's checksum: damage goes undetected about once in 10^19 cases."""
 MAX_MARKER = 4_096
-"""Bytes of a marker that are read; it has less than two hundred."""
+"""Bytes read of a marker; real ones have fewer than two hundred."""
 ID_BYTES = 8
 NEWBORN = 1
-"""The generation of a store that was made and never used: no marker is missed yet."""
+"""The generation of a store that was created but never used: it needs no marker yet."""
 
 Value = int | float | str | bytes | None
 
 
 class DamageError(Exception):
-    """A store or marker that is not as it was written, and how."""
+    """A store or marker is damaged; the text says how."""
 
 
 def row_sum(*row: Value) -> int:
-    """Of a row, its table first. Sums of rows are united by exclusive or, so the order does not matter."""
+    """Checksum of a row, beginning with its table's name. Checksums are combined by exclusive or, so their order does
+    not matter."""
     return int.from_bytes(blake2b(msgspec.msgpack.encode(row), digest_size=SUM_BYTES).digest(), "big")
 
 
 def sum_of(connection: sqlite3.Connection, tables: Sequence[str]) -> int:
-    """Of all rows of these tables."""
+    """Combined checksum of all rows of these tables."""
     found = 0
     for table in tables:
         for row in connection.execute(f"SELECT * FROM {table}"):
@@ -55,8 +58,8 @@ def sum_of(connection: sqlite3.Connection, tables: Sequence[str]) -> int:
 
 @dataclass(slots=True)
 class Seal:
-    """See the module. doubt: why a robot of which this store knows nothing yet stands all the same: what it was told
-    before may be lost. rows: the sum of all rows."""
+    """See the module. doubt: why robots that are not in this store yet start stopped: an earlier STOP may be lost.
+    rows: the checksum of all rows."""
 
     store: str = field(default_factory=lambda: token_hex(ID_BYTES))
     generation: int = 0
@@ -68,7 +71,7 @@ class Seal:
 
     @classmethod
     def read(cls, connection: sqlite3.Connection, tables: Sequence[str]) -> Seal:
-        """That of a store whose tables are as they were written. Raises DamageError."""
+        """The seal of a store whose tables are undamaged. Raises DamageError."""
         rows = sum_of(connection, tables)
         try:
             ((store, generation, doubt, own_sum),) = connection.execute(
@@ -82,9 +85,9 @@ class Seal:
         return found
 
     def watch(self, connection: sqlite3.Connection, tables: Sequence[str]) -> None:
-        """Take notice of every row of these tables that this connection writes or removes."""
+        """Track every row of these tables that this connection writes or removes."""
         connection.create_function("toggle", -1, self._toggle)
-        connection.execute("PRAGMA recursive_triggers = ON")  # else REPLACE removes rows without a word
+        connection.execute("PRAGMA recursive_triggers = ON")  # otherwise REPLACE removes rows without firing triggers
         for table in tables:
             columns = [row[1] for row in connection.execute(f"PRAGMA table_info({table})")]
             gone, come = (
@@ -100,14 +103,14 @@ class Seal:
         self.rows ^= row_sum(*row)
 
     def write(self, to: sqlite3.Connection) -> None:
-        """The last thing in every transaction."""
+        """Write the seal, as the last step of every transaction."""
         self.generation += 1
         to.execute("DELETE FROM seal")
         to.execute("INSERT INTO seal VALUES (?, ?, ?, ?)", (self.store, self.generation, self.doubt, self._own_sum()))
 
 
 class StoreMark(msgspec.Struct, frozen=True):
-    """What a marker says: format, store and generation as the store had them, and a sum over these."""
+    """The contents of a marker: the store's format, identity and generation, and a checksum over them."""
 
     format: int
     store: str
@@ -125,7 +128,7 @@ class Marker:
         self.file, self._version = store.with_name(f"{store.name}.marker"), version
 
     def read(self) -> StoreMark | None:
-        """What it says; None if there is none. Raises DamageError for one that cannot be read."""
+        """The contents; None if there is no marker. Raises DamageError if it cannot be read."""
         try:
             with self.file.open("rb") as opened:
                 found = msgspec.json.decode(opened.read(MAX_MARKER), type=StoreMark)
@@ -138,19 +141,19 @@ class Marker:
         return found
 
     def write(self, seal: Seal) -> None:
-        """The store has come so far. Raises OSError."""
+        """Record the store's progress. Raises OSError."""
         mark = StoreMark(self._version, seal.store, seal.generation, 0)
         replace_file(self.file, msgspec.json.encode(msgspec.structs.replace(mark, sum=mark.own_sum())), private=True)
 
     def withdraw(self) -> None:
-        """Let the next start be in doubt. Raises OSError."""
+        """Remove the marker, so that the next start is in doubt. Raises OSError."""
         with suppress(FileNotFoundError, NotADirectoryError):
             self.file.unlink()
 
 
 def doubt_about(seal: Seal | None, mark: StoreMark | None) -> str:
-    """What is wrong with a store that is whole, but may not be the latest of its robots; "" if it is. seal: None in one
-    of an older format."""
+    """Why an undamaged store may not be the latest of its robots; "" if it is. seal: None for a store of an older
+    format."""
     if seal is None:
         return "is of an older format"
     if mark is None:

@@ -1,8 +1,8 @@
-"""Linking: which names a robot has, where their values lie, and how old they may be.
+"""Linking: which names a robot has, where their values are stored, and how old they may be.
 
 A host program links its own variables and functions by name, so that `velocity` in an expression *is* `velocity` in
-the host's memory: it is read when an expression asks and written when one assigns, with no copy in between. Three
-sorts of host can be linked, and mixed, into one table:
+the host's memory: it is read when an expression reads it and written when one assigns it, without a copy. Three
+kinds of hosts can be linked, also mixed in one table:
 
     table = VariableTable("scout")
     table.link(robot)                                         # an object whose class says @sensor, @actuator, @command
@@ -10,12 +10,12 @@ sorts of host can be linked, and mixed, into one table:
     table.link_mapping(state, {"fuel": sensor(unit="%")})     # a dictionary
     node = Node("scout-1", table.vocabulary, body=table.body, variables=table)
 
-`vocabulary` closes the table: nothing more is linked afterwards. Robots of one type share one vocabulary, hence one
+`vocabulary` closes the table: nothing can be linked afterwards. Robots of one type share one vocabulary, and so one
 set of compiled programs: `VariableTable(like=table.vocabulary).link(another_robot)`.
 
-Sensors that nobody linked lie in the robot's own list of values; `sense` puts the readings there. A measurement older
-than its variable's freshness limit reads as unknown (NaN): for values in the list `refresh` sees to it once a tick, a
-linked variable is looked at when it is read.
+Sensors that are not linked are stored in the robot's own list of values, which `sense` fills from readings. A
+measurement older than its variable's freshness limit reads as unknown (NaN): `refresh` checks values in the list
+once a tick, a linked variable is checked whenever it is read.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ __all__ = ["LinkError", "VariableTable", "actuator", "command", "function", "sen
 
 
 class VariableSlot(NamedTuple):
-    """A variable and its place. measured: where the host keeps the time of its last measurement, if it does.
+    """A variable and its location. measured: where the host stores the time of its last measurement, if it does.
 
-    rest: what STOP sets an actuator to, in SI; None leaves it.
+    rest: the value to which STOP sets an actuator, in SI; None leaves it unchanged.
     """
 
     quantity: Quantity
@@ -62,9 +62,9 @@ class VariableSlot(NamedTuple):
 class VariableTable:
     """The variables and functions of one robot; see the module.
 
-    name, sensors, actuators, constants, functions: what the vocabulary holds besides what is linked. like: the
-    vocabulary of another robot of this type, to be shared; then everything comes from there, and just what it says is
-    linked must be linked. body: the linked object, which its functions are called on; None if no object is linked.
+    name, sensors, actuators, constants, functions: contents of the vocabulary besides what is linked. like: the
+    vocabulary of another robot of this type, to be shared; then everything comes from there, and exactly its linked
+    names must be linked. body: the linked object, on which its functions are called; None if no object is linked.
     """
 
     def __init__(
@@ -92,11 +92,11 @@ class VariableTable:
         """Time of the last measurement, by slot, of variables with a freshness limit."""
         self._first = 0
         self._sensed: list[tuple[int, int]] = []
-        """Index among the readings and slot of each sensor whose value lies in the list."""
+        """For each sensor in the list of values, its index among the readings and its slot."""
         self._aging: list[tuple[int, float]] = []
-        """Slot and freshness limit of those that have one."""
+        """Slot and freshness limit of each variable in the list that has one."""
         self._plain = False
-        """Whether all sensors lie in the list and none has a limit, so that readings can be copied at once."""
+        """Whether all sensors are in the list and none has a limit, so that readings can be copied as a block."""
 
     # ---- linking
 
@@ -125,11 +125,12 @@ class VariableTable:
         return self
 
     def link_struct(self, struct: object, links: Mapping[str, Declaration]) -> Self:
-        """Link fields of a ctypes structure or a numpy record: variable name to what `sensor` or `actuator` made.
+        """Link fields of a ctypes structure or a numpy record: variable names to declarations by `sensor` or
+        `actuator`.
 
-        A field of another name, or further inside, is named by a path: `sensor(field="pose.x")`. Raises LinkError.
+        A path names a field with another name, or a nested one: `sensor(field="pose.x")`. Raises LinkError.
         """
-        from sleepcast.node.host_memory import field  # only a program that has a structure needs it
+        from sleepcast.node.host_memory import field  # only programs with structures need it
 
         self._open()
         for name, found in links.items():
@@ -160,7 +161,7 @@ class VariableTable:
         rest = None if found.rest is None else si(found.rest, found.unit)
         self._links.append(VariableSlot(found.quantity(name, doc), found.acts, place, measured, rest))
 
-    # ---- what the robot's mind uses
+    # ---- used by the robot's mind
 
     @property
     def vocabulary(self) -> Vocabulary:
@@ -178,30 +179,31 @@ class VariableTable:
 
     @property
     def linked_slots(self) -> frozenset[int]:
-        """The slots whose values lie in the host's memory; their places in the list of values are not used."""
+        """The slots whose values are in the host's memory; their entries in the list of values are unused."""
         return frozenset(self._readers)
 
     def read(self, slot: int) -> float:
-        """A linked variable in SI, NaN where it is unknown: None, not finite, or older than its freshness limit.
+        """A linked variable in SI, NaN if unknown: None, not finite, or older than its freshness limit.
 
-        Raises LinkError, to be noted as a fault, if the host gives no number or fails; KeyError if nothing is linked.
+        Raises LinkError, to be recorded as a fault, if the host gives no number or fails; KeyError if nothing is
+        linked.
         """
         return self._readers[slot]()
 
     def write(self, slot: int, value: float) -> None:
-        """Set a linked actuator to a value in SI, brought within its declared range and converted to its field's type.
+        """Set a linked actuator to a value in SI, clamped to its declared range and converted to its field's type.
 
-        Raises LinkError, to be noted as a fault, if it is not finite, does not fit, the host refuses it or the robot
-        is stopped; KeyError if nothing that can be set is linked.
+        Raises LinkError, to be recorded as a fault, if the value is not finite or does not fit, the host refuses it,
+        or the robot is stopped; KeyError if no settable variable is linked.
         """
         if self.stopped:
             raise LinkError("nothing linked is set while the robot is stopped")
         self._writers[slot](value)
 
     def stop(self) -> None:
-        """Set linked actuators to rest, those that have one, and keep everything as it is then until `release`.
+        """Set linked actuators to their rest values, where they have one, and refuse changes until `release`.
 
-        All are tried before LinkError is raised for those that the host refuses.
+        LinkError for those that the host refuses is raised after all have been tried.
         """
         self.stopped = True
         refused = []
@@ -214,11 +216,11 @@ class VariableTable:
             raise LinkError("not everything came to rest: " + "; ".join(refused))
 
     def release(self) -> None:
-        """End `stop`. What is linked stays as it is until it is set anew."""
+        """End `stop`. Linked variables keep their values until they are set again."""
         self.stopped = False
 
     def measured(self, now: float, *names: str) -> None:
-        """Say that these variables (none named: all with a freshness limit) have been measured at `now`, in s."""
+        """Record that these variables (none named: all with a freshness limit) were measured at `now`, in s."""
         bindings = self.vocabulary.bindings
         for name in names:
             binding = bindings.get(name.casefold())
@@ -230,9 +232,11 @@ class VariableTable:
             self._measured.update(dict.fromkeys(self._measured, now))
 
     def sense(self, values: list[float], readings: Sequence[float], now: float) -> None:
-        """Put readings (SI, in the order of `vocabulary.sensors`, none at all if all are linked) where they belong.
+        """Store readings (SI, in the order of `vocabulary.sensors`; empty if all sensors are linked) in the list of
+        values.
 
-        What is not finite was not measured, so the last measurement stands; linked sensors are left alone.
+        Values that are not finite count as not measured, so the last measurement remains; linked sensors are not
+        touched.
         """
         if not readings:
             return
@@ -249,7 +253,7 @@ class VariableTable:
                     self._measured[slot] = now
 
     def refresh(self, values: list[float], now: float) -> None:
-        """Tell the time in s, once a tick: values in the list that are older than their limit become unknown."""
+        """Set the time in s, once a tick: values in the list that are older than their limit become unknown."""
         self._now = now
         for slot, limit in self._aging:
             if not now - self._measured[slot] <= limit:
@@ -281,7 +285,7 @@ class VariableTable:
                 raise LinkError(f"{self._name} has a function {found.name}, which the vocabulary it shares does not")
 
     def _bind(self, vocabulary: Vocabulary) -> None:
-        """Turn names into slots: afterwards no name is looked up."""
+        """Resolve names to slots: afterwards no name is looked up."""
         for link in self._links:
             variable = vocabulary.bindings[link.quantity.name.casefold()]
             if not isinstance(variable, Variable):
@@ -321,7 +325,7 @@ def _reader(place: HostNumber, unit: str) -> Callable[[], float]:
     def read() -> float:
         try:
             found = fetch()
-        except Exception as error:  # whatever the host's own code raises must not end the robot's mind
+        except Exception as error:  # no exception of the host's own code may end the robot's mind
             raise LinkError(f"{label} cannot be read: {type(error).__name__}: {error}") from error
         number = found if type(found) is float else as_number(found, label)
         if unit:
@@ -343,7 +347,7 @@ def _writer(link: VariableSlot) -> Callable[[float], None]:
         fitted = place.field.fit(from_si(min(max(value, low), high), unit), label)
         try:
             store(fitted)
-        except Exception as error:  # as above
+        except Exception as error:  # see above
             raise LinkError(f"{label} cannot be set to {fitted:g}: {type(error).__name__}: {error}") from error
 
     return write

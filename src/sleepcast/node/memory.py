@@ -1,7 +1,7 @@
-"""The memory of one robot: its address spaces of numbers, expressions and functions, as the language's machine sees it.
+"""The memory of one robot: its variables, expressions and functions, as the language's machine uses them.
 
-While a message is evaluated, everything that the memory answers is written down, so that the evaluation can be
-explained later by walking it again. A refusal is a fault: noted, unknown as a value, and nothing is changed.
+While a message is evaluated, everything that the memory answers is recorded, so that the evaluation can be explained
+later by repeating it. A refused act is recorded as a fault, gives unknown, and changes nothing.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Voice:
 
 
 class RobotMemory:
-    """See the module. values: the numbers by slot, NaN unknown. It is a `Memory`."""
+    """See the module. values: the variables by slot, NaN if unknown. Implements `Memory`."""
 
     def __init__(self, variables: VariableTable, voice: Voice, *, number: int, seed: int, body: object) -> None:
         self.variables, self.vocabulary = variables, variables.vocabulary
@@ -84,36 +84,37 @@ class RobotMemory:
         self.answers: list[Answer] | None = None
         self.tick, self.time = 0, 0.0
         self.actuated: set[int] = set()
-        """Slots of actuators assigned since somebody last cleared it."""
+        """Slots of actuators assigned since this was last cleared."""
         self.moved = False
-        """Whether the body was asked to move since somebody last cleared this."""
+        """Whether the body was asked to move since this was last cleared."""
         self.driven = False
-        """Whether the body was last moved by a person's command that counts once."""
+        """Whether the body was last moved by a person's one-time command."""
         self.hops = MAX_HOPS
-        """How far what it tells may go: less while it evaluates what another robot has told."""
+        """How many hops a TELL may travel: fewer while the robot evaluates what another one has told it."""
         self.held = False
         """Whether functions that act are refused: the robot is stopped and its body has no latch of its own."""
         self.dropped = 0
-        """Assignments and calls that an unknown kept from the body."""
+        """Number of assignments and calls that were not passed to the body because a value was unknown."""
         self._key, self._draws = stream(seed, number), 0
         self.proven: RuleSet = {}
         self.unproven_since = 0
 
     def at(self, tick: int, now: float) -> None:
-        """Begin a tick: time (s) and chance move on."""
+        """Begin a tick: sets the time (s) and the tick's random stream."""
         self.tick, self.time, self._draws = tick, now, 0
         self.values[TICK], self.values[TIME_SLOT] = float(tick), now
 
-    # ---- what the machine asks
+    # ---- called by the machine
 
     def fault(self, part: Part, reason: str) -> float:
-        """Note a fault; gives unknown."""
+        """Record a fault; returns unknown."""
         if len(self.faults) < MAX_FAULTS:
             self.faults.append(Fault(reason, show(part.form), self.tick))
         return nan
 
     def refuse(self, part: Part, reason: str) -> float:
-        """A fault that this memory itself has to note; written down, because walking again would not come upon it."""
+        """Record a fault that this memory itself detects; it is recorded because repeating the evaluation would not
+        find it."""
         if self.answers is not None:
             self.answers.append(Refusal(part, reason))
         return self.fault(part, reason)
@@ -130,14 +131,14 @@ class RobotMemory:
         return self._answer(draw(self._key, self.tick, number))
 
     def read(self, part: Part) -> float:
-        """A linked variable; what the host cannot give is a fault."""
+        """A linked variable; a failure of the host is a fault."""
         try:
             return self._answer(self.variables.read(part.slot))
         except SleepcastError as error:
             return self._answer(self.refuse(part, str(error)))
 
     def peek(self, slot: int) -> float:
-        """A value by its slot, wherever it lies; what the host cannot give is unknown."""
+        """A value by its slot, wherever it is stored; a failure of the host gives unknown."""
         if slot not in self.variables.linked_slots:
             return self.values[slot]
         try:
@@ -146,7 +147,7 @@ class RobotMemory:
             return nan
 
     def write(self, part: Part, value: float) -> float:
-        """SETQ of an actuator, a support variable, or a user variable that may not be there."""
+        """SETQ of an actuator, a support variable, or a user variable that may not exist."""
         return self._answer(self._write(part, value))
 
     def _write(self, part: Part, value: float) -> float:
@@ -192,7 +193,7 @@ class RobotMemory:
         return rule is not None and rule.protected
 
     def defined(self, part: Part) -> bool:
-        """Whether the user variable is there."""
+        """Whether the user variable exists."""
         there = isinstance(self.base.symbols.get(part.name), UserVariable)
         if self.answers is not None:
             self.answers.append(there)
@@ -224,7 +225,7 @@ class RobotMemory:
         return program
 
     def host(self, part: Part, *arguments: float) -> float:
-        """Call a function of the robot's own software. Whatever it raises is a fault, never the end of the mind."""
+        """Call a function of the robot's own software. Any exception becomes a fault; it never ends the mind."""
         function = host_of(part)
         if any(argument != argument for argument in arguments):
             if function.acts:
@@ -263,30 +264,32 @@ class RobotMemory:
         return self.change(part, rules.store(self.base, key, name, show(form), activate=activate, flag=flag))
 
     def change(self, part: Part, refusal: str | None) -> bool:
-        """Take over what an act has changed in the rule base; a refusal is a fault. Gives whether it was done."""
+        """Apply what an act has changed in the rule base, or record its refusal as a fault; returns whether it was
+        done."""
         self.records.carry_out()
         if refusal is not None:
             self.refuse(part, refusal)
         return refusal is None
 
     def restore(self, rule_set: RuleSet) -> None:
-        """Have just these rules again, besides what is built in."""
+        """Replace all rules by these, except those built in."""
         rules.roll_back(self.base, [rule for rule, _ in rule_set.values()])
         self.records.carry_out()
         self.records.restore_leases(rule_set)
 
     def changing(self) -> None:
-        """The rule set is about to change: if it has proved itself, remember it."""
+        """To be called before the rule set changes: a proven one becomes the one to roll back to."""
         if self.tick - self.unproven_since >= PROVEN_TICKS:
             self.proven = self.records.rule_set()
         self.unproven_since = self.tick
 
     def rule_faulted(self) -> None:
-        """A rule has met a fault: its rule set starts to prove itself anew."""
+        """A rule has met a fault: its rule set is unproven again."""
         self.changing()
 
     def rule_failed(self) -> None:
-        """A rule has been deactivated for its faults: the rule set does not prove itself by standing still."""
+        """A rule has been deactivated because of its faults: the remaining rule set does not become proven by doing
+        nothing."""
         self.unproven_since = FAILED
 
     # ---- acts
@@ -303,7 +306,8 @@ class RobotMemory:
         return result
 
     def rehearsal(self) -> Rehearsal:
-        """A memory for asking what would happen now: it starts where this one is, and nothing in it happens."""
+        """A memory that starts from the current state, for asking what would happen now; changes in it affect nothing
+        else."""
         drawn = iter(range(self._draws, 1 << 62))
         return Rehearsal(
             self.values,
@@ -317,7 +321,7 @@ class RobotMemory:
 
 
 Act = Callable[..., float]
-"""How one act is carried out: (memory, part, *arguments) to its value."""
+"""Implementation of one act: (memory, part, *arguments) to its value."""
 
 _LIBRARIES: WeakKeyDictionary[Vocabulary, Library] = WeakKeyDictionary()
 
@@ -327,7 +331,7 @@ def library_of(vocabulary: Vocabulary) -> Library:
     return _LIBRARIES.setdefault(vocabulary, Library())
 
 
-# ---- acts: what an expression may do beyond assigning and storing; what each means stands in `mind.rules`
+# ---- acts: what an expression may do besides assigning and storing; `mind.rules` defines what each means
 
 
 def _join(memory: RobotMemory, part: Part) -> float:
@@ -390,7 +394,7 @@ def _tell(memory: RobotMemory, part: Part, *arguments: float) -> float:
     if not isinstance(part.data, Template):
         raise TypeError(f"a part of op {part.op} tells nothing")
     hops = min(part.data.hops, memory.hops)
-    if memory.voice.may_tell(hops):  # asked first: a text is made only for what goes out
+    if memory.voice.may_tell(hops):  # first: only what is sent needs a text
         text = part.data.text(arguments)
         if len(text) > MAX_TEXT:
             return memory.refuse(part, too_long(text))

@@ -1,8 +1,9 @@
-"""The node: one robot's mind. Messages and readings come in, a tick lets it think, what it says lies in its outbox.
+"""The node: one robot's mind. It takes messages and readings, a tick evaluates them, and its messages wait in its
+outbox.
 
-It knows no socket, no array and no page, and a test can drive it without any of them. Messages are evaluated once, in
-the order in which they came; then the active rules run. STOP and RELEASE are no matter of the language: they take
-effect when they are received.
+It uses no sockets, arrays or pages, so a test can drive it without any of them. Messages are evaluated once, in
+order of arrival; then the active rules run. STOP and RELEASE are not part of the language: they take effect when
+they are received.
 """
 
 from __future__ import annotations
@@ -50,10 +51,10 @@ from sleepcast.robot import Robot
 MAX_RECOLLECTIONS = 64
 """Evaluations of messages that a robot can still explain."""
 MAX_BACKLOG = 4_096
-"""... on a real channel, where what was missing comes with everything that waited for it: as many as a sender's numbers
-are told apart. In one tick as many are dealt with as without one."""
+"""The same limit on a real channel, where a missing message arrives together with all that waited for it: the size of
+the window of a sender's numbers. One tick still evaluates no more messages than elsewhere."""
 MAX_EVALUATED = 256
-"""Messages whose outcome waits for somebody to keep it: what comes in one tick, and STOPs between two of them."""
+"""Messages whose outcome waits to be stored: those of one tick, and STOPs between two ticks."""
 
 Recollected = tuple[Program, list[float], frozenset[str], list[Answer], float, int, str]
 
@@ -61,16 +62,16 @@ Recollected = tuple[Program, list[float], frozenset[str], list[Answer], float, i
 class Node:
     """One robot's mind.
 
-    stopped: whether a STOP holds; doubt: why it stands although no STOP may have come, "" otherwise; authority: whose
-    orders count. lost: messages and sayings that found no room. evaluated: the latest messages that it answered, the
-    outcome, and the robot's time; its owner keeps them and empties the list. zero: when its time began, s of Unix time,
-    where that matters; clock: gives that time, None where the time of the tick will do.
+    stopped: whether a STOP holds; doubt: why it is stopped although no STOP may have come, "" otherwise; authority:
+    whose orders count. lost: messages lost because a queue or the outbox was full. evaluated: the latest messages
+    that it answered, their outcomes, and the robot's time; its owner stores them and empties the list. zero: start
+    of its time, s of Unix time, where that matters; clock: gives that time, None if the tick's time will do.
 
-    number: its `id` in expressions and in its chance. seed: of the run. body: what the functions of its vocabulary are
-    called on (the linked object, if none is given); if it is a `Robot` it is stopped, released and held still as well.
-    variables: linked variables, if any. lease: s for which a body that is driven goes on while nobody is heard.
-    on_air: whether it hears a real channel, and not a simulated one: then more may wait, and what several operators
-    send is merged.
+    number: its `id` in expressions and random streams. seed: of the run. body: target of its vocabulary's functions
+    (default: the linked object); if it is a `Robot` it is also stopped, released and held still. variables: linked
+    variables, if any. lease: seconds for which a driven body continues while no operator is heard. on_air: whether
+    it uses a real channel instead of a simulated one: then more messages may wait, and the orders of several
+    operators are merged.
     """
 
     def __init__(
@@ -106,20 +107,20 @@ class Node:
         self._scheduler = Scheduler(self._memory.records, self._run_rule)
         self._queue: deque[Message] = deque()
         self._seen: OrderedDict[str, None] = OrderedDict()
-        # The fields of a Recollection, made into one only when somebody asks: this happens for every message.
+        # The fields of a Recollection, turned into one only on request, because this happens for every message.
         self._recollections: deque[Recollected] = deque(maxlen=MAX_RECOLLECTIONS)
         self._on_air, self._room = on_air, MAX_BACKLOG if on_air else MAX_QUEUE
         self._now, self._was_still = 0.0, False
         self._sequence = 0
         self._printed: list[tuple[str, tuple[float, ...]]] | None = None
-        """What the text under way has reported, while somebody waits for its result."""
+        """What the current text has reported, while a caller waits for its result."""
         self._reported_in, self._reported = 0, 0
         self._telling_until = 0.0
-        """When all that it has told would be over at `TELLS_A_SECOND`, s: a leaky bucket in one number."""
+        """When everything that it has told would be paid off at `TELLS_A_SECOND`, s: a leaky bucket in one number."""
         self._told_less = False
-        """Whether something was not told since it was quiet last."""
+        """Whether a TELL has been refused since the robot was last below its rate."""
 
-    # ---- what others look at
+    # ---- state
 
     @property
     def vocabulary(self) -> Vocabulary:
@@ -127,12 +128,12 @@ class Node:
 
     @property
     def memory(self) -> RobotMemory:
-        """Its state, to be stored."""
+        """Its memory, for storage."""
         return self._memory
 
     @property
     def values(self) -> list[float]:
-        """The numbers by slot; NaN is unknown. Linked variables lie in the host's memory instead."""
+        """The variables by slot; NaN is unknown. Linked variables are stored in the host's memory instead."""
         return self._memory.values
 
     @property
@@ -142,22 +143,22 @@ class Node:
 
     @property
     def waiting(self) -> Iterable[Message]:
-        """The messages that wait for the next tick, or the one after it, in their order."""
+        """The messages that wait for the next tick or a later one, in order."""
         return self._queue
 
     @property
     def awake(self) -> bool:
-        """Whether the next tick has anything to do: a message, rules that run, or a body that is driven."""
+        """Whether the next tick has anything to do: a message, active rules, or a driven body."""
         return bool(self._queue) or bool(self._memory.records.running) or self._memory.driven
 
     @property
     def driven(self) -> bool:
-        """Whether the body was last moved by a person's command that counts once; see `mind.authority`."""
+        """Whether the body was last moved by a person's one-time command; see `mind.authority`."""
         return self._memory.driven
 
     @property
     def dropped(self) -> int:
-        """Assignments and calls that an unknown kept from the body."""
+        """Number of assignments and calls that were not passed to the body because a value was unknown."""
         return self._memory.dropped
 
     def declared(self, key: str) -> Declared | None:
@@ -174,11 +175,11 @@ class Node:
         return None if rule is None else rule.program
 
     def operator(self, part: Part) -> Program | None:
-        """The program of the operator that a `call` part names, None if it has none of that name."""
+        """The operator that a `call` part names, None if it does not exist."""
         return self._memory.base.operators.get(part.name)
 
     def rules(self) -> list[RuleView]:
-        """Every kept expression, in the order of the round."""
+        """Every stored expression, in order of evaluation."""
         found = []
         for rule in in_order(self._memory.base.rules):
             r = self._memory.records[rule.key]
@@ -208,10 +209,11 @@ class Node:
         memory.actuated.clear()
         return taken
 
-    # ---- what comes in
+    # ---- input
 
     def receive(self, message: Message) -> None:
-        """Take a message from the channel: STOP and RELEASE at once, commands and questions into the queue."""
+        """Receive a message from the channel: STOP and RELEASE take effect at once, commands and questions are
+        queued."""
         if message.id in self._seen:
             return
         self._seen[message.id] = None
@@ -237,7 +239,7 @@ class Node:
                 self._queue.append(message)
 
     def recall(self, ids: Iterable[str]) -> None:
-        """Messages with these ids have been dealt with in a life before this one."""
+        """Messages with these ids were already handled before a restart."""
         self._seen.update(dict.fromkeys(ids))
 
     def sense(self, readings: Sequence[float], now: float) -> None:
@@ -245,7 +247,7 @@ class Node:
         self._memory.variables.sense(self.values, readings, now)
 
     def think(self, tick: int, now: float) -> None:
-        """One tick: the messages that are waiting, then one round of the active rules, unless asleep or frozen."""
+        """Run one tick: the waiting messages, then one round of the active rules, unless asleep or frozen."""
         memory = self._memory
         memory.at(tick, now)
         self._now = now
@@ -267,7 +269,7 @@ class Node:
         return self.run(check(text, self))
 
     def run(self, checked: Checked) -> Result:
-        """Evaluate a text that has been checked. Raises CheckError if it has errors."""
+        """Evaluate a checked text. Raises CheckError if it has errors."""
         printed = self._printed = []
         value = self._run(checked.required(), "")
         self._printed = None
@@ -285,7 +287,7 @@ class Node:
     def why(self, command: str | None = None) -> Explanation:
         """How a command was evaluated (by its id; None: the last one), or what a rule (by its name) would do now.
 
-        Raises SleepcastError if the robot remembers neither.
+        Raises SleepcastError if the robot has no record of it.
         """
         for recollected in reversed(self._recollections):
             recollection = Recollection(*recollected)
@@ -298,7 +300,7 @@ class Node:
         raise SleepcastError(f"{self.name} remembers {what}: it keeps the last {MAX_RECOLLECTIONS} commands")
 
     def install(self, name: str, text: str, *, priority: int = 0, protected: bool = True) -> None:
-        """Give the robot an active rule of its own, before or while it runs. protected: nobody can change it by radio.
+        """Give the robot an active rule of its own, before or while it runs. protected: it cannot be changed by radio.
 
         Raises ReadError and CheckError for the text, SleepcastError if the rule is refused for another reason.
         """
@@ -312,7 +314,8 @@ class Node:
     # ---- the body
 
     def halt(self, doubt: str = "") -> None:
-        """Stop, and stay so until RELEASE. doubt: see the class. Raises LinkError if not everything came to rest."""
+        """Stop, and stay stopped until RELEASE. doubt: see the class. Raises LinkError if something did not come to
+        rest."""
         self.stopped, self.doubt = True, doubt
         if isinstance(self.body, Robot):
             self.body.stop()
@@ -331,13 +334,13 @@ class Node:
             fault = str(error)
         if is_addressed(
             message.body, self.name
-        ):  # every robot that hears a STOP stops; the others need not report it again
+        ):  # every robot that receives STOP stops; robots that it is not addressed to need not report it again
             self._answer(message, "stopped", fault=fault)
 
     def _release(self, message: Message) -> None:
         if self.doubt and message.issued < age_of(
             message.body
-        ):  # it may have been sent before a STOP that is forgotten
+        ):  # it may have been sent before a STOP that has been lost
             self._answer(message, "fault", fault=f"{self.doubt}: a RELEASE from before the start does not end that")
             return
         if not self.authority.may_release(message):
@@ -351,7 +354,7 @@ class Node:
         self._answer(message, "released")
 
     def _let_go(self) -> None:
-        """The operator who drove the body is gone: it comes to rest, and nothing resumes by itself."""
+        """The operator who drove the body is gone: bring it to rest; nothing resumes on its own."""
         memory = self._memory
         memory.driven = False
         memory.actuated.clear()
@@ -369,7 +372,7 @@ class Node:
             self._report("at rest: nobody drives it any more", ())
 
     def _hold(self) -> None:
-        """A sleeping or frozen robot keeps its body still."""
+        """Hold the body still while the robot sleeps or is frozen."""
         values = self._memory.values
         still = values[SLEEPING] > 0 or values[FROZEN] > 0
         if still != self._was_still:
@@ -454,10 +457,10 @@ class Node:
             self._answer(message, "matched" if memory.matched else "not matched", value)
 
     def interrupted(self, message: Message) -> None:
-        """Answer a message that the life before this one began to evaluate: that is not done again."""
+        """Answer a message whose evaluation began before a restart: it is not repeated."""
         self._answer(message, "fault", fault="interrupted: the robot was restarted while it did this")
 
-    # ---- what it says
+    # ---- output
 
     def _say(self, kind: Kind, *, text: str = "", deadline: float = inf, body: dict[str, object] | None = None) -> None:
         if len(self.outbox) >= MAX_OUTBOX:
@@ -492,7 +495,7 @@ class Node:
         self._report(said, ())
 
     def _may_tell(self, hops: int) -> bool:
-        """Whether something may be told now, so many hops far, which is counted as told; else it is counted as lost."""
+        """Whether something may be told now, over this many hops; counted as told, or else as lost."""
         begin = max(self._telling_until, self._now)
         over = begin - self._now > (TELL_BURST - 1) / TELLS_A_SECOND
         if hops < 1 or over:

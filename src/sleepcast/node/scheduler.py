@@ -1,8 +1,8 @@
-"""The scheduler: how each rule of a robot has fared, and which of them run in a tick, within a budget of steps.
+"""The scheduler: how each rule of a robot has performed, and which rules run in a tick, within a budget of steps.
 
-Every active rule is evaluated once a tick, E1 upwards and then the rules in the order of their arrival; a higher
-priority goes later, because the last write to an actuator wins. If the budget does not reach for all, the higher
-priority is served, then those left over from the tick before; the others go first in the next tick.
+Every active rule is evaluated once a tick, E1 upwards and then the rules in order of arrival; higher priorities run
+later, because the last write to an actuator wins. If the budget does not suffice for all, higher priorities are
+served first, then rules left over from the tick before; the rest come first in the next tick.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from sleepcast.mind.limits import TICK_STEPS
 from sleepcast.mind.rules import Rule, RuleBase, running
 
 RuleSet = dict[str, tuple[Rule, float]]
-"""What ROLLBACK brings back: each rule that is not built in, by its key, and when its lease ends."""
+"""What ROLLBACK restores: each rule that is not built in, by its key, and the end of its lease."""
 
 
 @dataclass(slots=True)
 class RuleRecord:
-    """How one rule or buffer has fared.
+    """The performance of one rule or buffer.
 
-    rule: as it is now. lease: time (s) at which it is deactivated, inf for never. last_value, last_fault, steps: of its
-    last evaluation. firings: evaluations in which its test held. faults_in_row: of its last evaluations, how many
-    without a break had a fault. gone: whether the rule was forgotten.
+    rule: its current state. lease: time (s) at which it is deactivated, inf for never. last_value, last_fault,
+    steps: of its last evaluation. firings: number of evaluations in which its test held. faults_in_row: number of
+    latest consecutive evaluations with a fault. gone: whether the rule was forgotten.
     """
 
     rule: Rule
@@ -39,9 +39,10 @@ class RuleRecord:
 
 
 class RuleRecords:
-    """Of all rules of one robot, by key. base: the rules; values: the robot's numbers, where the flags of buffers lie.
+    """The records of all rules of one robot, by key. base: the rules; values: the robot's variables, which include the
+    flags of buffers.
 
-    version: grows with every change.
+    version: increases with every change.
     """
 
     def __init__(self, base: RuleBase, values: list[float]) -> None:
@@ -55,13 +56,13 @@ class RuleRecords:
 
     @property
     def running(self) -> list[RuleRecord]:
-        """Of the active rules, in the order of the round; sorted when it is asked for after a change."""
+        """The records of the active rules, in order of evaluation; sorted on the first request after a change."""
         if self._running is None:
             self._running = [self._records[rule.key] for rule in running(self._base.rules)]
         return self._running
 
     def carry_out(self) -> None:
-        """Do to this robot what the last changes of its rule base say."""
+        """Apply the effects of the last changes of the rule base to this robot."""
         if not self._base.effects:
             return
         for effect in self._base.effects:
@@ -85,7 +86,7 @@ class RuleRecords:
         self._running = None
 
     def changed(self) -> None:
-        """Take over every rule as it is now, and make the round anew."""
+        """Update every record from the rule base, and discard the order of evaluation."""
         self.version += 1
         for key, rule in self._base.rules.items():
             self._records[key].rule = rule
@@ -97,33 +98,33 @@ class RuleRecords:
         self.carry_out()
 
     def expire(self, now: float) -> list[Rule]:
-        """Deactivate those whose lease has ended; gives them."""
+        """Deactivate those whose lease has ended, and return them."""
         ended = [record.rule for record in self.running if record.lease <= now]
         for rule in ended:
             self.deactivate(rule.key)
         return ended
 
     def rule_set(self) -> RuleSet:
-        """The rules as they are, to come back to."""
+        """The current rules, for a rollback."""
         rules = self._base.rules.values()
         return {rule.key: (rule, self._records[rule.key].lease) for rule in rules if not rule.protected}
 
     def restore_leases(self, rule_set: RuleSet) -> None:
-        """Let rules that have been brought back have their leases again."""
+        """Restore the leases of restored rules."""
         for key, (_, lease) in rule_set.items():
             self._records[key].lease = lease
         self.changed()
 
 
 class Scheduler:
-    """Rounds over one robot's rules. evaluate: evaluates one rule and notes the steps it used."""
+    """Rounds over one robot's rules. evaluate: evaluates one rule and records the steps it used."""
 
     def __init__(self, records: RuleRecords, evaluate: Callable[[RuleRecord], None]) -> None:
         self._records, self._evaluate = records, evaluate
         self._left_over: frozenset[str] = frozenset()
 
     def round(self) -> None:
-        """Evaluate the active rules as far as the budget reaches."""
+        """Evaluate the active rules as far as the budget suffices."""
         chosen = running = self._records.running
         if self._left_over or sum(map(_expected, running)) > TICK_STEPS:
             chosen = self._choose(running)
@@ -138,7 +139,7 @@ class Scheduler:
                     return
 
     def _choose(self, running: list[RuleRecord]) -> list[RuleRecord]:
-        """Those that the budget reaches for, in the order of evaluation; the others are left over."""
+        """Those that the budget suffices for, in order of evaluation; the others are left over."""
         left_over = self._left_over
         urgent = sorted(running, key=lambda r: (-r.rule.priority, r.rule.key not in left_over))
         budget = TICK_STEPS
@@ -155,5 +156,5 @@ class Scheduler:
 
 
 def _expected(record: RuleRecord) -> int:
-    """Steps that a rule will probably use: its own bound, or what it and all it enters used the last time."""
+    """Expected number of steps of a rule: its own bound, or what it and everything it enters used last time."""
     return max(record.rule.program.cost, record.steps)

@@ -1,7 +1,7 @@
-"""The state of a node: what it has learned as plain data, and a node that goes on with it.
+"""The state of a node: what it has learned as plain data, and restoring it into a node.
 
-Nothing of a body is kept: after a restart it stands still until something moves it anew. What is built in is not kept
-either: those are given when the robot is started.
+Nothing about a body is stored: after a restart it stands still until something moves it again. Built-in rules are
+not stored either: the robot gets them at every start.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from sleepcast.node.node import Node
 from sleepcast.node.scheduler import RuleSet
 
 UNFIT = (*(ValueError, TypeError, LookupError, ArithmeticError), *(AttributeError, RecursionError, SleepcastError))
-"""What plain data that nobody has checked may raise on its way into a mind."""
+"""Exceptions that unchecked plain data may cause while a mind is restored."""
 
 
 def mind_of(node: Node) -> MindState:
@@ -51,12 +51,12 @@ def mind_of(node: Node) -> MindState:
 
 
 def fingerprint(node: Node) -> tuple[object, ...]:
-    """Something that is the same as long as `mind_of` says the same, but for times that go on by themselves."""
+    """A value that is equal while `mind_of` stays the same, except for times that advance on their own."""
     memory = node.memory
     proven = memory.tick - memory.unproven_since >= PROVEN_TICKS
     own = [memory.values[found.slot] for found in memory.base.symbols.values() if isinstance(found, UserVariable)]
     values = (*memory.values[: ACTIVE0 + BUFFERS], *own)
-    # Unknown is not equal to itself, so numbers are compared by their text.
+    # NaN is not equal to itself, so numbers are compared as text.
     return (
         *(
             node.stopped,
@@ -73,9 +73,9 @@ def fingerprint(node: Node) -> tuple[object, ...]:
 
 
 def restore(state: MindState, node: Node, away: float) -> list[str]:
-    """Let a robot that has learned nothing yet go on with this; a STOP holds. away: s that have passed meanwhile, for
-    leases. Gives what could not be kept and why, as sentences. Raises SerialError for what no mind can be; the robot is
-    then of no use any more."""
+    """Restore a state into a robot that has learned nothing yet; a STOP stays in force. away: seconds that have passed
+    meanwhile, for leases. Returns sentences that say what could not be restored and why. Raises SerialError for an
+    impossible state; the robot is then unusable."""
     try:
         lost = _put_back(state, node.memory, away)
         node.authority.restore(state.authority, node.memory.time - away)
@@ -85,7 +85,7 @@ def restore(state: MindState, node: Node, away: float) -> list[str]:
 
 
 def stand(node: Node, doubt: str) -> list[str]:
-    """Let a robot begin its life stopped; gives what of it did not come to rest, as sentences."""
+    """Start a robot as stopped; returns sentences that say what did not come to rest."""
     try:
         node.halt(doubt)
     except SleepcastError as error:
@@ -118,7 +118,7 @@ def _put_back(state: MindState, memory: RobotMemory, away: float) -> list[str]:
 
 
 def _learn_names(state: MindState, memory: RobotMemory) -> None:
-    """All names before any text, as texts name each other."""
+    """All names before any text, because texts use names."""
     for name, value in state.variables.items():
         slot = memory.vocabulary.user_slot(name.casefold())
         memory.values.extend([float("nan")] * (slot + 1 - len(memory.values)))
@@ -161,7 +161,7 @@ def _unpacked(rules: tuple[RuleState, ...], memory: RobotMemory, away: float, lo
 
 
 def _program(memory: RobotMemory, what: str, text: str, parameters: tuple[str, ...], lost: list[str]) -> Program | None:
-    """The program of a kept text; None, and a sentence more in `lost`, if this robot cannot have it any more."""
+    """The program of a stored text; None, with a sentence added to `lost`, if this robot can no longer have it."""
     try:
         return memory.library.program(text, lambda: read_all(text), memory.base, parameters)
     except SleepcastError as error:

@@ -5,13 +5,13 @@ Every tick writes at two moments, for all robots of the process together, each i
     before    the messages from the channel, before they are evaluated; and the progress of each stream
     after     the results, and what the robot has learned
 
-So a command is evaluated once: one that was begun when the process ended is reported as interrupted and not begun
-again; a standing one is evaluated again, since nothing that it did was kept. Changes that rules make by themselves are
-written at most once in a second. Answers are sent afterwards.
+So a command is evaluated once: one that had begun when the process ended is reported as interrupted and not
+repeated; a standing one is evaluated again, since none of its effects was stored. Changes that rules make on their
+own are written at most once per second. Answers are sent afterwards.
 
-If nothing can be written - a full disk, a file that has become read-only - the robots continue, say so, and try again.
-A robot that cannot be sure that it knows its latest STOP starts stopped and stands until RELEASE: its store is damaged,
-gone, old or cannot be written (`integrity`), or a STOP found no room on the disk.
+If writing fails - a full disk, a file that has become read-only - the robots continue, report it, and try again. A
+robot that may have lost its latest STOP starts stopped and stays so until RELEASE: its store is damaged, missing,
+old or cannot be written (`integrity`), or a STOP could not be written to a full disk.
 """
 
 from __future__ import annotations
@@ -55,27 +55,27 @@ from sleepcast.node.store_file import (
 __all__ = ["InUseError", "Store", "StoreError"]
 
 LOOK_EVERY = 1.0
-"""Seconds after which it is looked whether rules have changed something by themselves."""
+"""Period, s, at which the store checks whether rules have changed something on their own."""
 TRY_AGAIN = 5.0
-"""Seconds after which it is tried again to write what could not be written."""
+"""Delay, s, before a failed write is tried again."""
 MAX_BEGUN = 3
-"""Lives in which a command that stands is begun: one that ends them all is then reported as interrupted."""
+"""Process lives in which a standing command is begun: if it ends all of them, it is reported as interrupted."""
 MAX_UNWRITTEN = 100_000
-"""Evaluations that wait for a disk that has room again; older ones are forgotten."""
+"""Evaluations that wait until the disk has room again; older ones are dropped."""
 MARK_EVERY = 10.0
-"""Seconds after which the marker follows a store that was written, STOP or not."""
+"""Period, s, at which the marker is updated after writes, besides STOP and RELEASE."""
 LASTING = frozenset({Kind.COMMAND, Kind.STOP, Kind.RELEASE})
-"""What is remembered as evaluated."""
+"""Kinds of messages that are remembered as evaluated."""
 DECISIVE = frozenset({Kind.STOP, Kind.RELEASE})
-"""What the marker follows at once."""
+"""Kinds of messages after which the marker is updated at once."""
 INTERRUPTED = "interrupted"
-"""The outcome of a command that was begun when the process ended: nobody knows how far it came."""
+"""The outcome of a command that had begun when the process ended: how far it came is unknown."""
 
 
 @dataclass(slots=True)
 class StoredRobot:
-    """One robot of the store. known: ids of what is written down as taken, and how often it was begun; begun: of these,
-    what was in this life; fingerprint: of the mind as it was last looked at."""
+    """One robot of the store. known: ids of stored messages, with the number of times their evaluation was begun;
+    begun: those begun in this life; fingerprint: of the mind when last checked."""
 
     number: int
     node: Node
@@ -86,10 +86,10 @@ class StoredRobot:
 
 
 class Store:
-    """See the module. clock: Unix time. say: tells a person what goes wrong with the file, and when it is over. doubt:
-    why what robots knew before may be lost, "" if it is not.
+    """See the module. clock: Unix time. say: called with a sentence when something goes wrong with the file, and when
+    it is over. doubt: why what robots knew before may be lost, "" if it is not.
 
-    Raises StoreError for a file that is in use, is no store, or is one of a newer format. A damaged one is set aside.
+    Raises StoreError for a file that is in use, not a store, or of a newer format. A damaged one is set aside.
     """
 
     def __init__(self, file: Path, clock: Clock, say: Callable[[str], None]) -> None:
@@ -106,19 +106,19 @@ class Store:
         self._unwritten = WriteBatch()
         self._failing = False
         self._decided: set[Kind] = set()
-        """Of STOP and RELEASE, what waits to be written."""
+        """Whether a STOP or RELEASE waits to be written."""
         self._try_at = self._look_at = -inf
         self._open()
 
     @property
     def lasts(self) -> bool:
-        """Whether what is said here can be kept."""
+        """Whether writing works at present."""
         return self._connection is not None
 
     # ---- robots
 
     def life(self, name: str) -> int:
-        """The number of the life of this robot that begins now: higher than of all its lives before."""
+        """Begin a new life of this robot; returns its number, higher than those of all its lives before."""
         before = self._remembered(name)
         before.epoch = max(int(self._clock.now() * 1000.0), before.epoch + 1)
         self._unwritten.lives[before.number] = name, before
@@ -135,16 +135,16 @@ class Store:
         return DeliveryState(tuple(kept.streams), tuple(kept.windows), tuple(self._content.standing))
 
     def listen(self, delivery: ReliableDelivery) -> None:
-        """Keep from now on what a delivery (whose epoch is its `life`) hears for all robots here; it goes on where it
-        was."""
+        """Store the progress of a delivery (whose epoch is its `life`) that receives for all robots here, after
+        restoring it."""
         kept = self._remembered(delivery.name)
         delivery.restore(self._heard(kept), kept.since)
         self._listening = kept, delivery
 
     def adopt(self, node: Node, delivery: ReliableDelivery | None) -> bool:
-        """Let a robot go on where it was, and keep it from now on; whether it had been here before. Its delivery (whose
-        epoch is its `life`) has heard nothing yet, if it has one, and its mind has learned nothing but what is built
-        in. Raises StoreError for what no mind can be."""
+        """Restore a robot and store its state from now on; returns whether it was known. Its delivery (whose epoch is
+        its `life`), if any, has received nothing yet, and its mind has learned nothing but what is built in. Raises
+        StoreError for an impossible state."""
         if node.name not in self._content.robots:
             self.life(node.name)
         kept = self._content.robots[node.name]
@@ -172,8 +172,8 @@ class Store:
         return mind is not None or bool(heard.streams)
 
     def _dealt_with(self, number: int) -> list[str]:
-        """The latest messages that a robot has evaluated: who hears for it now knows nothing of them, as others were
-        here then."""
+        """The latest messages that a robot has evaluated: its present receiver does not know them, because the robots
+        were distributed differently before."""
         if self._connection is None:
             return []
         query = "SELECT command FROM evaluations WHERE robot = ? ORDER BY number DESC LIMIT ?"
@@ -193,7 +193,7 @@ class Store:
             self._say(f"{node.name}: {sentence}")
 
     def standing(self) -> str:
-        """Which robots stand because a STOP may have been forgotten, and why, in a sentence; "" if none does."""
+        """A sentence that says which robots are stopped because a STOP may have been lost, and why; "" if none is."""
         found = [robot.node for robot in self._robots.values() if robot.node.doubt]
         if not found:
             return ""
@@ -204,27 +204,27 @@ class Store:
     # ---- an operator
 
     def numbers(self, name: str) -> tuple[int, int]:
-        """The epoch of the operator of this name, and the first number in it that was never used: messages
-        have an order that goes on after the process."""
+        """The epoch of the operator of this name, and the first unused message number in it: numbering continues across
+        restarts."""
         kept = self._remembered(name)
-        if not kept.epoch or self.doubt:  # numbers that were used are not known, so none of that life is used again
+        if not kept.epoch or self.doubt:  # which numbers were used is unknown, so that epoch is not continued
             self.life(name)
         return kept.epoch, kept.sequence + 1
 
     def attend(self, delivery: ReliableDelivery) -> None:
-        """Keep an operator's numbers and standing commands from now on, after restoring those of earlier processes."""
+        """Store an operator's numbers and standing commands from now on, after restoring those of earlier processes."""
         kept = self._remembered(delivery.name)
         delivery.restore(self._heard(kept), kept.since)
         self._attended = kept, delivery
         self.keep()
 
     def keep(self) -> None:
-        """Write before an operator sends a standing command, which does not leave before its bytes are kept, and after
-        many numbers have been used."""
+        """Write before an operator sends a standing command, which must be stored before it is sent, and after many
+        numbers have been used."""
         self._keep(ahead=2 * KEEP_EVERY)
 
     def _keep(self, ahead: int) -> None:
-        """ahead: how many more numbers may be used before they are kept again."""
+        """ahead: how many more numbers may be used before they are stored again."""
         if self._attended is not None:
             kept, delivery = self._attended
             self._take_news(kept.number, delivery)
@@ -235,7 +235,7 @@ class Store:
     # ---- a tick
 
     def before(self) -> None:
-        """All robots have received what has come, and are going to think about it."""
+        """All robots have received their messages, and are about to evaluate them."""
         now, begins = self._clock.now(), bool(self._unwritten.lives)
         if self._listening is not None:
             kept, delivery = self._listening
@@ -250,8 +250,8 @@ class Store:
             self._write(now)
 
     def _take(self, robot: StoredRobot, message: Message, begins: bool) -> bool:
-        """A message is taken, and its evaluation begins or it waits for another tick; whether this must be written
-        before that."""
+        """Store that a message was taken, and that its evaluation begins or waits for another tick; returns whether
+        this must be written before the evaluation."""
         begins = begins and message.id not in robot.begun
         if begins or message.id not in robot.known:
             if begins:
@@ -261,7 +261,7 @@ class Store:
         return begins
 
     def after(self) -> None:
-        """All robots have thought."""
+        """All robots have finished the tick."""
         now = self._clock.now()
         look = now >= self._look_at
         if look:
@@ -280,8 +280,8 @@ class Store:
             self._write(now)
 
     def close(self) -> None:
-        """Write what is left, and let others use the file. What was heard and not thought about is not kept: it is
-        heard again."""
+        """Write what is left, and release the file. Messages received but not evaluated are not stored: they are
+        received again."""
         self._look_at = self._try_at = -inf
         self._keep(ahead=0)
         self.after()
@@ -297,7 +297,7 @@ class Store:
             os.close(self._lock)
             self._lock = None
 
-    # ---- what is to be written
+    # ---- collecting what is to be written
 
     def _take_news(self, number: int, delivery: ReliableDelivery) -> None:
         news, waits = delivery.news(), self._unwritten
@@ -354,10 +354,10 @@ class Store:
                 self._doubt(found.doubt)
                 self._write(self._clock.now())
             elif self._seal.generation == NEWBORN:
-                self._mark(self._clock.now(), at_once=True)  # before anything is in it that could be missed
+                self._mark(self._clock.now(), at_once=True)  # before it holds anything that could be lost
 
     def _connect(self, found: Examined) -> tuple[sqlite3.Connection, Seal]:
-        """The store, open to be written: a new one in the place of one that is damaged or gone."""
+        """Open the store for writing: a new one in place of one that is damaged or missing."""
         if found.content is not None:
             if found.doubt:
                 self._say(f"{self.file} {found.doubt}. What it says is taken, but a STOP may have come after that")
@@ -371,8 +371,8 @@ class Store:
         return connect(self.file, create(self.file, found.doubt and _told(found.doubt)))
 
     def _doubt(self, reason: str) -> None:
-        """Each robot that was here may have forgotten a STOP, and stands. From now on this is another store, so that no
-        old copy is ever taken for it. reason: what is wrong with the store, as the end of a sentence about it."""
+        """Each robot that was here may have lost a STOP, and is stopped. The store gets a new identity, so that no old
+        copy is ever mistaken for it. reason: the problem, as the end of a sentence about the store."""
         self.doubt = _told(reason)
         self._seal.store, self._seal.doubt = Seal().store, self.doubt
         for kept in self._content.robots.values():
@@ -381,8 +381,7 @@ class Store:
                 self._unwritten.minds[kept.number] = kept.saved, pack(kept.mind, MAX_MIND)
 
     def _write(self, now: float) -> None:
-        """Write what waits, and let the marker follow. If that is a STOP and the disk refuses, the next life is in
-        doubt."""
+        """Write what waits, and update the marker. If a STOP waits and the disk refuses, the next life is in doubt."""
         if self._connection is None or not self._committed(self._connection, now):
             if Kind.STOP in self._decided:
                 self._withdraw()
@@ -416,7 +415,7 @@ class Store:
         return True
 
     def _mark(self, now: float, *, at_once: bool) -> None:
-        """Let the marker follow the store, at once or when it is time."""
+        """Update the marker of the store, at once or when it is due."""
         if self._marked == self._seal.generation or (not at_once and now < self._mark_at):
             return
         self._mark_at = now + MARK_EVERY
@@ -430,7 +429,7 @@ class Store:
             self._marked = self._seal.generation
 
     def _withdraw(self) -> None:
-        """A STOP is not in the store: without its marker, a robot stands when it begins anew."""
+        """A STOP is not in the store: remove its marker, so that robots start stopped."""
         self._decided.clear()
         self._marked = 0
         try:
@@ -441,7 +440,7 @@ class Store:
             self._remark("a restart would forget this STOP: its store is read-only")
 
     def _remark(self, said: str) -> None:
-        """Tell the operators: one robot for all of the process."""
+        """Report something to the operators, through one robot of the process."""
         for robot in self._robots.values():
             robot.node.remark(said)
             break

@@ -1,8 +1,8 @@
-"""The file of a store: its tables, how it is opened, and what is done about one that cannot be used.
+"""The file of a store: its tables, how it is opened, and what happens if it cannot be used.
 
-It is an SQLite file in WAL mode, and what was committed outlives a kill and a loss of power. One process at a time uses
-it; others may read it meanwhile. It is read as a whole before anything is written: a file that is damaged is set aside
-as it is, and not used again; one of a newer format, or one that is something else, is refused and left where it is.
+It is an SQLite file in WAL mode: committed data survive a kill and a power failure. Only one process at a time uses
+it; others may read it meanwhile. It is read completely before anything is written: a damaged file is set aside
+unchanged, and not used again; one of a newer format, or something else, is refused and left where it is.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from sleepcast.mind.state import MindState
 from sleepcast.node.integrity import DamageError, Marker, Seal, doubt_about, sum_of
 
 FORMAT = 2
-"""The version of the format of stores; a file of a newer one is refused. Those of format 1 had no seal."""
+"""Version of the format of stores; files of a newer one are refused. Those of format 1 had no seal."""
 APPLICATION = 0x534C5053
-"""What marks an SQLite file as a store: `SLPS`."""
+"""The application id that marks an SQLite file as a store: `SLPS`."""
 PATIENCE = 2.0
-"""Seconds to wait for somebody who reads: a robot's mind waits with it."""
+"""Seconds to wait for a reader of the file: a robot's mind waits too."""
 MAX_MIND = 16 * 1024 * 1024
-"""Bytes of what one robot has learned: as many rules and operators as it may have, of the longest texts."""
+"""Bytes of what one robot has learned: the largest number of rules and operators, with the longest texts."""
 HEAD = 4_096
-"""Bytes by which a text is known."""
+"""Length of the prefix, in bytes, by which a text is identified."""
 EMPTY = "it is empty"
 PASSING = frozenset(
     {
@@ -43,7 +43,7 @@ PASSING = frozenset(
         *(sqlite3.SQLITE_PROTOCOL, sqlite3.SQLITE_AUTH, sqlite3.SQLITE_INTERRUPT),
     }
 )
-"""What SQLite says of disks, locks and rights: it says nothing of what is in the file."""
+"""SQLite's errors about disks, locks and permissions, which say nothing about the file's contents."""
 
 SCHEMA = """
 CREATE TABLE robots (
@@ -81,28 +81,27 @@ CREATE VIEW journal AS
     FROM evaluations JOIN robots ON robots.number = evaluations.robot
     LEFT JOIN arrivals ON arrivals.number = evaluations.number;
 """
-"""What a store of format 1 has not; its view of the journal had no arrivals."""
+"""Missing in stores of format 1, whose view of the journal also had no arrivals."""
 TABLES = ("robots", "streams", "windows", "standing", "taken", "evaluations", "arrivals")
-"""Those that the seal is over."""
-"""robots: in the order in which they came, or the operator; since, saved: when it was first here, and when its mind was
-last written (s of Unix time); epoch: of the present life, or the last one; sequence: up to where an operator's numbers
-in it may have been used. See `StreamProgress`, `StoredWindow` and `StandingCommand` of the channel. taken: what was
-taken from the channel and not finished. evaluations: what became of each command, STOP and RELEASE, and when (s of Unix
-time); arrivals: when it had come, by the numbers of these.
-seal: see `integrity`."""
+"""The tables that the seal covers."""
+"""robots: in order of arrival, or the operator; since, saved: when it was first here, and when its mind was last
+written (s of Unix time); epoch: of the present or the last life; sequence: upper bound of the message numbers that an
+operator may have used in it. See `StreamProgress`, `StoredWindow` and `StandingCommand` of the channel. taken: messages
+from the channel that are not finished. evaluations: the outcome of each command, STOP and RELEASE, and its time (s of
+Unix time); arrivals: when it had arrived, by the evaluation's number. seal: see `integrity`."""
 
 
 class StoreError(MisuseError):
-    """A store that cannot be used, and why."""
+    """The store cannot be used; the text says why."""
 
 
 class InUseError(StoreError):
-    """A store that another process uses."""
+    """Another process uses the store."""
 
 
 @dataclass(slots=True)
 class Taken:
-    """A message that was taken and not finished; begun: how often its evaluation had begun."""
+    """A message that was taken and is not finished; begun: how often its evaluation had begun."""
 
     message: Message
     begun: int
@@ -110,7 +109,7 @@ class Taken:
 
 @dataclass(slots=True)
 class Remembered:
-    """What a file says of one robot. mind: None if it never learned anything."""
+    """What a file holds about one robot. mind: None if it has never learned anything."""
 
     number: int
     since: float
@@ -125,7 +124,7 @@ class Remembered:
 
 @dataclass(slots=True)
 class Content:
-    """What a file says: of each robot by its name, and the standing commands, the oldest first."""
+    """The contents of a file: each robot by its name, and the standing commands, oldest first."""
 
     robots: dict[str, Remembered] = field(default_factory=dict)
     standing: list[StandingCommand] = field(default_factory=list)
@@ -133,8 +132,8 @@ class Content:
 
 @dataclass(slots=True)
 class Examined:
-    """What there is of a store. content, seal: of a file that is whole, the seal unless it is of format 1. doubt: what
-    is wrong with the store, as the end of a sentence about it, "" if nothing is; damage: the same in detail."""
+    """The result of examining a store. content, seal: of an undamaged file; a store of format 1 has no seal. doubt: the
+    problem, as the end of a sentence about the store, "" if there is none; damage: the same in detail."""
 
     content: Content | None = None
     seal: Seal | None = None
@@ -143,8 +142,8 @@ class Examined:
 
 
 def examine(file: Path) -> Examined:
-    """Read a store and judge whether it can be believed; nothing is changed. Raises StoreError for what is no store or
-    is one of a newer format, and OSError and sqlite3.Error for what cannot be read now."""
+    """Read a store and judge whether it can be trusted; changes nothing. Raises StoreError if it is not a store or of a
+    newer format, and OSError and sqlite3.Error if it cannot be read now."""
     marker = Marker(file, FORMAT)
     mark, lost = None, False
     try:
@@ -160,14 +159,14 @@ def examine(file: Path) -> Examined:
     except StoreError as error:
         if not lost and (mark is None or mark.format > FORMAT):
             raise
-        damage = str(error)  # it was a store of ours, says its marker
+        damage = str(error)  # its marker shows that it was a store of ours
     else:
         return Examined(content, seal, "has a damaged marker" if lost else doubt_about(seal, mark))
     return Examined(None, None, "was empty" if damage == EMPTY else "was damaged", damage)
 
 
 def _load(file: Path) -> tuple[Content, Seal | None]:
-    """All of a file that is whole. Raises as `examine` does, and DamageError."""
+    """The contents of an undamaged file. Raises as `examine` does, and DamageError."""
     if not file.is_file():
         raise StoreError(f"{file} is no file: name another one")
     with file.open("rb") as opened:
@@ -177,7 +176,7 @@ def _load(file: Path) -> tuple[Content, Seal | None]:
     if head.isascii() and b"\0" not in head:
         raise StoreError(f"{file} is a text and no store of a robot: name another one")
     failure = sqlite3.Error()
-    for how in ("mode=ro", "mode=ro&immutable=1"):  # the second where not even a lock can be written
+    for how in ("mode=ro", "mode=ro&immutable=1"):  # the second works where not even a lock can be written
         try:
             with closing(sqlite3.connect(f"{file.absolute().as_uri()}?{how}", uri=True)) as connection:
                 return _checked(connection, file)
@@ -219,8 +218,8 @@ def _shape(connection: sqlite3.Connection) -> set[tuple[str, ...]]:
 
 
 def create(file: Path, doubt: str) -> Seal:
-    """A store that has never been used: all of it or nothing, also if the process ends here. doubt: see `Seal`. Raises
-    sqlite3.Error and OSError."""
+    """Create an unused store, atomically, even if the process ends here. doubt: see `Seal`. Raises sqlite3.Error and
+    OSError."""
     beside = file.with_name(f".{file.name}.new")
     for part in _parts(beside):
         part.unlink(missing_ok=True)
@@ -238,8 +237,7 @@ def create(file: Path, doubt: str) -> Seal:
 
 
 def connect(file: Path, seal: Seal | None) -> tuple[sqlite3.Connection, Seal]:
-    """Open a store to write, one that has been read. seal: None for one of format 1, which gets one. Raises
-    sqlite3.Error."""
+    """Open a store, already read, for writing. seal: None for one of format 1, which gets one. Raises sqlite3.Error."""
     connection = sqlite3.connect(file, timeout=PATIENCE, isolation_level=None)
     try:
         connection.execute("PRAGMA synchronous = FULL")
@@ -251,7 +249,7 @@ def connect(file: Path, seal: Seal | None) -> tuple[sqlite3.Connection, Seal]:
                     connection.execute(statement)
                 connection.execute(f"PRAGMA user_version = {FORMAT}")
         seal.watch(connection, TABLES)
-        connection.execute("BEGIN IMMEDIATE")  # a file that may not be written says so now
+        connection.execute("BEGIN IMMEDIATE")  # fails now if the file is not writable
         connection.execute("ROLLBACK")
     except BaseException:
         connection.close()
@@ -260,8 +258,8 @@ def connect(file: Path, seal: Seal | None) -> tuple[sqlite3.Connection, Seal]:
 
 
 def lock(file: Path) -> int | None:
-    """Keep other processes from using this store until the descriptor is closed or this process ends; None where that
-    cannot be asked for. Raises StoreError if another one has it, OSError if nothing can be written there."""
+    """Keep other processes from using this store until the descriptor is closed or this process ends; None if the
+    platform has no locks. Raises StoreError if another process has it, OSError if the folder is not writable."""
     file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     try:
         return lock_file(file.with_name(f"{file.name}.lock"))
@@ -273,8 +271,8 @@ def lock(file: Path) -> int | None:
 
 
 def set_aside(file: Path, now: float) -> Path | None:
-    """Give a file that cannot be used another name, with what SQLite keeps beside it; gives that, None if there was
-    nothing. Raises OSError."""
+    """Rename an unusable file, with SQLite's files beside it; returns the new path, None if there was nothing. Raises
+    OSError."""
     for attempt in range(100):
         aside = file.with_name(f"{file.name}.broken-{now:.0f}" + (f"-{attempt}" if attempt else ""))
         if not any(os.path.lexists(part) for part in _parts(aside)):
@@ -288,12 +286,12 @@ def set_aside(file: Path, now: float) -> Path | None:
 
 
 def _parts(file: Path) -> list[Path]:
-    """A store with what SQLite keeps beside it; the store last, since what is without it is never taken for a store."""
+    """A store with SQLite's files beside it; the store last, because without it the others do not count as a store."""
     return [file.with_name(file.name + ending) for ending in ("-wal", "-shm", "")]
 
 
 def read_all(connection: sqlite3.Connection) -> Content:
-    """Everything that a file says, but for what has been evaluated. Raises sqlite3.DatabaseError for a damaged one."""
+    """The contents of a file, except for past evaluations. Raises sqlite3.DatabaseError if it is damaged."""
     found = Content()
     by_number: dict[int, Remembered] = {}
     try:
@@ -321,7 +319,7 @@ def read_all(connection: sqlite3.Connection) -> Content:
 
 @contextmanager
 def transaction(connection: sqlite3.Connection, seal: Seal) -> Iterator[None]:
-    """All or nothing, and sealed."""
+    """A transaction that ends with the seal."""
     before = copy(seal)
     connection.execute("BEGIN IMMEDIATE")
     try:

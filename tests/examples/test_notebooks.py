@@ -1,0 +1,26 @@
+"""The notebooks of examples/ run from their first to their last cell, in a real kernel, and show pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+nbclient = pytest.importorskip("nbclient")
+nbformat = pytest.importorskip("nbformat")
+
+NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / "examples").glob("*.ipynb"))
+LONGEST = 300
+"""Seconds that a cell may take on a busy machine."""
+
+
+@pytest.mark.filterwarnings("default")  # the kernel's own libraries are not ours to mend
+@pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
+def test_a_notebook_runs_and_shows_pictures(file: Path, tmp_path: Path) -> None:
+    notebook = nbformat.read(file, as_version=4)
+    cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert not any(cell.outputs for cell in cells), "it is kept without results"
+    found = nbclient.NotebookClient(notebook, timeout=LONGEST, resources={"metadata": {"path": tmp_path}}).execute()
+    shown = [output.get("data", {}) for cell in found.cells if cell.cell_type == "code" for output in cell.outputs]
+    assert any("<svg" in data.get("text/html", "") for data in shown), "a fleet shows itself"
+    assert any("image/png" in data for data in shown), "and a plot is drawn"

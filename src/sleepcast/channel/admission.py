@@ -1,9 +1,10 @@
 """Admission: which datagrams become messages. All others are counted, dropped, and never answered.
 
-The cheap checks come first: length and layout, the key, what its owner may send, the deadline, and whether the message
-was heard before. The signature comes last. Each key has a rate limit for signatures, so that forgeries cannot exhaust a
-robot. STOP has a larger one of its own, shared by all keys: no flood of other messages keeps it out. In a flood chance
-decides which signatures are checked (`RateLimit`); a STOP is repeated often, so one of its copies is checked soon.
+The cheap checks come first: length and layout, the key, what its owner may send, the deadline, and whether the
+message was received before. The signature comes last. Each key has a rate limit for signatures, so that forgeries
+cannot exhaust a robot. STOP has a larger one of its own, shared by all keys, so that no flood of other messages
+keeps it out. In a flood signatures are checked at random (`RateLimit`); a STOP is repeated often, so one of its
+copies is checked soon.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ WINDOW = 4_096
 _WHOLE_WINDOW = (1 << WINDOW) - 1
 """All of them, as bits."""
 _MAX_SENDERS = 16_384
-"""Senders, per epoch, whose numbers are remembered; the one that was silent longest is forgotten."""
+"""Senders, per epoch, whose numbers are remembered; beyond, the one that has been silent longest is dropped."""
 MAX_REASSEMBLIES = 64
 """Long messages that wait for more parts, from all senders together; at most seven megabytes."""
 VERIFIED_A_SECOND = 200.0
@@ -36,13 +37,13 @@ VERIFIED_A_SECOND = 200.0
 VERIFIED_IN_ALL = 4_000.0
 """The same for all keys together, without STOPs: a quarter of a core's time, however many key ids a forger knows."""
 VERIFIED_BY_OPERATOR = 4_000.0
-"""The same for one key at an operator, who hears a thousand robots with one key answer at once: a quarter of a core's
+"""The same for one key at an operator, whom a thousand robots with one key may answer at once: a quarter of a core's
 time."""
 STOPS_A_SECOND = 5_000.0
 """Signatures of STOPs that a robot checks in a second, for all keys together: a third of a core's time. Of 80,000 in a
 second it checks one in sixteen; a real STOP is sent a hundred times in its first second."""
 STOPS_BY_OPERATOR = 500.0
-"""The same for an operator, who only learns from it that others have stopped robots."""
+"""The same for an operator, who only learns from STOPs that others have stopped robots."""
 STOPS_AT_ONCE = 0.1
 """Seconds' worth of STOPs that may be checked at once: the start of a flood delays nothing by more than a tick."""
 SKEW = 2.0
@@ -52,39 +53,39 @@ _TO_ROBOTS = frozenset({Kind.COMMAND, Kind.ASK})
 ROBOT_KINDS = frozenset(Kind) - TO_OPERATOR
 """Kinds that robots receive."""
 _LASTING = frozenset({Kind.COMMAND, Kind.STOP, Kind.RELEASE})
-"""Kinds that change something: a restart must not forget that they were heard."""
+"""Kinds with lasting effects: a restart must not forget that they were received."""
 _COMMANDING = _TO_ROBOTS | {Kind.RELEASE}
-"""Kinds that a robot with a wrong clock answers by saying so."""
+"""Kinds that a robot with a wrong clock answers with a notice."""
 UNTIMELY_A_SECOND = 8.0
-"""Signatures of messages with wrong times that a robot checks in a second, to answer that its clock is wrong. Replayed
-recordings make it talk no more than that."""
+"""Signatures of messages with wrong times that a robot checks in a second, to answer that its clock is wrong. This also
+bounds its answers to replayed recordings."""
 _TIMELY = 60.0
-"""Seconds for which a party that was heard in time counts as having a good clock: its late messages are old ones."""
+"""Seconds for which a party with a timely message counts as having a right clock: its late messages are just old."""
 TIMES_A_SECOND = 200.0
 """Signatures of possible answers to its time request that a robot without a clock checks in a second. Only messages
 that contain its nonce count."""
 _MAX_TIMELY = 64
-"""Parties for which the time of their last timely message is remembered; the one that was silent longest is
-forgotten."""
+"""Parties for which the time of their last timely message is remembered; beyond, the one that has been silent longest
+is dropped."""
 OLDEST = 3_600.0
-"""Seconds after which a message without a deadline is dropped; what must last is sent again."""
+"""Seconds after which a message without a deadline is dropped; standing commands are sent again."""
 
 
 @dataclass(slots=True)
 class ReplayWindow:
-    """The messages heard from one sender in one epoch. latest: number of the newest; numbers: those heard, as bits: bit
-    i is message `latest - i`."""
+    """The messages received from one sender in one epoch. latest: number of the newest; numbers: those received, as
+    bits: bit i is message `latest - i`."""
 
     latest: int
     numbers: int = 0
 
     def knows(self, sequence: int) -> bool:
-        """Whether this message was heard before, or is too old to tell."""
+        """Whether this message was received before, or is too old to tell."""
         back = self.latest - sequence
         return back >= WINDOW or (back >= 0 and bool(self.numbers >> back & 1))
 
     def note(self, sequence: int) -> None:
-        """This message has been heard."""
+        """Mark this message as received."""
         ahead = sequence - self.latest
         if ahead > 0:
             self.latest = sequence
@@ -102,7 +103,7 @@ class Admitted(NamedTuple):
 
 @dataclass(slots=True)
 class Reassembly:
-    """A long message in so many parts, some of which have arrived."""
+    """A long message, some of whose parts have arrived."""
 
     parts: int
     pieces: dict[int, tuple[bytes, bytes]] = field(default_factory=dict)
@@ -111,12 +112,13 @@ class Reassembly:
 
 class Admission:
     """One party's admission. trust: the keys it trusts; fleet: whose messages it accepts; robot: whether it is a robot,
-    which ignores what is for the operator, or an operator, who ignores what robots tell each other. clock: Unix time,
-    s. rate: signatures of one key that are checked in a second; the limit for STOPs is scaled alike. skew: s by which
-    other clocks may be wrong. None is the default of either. chance: decides in a flood.
+    which ignores messages for the operator, or an operator, who ignores what robots tell each other. clock: Unix
+    time, s. rate: signatures of one key that are checked in a second; the limit for STOPs is scaled in proportion.
+    skew: largest accepted clock difference, s. None is the default of either. chance: random source for floods.
 
-    offsets: by how much the clocks of those that send heartbeats differ from ours; clocks: those that differ by more
-    than is allowed. drops: dropped datagrams; counts: the same by reason; taken: accepted datagrams; passed: messages.
+    offsets: measured differences between our clock and those of senders of heartbeats; clocks: those that differ by
+    more than is allowed. drops: dropped datagrams; counts: the same by reason; taken: accepted datagrams; passed:
+    messages.
     """
 
     def __init__(
@@ -155,7 +157,7 @@ class Admission:
         """Nonce of the open `TimeRequest`, b"" for none."""
         self._turned_away: deque[Message] = deque(maxlen=MAX_REASSEMBLIES)
         self._timely: OrderedDict[str, float] = OrderedDict()
-        """When each party that may command us was last heard in time."""
+        """When each party that may command us last sent a timely message."""
 
     def enter(self, datagram: bytes) -> Admitted | None:
         """The message that this datagram is or completes; None if it is dropped, or if other parts are still
@@ -194,7 +196,7 @@ class Admission:
         return entered
 
     def news(self) -> list[StoredWindow]:
-        """The replay windows of senders that have changed something since the last call."""
+        """The replay windows that have changed since the last call."""
         found = [StoredWindow(*which, *self._both(which)) for which in self._changed if which in self._heard]
         self._changed.clear()
         return found
@@ -247,8 +249,8 @@ class Admission:
         return DropReason.EARLY if part.issued > now + self.skew else None
 
     def _turn_away(self, key: PublicKey, part: Fragment, now: float) -> None:
-        """Turn away a message of somebody who may command us, but let him know: one of the clocks is wrong, or it is
-        late."""
+        """Drop a message of a sender who may command us, but remember it for a notice: one of the clocks is wrong, or
+        it is late."""
         piece = read_piece(part)
         if self._second_objection(key, part, piece) is not None:
             return
@@ -259,8 +261,8 @@ class Admission:
         self._turned_away.append(message)
 
     def _compare_clocks(self, sender: str, ahead: float, now: float) -> None:
-        """Note the time of a message from somebody who may command us. ahead: s it is ahead of our clock, 0 if in
-        time."""
+        """Record the time of a message from a sender who may command us. ahead: s it is ahead of our clock, 0 if
+        timely."""
         if not ahead:
             self._timely[sender] = now
             self._timely.move_to_end(sender)
@@ -277,7 +279,7 @@ class Admission:
         self._timely.clear()
 
     def turned_away(self) -> list[Message]:
-        """Messages of those who may command us that were dropped because of their times, since the last call."""
+        """Messages of senders who may command us that were dropped because of their times, since the last call."""
         found = list(self._turned_away)
         self._turned_away.clear()
         return found
@@ -343,14 +345,15 @@ class Admission:
         return Admitted(message, datagrams)
 
     def _make_room(self) -> None:
-        """Drop the oldest incomplete message of the key that has most of them: a sender that starts many loses its
-        own."""
+        """Drop the oldest incomplete message of the key that has most of them, so that a sender who starts many loses
+        its own."""
         waiting = Counter(key for key, *_ in self._open)
         most = max(waiting.values())
         del self._open[next(which for which in self._open if waiting[which[0]] == most)]
 
     def note(self, key: bytes, sender: str, epoch: int, sequence: int, *, lasting: bool = False) -> None:
-        """This message was heard, or is our own: a repeat is dropped. lasting: whether a restart must not forget it."""
+        """Mark this message as received, or as our own: a repeat is dropped. lasting: whether a restart must not forget
+        it."""
         which = key, sender, epoch
         heard = self._heard.get(which)
         if heard is None:
@@ -363,7 +366,7 @@ class Admission:
             self._heard.popitem(last=False)
 
 
-# ---- rate limits: a token bucket, and a fair one in which chance decides in a flood
+# ---- rate limits: a token bucket, and a fair one that decides at random in a flood
 
 
 SPAN = 0.05
@@ -378,22 +381,22 @@ class TokenBucket:
         self._left, self._since = most, now
 
     def left(self, now: float) -> float:
-        """Tokens left at `now`; below 0 where more were spent than there were."""
+        """Tokens left at `now`; below 0 if more were spent than there were."""
         self._left = min(self._most, self._left + max(0.0, now - self._since) * self._rate)
         self._since = now
         return self._left
 
     def spend(self, count: float) -> None:
-        """Take so many tokens."""
+        """Spend `count` tokens."""
         self._left -= count
 
 
 class RateLimit:
-    """Lets through `rate` requests a second, and at most `most` at once.
+    """Lets through `rate` requests per second, and at most `most` at once.
 
-    While tokens last, requests are served as they come. When the rest would not last, chance decides, with as many
-    winners as there is time for: what counts in a flood is a sender's share of all that comes, and no place in the
-    queue is better than another. Nothing that a forger sends can spend what the others would have had.
+    While tokens last, requests are served in order. When the rest would not last, they are served at random, with
+    the probability that the rate allows: a sender's share of all requests decides, not its place in the queue, so a
+    flood of forgeries cannot spend the tokens of others.
     """
 
     def __init__(self, rate: float, most: float, chance: Random, now: float) -> None:

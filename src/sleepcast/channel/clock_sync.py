@@ -1,15 +1,14 @@
-"""Clocks that differ: by how much, whose are wrong, and how a robot without a real-time clock gets the time.
+"""Clock differences: their size, which clocks are wrong, and how a robot without a real-time clock gets the time.
 
-`ClockOffsets` are measured by heartbeats: one that was sent at t by its sender's clock and arrives at T by ours took
-T - t, which is the clocks' difference and the time on the way. The least of several is the difference and the shortest
-way, which is short on a radio.
+`ClockOffsets` are measured by heartbeats: for one sent at t by its sender's clock and received at T by ours, T - t
+is the clocks' difference plus the transmission time. The minimum of several is the difference plus the shortest
+transmission time, which is small on a radio.
 
-`WrongClocks` differ from ours by more than is allowed. What is noted there was signed and is no replay; the caller has
-checked that.
+`WrongClocks` differ from ours by more than is allowed. Callers record only signed messages that are not replays.
 
-`TimeRequest` is for a robot that wakes in 1970. It asks with a nonce, and an operator signs nonce and time (Cristian,
-*Probabilistic clock synchronization*, 1989). The nonce was never used before, so no recording answers it; the round
-trip was short, so nobody has held the answer back: the time is wrong by half the round trip at most.
+`TimeRequest` is for a robot whose clock starts in 1970. It asks with a nonce, and an operator signs nonce and time
+(Cristian, *Probabilistic clock synchronization*, 1989). The nonce was never used before, so no recording answers it;
+the round trip was short, so the answer was not held back: the error is at most half the round trip.
 """
 
 from __future__ import annotations
@@ -23,13 +22,13 @@ from sleepcast.channel.message import TIME, Message
 from sleepcast.core.clock import MADE
 
 ENOUGH, LATEST = 3, 16
-"""Heartbeats needed to measure an offset, and the latest ones that are used: those of some five seconds."""
+"""Heartbeats needed to measure an offset, and the number of latest ones used: those of some five seconds."""
 FRESH = 600.0
 """Seconds for which an offset is used without new heartbeats: clocks drift by milliseconds meanwhile."""
 LEAST = 0.05
-"""Seconds of an offset that matters: less may be the time on the way, and synchronized clocks differ by less."""
+"""Least offset that matters, s: less may be transmission time, and synchronized clocks differ by less."""
 MAX_OFFSETS = 64
-"""Senders whose offsets are known; the one that was silent longest is forgotten."""
+"""Senders with known offsets; beyond, the one that has been silent longest is dropped."""
 
 
 class ClockOffsets:
@@ -41,7 +40,7 @@ class ClockOffsets:
         self._took: OrderedDict[str, deque[tuple[float, float]]] = OrderedDict()
 
     def note(self, sender: str, issued: float, now: float) -> None:
-        """A heartbeat was issued and heard at these times, s by the sender's clock and by ours."""
+        """Record a heartbeat: its time of issue by the sender's clock, and of arrival by ours, s."""
         took = self._took.setdefault(sender, deque(maxlen=LATEST))
         took.append((now, now - issued))
         self._took.move_to_end(sender)
@@ -73,7 +72,7 @@ UNITS = ((2 * 365.25 * 86_400.0, 365.25 * 86_400.0, "years"), (2 * 86_400.0, 86_
 
 
 class WrongClocks:
-    """By how many s each party's clock is ahead of ours, 0 for one that is right."""
+    """How far each party's clock is ahead of ours, s; 0 if it is right."""
 
     def __init__(self) -> None:
         self._ahead: dict[str, float] = {}
@@ -85,7 +84,7 @@ class WrongClocks:
             self._ahead[name] = ahead
 
     def note_took(self, name: str, whose: str, behind: float) -> None:
-        """This robot's clock was `behind` s behind, and has been set by the time of `whose`."""
+        """This robot's clock was `behind` s behind, and has been set to the time of `whose`."""
         if name in self._took or len(self._took) < _MAX_CLOCKS:
             self._took[name] = whose, behind
         self.note(name, 0.0)
@@ -96,7 +95,7 @@ class WrongClocks:
         self._took.clear()
 
     def ahead(self, name: str) -> float:
-        """By how many s its clock is ahead; 0 if unknown."""
+        """How far its clock is ahead, s; 0 if unknown."""
         return self._ahead.get(name, 0.0)
 
     @property
@@ -110,7 +109,7 @@ class WrongClocks:
         if len(wrong) > 1:
             middle = wrong[len(wrong) // 2][1]
             alike = [name for name, ahead in wrong if abs(ahead - middle) <= _ALIKE]
-            if 2 * len(alike) > max(2, len(self._ahead)):  # more likely one clock is wrong than so many
+            if 2 * len(alike) > max(2, len(self._ahead)):  # one wrong clock here is more likely than so many elsewhere
                 rest = "they obey nothing but your STOP; set it, and start sleepcast again"
                 found.append(
                     f"your clock is {differs(-middle)} {'of ' if middle < 0 else ''}{len(alike)} robots: {rest}"
@@ -126,7 +125,7 @@ class WrongClocks:
         return found + self._taken()
 
     def _taken(self) -> list[str]:
-        """Which robots have set their clocks by whose time, one sentence for equal cases."""
+        """Which robots have set their clocks to whose time, one sentence for equal cases."""
         alike: dict[tuple[str, str], list[str]] = {}
         for name, (whose, behind) in self._took.items():
             alike.setdefault((whose, differs(-behind)), []).append(name)
@@ -147,7 +146,7 @@ def differs(ahead: float) -> str:
 
 
 def took(names: Sequence[str], whose: str, differs: str) -> str:
-    """A sentence: these robots set their clocks by somebody's time. differs: by how much they were wrong."""
+    """A sentence: these robots have set their clocks to somebody's time. differs: how wrong they were."""
     theirs, clocks = ("its", "its clock was") if len(names) == 1 else ("their", "their clocks were")
     return f"{_listed(names)} took {theirs} time from {whose}: {clocks} {differs}"
 
@@ -160,19 +159,18 @@ def _listed(names: Sequence[str]) -> str:
 NONCE_BYTES = 16
 """Bytes of a nonce: it cannot be guessed, and is never repeated by chance."""
 MAX_TRIP = 1.0
-"""Seconds from the question to the answer at most. So the time is wrong by half a second, a quarter of the allowed
-skew."""
+"""Longest round trip, s. So the error is at most half a second, a quarter of the allowed skew."""
 SOONEST, SLOWEST = 2.0, 16.0
-"""Seconds between two questions at first, and at most: the pause doubles while nobody answers. It is longer than
-`MAX_TRIP`, so no answer in time is to a question that is given up."""
+"""Seconds between two requests at first, and at most: the pause doubles while there is no answer. It is longer than
+`MAX_TRIP`, so a timely answer is always to the open request."""
 HURRIED_PAUSE = 0.25
 """Seconds between two requests while an operator commands us, who may leave after our answer."""
 
 
 class TimeRequest:
-    """A robot's question for the time, asked again until it is answered. set_clock: called with the seconds by which
-    our clock is behind, and with the name of the operator who says so. nonce: of the open question; due: when to ask
-    next, s of our clock."""
+    """A robot's request for the time, repeated until it is answered. set_clock: called with the seconds by which our
+    clock is behind, and with the name of the operator who says so. nonce: of the open request; due: time of the next
+    request, s of our clock."""
 
     def __init__(self, set_clock: Callable[[float, str], None]) -> None:
         self.set_clock = set_clock
@@ -180,14 +178,14 @@ class TimeRequest:
         self._asked, self._pause = -inf, SOONEST
 
     def question(self, now: float) -> dict[str, object]:
-        """The body of a new question; an answer to an older one is too late from now on."""
+        """The body of a new request; answers to older ones are ignored from now on."""
         self.nonce = token_bytes(NONCE_BYTES)
         self._asked, self.due = now, now + self._pause
         self._pause = min(2.0 * self._pause, SLOWEST)
         return {TIME: self.nonce}
 
     def hurry(self) -> None:
-        """An operator who commands us is there: ask as soon as we may."""
+        """An operator who commands us is present: ask as soon as allowed."""
         self.due = min(self.due, self._asked + HURRIED_PAUSE)
 
     def answer(self, message: Message, now: float) -> float | None:

@@ -1,8 +1,8 @@
 """Dropped datagrams, counted by reason and by the key that they name, and notices about them for a person.
 
-Counting costs one look at the clock and one addition, as it is done for each datagram of a flood. Notices tell what is
-going on now, by the rates of the last second or two. What is normal on every channel (a message heard twice, or one for
-others) is only counted.
+Counting takes one clock reading and one addition, because it is done for each datagram of a flood. Notices tell what
+is going on now, by the rates of the last second or two. What is normal on every channel (a repeated message, or one
+for others) is only counted.
 """
 
 from __future__ import annotations
@@ -17,21 +17,23 @@ from sleepcast.core.clock import Clock
 WINDOW = 1.0
 """Seconds over which rates are measured: long enough for a steady number, short enough to be current."""
 _FIRST = 0.25
-"""Seconds of the current window after which it gives a rate: one datagram is no flood."""
+"""Seconds after which the current window gives a rate: one datagram is no flood."""
 MAX_STRANGERS = 64
-"""Unknown keys that are counted separately, so that invented keys take no memory. Known ones are bounded."""
+"""Unknown keys that are counted separately, so that invented keys take no memory. The number of known ones is
+bounded."""
 _MAX_NOTICES = 4
 """Notices at once: those with the highest rates."""
 AGAIN = 60.0
-"""Seconds after which a `NoticeLog` repeats something that goes on."""
+"""Period, s, after which a `NoticeLog` repeats an ongoing notice."""
 _WORSE = 10.0
 """A rate this many times the one last reported is reported at once."""
 _MANY_REPEATED = 500.0
-"""Repeated messages of one key in a second that are an attack: a STOP is repeated a hundred times in its first."""
+"""Repeated messages of one key per second that indicate an attack: a STOP is repeated a hundred times in its first
+second."""
 _MANY_LATE = 5.0
-"""Late messages of one key in a second that are worth a notice: repaired ones are late now and then."""
+"""Late messages of one key per second that are worth a notice: repaired ones are occasionally late."""
 LEAST = 0.5
-"""The same for everything else: what was seen once, a while ago, is over."""
+"""The same for all other reasons: rare cases in the past are over."""
 
 
 class DropReason(StrEnum):
@@ -74,8 +76,8 @@ class Notice(NamedTuple):
 
 
 class DropCounter:
-    """Counts dropped datagrams. counts: all so far, by reason; by_key: by key id and reason; the id is b"" where no key
-    is named, or too many unknown ones."""
+    """Counts dropped datagrams. counts: all so far, by reason; by_key: by key id and reason; the id is b"" if no key is
+    named, or there are too many unknown ones."""
 
     def __init__(self, clock: Clock) -> None:
         self.counts: Counter[DropReason] = Counter()
@@ -109,7 +111,7 @@ class DropCounter:
         return found
 
     def notices(self, owners: Owners) -> list[Notice]:
-        """What a person should know of, the highest rate first. owners: of the keys."""
+        """What a person should know, highest rate first. owners: of the keys."""
         by_key: defaultdict[bytes, dict[DropReason, float]] = defaultdict(dict)
         for (key, reason), rate in self.rates().items():
             by_key[key][reason] = rate
@@ -120,7 +122,7 @@ class DropCounter:
         """Begin another window if this one is over."""
         passed = self._clock.now() - self._since
         if not 0.0 <= passed < WINDOW:
-            length = max(passed, WINDOW)  # a clock that was set back says nothing of how long it was
+            length = max(passed, WINDOW)  # if the clock was set back, the true length is unknown
             self._rates = {which: count / length for which, count in self._window.items()}
             self._window.clear()
             self._since += passed
@@ -131,7 +133,7 @@ def _noticed(key: bytes, rates: Mapping[DropReason, float], owners: Owners) -> I
     known, short = owners.find(key), key.hex()[:4]
     name = f"key {short} ({known.owner})" if known else f"key {short}" if key else "many keys"
     forged, unread = rates.get(DropReason.FORGED, 0.0), rates.get(DropReason.TOO_MANY, 0.0)
-    if forged:  # what was not looked at came with them
+    if forged:  # datagrams that were not checked came with them
         text = f"somebody sends {_much(forged + unread, 'forged')} a second under {name}"
         yield Notice(key, DropReason.FORGED, forged + unread, text)
     elif unread:

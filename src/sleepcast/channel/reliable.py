@@ -1,15 +1,15 @@
-"""Reliable delivery: how commands reach everybody, in order and once, over a radio that loses messages.
+"""Reliable delivery: every command reaches every party, in order and once, over a radio that loses messages.
 
 It has no socket and no clock: datagrams and the time go in, messages and datagrams come out.
 
-    send     a command is sent at once, and a few times more at growing intervals
-    order    each command names the one before it and the standing one before it, so that gaps show (`sequencer`).
-             Commands after a gap wait until it is filled, or until the missing one is too late anyway
-    repair   a party that misses a command requests it. Any party that has it sends it again, after a random wait in
-             which it listens whether another one does. The datagrams are the original sender's, so no repairer needs to
-             be trusted (`sequencer.MessageStore`)
-    rules    all parties store standing commands. Digests report the progress of each party: more and more rarely while
-             all agree, at once after a difference (`sequencer.DigestTimer`)
+send     a command is sent at once, and a few more times at growing intervals
+order    each command names the previous one and the previous standing one, so that gaps show (`sequencer`).
+         Commands after a gap wait until it is filled, or until the missing one is too late anyway
+repair   a party that misses a command requests it. Any party that has it sends it again, after a random wait, unless
+         another one does so first. The datagrams are the original sender's, so no repairer needs to be trusted
+         (`sequencer.MessageStore`)
+rules    all parties store standing commands. Digests report the progress of each party: more and more rarely while
+         all agree, at once after a difference (`sequencer.DigestTimer`)
 
 Messages of other kinds are passed on as they come.
 """
@@ -60,12 +60,12 @@ STOP_AT_FIRST = 5.0
 LIFE = 5.0
 """Seconds for which a command counts, unless its sender says otherwise. Only standing commands have no end."""
 REPAIR_WITHIN = 0.06
-"""Seconds within which, at random, a party resends what another one misses, unless somebody else does."""
+"""A party resends what another one misses at a random time within these seconds, unless another party does so first."""
 REPAIR_PAUSE = 0.2
-"""Seconds for which a command that was heard is not sent again."""
+"""Seconds for which a command just heard is not sent again."""
 REPAIR_RATE = 100_000.0
-"""Bytes that a party resends in a second, and at once: a tenth of what a slow radio carries, and four of the longest
-expressions. Endless requests get no more; who misses more asks again."""
+"""Bytes that a party resends per second, and at once: a tenth of what a slow radio carries, and four of the longest
+expressions. Excess requests are ignored; parties that miss more ask again."""
 BATCH = 24
 """Commands resent for one digest or request: the rest follows with the next one."""
 KEEP_EVERY = 256
@@ -77,8 +77,8 @@ MAX_WANTED = 64
 
 
 class Repair(NamedTuple):
-    """Commands that somebody misses, to be resent in order at a time (s). tie: makes equal times comparable. wanted:
-    numbers of commands, each with the numbers of its parts if not all are meant."""
+    """Commands that a party misses, to be resent in order at a time (s). tie: makes equal times comparable. wanted:
+    numbers of commands, each with the numbers of its parts if only some are wanted."""
 
     time: float
     tie: int
@@ -130,7 +130,7 @@ class ReliableDelivery:
         self._store = MessageStore()
         self._digest_timer = DigestTimer(chance)
         self._told: dict[StreamId, int] = {}
-        """How far others' rules have come, as robots tell an operator."""
+        """The progress of other streams' rules, as robots report it to an operator."""
         self._sequence, self._issued, self._keep = first - 1, 0.0, keep
         self._out: list[bytes] = []
         self._later: list[Repair | Repeat] = []
@@ -152,7 +152,8 @@ class ReliableDelivery:
         standing: bool = False,
         body: dict[str, object] | None = None,
     ) -> Message:
-        """Compose and queue a message at `now` (s of Unix time); gives it. Raises MessageError if it is too long."""
+        """Compose and queue a message at `now` (s of Unix time), and return it. Raises MessageError if it is too
+        long."""
         message = self.compose(kind, now, text=text, deadline=deadline, standing=standing, body=body)
         self.queue(message, now)
         return message
@@ -167,14 +168,14 @@ class ReliableDelivery:
         standing: bool = False,
         body: dict[str, object] | None = None,
     ) -> Message:
-        """The next message of ours, as all will hear it: with its number and, if it is a command, its link. deadline: s
-        of Unix time, None for `LIFE` from now, or for no deadline if it is standing. `queue` it before the next one."""
+        """Our next message, with its number and, if it is a command, its link. deadline: s of Unix time; None for
+        `LIFE` from now, or for no deadline if it is standing. Call `queue` with it before composing another one."""
         until = (inf if standing else now + LIFE) if deadline is None else deadline
         number, said, issued = self._number(), dict(body or {}), now
         if kind is Kind.COMMAND:
             said |= self._own().link().written()
             if 0.0 <= self._issued - now <= self.admission.skew:
-                issued = self._issued  # a clock that was set back makes no command seem older than the last
+                issued = self._issued  # if the clock was set back, no command may seem older than the last
             self._issued = issued
         return Message(self.name, self.epoch, number, kind, issued, until, text, standing, said)
 
@@ -189,7 +190,7 @@ class ReliableDelivery:
                 self._tell_progress(now)
             if KEYS in message.body:
                 self._change_trust(msgspec.structs.replace(message, role=self.role.value), now)
-            if message.standing:  # any other is over before our next life could send it again
+            if message.standing:  # any other expires before our next life could send it again
                 self._keep()
         self._out += datagrams
         if kind in REPEATED:
@@ -203,7 +204,7 @@ class ReliableDelivery:
             self._stop_repeats = StopRepeats()
 
     def repeat(self, number: int, now: float) -> None:
-        """Send a command of ours once more; who has heard it ignores it."""
+        """Send a command of ours once more; parties that have received it ignore it."""
         self._out += self._store.take(self._own().name, number, now)
 
     def posted(self) -> list[bytes]:
@@ -234,7 +235,7 @@ class ReliableDelivery:
             self._digest_timer.restart(now)
 
     def seek_time(self, set_clock: Callable[[float, str], None]) -> None:
-        """Our clock is plainly wrong: ask for the time until an operator tells it. set_clock: see `TimeRequest`."""
+        """Our clock is plainly wrong: ask for the time until an operator answers. set_clock: see `TimeRequest`."""
         self._time_request = TimeRequest(set_clock)
 
     def _number(self) -> int:
@@ -251,7 +252,7 @@ class ReliableDelivery:
     # ---- receiving
 
     def take(self, datagram: bytes, now: float) -> list[Message]:
-        """The messages that can be handled now that this datagram has come."""
+        """The messages that this datagram makes ready to be handled."""
         part = self.admission.look(datagram)
         if part is None:
             return []
@@ -260,7 +261,7 @@ class ReliableDelivery:
             return []
         entered = self.admission.admit(part, datagram)
         if entered is None:
-            name = part.key, part.epoch  # nobody keeps anything but commands; their sender repeats them himself first
+            name = part.key, part.epoch  # only commands are stored; their sender repeats them first
             if part.kind is Kind.COMMAND and self.admission.robot and self._missing(name, part.sequence):
                 self.sequencer.want_parts(name, part.sequence, part.deadline, now + _ASK_PARTS_AFTER)
             turned_away = self.admission.turned_away()
@@ -278,13 +279,13 @@ class ReliableDelivery:
             self._repair_requested(message, now)
             return []
         if message.kind is not Kind.COMMAND or message.role == Role.ROBOT:
-            return [message]  # what robots tell each other is neither ordered nor repaired
+            return [message]  # messages between robots are neither ordered nor repaired
         name = part.key, part.epoch
         self._store.keep(name, message.sequence, message.standing, entered.datagrams, now)
         if KEYS in message.body:
             self._change_trust(message, now)
         if not self.admission.robot:
-            return [message]  # an operator sees others' commands as they come, without waiting for missing ones
+            return [message]  # an operator sees others' commands at once, without waiting for missing ones
         stream = self.sequencer.stream(name)
         return self._noted(self.sequencer.take(stream, message, now), now)
 
@@ -298,7 +299,7 @@ class ReliableDelivery:
                 self._time_request = None
                 self.admission.forget_clocks()
                 request.set_clock(behind, message.sender)
-                self.sequencer.since = now + behind  # what was turned away until now is waited for no more
+                self.sequencer.since = now + behind  # do not wait for messages that were dropped until now
         elif (
             Kind.HEARTBEAT in MAY[self.role]
             and (isinstance(nonce, bytes) and len(nonce) == NONCE_BYTES)
@@ -347,8 +348,8 @@ class ReliableDelivery:
     # ---- state that outlasts the process
 
     def news(self) -> DeliveryState:
-        """What has changed since the last call. Commands that wait for missing ones count as not heard, so that they
-        are asked for again."""
+        """What has changed since the last call. Commands that wait for missing ones count as not received, so that they
+        are requested again."""
         windows = (each.without(self.sequencer.waiting((each.key, each.epoch))) for each in self.admission.news())
         return DeliveryState(self.sequencer.news(), tuple(windows), self._store.news())
 
@@ -368,7 +369,7 @@ class ReliableDelivery:
     # ---- repair
 
     def _compare(self, digest: Message, now: float) -> None:
-        """Compare a digest with our own progress: resend what its sender misses, and tell what we miss."""
+        """Compare a digest with our own progress: resend what its sender misses, and request what we miss."""
         theirs = {name: rules for name, rules in streams_in(digest.body, "have", int) if self._commands(name)}
         names = set(self.sequencer.standing())
         if self.admission.robot:
@@ -398,12 +399,12 @@ class ReliableDelivery:
         return {"have": [[*name, have[name]] for name in sorted(have)[-MAX_STREAMS:]]}
 
     def _missing(self, name: StreamId, number: int) -> tuple[int, ...]:
-        """Missing parts of a command of which some have come."""
+        """Missing parts of a command that has partly arrived."""
         key = self.admission.trust.find(name[0]) if self._commands(name) else None
         return () if key is None else self.admission.missing(name[0], key.owner, name[1], number)
 
     def _request(self, wanted: Mapping[StreamId, Sequence[int]], now: float) -> None:
-        """Ask for missing commands, or for the missing parts of those that have come in part."""
+        """Request missing commands, or missing parts of those that have partly arrived."""
         missing = [
             (name, number, self._missing(name, number)) for name, numbers in wanted.items() for number in numbers
         ]
@@ -464,7 +465,7 @@ class ReliableDelivery:
         return -inf if self._out else min(later, ask, self.sequencer.due(), self._digest_timer.due())
 
     def skipped(self) -> list[Skipped]:
-        """The commands that never came, since the last call."""
+        """The commands that never arrived, since the last call."""
         return self.sequencer.take_skipped()
 
     def _do(self, job: Repair | Repeat, now: float) -> None:
@@ -479,7 +480,8 @@ class ReliableDelivery:
             self._out += found
 
     def _stop_again(self, now: float) -> None:
-        """Send the copies of our STOP that are due, also those that are late: each may be the one that is heard."""
+        """Send the copies of our STOP that are due, including late ones: any of them may be the one that gets
+        through."""
         time, until, datagrams = self._stop_repeats
         owed = int((min(now, until) - time) / STOP_EVERY) + 1
         self._out += datagrams * owed

@@ -1,8 +1,8 @@
 """The sequencer puts commands in order: which can be handled, which wait for earlier ones, and which are missing.
 
-Each command names in its `Link` the command before it with its deadline, and the standing command before it. So a
-receiver sees a gap from the next command that it hears. A missing standing command is waited for without limit; any
-other only until its deadline, and not at all by a receiver that joined after it was sent.
+Each command names in its `Link` the previous command with its deadline, and the previous standing command. So a
+receiver detects a gap at the next command that it receives. It waits for a missing standing command without limit;
+for any other only until its deadline, and not at all if it joined after that one was sent.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from typing import NamedTuple
 from sleepcast.channel.message import Link, Message
 
 MAX_STREAMS = 64
-"""Streams (senders of commands, per epoch) that are kept in order; the one that was silent longest is forgotten first,
-those without rules before others."""
+"""Streams (senders of commands, per epoch) that are kept in order; beyond, the one that has been silent longest is
+dropped, those without rules before others."""
 MAX_WAITING = 1_024
-"""Commands of one stream that wait; beyond, the latest ones are forgotten, and asked for again in their turn."""
+"""Waiting commands of one stream; beyond, the latest ones are dropped, and requested again later."""
 _MAX_SKIPPED = 1_024
 """Skipped commands that are remembered: the latest."""
 _ASK_AFTER = (0.02, 0.08)
-"""Seconds before a missing command is asked for, at random between these: its sender repeats it unasked, too."""
+"""Seconds before a missing command is requested, at random between these: its sender also repeats it on its own."""
 ASK_AGAIN, _ASK_SELDOM = 0.15, 2.0
-"""Seconds after which it is asked for again: at first, and at most; doubled each time."""
+"""Seconds after which it is requested again: at first, and at most; doubled each time."""
 SLACK = 0.25
-"""Seconds after a deadline for which a command may still be on its way."""
+"""Seconds after a deadline during which a command may still be on its way."""
 
 
 class Skipped(NamedTuple):
-    """A command that never came, and is now too late. key: id of its sender's key."""
+    """A command that never arrived, and is now too late. key: id of its sender's key."""
 
     key: bytes
     epoch: int
@@ -41,7 +41,7 @@ class Skipped(NamedTuple):
 
 @dataclass(slots=True)
 class MissingCommand:
-    """A missing command. due: when it is asked for next, s; again: s until the time after; until: when it is too late,
+    """A missing command. due: time of the next request, s; again: s until the one after; until: when it is too late,
     s."""
 
     due: float
@@ -73,7 +73,7 @@ class Stream:
         return Link(self.done, self.sent, self.until, self.rules)
 
     def deal_with(self, message: Message) -> None:
-        """The next command is handled."""
+        """Record that the next command is handled."""
         self.done, self.sent, self.until = message.sequence, message.issued, message.deadline
         self.waiting.pop(message.sequence, None)
         self.wanted.pop(message.sequence, None)
@@ -82,8 +82,7 @@ class Stream:
 
 
 class Sequencer:
-    """The streams of all senders of commands. chance: for the moments of requests; skew: s by which other clocks may be
-    wrong.
+    """The streams of all senders of commands. chance: for the times of requests; skew: largest clock difference, s.
 
     since: when we began to listen, s; earlier commands are not for us, unless they are standing.
     """
@@ -108,7 +107,7 @@ class Sequencer:
         return found
 
     def knows(self, name: StreamId, number: int) -> bool:
-        """Whether a command has come, and waits or was handled."""
+        """Whether a command has arrived, and waits or was handled."""
         stream = self._streams.get(name)
         return stream is not None and (number <= stream.done or number in stream.waiting)
 
@@ -118,7 +117,7 @@ class Sequencer:
         return set() if stream is None else set(stream.waiting)
 
     def deal_with(self, stream: Stream, message: Message) -> None:
-        """The next command of a stream is handled."""
+        """Record that the next command of a stream is handled."""
         stream.deal_with(message)
         self._changed.add(stream.name)
 
@@ -143,7 +142,7 @@ class Sequencer:
         return {stream.name: stream.rules for stream in self._streams.values() if stream.standing}
 
     def take(self, stream: Stream, message: Message, now: float) -> list[Message]:
-        """The commands that can be handled now that this one has come, in order."""
+        """The commands that can be handled now that this one has arrived, in order."""
         if message.sequence <= stream.done:
             return []
         stream.waiting[message.sequence] = message
@@ -159,7 +158,7 @@ class Sequencer:
 
     def settle(self, key: bytes, counting: Set[tuple[StreamId, int]]) -> None:
         """A key was revoked: of its commands only these still count. Others that wait, are wanted or were standing are
-        forgotten; what they did stays."""
+        dropped; their effects remain."""
         for stream in self._streams.values():
             if stream.name[0] == key:
                 numbers = {number for name, number in counting if name == stream.name}
@@ -169,7 +168,7 @@ class Sequencer:
                 self._changed.add(stream.name)
 
     def expire(self, now: float) -> list[Message]:
-        """Commands that need not wait any longer, as the missing ones before them are now too late."""
+        """Commands that need not wait any longer, because the missing ones before them are now too late."""
         return [
             message for stream in self._streams.values() if stream.waiting for message in self._advance(stream, now)
         ]
@@ -189,20 +188,20 @@ class Sequencer:
         return found
 
     def want_parts(self, name: StreamId, number: int, until: float, due: float) -> None:
-        """Parts of a command have come: ask for the others from `due` to `until`, s."""
+        """Parts of a command have arrived: request the others from `due` to `until`, s."""
         stream = self.stream(name)
         if number > stream.done and number not in stream.wanted:
             stream.wanted[number] = MissingCommand(due + _ASK_AFTER[1] * mostly_late(self._chance), until=until + SLACK)
 
     def asked(self, name: StreamId, numbers: Sequence[int], now: float) -> None:
-        """Somebody else has asked for these commands, so we wait a while."""
+        """Another party has requested these commands, so we wait a while."""
         wanted = self._streams[name].wanted if name in self._streams else {}
         for number in wanted.keys() & set(numbers):
             want = wanted[number]
             want.due = max(want.due, now + want.again)
 
     def due(self) -> float:
-        """When to ask for something next, or to stop waiting for it, s."""
+        """When to request something next, or to stop waiting for it, s."""
         found = inf
         for stream in self._streams.values():
             if stream.wanted:
@@ -230,7 +229,7 @@ class Sequencer:
         return found
 
     def _is_next(self, stream: Stream, message: Message, now: float) -> bool:
-        """Whether the earliest waiting command can be handled; if one is missing before it, that one is wanted."""
+        """Whether the earliest waiting command can be handled; if one before it is missing, that one is wanted."""
         link = message.link
         if link.rules > stream.rules:
             self._want(stream, link.rules, now)
@@ -244,7 +243,7 @@ class Sequencer:
         return True
 
     def _deal(self, stream: Stream, message: Message) -> bool:
-        """Handle the next command; whether it is for us."""
+        """Handle the next command; returns whether it is for us."""
         self.deal_with(stream, message)
         return message.standing or message.issued >= self.since - self._skew  # whichever clock is wrong
 
@@ -260,14 +259,14 @@ class Sequencer:
 SOONEST, LATEST = 0.4, 60.0
 """Seconds of the shortest interval, while there is news, and of the longest."""
 ENOUGH = 2
-"""Equal digests of others in an interval after which ours is left out."""
+"""Equal digests of others in an interval after which ours is omitted."""
 _STEEPNESS = 10.0
 """How rarely `mostly_late` draws small numbers: enough for some ten thousand parties."""
 
 
 def mostly_late(chance: Random) -> float:
     """A random back-off from [0, 1], exponentially biased towards late: of a thousand parties one or two are early, and
-    the others hear them and keep quiet. Nobody needs to know how many there are (Nonnenmacher and Biersack, Scalable
+    the others hear them and stay silent. No party needs to know their number (Nonnenmacher and Biersack, Scalable
     feedback for large groups, IEEE/ACM Transactions on Networking 7, 1999)."""
     return log1p(chance.random() * (exp(_STEEPNESS) - 1.0)) / _STEEPNESS
 
@@ -280,12 +279,12 @@ class DigestTimer:
         self._interval, self._ends, self._speaks, self._alike = SOONEST, inf, inf, 0
 
     def restart(self, now: float) -> None:
-        """Somebody differs: begin the shortest interval, unless it is running."""
+        """A party's digest differs: begin the shortest interval, unless it is running."""
         if self._ends == inf or self._interval > SOONEST:
             self._begin(now, SOONEST)
 
     def agree(self) -> None:
-        """Somebody has sent the same digest as ours."""
+        """A party has sent a digest equal to ours."""
         self._alike += 1
 
     def is_due(self, now: float) -> bool:
@@ -306,16 +305,16 @@ class DigestTimer:
         self._speaks = now + interval * (1.0 + mostly_late(self._chance)) / 2.0
 
 
-# ---- the commands that a party stores for those who missed them, and what of reliable delivery outlasts its process:
-# delivery gives its changes as a `DeliveryState`; all of them together, the latest of each, restore it
+# ---- stored commands for parties that have missed them, and the state of reliable delivery that outlasts its process:
+# delivery reports changes as `DeliveryState`s; together they restore it
 
 StreamId = tuple[bytes, int]
 """Identifies a stream of commands: the id of the sender's key, and the epoch."""
 
 
 class StreamProgress(NamedTuple):
-    """How far a stream has come. done: number of the latest command that was dealt with; sent, until: when that was
-    issued, and its deadline (s of Unix time, inf for a standing one); rules: number of the latest standing one."""
+    """The progress of a stream. done: number of the latest handled command; sent, until: its time of issue and deadline
+    (s of Unix time, inf for a standing one); rules: number of the latest standing one."""
 
     stream: StreamId
     done: int
@@ -325,7 +324,7 @@ class StreamProgress(NamedTuple):
 
 
 class StoredWindow(NamedTuple):
-    """The messages heard from one sender in one epoch. key: its id; numbers: bit i is message `latest - i`."""
+    """The messages received from one sender in one epoch. key: its id; numbers: bit i is message `latest - i`."""
 
     key: bytes
     sender: str
@@ -379,7 +378,7 @@ class MessageStore:
         self._news: list[StandingCommand] = []
 
     def keep(self, stream: StreamId, number: int, standing: bool, datagrams: tuple[bytes, ...], now: float) -> None:
-        """Store a command that was heard or sent at `now` (s), in place of the oldest if there are too many."""
+        """Store a command that was received or sent at `now` (s), replacing the oldest if there are too many."""
         stored, most = (self._standing, MAX_STANDING) if standing else (self._recent, _MAX_RECENT)
         if standing and (stream, number) not in stored:
             self._news.append(StandingCommand(stream, number, datagrams))
@@ -394,13 +393,13 @@ class MessageStore:
         return found
 
     def restore(self, standing: Iterable[StandingCommand]) -> None:
-        """Restore stored commands, the oldest first, as if none had been on the air for long."""
+        """Restore stored commands, oldest first; all count as not on the air for long."""
         for each in standing:
             self.keep(each.stream, each.number, True, each.datagrams, -inf)
         self._news.clear()
 
     def heard(self, stream: StreamId, number: int, datagram: bytes, now: float) -> bool:
-        """Whether this datagram is stored; if so, note that it was heard at `now` (s)."""
+        """Whether this datagram is stored; if so, record that it was heard at `now` (s)."""
         kept = self._find(stream, number)
         if kept is None or datagram not in kept.datagrams:
             return False
@@ -408,7 +407,7 @@ class MessageStore:
         return True
 
     def silent_since(self, stream: StreamId, number: int, time: float, parts: Sequence[int] = ()) -> bool:
-        """Whether a command is stored of which any of these parts (all, if none is named) has not been on the air since
+        """Whether a stored command has any of these parts (all, if none is named) that has not been on the air since
         `time` (s)."""
         kept = self._find(stream, number)
         return kept is not None and any(kept.heard[part] < time for part in _named(kept, parts))
@@ -416,8 +415,8 @@ class MessageStore:
     def take(
         self, stream: StreamId, number: int, now: float, since: float = inf, parts: Sequence[int] = ()
     ) -> tuple[bytes, ...]:
-        """The parts of a command that have not been on the air since `since` (s), and now are; none if it is not
-        stored. parts: all, if none is named."""
+        """The parts of a command that have not been on the air since `since` (s), and are marked as on the air now;
+        empty if it is not stored. parts: all, if none is named."""
         kept = self._find(stream, number)
         if kept is None:
             return ()

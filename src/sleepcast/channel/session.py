@@ -1,14 +1,14 @@
 """A session: one party's connection to the channel. It joins a transport, reliable delivery, and the time of a mind.
 
-A session never waits unless it is asked to; `wait` repairs and receives while its owner has nothing to do. Answers that
-were asked for within a time are spread over it at random, so that a thousand robots do not answer at once. An answer is
-sent once; who has missed some asks for them by the robots' names, which is the session's own business: the mind hears
-nothing of it.
+A session never waits unless it is asked to; `wait` repairs and receives while its owner is idle. Answers requested
+within a time are spread over it at random, so that a thousand robots do not answer at once. An answer is sent once;
+an operator who has missed some requests them by the robots' names, which the session handles itself, without the
+mind.
 
-Many robots of one process share one `Receiver`, as one computer has one radio however many minds live on it. It checks,
-orders and repairs what comes from others once for all of them, and hands it to every robot, which decides by itself
-whether it is addressed. Each robot sends by a session of its own, under its own name and numbers; what one robot tells
-the others reaches its neighbours through the same receiver.
+Many robots of one process share one `Receiver`, as one computer has one radio for any number of minds. It checks,
+orders and repairs messages of others once for all of them, and passes them to every robot, which decides itself
+whether it is addressed. Each robot sends through its own session, with its own name and numbers; what one robot
+tells the others reaches its neighbours through the same receiver.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ from sleepcast.core.clock import Clock
 MAX_SPREAD = 60.0
 """Seconds over which answers may be spread."""
 _MAX_ASKED = 256
-"""Commands for which the time to answer is remembered."""
+"""Commands whose time to answer is remembered."""
 MAX_ANSWERED = 64
 """Answers that can be sent again, as many as a robot can explain."""
 _MAX_REPORTED = 8
-"""Ids of missed commands in one report; of more, only the number is sent."""
+"""Ids of missed commands in one report; if there are more, only their number is sent."""
 GATHER_FOR = 0.001
-"""Seconds to wait after something was received, so that datagrams which come close together are handled together: a
+"""Seconds to wait after something was received, so that datagrams which arrive close together are handled together: a
 flood does not wake us for each datagram."""
 _REPORT_EVERY = 1.0
 """Seconds between two such reports."""
 _MAX_HELD = 1_024
-"""Delayed answers; beyond, the first one is sent at once."""
+"""Delayed answers; beyond, the earliest is sent at once."""
 
 
 @dataclass(order=True, slots=True)
@@ -61,10 +61,9 @@ class DelayedAnswer:
 
 
 class ChannelSession:
-    """A `Channel` in the time of a mind; messages get their numbers when they are sent. clock: Unix time, s; zero: when
-    the mind's time began, s of Unix time. chance: for the moments of answers. listens: whether it receives for itself;
-    otherwise a `Receiver` does, and its owner passes on what it receives. ends: called on close.
-    """
+    """A `Channel` in the time of a mind; messages get their numbers when they are sent. clock: Unix time, s; zero:
+    start of the mind's time, s of Unix time. chance: for the times of answers. listens: whether it receives for itself;
+    otherwise a `Receiver` does, and its owner passes messages on. ends: called on close."""
 
     def __init__(
         self,
@@ -90,7 +89,7 @@ class ChannelSession:
             delivery.start(clock.now())
 
     def send(self, message: Message) -> None:
-        """Send a message: an answer in its moment, any other at once. Raises MessageError if it is too long."""
+        """Send a message: an answer at its random time, any other at once. Raises MessageError if it is too long."""
         if message.kind is Kind.ANSWER:
             command = str(message.body.get("command"))
             self._answered[command] = message
@@ -132,7 +131,7 @@ class ChannelSession:
                 self._heard.append(message)
 
     def miss(self, skipped: Iterable[Skipped]) -> None:
-        """Note commands that never came, and are now too late."""
+        """Note commands that never arrived, and are now too late."""
         self._missed += skipped
 
     def tend(self) -> None:
@@ -184,7 +183,7 @@ class ChannelSession:
             self._post(heappop(self._delayed).message)
 
     def _say_again(self, asked: Message) -> None:
-        """An operator has missed answers: send ours again if we are named as missing, or not named as heard."""
+        """An operator has missed answers: send ours again if we are named as missing, or not named as received."""
         named, heard = asked.body.get(FOR), asked.body.get(NOT)
         answer, name = self._answered.get(str(asked.body[AGAIN])), self.delivery.name
         missed = name in named if isinstance(named, list) else isinstance(heard, list) and name not in heard
@@ -217,7 +216,7 @@ class ChannelSession:
         )
 
     def flush(self) -> None:
-        """Send what was posted; anything else is due only after we have listened."""
+        """Send what was queued; anything else is due only after we have listened."""
         for datagram in self.delivery.posted():
             self.transport.send(datagram)
 
@@ -230,7 +229,7 @@ class ChannelSession:
         self._hear(freed, now)
 
     def _tell_missed(self, now: float) -> None:
-        """Report the commands that never came and are now too late, at most once in `_REPORT_EVERY`."""
+        """Report the commands that never arrived and are now too late, at most once in `_REPORT_EVERY`."""
         self.miss(self.delivery.skipped())
         if not self._missed or now < self._report_at:
             return
@@ -247,14 +246,14 @@ class ChannelSession:
 
 
 def to_mind_time(message: Message, zero: float, admission: Admission, now: float) -> Message:
-    """A message that was heard `now`, in the time of a mind that began at `zero`, s of Unix time. Its deadline is by
-    the sender's clock, so the measured clock offset is added."""
+    """A message received at `now`, in the time of a mind that began at `zero`, s of Unix time. Its deadline is by the
+    sender's clock, so the measured clock offset is added."""
     deadline = message.deadline + admission.offsets.of(message.sender, now) - zero
     return msgspec.structs.replace(message, issued=message.issued - zero, deadline=deadline, heard=now - zero)
 
 
 def _within(asked: Message) -> float:
-    """Seconds over which answers to a message are to be spread; 0 if it does not say, or says it wrongly."""
+    """Seconds over which answers to a message are to be spread; 0 if missing or malformed."""
     match asked.body.get(WITHIN):
         case float() | int() as within if 0.0 < within <= MAX_SPREAD:
             return float(within)
@@ -302,7 +301,7 @@ class Receiver:
         return self._in_time(freed, now)
 
     def skipped(self) -> list[Skipped]:
-        """The commands that never came, since the last call."""
+        """The commands that never arrived, since the last call."""
         return self.delivery.skipped()
 
     def close(self) -> None:
@@ -317,7 +316,7 @@ class Receiver:
 
 
 MAX_QUEUE = 8_192
-"""Datagrams that wait at one port; beyond, the oldest are dropped. Ports share the bytes: ten megabytes for all."""
+"""Datagrams waiting at one port; beyond, the oldest are dropped. Ports share the bytes: ten megabytes for all."""
 
 
 class Multiplexer:

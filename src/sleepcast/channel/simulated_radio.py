@@ -1,11 +1,11 @@
 """The radio of a simulated swarm, in one process: range, loss, delay, duplication and reordering, all from the seed.
 
 Parties have numbers: the robots 0 to n - 1, the operator `OPERATOR`. What happens to a copy of a message is a pure
-function of the seed, of who sends what and when, and of who receives it; neither the order of the calls nor other
-traffic changes it. A copy is in flight until it is due; then its receiver can take it.
+function of the seed, its sender, content, time, and receiver; neither the order of the calls nor other traffic
+changes it. A copy is in flight until it is due; then its receiver can take it.
 
 All copies of a message are one `InFlight` with an array of receivers, and so are the answers of many robots to the
-operator (a `MessageBatch`): a broadcast to a million robots costs a few arrays, not millions of objects. Where the
+operator (a `MessageBatch`): a broadcast to a million robots costs a few arrays, not millions of objects. If the
 radio has a rate, a `TransmitQueue` says when each transmitter gets to a message.
 """
 
@@ -30,7 +30,7 @@ from sleepcast.core.serial import Array, SerialError, within
 Numbers = NDArray[np.int64]
 Seconds = NDArray[np.float64]
 Reception = tuple[Message, Numbers]
-"""A message, and the robots that receive it, ascending, each once."""
+"""A message, and the robots that receive it, ascending, without repeats."""
 
 
 @dataclass(slots=True)
@@ -113,19 +113,18 @@ def receptions(flights: list[InFlight]) -> list[Reception]:
 
 
 class TransmitQueue:
-    """The transmitters of `parties`: each sends one message after another, `rate` in a second, while up to `queue`
-    wait; further ones are dropped. Nothing here is random. free: when each has sent all its messages, s, shape
-    (parties,)."""
+    """The transmitters of `parties`: each sends one message after another, `rate` per second, while up to `queue` wait;
+    further ones are dropped. Nothing here is random. free: when each has sent all its messages, s, shape (parties,)."""
 
     def __init__(self, parties: int, rate: float, queue: int) -> None:
         self.free: Seconds = np.full(parties, -np.inf)
         self._each, self._queue = 1.0 / rate, queue
 
     def take(self, senders: NDArray[np.intp], now: float, *, urgent: bool = False) -> tuple[Seconds, NDArray[np.bool_]]:
-        """When each of these senders (each once) transmits a message of `now`, s, and whether it finds room in the
-        queue. An urgent one goes first."""
+        """When each of these senders (each once) transmits a message of `now`, s, and whether there is room in its
+        queue. Urgent messages go first."""
         begin = np.maximum(self.free[senders], now)
-        # As many wait as are not begun; what is being sent waits no more. A thousandth of one is rounding.
+        # Messages wait until their transmission begins. The thousandth allows for rounding.
         waiting = np.ceil((begin - now) / self._each - 1e-3)
         room = np.full(len(senders), True) if urgent else waiting <= self._queue
         self.free[senders[room]] = begin[room] + self._each
@@ -148,11 +147,11 @@ _Metres = NDArray[np.float64]
 class RadioModel:
     """The quality of the radio.
 
-    reach: m from one robot to another. operator: where the operator sits (x, y in m; None: within reach of
-    everybody), operator_reach: m between the operator and a robot. loss, duplication, reordering: chances,
-    0..1, for each copy. delay: s that every copy takes; jitter: up to so many s more, drawn evenly.
-    held_back: s by which a reordered copy comes later. rate: messages in a second that one party can send, and
-    queue: how many of its own wait for that; see `turns`. Raises MisuseError for what cannot be.
+    reach: range between robots, m. operator: position of the operator (x, y in m; None: within reach of all),
+    operator_reach: range between the operator and a robot, m. loss, duplication, reordering: probabilities, 0..1,
+    for each copy. delay: s that every copy takes; jitter: largest additional delay, s, uniform. held_back: delay of
+    a reordered copy, s. rate: messages per second that one party can send, and queue: how many of its own may wait;
+    see `TransmitQueue`. Raises MisuseError for invalid values.
     """
 
     reach: float = inf
@@ -182,7 +181,7 @@ class RadioModel:
 
 @dataclass(slots=True)
 class RadioCounts:
-    """Copies so far: sent to a receiver, delivered, and what became of the others. crowded: messages that were dropped
+    """Copies so far: sent to a receiver, delivered, and the fate of the others. crowded: messages that were dropped
     because their sender's queue was full."""
 
     sent: int = 0
@@ -197,8 +196,8 @@ class RadioCounts:
 class Radio:
     """The air between the robots at `x`, `y` and their operator; see the module.
 
-    x, y: metres, float64, shape (robots,); they are looked at whenever something is sent, never copied.
-    clock: the swarm's; it alone says when anything happens.
+    x, y: metres, float64, shape (robots,); read whenever something is sent, never copied. clock: the swarm's, which
+    determines all times.
     """
 
     def __init__(self, model: RadioModel, x: _Metres, y: _Metres, *, seed: int, clock: Clock) -> None:

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from sleepcast.loop.real import Member, NetworkSwarm, Watch, run_robot, step_robot
 
 _IN_REAL_TIME = frozenset({"Member", "NetworkSwarm", "Watch", "run_robot", "step_robot"})
-"""What needs nodes and the air: a simulated swarm starts without."""
+"""These need nodes and real channels: a simulated swarm starts without importing them."""
 
 __all__ = [
     "LONGEST_CATCH_UP",

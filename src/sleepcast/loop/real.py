@@ -1,17 +1,17 @@
 """Minds on a real channel, in real time: one with a real body (`run_robot`), or many with simulated bodies in one
-process (`NetworkSwarm`). The order of a tick is the same for all of them:
+process (`NetworkSwarm`). The order of a tick is the same for both:
 
-    sense    what the body last measured; many simulated bodies advance by a tick first
-    deliver  messages from the channel are received, and stored where there is a store
+    sense    the body's last measurements are read; simulated bodies first advance by a tick
+    deliver  messages from the channel are received, and stored if there is a store
     think    they are evaluated, and the active rules after them
-    act      what the mind wants of its actuators goes to the body
-    report   results are stored, and what the mind says is sent
+    act      assigned actuators go to the body
+    report   results are stored, and the mind's messages are sent
 
-Each mind of a swarm has a session of its own; all share one receiver. Between two ticks the swarm listens: whatever
-comes is received at once, so that STOP waits for nothing.
+Each mind of a swarm has its own session; all share one receiver. Between two ticks the swarm listens: messages are
+received at once, so that STOP never waits.
 
-Ticks that begin late are counted, and missed ticks are not made up for. A body that fails ends the run; and however it
-ends, all bodies are stopped first.
+Ticks that begin late are counted; missed ticks are not made up for. If a body fails, the run ends; however it ends,
+all bodies are stopped first.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ if TYPE_CHECKING:
 
 
 class Keeper(Protocol):
-    """Keeps what minds know, so that it outlives this process."""
+    """Stores what minds know, so that it survives this process."""
 
     def before(self) -> None:
-        """Messages were received, and are to be thought about now."""
+        """Messages were received, and are about to be evaluated."""
 
     def after(self) -> None:
-        """They were thought about."""
+        """They have been evaluated."""
 
 
 @dataclass(slots=True)
 class Watch:
-    """How a run goes. ticks: how many so far; late: those that began when the next one was due already; worst: by how
-    many s the latest of them was late. measured: time of the last reading that was news."""
+    """Timing of a run. ticks: number so far; late: those that began when the next one was already due; worst: greatest
+    delay of a tick, s. measured: time of the last new reading."""
 
     ticks: int = 0
     late: int = 0
@@ -79,11 +79,11 @@ def run_robot(
     sleep: Callable[[float], None] = time.sleep,
     keeper: Keeper | None = None,
 ) -> None:
-    """Let a mind live in its body until `going`, asked before each tick, says no; then the body is stopped.
+    """Run a mind in its body while `going`, called before each tick, returns true; then stop the body.
 
-    node: its body is `robot`. clock: of the mind, whose time begins with 0. tick: s from one to the next; 0 for a body
-    in step, whose `sense` waits for the next one by itself (and which is its own clock). sleep: waits so many s of
-    `clock`. keeper: of what the mind knows. Raises whatever `robot` and `channel` raise, once the body is stopped.
+    node: its body is `robot`. clock: of the mind, whose time begins with 0. tick: period in s; 0 for a body in step,
+    whose `sense` waits for the next tick itself (and which is its own clock). sleep: waits that many s of `clock`.
+    keeper: stores what the mind knows. Raises whatever `robot` and `channel` raise, once the body is stopped.
     """
     start = due = clock.now()
     try:
@@ -108,17 +108,17 @@ def step_robot(
     start: float,
     keeper: Keeper | None = None,
 ) -> None:
-    """One tick: sense, deliver, think, act, report. start: when the mind's time began, s of `clock`."""
+    """One tick: sense, deliver, think, act, report. start: start of the mind's time, s of `clock`."""
     reading = robot.sense()
     now = clock.now() - start
-    if reading.time > watch.measured:  # what has been heard before is not measured again: it grows old
+    if reading.time > watch.measured:  # an old reading is not a new measurement: it gets stale
         watch.measured = reading.time
         node.sense(reading.values, now)
     for message in channel.receive():
         node.receive(message)
     if keeper is not None:
         keeper.before()
-        now = clock.now() - start  # writing takes its time, and nothing is evaluated after its deadline
+        now = clock.now() - start  # storing takes time, and nothing may be evaluated after its deadline
     node.think(watch.ticks, now)
     act(node, robot)
     if keeper is not None:
@@ -130,7 +130,7 @@ def step_robot(
 
 
 def act(node: Node, robot: Robot) -> None:
-    """Give a body what its mind has assigned to actuators since the last time."""
+    """Pass a body the actuators that its mind has assigned since the last call."""
     wanted = node.actuators()
     if wanted:
         robot.act(Setpoint(*(wanted.get(actuator.name, nan) for actuator in robot.model.actuators)))
@@ -141,8 +141,8 @@ def act(node: Node, robot: Robot) -> None:
 
 @dataclass(slots=True)
 class Member:
-    """A mind, the index of its body in the simulator, and its line, on which it speaks. due: when the line wants to be
-    tended even if nothing comes, s of Unix time."""
+    """A mind, the index of its body in the simulator, and its session. due: when the session must be tended even if
+    nothing arrives, s of Unix time."""
 
     node: Node
     number: int
@@ -152,9 +152,9 @@ class Member:
 
 @dataclass(slots=True)
 class NetworkSwarm:
-    """See the module. multiplexer: on which the receiver and all sessions have their ports. clock: for the pace of the
-    ticks; air: Unix time, by which they are tended. watch: how it goes. guard: of the bodies' limits. keeper: of what
-    the minds know. time: of the minds, which began when their nodes say, s."""
+    """See the module. multiplexer: has the ports of the receiver and of all sessions. clock: for the pace of the ticks;
+    air: Unix time, for sessions. watch: timing of the run. guard: of the bodies' limits. keeper: stores what the minds
+    know. time: of the minds, which began when their nodes say, s."""
 
     simulator: Simulator
     members: Sequence[Member]
@@ -168,8 +168,8 @@ class NetworkSwarm:
     time: float = 0.0
 
     def run(self, going: Callable[[], bool]) -> None:
-        """Live until `going`, asked before each tick, says no; then every body is stopped. Raises what the channel
-        raises, once they are."""
+        """Run while `going`, called before each tick, returns true; then stop every body. Raises what the channel
+        raises, once they are stopped."""
         tick = self.simulator.scenario.tick
         due = self.clock.now()
         try:
@@ -207,7 +207,7 @@ class NetworkSwarm:
                 self._report(member)
 
     def listen(self, until: float) -> None:
-        """Receive what comes, until that time of `clock`."""
+        """Receive messages until that time of `clock`."""
         while (left := until - self.clock.now()) > 0.0:
             wait = min(self.receiver.due(), *(member.due for member in self.members)) - self.air.now()
             if wait > 0.0 and not self.receiver.waits:
@@ -217,11 +217,11 @@ class NetworkSwarm:
                 select.select([], [], [], pause)
 
     def hear(self) -> bool:
-        """Receive what has come, and send what is due; whether anything came from elsewhere. What one says, its
-        neighbours hear in their turn."""
+        """Receive messages and send what is due; returns whether anything came from elsewhere. What one mind sends, the
+        others receive in turn."""
         came = self.multiplexer.gather()
         heard = self.receiver.take()
-        self._give(heard)  # what has come reaches every mind before anything else is done
+        self._give(heard)  # messages reach every mind before anything else is done
         now = self.air.now()
         if self.receiver.due() <= now:
             freed = self.receiver.tend()
@@ -238,14 +238,15 @@ class NetworkSwarm:
         return came
 
     def _give(self, messages: Sequence[Message]) -> None:
-        """Let every mind hear these, but for what it has said itself."""
+        """Pass these messages to every mind except their sender."""
         for member in self.members if messages else ():
             name = member.node.name
             member.session.hear(each for each in messages if each.sender != name or each.role != Role.ROBOT)
             self._receive(member)
 
     def _tend(self, member: Member, now: float, skipped: Sequence[Skipped], *, news: bool) -> None:
-        """Let a line do what is due. news: whether it has heard something, and other things may be due now."""
+        """Let a session do what is due. news: whether it has received something, so that other things may be due
+        now."""
         if skipped:
             member.session.miss(skipped)
         if skipped or news:
@@ -261,8 +262,8 @@ class NetworkSwarm:
             member.node.receive(message)
 
     def _time(self) -> float:
-        """That of the minds, s: what is on the wall, as deadlines are of that, however the ticks keep up. It never goes
-        back."""
+        """Time of the minds, s: real time, because deadlines are in real time, however late the ticks are. It never
+        goes back."""
         zero = self.members[0].node.zero if self.members else 0.0
         self.time = max(self.time, self.air.now() - zero)
         return self.time
@@ -284,13 +285,13 @@ class NetworkSwarm:
 
 
 THOROUGH = 600
-"""Ticks after which all generations are collected, not only the young ones: a minute's."""
+"""Ticks between two collections of all generations; the others collect only the young ones: one minute."""
 
 
 class PacedCollector:
-    """Runs the garbage collector right after a tick, when nobody waits. Left to itself, it runs whenever many objects
-    have been made, often while a message goes to many minds, and the last of them gets it milliseconds later. Objects
-    from before the `with` block are left alone."""
+    """Runs the garbage collector right after a tick, when nothing is waiting. By default it runs whenever many objects
+    have been allocated, often while a message goes to many minds, and delays the last of them by milliseconds. Objects
+    from before the `with` block are not scanned."""
 
     def __init__(self) -> None:
         self._ticks = 0
@@ -308,6 +309,6 @@ class PacedCollector:
             gc.enable()
 
     def collect(self) -> None:
-        """A tick is over."""
+        """To be called at the end of a tick."""
         self._ticks += 1
         gc.collect(1 if self._ticks % THOROUGH else 2)

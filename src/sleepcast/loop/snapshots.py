@@ -1,10 +1,10 @@
-"""Snapshots: a whole swarm between two ticks as one file, and a swarm that goes on from there to the last bit.
+"""Snapshots: a whole swarm between two ticks in one file, and a swarm resumed from it, bit for bit.
 
-The file is one msgpack document. Its cover says what it is, in which version of this format and by which version of
-sleepcast it was written; then come the parts of the simulator (with the scenario), the fleet, the radio, the loop and
-the desk, each compressed by itself. Nothing in it is code: programs are texts, and are compiled again.
+The file is one msgpack document. Its cover states what it is, the version of this format and of the sleepcast that
+wrote it; then follow the parts of the simulator (with the scenario), the fleet, the radio, the loop and the desk,
+each compressed separately. It contains no code: programs are stored as text, and compiled again.
 
-A snapshot may come from anywhere. All of it is bounded and checked before the swarm that is made from it can run.
+A snapshot may come from anywhere. All of it is bounded and checked before a swarm made from it can run.
 """
 
 from __future__ import annotations
@@ -30,30 +30,30 @@ from sleepcast.simulator import snapshot as simulators
 from sleepcast.simulator.snapshot import SimulatorState
 
 FORMAT = 1
-"""The version of this format; a file of a newer one is refused."""
+"""Version of this format; files of a newer one are refused."""
 KIND = "sleepcast snapshot"
 MAX_FILE = 4 * 1024**3
 """Bytes of one file: a million robots in the largest world take a quarter of it."""
 MAX_ORDERS = 1_000
-"""Orders of a mission, and messages that wait to be sent: what a mission script may hold."""
+"""Orders of a mission, and messages waiting to be sent: as many as a mission script may hold."""
 
 _BROKEN = (
     *(ValueError, TypeError, LookupError, ArithmeticError, AttributeError),
     *(AssertionError, RecursionError, MemoryError, SleepcastError),
 )
-"""What may be raised while untrusted bytes become a swarm."""
+"""Exceptions that untrusted bytes may cause while a swarm is built from them."""
 
 
 class SnapshotError(MisuseError):
-    """Bytes or a file that no swarm can go on from."""
+    """Bytes or a file from which no swarm can be resumed."""
 
 
 class SnapshotLostError(SleepcastError):
-    """A snapshot that cannot be written."""
+    """The snapshot cannot be written."""
 
 
 class Cover(msgspec.Struct):
-    """What every version of this format begins with."""
+    """The first fields of every version of this format."""
 
     kind: str
     format: int
@@ -61,7 +61,7 @@ class Cover(msgspec.Struct):
 
 
 class SnapshotFile(Cover):
-    """The whole file. robots: how many there are, which bounds the rest. desk: None if there was none."""
+    """The whole file. robots: their number, which bounds the rest. desk: None if there was none."""
 
     robots: int
     simulator: bytes
@@ -72,8 +72,8 @@ class SnapshotFile(Cover):
 
 
 class LoopState(msgspec.Struct):
-    """What the loop itself keeps. orders: of the mission, still to be given: time (s), text and place in its script.
-    posted: what the operator has sent since the last tick."""
+    """The loop's own state. orders: of the mission, not sent yet: time (s), text and place in its script. posted: what
+    the operator has sent since the last tick."""
 
     orders: list[tuple[float, str, str]]
     posted: list[Message]
@@ -83,9 +83,9 @@ class LoopState(msgspec.Struct):
 
 
 def snapshot(swarm: Swarm) -> bytes:
-    """The swarm between two ticks, with its desk. Nothing of it is changed.
+    """A snapshot of the swarm between two ticks, with its desk; the swarm is not changed.
 
-    Raises SnapshotLostError for a swarm that says more than fits, or whose last tick was broken off.
+    Raises SnapshotLostError if the swarm's state is too large, or its last tick was interrupted.
     """
     if not swarm.whole:
         raise SnapshotLostError(
@@ -107,7 +107,7 @@ def snapshot(swarm: Swarm) -> bytes:
 
 
 def save(data: bytes, file: Path) -> None:
-    """Put a snapshot into a file, which is replaced as a whole or left as it was. Raises SnapshotLostError."""
+    """Write a snapshot to a file, which is replaced atomically. Raises SnapshotLostError."""
     try:
         replace_file(file, data)
     except OSError as error:
@@ -115,11 +115,11 @@ def save(data: bytes, file: Path) -> None:
         raise SnapshotLostError(f"cannot write the snapshot {file}: {reason}. Nothing was replaced") from None
 
 
-# ---- going on from one
+# ---- resuming from one
 
 
 def load(file: Path) -> bytes:
-    """The bytes of a snapshot. Raises SnapshotError for a file that cannot be one."""
+    """The bytes of a snapshot. Raises SnapshotError for a file that is not one."""
     try:
         with open_file(file) as opened:
             size = os.fstat(opened.fileno()).st_size
@@ -138,11 +138,11 @@ def resume(
     desk: Callable[[Swarm], Desk] | None = None,
     name: str = "the snapshot",
 ) -> Swarm:
-    """A swarm that goes on from a snapshot, bit for bit as the one that it was taken of.
+    """Resume a swarm from a snapshot, bit for bit.
 
-    seed: None is the swarm's own; another one makes a fork: the same past, another chance from here on. threads: for
-    the bodies. desk: makes the operator's desk for a swarm; it then knows what the old one knew. name: of the snapshot,
-    for errors. Raises SnapshotError for bytes that are no snapshot, of a newer version, or damaged.
+    seed: None keeps the swarm's own; another one makes a fork: the same past with another random future. threads:
+    for the bodies. desk: makes the operator's desk for a swarm, which then gets the state of the old one. name: of
+    the snapshot, for errors. Raises SnapshotError for bytes that are not a snapshot, of a newer version, or damaged.
     """
     document = _opened(data, name)
     try:

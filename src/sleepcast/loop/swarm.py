@@ -1,14 +1,14 @@
-"""The loop: it alone owns the time of a simulated swarm, and every tick goes through one function in one order.
+"""The loop: it alone controls the time of a simulated swarm, and every tick is one function with one order.
 
-    act      what the minds wanted of their bodies' actuators goes to the bodies
-    advance  the bodies move on by one tick
-    deliver  the operator's messages go out, and whatever the radio has brought is received
-    sense    robots that have something to think about get their readings
-    think    ... and think
-    report   what robots say goes on the air, the operator hears what has come in, telemetry is sampled
+    act      actuators that the minds have assigned go to the bodies
+    advance  the bodies move by one tick
+    deliver  the operator's messages are sent, and messages due on the radio are received
+    sense    robots that have something to evaluate get their readings
+    think    they evaluate it
+    report   robots' messages are sent, the operator receives what is due, telemetry is sampled
 
-A robot without rules and without a message is not touched: it costs nothing but its motion. Chance comes from the
-seed, time is the number of the tick, so a run repeats to the last bit however fast it is run.
+A robot without rules and messages costs nothing but its motion. Randomness comes from the seed, and time is the
+number of the tick, so a run repeats to the last bit at any speed.
 """
 
 from __future__ import annotations
@@ -35,36 +35,37 @@ from sleepcast.robot import RobotModel
 from sleepcast.simulator import MissionError, Order, Simulator
 
 MAX_MINDS = 1_000_000
-"""Robots of one run: with their minds and the desk they take a good gigabyte, and a tick some tenths of a second."""
+"""Robots of one run: with their minds and the desk they take a good gigabyte, and a tick takes some tenths of a
+second."""
 LONGEST_CATCH_UP = 0.25
-"""Seconds of real time that a paced run may lag behind before it lets them go: a hiccup, not a rest of work."""
+"""Real seconds that a paced run tries to catch up after a delay; longer delays are dropped."""
 WINDOW = 1.0
-"""Seconds of real time over which the speed of a run is measured."""
+"""Real seconds over which the speed of a run is measured."""
 
 
 class Desk(Protocol):
-    """The operator's desk, as far as the loop knows it."""
+    """The operator's desk as the loop uses it."""
 
     def send(self, text: str, *, everybody: bool) -> object:
-        """Broadcast an expression, to everybody if it says so."""
+        """Broadcast an expression; everybody: confirms that it is meant for all robots."""
 
     def hear(self, message: Message) -> None:
-        """Take in what a robot says."""
+        """Receive a robot's message."""
 
     def hear_many(self, batch: MessageBatch) -> None:
-        """Take in what many robots say at once."""
+        """Receive messages that many robots have sent at once."""
 
     def observe_many(self, now: float, robots: Index) -> None:
-        """Take in what these robots tell of themselves at `now` (s)."""
+        """Receive telemetry of these robots, sampled at `now` (s)."""
 
     def attend(self) -> None:
-        """Do what is to be done at every tick."""
+        """Called at every tick."""
 
     def state(self) -> bytes:
-        """Everything that it knows, to be kept in a snapshot."""
+        """The desk's whole state, for a snapshot."""
 
     def restore(self, state: bytes) -> None:
-        """Know what a desk knew that gave this state. Raises ValueError if it is none."""
+        """Restore a desk's state. Raises ValueError if it is invalid."""
 
 
 class Witness(Protocol):
@@ -74,21 +75,21 @@ class Witness(Protocol):
         """A tick begins."""
 
     def posted(self, message: Message) -> None:
-        """The operator's message goes on the air."""
+        """The operator's message is sent."""
 
     def said(self, batch: MessageBatch) -> None:
-        """What robots say goes on the air."""
+        """Robots' messages are sent."""
 
     def ticked(self) -> None:
-        """A tick is over."""
+        """A tick has ended."""
 
 
 class Swarm:
-    """A simulator, a mind for each body, and the radio between them and the operator. It is the clock of them all.
+    """A simulator, a mind for each body, and the radio between them and the operator; also their common clock.
 
-    fleet: all minds together; minds: each by its robot's name. desk: where the operator sits, if anybody does; what it
-    sends goes through `post`. mission: orders that the desk is to send by itself. Raises MissionError for an order
-    that is no expression, MisuseError for too many robots, VocabularyError where the scenario's names clash with the
+    fleet: all minds together; minds: each by its robot's name. desk: the operator's desk, if there is one; it sends
+    through `post`. mission: orders that the desk sends automatically. Raises MissionError for an order that is not
+    an expression, MisuseError for too many robots, VocabularyError if names of the scenario clash with the
     language's.
     """
 
@@ -112,25 +113,25 @@ class Swarm:
         """The operator's end of the radio."""
         self.actuators = tuple(actuator.name for actuator in simulator.model.actuators)
         self.sonars = frozenset(self.vocabulary.first_sensor + row for row in simulator.sonar_rows)
-        """The slots of the variables that are measured only on request."""
+        """The slots of variables that are measured only on request."""
         self.desk: Desk | None = None
         self.witness: Witness | None = None
         self.mission = deque(_readable(order) for order in mission)
         self.telemetry_ticks = max(1, round(scenario.telemetry / scenario.tick))
-        """Ticks between two samples of a robot."""
+        """Telemetry period of a robot, in ticks."""
         self.posted: deque[Message] = deque()
         self.thought = Rows.run(0, 0)
-        """The robots that thought in the last tick."""
+        """The robots that were evaluated in the last tick."""
         self.whole = True
-        """Whether this is between two ticks; not within one, nor after one that was broken off by an error or by an
-        impatient Ctrl-C."""
+        """Whether the swarm is between two ticks: not during one, nor after one that an error or a second Ctrl-C has
+        interrupted."""
 
     def now(self) -> float:
         """Simulated seconds since the start."""
         return self.simulator.time
 
     def post(self, message: Message) -> None:
-        """The operator's outbox: `message` is sent in the next tick. May be called from any thread."""
+        """Queue an operator's message for the next tick. May be called from any thread."""
         self.posted.append(message)
 
     def step(self) -> None:
@@ -138,26 +139,26 @@ class Swarm:
         step_swarm(self)
 
     def run(self, seconds: float) -> None:
-        """Run for so many simulated seconds, as fast as possible."""
+        """Run for that many simulated seconds, as fast as possible."""
         for _ in range(round(seconds / self.simulator.scenario.tick)):
             step_swarm(self)
 
     def evaluate(self, name: str, text: str) -> Result:
-        """Evaluate `text` on the robot called `name`, with its readings of this moment; what it says is sent in the
-        next tick. Raises KeyError for no such robot, ReadError and CheckError for a text that it cannot run."""
+        """Evaluate `text` on the robot called `name`, with its current readings; its messages are sent in the next
+        tick. Raises KeyError for an unknown robot, ReadError and CheckError for an invalid text."""
         mind = self.minds[name]
         self.sense(self.fleet.rows([mind.place]))
         return mind.evaluate(text)
 
     def sense(self, robots: Rows | None = None, *, sonars: bool | Collection[int] = True) -> None:
-        """Give these robots (None: all) their readings of this moment. sonars: those of their sonars as well, or at
-        least those in these rows of what they sense."""
+        """Give these robots (None: all) their current readings. sonars: whether to include sonars, or the sonar rows
+        that are needed."""
         some = None if robots is None or robots.size == len(self.fleet) else robots.robots
         self.simulator.sense(some, sonars)
         self.fleet.look(self.now(), robots)
 
     def measures(self) -> dict[str, object]:
-        """What can be counted of the run so far."""
+        """Counts of the run so far."""
         return {
             "awake": int(self.fleet.awake.sum()),
             "groups": self.fleet.members(),
@@ -184,7 +185,8 @@ def step_swarm(swarm: Swarm) -> None:
 
 
 def _act(swarm: Swarm) -> None:
-    """Assigned actuators move the bodies. What was assigned last holds, until DRIVE or the like says otherwise."""
+    """Pass assigned actuators to the bodies. The last value stays in force until DRIVE or a similar function replaces
+    it."""
     for actuator in swarm.actuators:
         robots, values = swarm.fleet.actuators(actuator)
         if values.size:
@@ -192,7 +194,7 @@ def _act(swarm: Swarm) -> None:
 
 
 def _deliver(swarm: Swarm) -> None:
-    """Bring the robots what they hear in this tick."""
+    """Bring the robots the messages that they receive in this tick."""
     _give_orders(swarm)
     while swarm.posted:
         message = swarm.posted.popleft()
@@ -204,7 +206,7 @@ def _deliver(swarm: Swarm) -> None:
 
 
 def _give_orders(swarm: Swarm) -> None:
-    """Let the desk send the orders of the mission whose time has come."""
+    """Let the desk send the orders of the mission that are due."""
     while swarm.mission and swarm.desk is not None and swarm.mission[0].time <= swarm.now():
         order = swarm.mission.popleft()
         try:
@@ -214,7 +216,7 @@ def _give_orders(swarm: Swarm) -> None:
 
 
 def _think(swarm: Swarm) -> None:
-    """Let the robots think that have anything to think about, with their readings of this moment."""
+    """Run the minds of robots that have anything to evaluate, with their current readings."""
     swarm.thought = swarm.fleet.restless()
     if swarm.thought.size:
         swarm.sense(swarm.thought, sonars=_heard(swarm))
@@ -222,7 +224,7 @@ def _think(swarm: Swarm) -> None:
 
 
 def _heard(swarm: Swarm) -> bool | Collection[int]:
-    """Which sonars' readings robots need to think: all where a sample of every robot follows anyway."""
+    """Which sonar readings the robots need: all if all robots are sampled in this tick anyway."""
     if not swarm.sonars:
         return False
     asked = swarm.sonars & swarm.fleet.reads()
@@ -233,12 +235,12 @@ def _heard(swarm: Swarm) -> bool | Collection[int]:
 
 
 def _is_sampled(swarm: Swarm) -> bool:
-    """Whether it is time to take a sample of every robot."""
+    """Whether telemetry of all robots is due."""
     return swarm.simulator.tick % swarm.telemetry_ticks == 0
 
 
 def _report(swarm: Swarm) -> None:
-    """Send what the robots say; let the desk hear what has come in; take a sample of every robot when it is time."""
+    """Send the robots' messages, let the desk receive what is due, and sample telemetry when it is due."""
     for batch in swarm.fleet.said():
         swarm.radio.send_all(batch)
         if swarm.witness is not None:
@@ -261,10 +263,10 @@ def _report(swarm: Swarm) -> None:
 
 
 class Pace:
-    """How many ticks a run should have made by now, so that it goes `factor` times as fast as the clock on the wall.
+    """Computes how many ticks are due so that a run goes `factor` times as fast as real time.
 
-    factor: simulated seconds in a second of `clock`; infinite for as fast as possible. paused: no tick is due; whoever
-    pauses may still step. A run that cannot keep up lets the missed ticks go.
+    factor: simulated seconds per second of `clock`; infinite for as fast as possible. paused: no tick is due; single
+    steps are still possible. A run that cannot keep up drops the missed ticks.
     """
 
     def __init__(self, clock: Clock, swarm: Swarm, factor: float) -> None:
@@ -274,7 +276,7 @@ class Pace:
         self._seen: deque[tuple[float, float]] = deque()
 
     def keep_up(self, budget: float) -> int:
-        """Make the ticks that are due, for at most about `budget` s of the clock; gives how many were made."""
+        """Run the ticks that are due, for at most about `budget` s of the clock; returns their number."""
         start = self._clock.now()
         tick = self._swarm.simulator.scenario.tick
         lag, self._looked = start - self._looked, start
@@ -299,7 +301,7 @@ class Pace:
 
     @property
     def achieved(self) -> float:
-        """Simulated seconds in a second of the clock, over the last `WINDOW`; 0 while that is not known."""
+        """Simulated seconds per second of the clock, over the last `WINDOW`; 0 until it is known."""
         if len(self._seen) < 2:
             return 0.0
         (wall, simulated), (last_wall, last_simulated) = self._seen[0], self._seen[-1]
@@ -307,7 +309,7 @@ class Pace:
 
 
 def vocabulary_of(model: RobotModel) -> Vocabulary:
-    """The names that robots of this model know. Raises VocabularyError for names that clash."""
+    """The vocabulary of robots of this model. Raises VocabularyError for clashing names."""
     constants = (Constant(c.name, c.value, UNITS[c.unit].dimension if c.unit else NONE, c.doc) for c in model.constants)
     return Vocabulary(model.name, model.sensors, model.actuators, constants=tuple(constants), functions=model.functions)
 

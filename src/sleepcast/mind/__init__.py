@@ -1,1 +1,1 @@
-"""What a robot's mind means, without arrays: rules, merging, authority, leases. Nodes and fleets import it."""
+"""What nodes and fleets share of a robot's mind, without arrays: rules, merging, authority, telemetry, state."""

@@ -1,22 +1,22 @@
 """Authority: who may command this robot, by the role of the sender's key and by the leases of groups; how long a driven
-robot goes on unattended; and which STOPs hold it.
+robot continues unattended; and which STOPs hold it.
 
-The channel verifies keys. A refusal here is an answer, so that its sender hears the reason. Commands of the robot's own
-host, and what is typed at it, come without a role and are not refused.
+The channel verifies keys. A refusal here is an answer, so that the sender gets the reason. Commands of the robot's
+own host, and those typed at it, come without a role and are not refused.
 
-A lease says which operator alone may command the robots of a group. Every robot keeps the leases of all groups that it
-hears of, because it may join them. A lease ends unless its holder renews it, so a desk that has gone locks nobody out
+A lease says which operator alone may command the robots of a group. Every robot stores the leases of all groups that
+it hears of, because it may join them. A lease ends unless its holder renews it, so a desk that is gone blocks nobody
 for longer than that.
 
-A robot is *driven* from when a person's one-shot command has moved its body until one of its own rules or a standing
-command moves it. Its operator must be heard all the time, or the body comes to rest (the dead man's switch). A robot on
-a mission of its own is not driven and needs nobody.
+A robot is *driven* from the moment a person's one-time command moves its body until one of its own rules or a
+standing command moves it. Its operator must be heard all the time, or the body comes to rest (the dead man's
+switch). A robot on a mission of its own is not driven and needs no operator.
 
-The STOP latch says which STOPs hold a robot, and which are over. Sequence numbers decide that, not clocks. A STOP is
-identified by its mark: its sender, the sender's epoch, and its number; a STOP that is sent again keeps its first mark.
-A RELEASE ends the STOPs that its sender sent before it in the same epoch, and those of others that it names. So a STOP
-that comes late changes nothing if a RELEASE has ended it, and a RELEASE that comes late ends no STOP that its sender
-did not know. Any other STOP stops the robot: in doubt it stands still.
+The STOP latch records which STOPs hold a robot, and which have ended. Sequence numbers decide that, not clocks. A
+STOP is identified by its mark: its sender, the sender's epoch, and its number; a STOP that is sent again keeps its
+first mark. A RELEASE ends the STOPs that its sender sent before it in the same epoch, and those of others that it
+names. So a late STOP changes nothing if a RELEASE has ended it, and a late RELEASE ends no STOP that its sender did
+not know. Any other STOP stops the robot: in doubt it stays stopped.
 """
 
 from __future__ import annotations
@@ -48,14 +48,14 @@ from sleepcast.language.parts import label_of, rules, walk
 from sleepcast.language.program import Program
 
 MAX_LEASE = 3_600.0
-"""Seconds for which a lease may be had at a time."""
+"""Longest duration of a lease, s."""
 MAX_LEASES = 1_024
-"""Groups whose leases are kept: as many as a robot can be in."""
+"""Groups whose leases are stored: as many as a robot can be in."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lease:
-    """Who has it, and until when (s of the mind's time)."""
+    """The holder of a lease, and its end (s of the mind's time)."""
 
     holder: str
     until: float
@@ -63,7 +63,7 @@ class Lease:
 
 @dataclass(frozen=True, slots=True)
 class LeaseRequest:
-    """What a message asks for. seconds: for how long; to: who is to have it, where it is granted."""
+    """A message's request about a lease. seconds: its duration; to: the new holder, for a grant."""
 
     deed: LeaseAction
     group: str
@@ -72,7 +72,7 @@ class LeaseRequest:
 
     @staticmethod
     def of(body: object) -> LeaseRequest | None:
-        """What the map in a message's body says; None if it is nothing that can be meant."""
+        """The request in a message's body; None if it is malformed."""
         if not isinstance(body, Mapping):
             return None
         deed, group, seconds, to = body.get(DO), body.get(GROUP), body.get(SECONDS, 0.0), body.get(TO, "")
@@ -84,13 +84,13 @@ class LeaseRequest:
 
 
 class Leases:
-    """Those that one robot knows of."""
+    """The leases known to one robot."""
 
     def __init__(self) -> None:
         self._held: dict[str, Lease] = {}
 
     def settle(self, wish: LeaseRequest, message: Message, now: float) -> str:
-        """Do what a message asks for, at `now` (s of the mind's time); gives the reason for a refusal, or ""."""
+        """Carry out a request at `now` (s of the mind's time); returns the reason for a refusal, or ""."""
         refusal = self._refusal(wish, message, now)
         if refusal:
             return refusal
@@ -129,11 +129,11 @@ class Leases:
         return ""
 
     def state(self, now: float) -> dict[str, list[str | float]]:
-        """Each group's holder and the seconds that are left."""
+        """Each group's holder and the remaining seconds."""
         return {group: [lease.holder, lease.until - now] for group, lease in self._living(now).items()}
 
     def restore(self, state: Mapping[str, list[str | float]], now: float) -> None:
-        """Know the leases that were kept, whose seconds begin to run again now."""
+        """Restore stored leases; their remaining seconds start to run now."""
         for group, (holder, seconds) in list(state.items())[:MAX_LEASES]:
             self._held[group] = Lease(str(holder), now + min(float(seconds), MAX_LEASE))
 
@@ -142,7 +142,7 @@ class Leases:
         return found if found is not None and now < found.until else None
 
     def _living(self, now: float) -> dict[str, Lease]:
-        """Those that have not ended; the others are forgotten."""
+        """The leases that have not ended; the others are removed."""
         self._held = {group: lease for group, lease in self._held.items() if now < lease.until}
         return self._held
 
@@ -155,39 +155,41 @@ def _held_by(lease: Lease, group: str, now: float) -> str:
 # ---- the dead man's switch: the operator of a driven robot must be heard, or its body comes to rest
 
 DEAD_MAN_SECONDS = 1.0
-"""Seconds, as the programs of the thesis have it (`conf_tm(1)`), unless another time is said."""
+"""Default lease in s, as in the programs of the thesis (`conf_tm(1)`)."""
 LEAST_DEAD_MAN, MOST_DEAD_MAN = 0.2, 3_600.0
-"""Seconds: a heartbeat comes each third of the lease, and one lost must not end it; beyond an hour it is none."""
+"""Bounds of the lease, s: heartbeats come at a third of the lease, and losing one must not end it; beyond an hour it
+protects nothing."""
 OFF = "off"
 OPERATORS = frozenset({Role.OPERATOR.value, Role.COMMANDER.value})
-"""Roles of those whose word keeps a robot going."""
+"""Roles whose messages keep a robot going."""
 
 
 class DeadManSwitch:
-    """One robot's. lease: s, inf for none. Times are s of its mind."""
+    """The dead man's switch of one robot. lease: s, inf for none. Times are s of its mind."""
 
     def __init__(self, lease: float = inf) -> None:
         self.lease = lease
         self._heard, self._latest = False, -inf
 
     def hear(self, message: Message) -> None:
-        """Something has come in, and is heard from now on. What stands may be old, and come from a neighbour."""
+        """Note a message that counts as a sign of the operator. Standing commands may be old, and come from a
+        neighbour."""
         self._heard |= message.role in OPERATORS and not message.standing
 
     def is_over(self, now: float) -> bool:
-        """Whether nobody who may command has been heard for longer than the lease; to be asked at each tick."""
+        """Whether no authorized sender has been heard for longer than the lease; to be called at each tick."""
         if self._heard:
             self._heard, self._latest = False, now
         return now - self._latest > self.lease
 
 
 def drives(message: Message) -> bool:
-    """Whether a robot that this message has moved is driven by somebody."""
+    """Whether a robot moved by this message is driven."""
     return message.kind is Kind.COMMAND and message.role in OPERATORS and not message.standing
 
 
 def read_lease(text: str) -> float:
-    """A lease as a person says it: seconds (`1s`, `0.5`), or `off`. Raises MisuseError."""
+    """Parse a lease: seconds (`1s`, `0.5`), or `off`. Raises MisuseError."""
     if text.strip().casefold() == OFF:
         return inf
     try:
@@ -203,16 +205,16 @@ def read_lease(text: str) -> float:
 
 
 class Authority:
-    """One robot's. Times are s of its mind."""
+    """The authority over one robot. Times are s of its mind."""
 
     def __init__(self) -> None:
         self.leases = Leases()
         self.latch = Latch()
         self._since: dict[Life, float] = {}
-        """When the latest STOP of each sender that holds came."""
+        """Arrival of the latest STOP of each sender that holds."""
 
     def may_stop(self, message: Message, now: float) -> bool:
-        """Whether to obey a STOP: always, but for one that a RELEASE has ended."""
+        """Whether to obey a STOP: always, unless a RELEASE has ended it."""
         found = self.latch.stop(message)
         if found is None:
             return False
@@ -223,17 +225,18 @@ class Authority:
         return True
 
     def may_release(self, message: Message) -> bool:
-        """Whether to obey a RELEASE: no STOP holds that it does not end."""
+        """Whether to obey a RELEASE: it ends all STOPs that hold."""
         found = self.latch.release(message)
         self.latch = found or self.latch
         return found is not None and not found.holding
 
     def stops(self, now: float) -> list[list[object]]:
-        """The STOPs that hold, each with the seconds since it came; after a restart, those since then."""
+        """The STOPs that hold, each with the seconds since its arrival, or since a restart."""
         return [[*mark, max(0.0, now - self._since.get(mark.life, 0.0))] for mark in self.latch.holding]
 
     def lease(self, message: Message, now: float) -> tuple[str, str]:
-        """Do what a message asks for with the lease of a group: the group's key, and why it is refused, if it is."""
+        """Carry out a message's request about the lease of a group; returns the group's key and the reason for a
+        refusal, "" if there is none."""
         wish = LeaseRequest.of(message.body[LEASE])
         if wish is None:
             return "", "a lease that says nothing which can be meant"
@@ -250,11 +253,11 @@ class Authority:
         return self.leases.objection(message.sender, {*groups, *_entered(program)}, now)
 
     def state(self, now: float) -> dict[str, object]:
-        """What must outlive a restart, as plain data with times as seconds from `now`."""
+        """What must survive a restart, as plain data with times as seconds from `now`."""
         return {**self.latch._asdict(), "leases": self.leases.state(now)}
 
     def restore(self, state: Mapping[str, object], now: float) -> None:
-        """Know what was kept. Raises TypeError and ValueError for what is nothing of the sort."""
+        """Restore a stored state. Raises TypeError and ValueError for malformed data."""
         self.latch = restored(state)
         leases = state.get("leases")
         if isinstance(leases, Mapping):
@@ -262,7 +265,7 @@ class Authority:
 
 
 def _entered(program: Program) -> set[str]:
-    """The keys of the groups that a command has robots join or leave."""
+    """The keys of the groups that a command makes robots join or leave."""
     moving = (part for part in walk(program.root) if part.op == "act" and part.name in ("join", "leave"))
     return {label_of(part).casefold() for part in moving}
 
@@ -270,8 +273,8 @@ def _entered(program: Program) -> set[str]:
 # ---- the STOP latch
 
 MAX_MARKS = 64
-"""Senders, per epoch, whose STOPs hold at once, and as many whose ended STOPs are remembered; the one that was silent
-longest is forgotten."""
+"""Senders, per epoch, whose STOPs hold at once, and as many whose ended STOPs are remembered; beyond, the one that has
+been silent longest is dropped."""
 Life = tuple[str, int]
 """A sender and one of its epochs."""
 
@@ -297,14 +300,14 @@ class Mark(NamedTuple):
 
 
 class Latch(NamedTuple):
-    """The STOPs of one robot. holding: the latest STOP of each sender that no RELEASE has ended; ended: the STOP of
-    each sender up to which all are over."""
+    """The STOPs of one robot. holding: the latest STOP of each sender that no RELEASE has ended; ended: for each sender
+    the STOP up to which all have ended."""
 
     holding: tuple[Mark, ...] = ()
     ended: tuple[Mark, ...] = ()
 
     def stop(self, message: Message) -> Latch | None:
-        """The latch after a STOP; None if the STOP is over already."""
+        """The latch after a STOP; None if the STOP has already ended."""
         mark = mark_of(message)
         if any(each.covers(mark) for each in self.ended):
             return None
@@ -312,7 +315,7 @@ class Latch(NamedTuple):
 
     def release(self, message: Message) -> Latch | None:
         """The latch after a RELEASE; the robot is free if no STOP is left. None for a malformed RELEASE. A named STOP
-        of somebody else ends only if it has arrived: one that comes later stops the robot, whatever a RELEASE names."""
+        of another sender ends only if it has arrived: if it arrives later, it stops the robot."""
         if age_of(message.body) == inf:
             return None
         own = mark_of(message)
@@ -347,7 +350,7 @@ def marks_of(said: object) -> list[Mark]:
 
 
 def marks_and_ages(said: object) -> list[tuple[Mark, float]]:
-    """The same, each with its age in s, 0 if it has none."""
+    """The marks in a body's field, each with its age in s, 0 if it has none."""
     found = []
     for each in said[:MAX_MARKS] if isinstance(said, list | tuple) else ():
         match each:

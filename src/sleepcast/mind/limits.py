@@ -1,5 +1,5 @@
-"""Bounds of one robot's mind: the same for a single robot and for one of a million, because their number must not
-change what robots do."""
+"""Bounds of one robot's mind: the same for a single robot and for one of a million, because the number of robots must
+not change what they do."""
 
 from __future__ import annotations
 
@@ -9,26 +9,27 @@ MAX_SEEN = 1_024
 """Message ids remembered so that a repeated message changes nothing."""
 
 TICK_STEPS = 50_000
-"""Steps that one robot's rules may use in one tick: ten milliseconds of a slow computer, a tenth of a 10 Hz tick."""
+"""Steps that one robot's rules may use in one tick: ten milliseconds on a slow computer, a tenth of a 10 Hz tick."""
 MAX_FAULTS = 100
-"""Faults kept of one evaluation: more would only repeat what the first ones say."""
+"""Faults recorded of one evaluation: more would only repeat the first ones."""
 MAX_FAULTS_IN_ROW = 10
-"""Evaluations with a fault, one after the other, after which a rule is deactivated."""
+"""Consecutive evaluations with a fault after which a rule is deactivated."""
 PROVEN_TICKS = 100
-"""Ticks that a rule set must have run without a fault for ROLLBACK to come back to it."""
+"""Ticks without a fault after which a rule set is proven, so that ROLLBACK can restore it."""
 FAILED = 1 << 62
-"""The tick since which a rule set is unproven that has failed: after all others, until somebody changes the set."""
+"""Stands for the start of the unproven time of a rule set that has failed: later than any tick, until the set is
+changed."""
 
 MAX_OUTBOX = 256
-"""Things said in one tick; the rest is dropped and counted."""
+"""Messages sent in one tick; the rest is dropped and counted."""
 REPORTS_A_SECOND = 20
-"""Reports of one robot that go on the air in a second of its clock: a rule that speaks at every tick is heard."""
+"""Reports of one robot per second of its clock: enough for a rule that reports at every tick."""
 TELL_SECONDS = 5.0
-"""How long what a robot tells others may still be acted on."""
+"""Seconds after which what a robot tells others expires."""
 TELLS_A_SECOND = 2.0
-"""What one robot may tell others in a second, in the long run: a thousand of them share one radio."""
+"""Tells of one robot per second in the long run: a thousand robots share one radio."""
 TELL_BURST = 8
-"""What it may tell at once after some quiet."""
+"""Tells that a robot may send at once after a pause."""
 TELLS_TOO_OFTEN = f"tells too often: more than {TELLS_A_SECOND:g} a second are dropped"
 TELLS_TOO_FAR = "did not tell on what came by its last hop"
-"""What it reports, once until it has been quiet, when it does not tell something."""
+"""Reported when a robot refuses to tell something, only once until it has been below its rate again."""

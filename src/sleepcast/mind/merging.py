@@ -1,10 +1,12 @@
-"""Merging of several operators' commands: all robots that have heard the same commands, in any order, end up the same.
+"""Merging several operators' commands: all robots that have received the same commands, in any order, end up in the
+same state.
 
-All commands have one order: by the time at which they were issued, then by their sender's epoch, number and name. A
-command's changes carry its place in that order, and it changes nothing that a later command has changed already. The
-registers are the text of each rule, buffer and operator, the flag of each rule and buffer, and each group; a rule's
-place in the round is that of the first command that made it. What rules do by themselves has no place and always
-counts."""
+All commands have one order: by time of issue, then by their sender's epoch, number and name. A command's changes
+carry its place in that order, and it changes nothing that a later command has already changed. The registers are the
+text of each rule, buffer and operator, the flag of each rule and buffer, and each group; a rule's place in the order
+of evaluation is that of the first command that made it. Changes that rules make on their own have no place and
+always count.
+"""
 
 from __future__ import annotations
 
@@ -17,15 +19,15 @@ import msgspec
 from sleepcast.channel.message import Message
 
 CommandOrder = tuple[int, int, int, str]
-"""Of a command: when it was issued (microseconds of Unix time), its epoch, its number, and its sender's name."""
+"""A command's place: time of issue (microseconds of Unix time), epoch, number, and sender's name."""
 NOWHERE: CommandOrder = (0, 0, 0, "")
 """Before all commands."""
 Making = tuple[CommandOrder, int]
-"""A command that has made a rule, and which of those that it has made."""
+"""A command that has made a rule, and the index of the rule among those that it has made."""
 MAX_NAMES = 1_024
-"""Registers of a kind whose last change is remembered; of more, the oldest one is forgotten."""
+"""Registers of a kind whose last change is remembered; beyond, the oldest one is dropped."""
 MAX_MADE = 16
-"""Commands that have made a rule, the first one and the latest."""
+"""Commands remembered that have made a rule: the first one and the latest."""
 
 Value = TypeVar("Value")
 
@@ -40,14 +42,14 @@ class MergingState(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Merging:
-    """One robot's. place: of the command that is being evaluated, None for anything else. floor: of the latest
-    ROLLBACK; written: of the last change of each text and group; flags: of each flag, and what it was set to; made:
-    when a rule was last forgotten, and the commands that have made it since."""
+    """The merging state of one robot. place: of the command being evaluated, None for anything else. floor: of the
+    latest ROLLBACK; written: of the last change of each text and group; flags: of each flag, and its value; made: when
+    a rule was last forgotten, and the commands that have made it since."""
 
     def __init__(self) -> None:
         self.place: CommandOrder | None = None
         self.version = 0
-        """Grows with every change."""
+        """Increases with every change."""
         self._floor = NOWHERE
         self._written: dict[str, CommandOrder] = {}
         self._flags: dict[str, tuple[CommandOrder, bool]] = {}
@@ -55,11 +57,11 @@ class Merging:
         self._makes = 0
 
     def begin(self, place: CommandOrder | None) -> None:
-        """What comes now is done by the command of this place, or by none."""
+        """Begin the changes of the command with this place, or of none."""
         self.place, self._makes = place, 0
 
     def write(self, register: str) -> bool:
-        """Whether the command may change this text or group, which is then its own."""
+        """Whether the command may change this text or group; if so, the register takes its place."""
         if self.place is None:
             return True
         if max(self._written.get(register, NOWHERE), self._floor) > self.place:
@@ -68,8 +70,8 @@ class Merging:
         return True
 
     def flag(self, key: str, wanted: bool | None) -> bool | None:
-        """What the flag of a rule or buffer is to be, where the command wants this of it (None: nothing); None to leave
-        it as it is."""
+        """The new value of the flag of a rule or buffer for which the command wants `wanted` (None: no value); None to
+        leave it unchanged."""
         if self.place is None:
             return wanted
         last = self._flags.get(key)
@@ -80,14 +82,14 @@ class Merging:
         return wanted
 
     def make(self, key: str) -> None:
-        """The command makes a rule, or would, had it come in time."""
+        """The command makes a rule, or would if it had come in time."""
         if self.place is not None:
             self._makes += 1
             forgotten, made = self._made.get(key, (NOWHERE, ()))
             self._set_made(key, forgotten, {*made, (self.place, self._makes)})
 
     def forget(self, key: str) -> None:
-        """The command forgets a rule: it is as if none before had made it."""
+        """The command forgets a rule: as if no earlier command had made it."""
         if self.place is not None:
             forgotten, made = self._made.get(key, (NOWHERE, ()))
             self._set_made(key, max(forgotten, self.place), made)
@@ -97,22 +99,22 @@ class Merging:
         self._put(self._made, key, (forgotten, (*since[:1], *since[1:][1 - MAX_MADE :])))
 
     def roll_back(self) -> None:
-        """The command restores rules: none before it changes any."""
+        """The command restores rules: no earlier command changes any."""
         if self.place is not None:
             self._floor = max(self._floor, self.place)
             self.version += 1
 
     def first(self, key: str) -> Making:
-        """Which command has made a rule; `NOWHERE` for what no command has made."""
+        """The command that made a rule first; `NOWHERE` if no command did."""
         _, made = self._made.get(key, (NOWHERE, ()))
         return made[0] if made else (NOWHERE, 0)
 
     def state(self) -> MergingState:
-        """As plain data."""
+        """The state as plain data."""
         return MergingState(self._floor, dict(self._written), dict(self._flags), dict(self._made))
 
     def restore(self, state: MergingState) -> None:
-        """Go on with that."""
+        """Restore the state."""
         self._floor = state.floor
         self._written, self._flags, self._made = dict(state.written), dict(state.flags), dict(state.made)
 
@@ -125,12 +127,12 @@ class Merging:
 
 
 def place_of(message: Message, zero: float) -> CommandOrder:
-    """The place of a command. zero: when the mind's time began, s of Unix time."""
+    """The place of a command. zero: start of the mind's time, s of Unix time."""
     return round((message.issued + zero) * 1e6), message.epoch, message.sequence, message.sender
 
 
 def enqueue(queue: deque[Message], message: Message, zero: float) -> None:
-    """Let a message wait in its place, as far as its own sender's order allows."""
+    """Insert a message at its place in the queue, as far as its own sender's order allows."""
     at = len(queue)
     place = place_of(message, zero) if at else NOWHERE
     while at > 0:

@@ -1,8 +1,8 @@
-"""Rules: what a robot has learned, and what the acts of the language do to it.
+"""Rules: what a robot has learned, and how the acts of the language change it.
 
-A `RuleBase` holds rules, buffers, operators and symbols (what each learned name means). An act changes it, or gives
-the reason for its refusal and changes nothing. What a change does to the single robots - flags, leases, how often a
-rule has fired - it leaves as `Effect`s to the owner of these.
+A `RuleBase` holds rules, buffers, operators and symbols (the meaning of each learned name). An act changes it, or
+returns the reason for its refusal and changes nothing. Changes that concern single robots - flags, leases, counts of
+firings - are left as `Effect`s for the owner of these.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ BUFFER_KEYS = tuple(f"e{number}" for number in range(1, BUFFERS))
 class Rule:
     """A rule or buffer: its key, its name as written, text, program, and whether it runs at every tick.
 
-    key: e1 to e63, or the case-folded name. protected: it cannot be changed over the air. priority: the higher, the
-    later in the round (its writes win) and the safer from a budget that does not reach for all.
+    key: e1 to e63, or the case-folded name. protected: it cannot be changed by radio. priority: rules with a higher
+    one are evaluated later (so their writes win) and are served first when the budget does not suffice for all.
     """
 
     key: str
@@ -59,27 +59,27 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """What a change does to each robot. what: "new", "renewed", "gone", "active", "inactive"; or "same",
-    where only its program or the order has changed."""
+    """The effect of a change on each robot. what: "new", "renewed", "gone", "active", "inactive"; or "same", if only
+    its program or the order has changed."""
 
     what: str
     key: str
 
 
 def in_order(rules: Mapping[str, Rule]) -> Iterator[Rule]:
-    """E1 upwards, then the rules in the order of their arrival."""
+    """E1 upwards, then the rules in order of arrival."""
     yield from (rules[key] for key in BUFFER_KEYS if key in rules)
     yield from (rule for key, rule in rules.items() if buffer_number(key) is None)
 
 
 def running(rules: Mapping[str, Rule]) -> list[Rule]:
-    """The active ones in the order of the round: a higher priority later."""
+    """The active rules in order of evaluation: higher priorities later."""
     return sorted((rule for rule in in_order(rules) if rule.active), key=lambda rule: rule.priority)
 
 
 class RuleBase:
-    """What one mind has learned, by key in the order of arrival; a `Names` as well, so that texts are compiled as it
-    takes them. merging: which commands count; changing: called before the rules change."""
+    """What one mind has learned, by key in order of arrival; implements `Names`, so that texts are compiled in it.
+    merging: which commands count; changing: called before the rules change."""
 
     def __init__(
         self,
@@ -99,7 +99,7 @@ class RuleBase:
         self.effects: list[Effect] = []
 
     def declared(self, key: str) -> Declared | None:
-        """What is learned under `key`."""
+        """The declaration learned under `key`."""
         return declared_in(self.rules, self.symbols, key)
 
     def heard(self) -> Iterable[str]:
@@ -107,19 +107,19 @@ class RuleBase:
         return [found.name for found in self.symbols.values()]
 
     def learn(self, key: str, found: Declared) -> None:
-        """Let a name mean this from now on."""
+        """Set the meaning of a name."""
         before = self.symbols.get(key)
         self.symbols[key] = found
         if type(before) is not type(found) or isinstance(found, Operator):
             self.resolve_again(key)
 
     def unlearn(self, key: str) -> None:
-        """Let a name mean nothing any more."""
+        """Remove the meaning of a name."""
         if self.symbols.pop(key, None) is not None:
             self.resolve_again(key)
 
     def resolve_again(self, key: str) -> None:
-        """What depends on a name that has changed its meaning is compiled anew; it has been checked when it came in."""
+        """Compile again what depends on a name with a new meaning; it was checked when it came in."""
         for name, rule in self.rules.items():
             if key in rule.program.free:
                 program = self.library.again(rule.program, self)
@@ -132,7 +132,7 @@ class RuleBase:
                 self.operators[name] = self.library.again(program, self, found.parameters)
 
     def program_for(self, key: str, text: str, parameters: tuple[str, ...]) -> Program | str:
-        """The program of a text that is to be kept under `key`, or why it is refused."""
+        """The program of a text to be stored under `key`, or the reason for a refusal."""
         try:
             program = self.library.program(text, lambda: read_all(text), self, parameters)
         except SleepcastError as error:
@@ -145,7 +145,7 @@ class RuleBase:
     # ---- rules
 
     def put(self, key: str, name: str, text: str, program: Program, *, flag: bool) -> None:
-        """Keep an expression; one that is there keeps its place and its flag. flag: of the buffer, if it is new."""
+        """Store an expression; an existing one keeps its place and its flag. flag: of the buffer, if it is new."""
         found = self.rules.get(key)
         if found is None:
             self.rules[key] = Rule(key, name, text, program, flag)
@@ -155,34 +155,34 @@ class RuleBase:
             self.effects.append(Effect("renewed", key))
 
     def remove(self, key: str) -> None:
-        """Forget an expression and clear its flag."""
+        """Remove an expression and clear its flag."""
         self.activate(key, False)
         del self.rules[key]
         self.effects.append(Effect("gone", key))
 
     def activate(self, key: str, active: bool) -> None:
-        """Set the flag of a rule, or of a buffer that may hold nothing yet."""
+        """Set the flag of a rule, or of a buffer, which may be empty."""
         if key in self.rules:
             self.assign_flag(key, active)
         self.effects.append(Effect("active" if active else "inactive", key))
 
     def assign_flag(self, key: str, active: bool) -> None:
-        """Let a rule be as active as its flag, which somebody else has set; its lease stays as it is."""
+        """Make a rule as active as its flag, which was set elsewhere; its lease does not change."""
         self.rules[key] = replace(self.rules[key], active=active)
 
     def rank(self, key: str, priority: int, protected: bool) -> None:
-        """Say how important a rule is, and whether it is built in."""
+        """Set a rule's priority, and whether it is protected."""
         self.rules[key] = replace(self.rules[key], priority=priority, protected=protected)
 
     def arrange(self) -> None:
-        """Put rules into the order of the commands that made them first; those of the same one stay as they are."""
+        """Sort the rules by the commands that made them first; those of the same command keep their order."""
         ordered = sorted(self.rules, key=self.merging.first)
         if ordered != list(self.rules):
             self.rules = {key: self.rules[key] for key in ordered}
             self.effects.append(Effect("same", ""))
 
     def too_late(self, name: str) -> str:
-        """Why an earlier command changes nothing, which may still say when a rule was made first."""
+        """Why an earlier command changes nothing; it may still determine when a rule was first made."""
         self.arrange()
         return too_late(name)
 
@@ -194,7 +194,7 @@ class RuleBase:
         return built_in(rule.name) if rule.protected else rule
 
 
-# ---- acts: each changes a rule base, or gives the reason why not
+# ---- acts: each changes a rule base, or returns the reason for its refusal
 
 
 def store(base: RuleBase, key: str, name: str, text: str, *, activate: bool, flag: bool) -> str | None:
@@ -227,7 +227,7 @@ def store(base: RuleBase, key: str, name: str, text: str, *, activate: bool, fla
 
 def activate(base: RuleBase, key: str, wanted: bool) -> str | None:
     """ACTIVATE and DEACTIVATE."""
-    flag = base.merging.flag(key, wanted)  # noted for a rule that is not there yet, too
+    flag = base.merging.flag(key, wanted)  # also recorded for a rule that does not exist yet
     if buffer_number(key) is not None and key not in base.rules:
         base.changing()
         base.activate(key, flag is True)
@@ -267,7 +267,7 @@ def forget(base: RuleBase, key: str) -> str | None:
 
 
 def lease(base: RuleBase, key: str) -> str | None:
-    """LEASE: whether a rule may be given one. When it ends, each robot keeps for itself."""
+    """LEASE: whether a rule may get one. Each robot stores the end of its own."""
     rule = base.changeable(key)
     if isinstance(rule, str):
         return rule
@@ -302,7 +302,7 @@ def define_operator(base: RuleBase, name: str, parameters: tuple[str, ...], text
 
 
 def join(base: RuleBase, name: str) -> str | None:
-    """JOIN: the name of a group is learned; who is in it, each robot keeps for itself."""
+    """JOIN: learns the name of the group; each robot stores its own membership."""
     key = name.casefold()
     taken = clash(base.symbols.get(key), Group)
     if taken is not None:
@@ -321,7 +321,7 @@ def leave(base: RuleBase, name: str) -> str | None:
 
 
 def roll_back(base: RuleBase, wanted: Iterable[Rule]) -> None:
-    """ROLLBACK: have just these rules, besides what is protected, which stays."""
+    """ROLLBACK: replace all rules by these, except protected ones."""
     for key in [rule.key for rule in base.rules.values() if not rule.protected]:
         base.remove(key)
     for rule in wanted:
@@ -334,7 +334,7 @@ def roll_back(base: RuleBase, wanted: Iterable[Rule]) -> None:
             base.learn(key, Stored(base.rules[key].name, base.rules[key].program.uses))
 
 
-# ---- refusals: the sentences that say why a mind does not do what an expression asks for
+# ---- refusals: sentences that say why a mind does not do what an expression asks for
 
 UNKNOWN_STORED = "unknown cannot be stored as an expression"
 UNKNOWN_LEASE = "a lease of unknown length"
@@ -343,12 +343,12 @@ UNKNOWN_CASTE = "a ping of unknown caste"
 
 
 def built_in(name: str) -> str:
-    """A rule or buffer, or the flag of one, that belongs to the robot itself."""
+    """Refuses to change a built-in rule or buffer, or the flag of one."""
     return f"{name} is built in: it cannot be changed over the air"
 
 
 def too_late(name: str) -> str:
-    """What an earlier command wants to change."""
+    """Refuses a change by an earlier command."""
     return f"{name} was changed by a command that was sent later"
 
 

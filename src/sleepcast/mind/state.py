@@ -1,8 +1,9 @@
 """State: what robots have learned, as plain data for stores and snapshots.
 
-Programs are stored as texts and compiled again. A store holds one robot (`MindState`): its texts are compiled in the
-names that it has when it goes on. A snapshot holds all robots of a run (`SharedMinds`), which must go on to the last
-bit: each program is stored with what its names meant when it was compiled."""
+Programs are stored as texts and compiled again. A store holds one robot (`MindState`): its texts are compiled with
+the names that it has when it is restored. A snapshot holds all robots of a run (`SharedMinds`), which must continue
+bit for bit: each program is stored with the meanings that its names had when it was compiled.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ class OperatorState(msgspec.Struct, frozen=True, array_like=True):
 
 
 class RuleState(msgspec.Struct, frozen=True, array_like=True):
-    """A rule or buffer: its name as written. left: s of its lease, None without one."""
+    """A rule or buffer: its name as written. left: remaining s of its lease, None without one."""
 
     name: str
     text: str
@@ -41,11 +42,11 @@ class RuleState(msgspec.Struct, frozen=True, array_like=True):
 
 class MindState(msgspec.Struct, frozen=True):
     """One robot: the names it has learned with their values and texts, the groups it is in, its rules, whether it is
-    stopped, who has leases of its groups, and which command has changed what. What is built in is not here.
+    stopped, who has leases of its groups, and which command has changed what; nothing that is built in.
 
-    flags: values of the support variables from `marked` to `active63`. proven: the rules that ROLLBACK brings back;
-    ticks: for how many these here have run without a fault, None if one has failed. authority: see `Authority.state`;
-    doubt: see `Node`.
+    flags: values of the support variables from `marked` to `active63`. proven: the rules that ROLLBACK restores;
+    ticks: for how many the present rules have run without a fault, None if one has failed. authority: see
+    `Authority.state`; doubt: see `Node`.
     """
 
     stopped: bool
@@ -66,7 +67,7 @@ class MindState(msgspec.Struct, frozen=True):
 
 
 class SymbolState(msgspec.Struct, array_like=True):
-    """What a learned name means. sort: one of `SORTS`."""
+    """The meaning of a learned name. sort: one of `SORTS`."""
 
     sort: str
     name: str
@@ -80,7 +81,7 @@ class SymbolState(msgspec.Struct, array_like=True):
         return cls(SORTS[type(found)], found.name, parameters, uses)
 
     def made(self, key: str, vocabulary: Vocabulary) -> Declared:
-        """What the name `key` means. Raises SerialError."""
+        """The declaration of the name `key`. Raises SerialError."""
         if self.sort == SORTS[UserVariable]:
             if key not in vocabulary.user_slots:
                 raise SerialError(f"a user variable {key[:80]} without a place for its value")
@@ -95,7 +96,7 @@ class SymbolState(msgspec.Struct, array_like=True):
 
 
 class ProgramState(msgspec.Struct, array_like=True):
-    """A program: its text and parameters, and what its free names meant when it was compiled."""
+    """A program: its text and parameters, and the meanings of its free names when it was compiled."""
 
     text: str
     parameters: tuple[str, ...]
@@ -106,7 +107,7 @@ class ProgramState(msgspec.Struct, array_like=True):
         return cls(program.text, parameters, {key: SymbolState.of(found) for key, found in program.meanings.items()})
 
     def made(self, vocabulary: Vocabulary, library: Library) -> Program:
-        """The program that it was. Raises SerialError."""
+        """The program compiled again. Raises SerialError."""
         names = _Meanings(vocabulary, {key: each.made(key, vocabulary) for key, each in self.meanings.items()})
         try:
             return library.program(self.text, lambda: read_all(self.text), names, self.parameters)
@@ -115,7 +116,7 @@ class ProgramState(msgspec.Struct, array_like=True):
 
 
 class SharedRule(msgspec.Struct, array_like=True):
-    """A rule or buffer. program: its place among the programs."""
+    """A rule or buffer. program: its index among the programs."""
 
     key: str
     name: str
@@ -126,7 +127,7 @@ class SharedRule(msgspec.Struct, array_like=True):
 
 
 class SharedMind(msgspec.Struct, array_like=True):
-    """What some robots have learned alike. operators: by key, their programs' places."""
+    """What some robots have learned alike. operators: by key, the indices of their programs."""
 
     rules: list[SharedRule]
     symbols: dict[str, SymbolState]

@@ -1,15 +1,15 @@
-"""Telemetry: what robots report when they are asked, so that a remote desk can check names and predict who will obey.
+"""Telemetry: what robots report on request, so that a remote desk can check names and predict which robots will obey.
 Both ends are here: how a robot describes itself, and how a desk reads that.
 
-    telemetry    its numbers in the order of its vocabulary, groups, flags: small, asked for often
-    vocabulary   the names of its type: asked for once for all robots of the type
-    mind         what it has learned: asked for once for all robots that have learned the same
+    telemetry    its values in the order of its vocabulary, groups, flags: small, requested often
+    vocabulary   the names of its type: requested once for all robots of the type
+    mind         what it has learned: requested once for all robots that have learned the same
     why          how it evaluated a command
 
-Vocabulary, mind and explanation are JSON texts. Telemetry names the first two by a digest of their bytes, so a desk
-requests only texts that it does not have, and computes the digest of each text itself. Input is untrusted: types,
-lengths and names are checked before it is used, and anything malformed raises `TelemetryError`. docs/wire.md has the
-layouts.
+Vocabulary, mind and explanation are JSON texts. Telemetry identifies the first two by a digest of their bytes, so a
+desk requests only texts that it does not have, and computes the digest of each text itself. Input is untrusted:
+types, lengths and names are checked before it is used, and anything malformed raises `TelemetryError`. docs/wire.md
+has the layouts.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from sleepcast.language.vocabulary import (
 )
 
 MAX_NAMES = 512
-"""Sensors, actuators, constants and functions of one type, of each sort."""
+"""Sensors, actuators, constants and functions of one type, each."""
 MAX_TEXT_BYTES = 49_152
 """Bytes of a vocabulary, a mind or an explanation that a robot sends: well within one message."""
 MAX_TEXT_READ = 65_536
@@ -50,17 +50,17 @@ MAX_TEXT_READ = 65_536
 MAX_DOC = 200
 """Characters of a name's description in a vocabulary."""
 STEPS_SENT = (250, 60, 15, 1)
-"""Parts of an explained expression that are sent, fewer where their texts are too long together."""
+"""Parts of an explained expression that are sent: the first number for which they fit into a message."""
 MAX_STEP_TEXT = 120
-"""Characters of the text of one of them."""
+"""Characters of the text of one part."""
 MAX_EXPONENT = 9
-"""Of a dimension, either way."""
+"""Largest exponent in a dimension, positive or negative."""
 MAX_LEVELS = 200
-"""Nesting of an explanation: an expression has at most a hundred levels, including all that it enters."""
+"""Nesting of an explanation: an expression has at most a hundred levels, including everything that it enters."""
 MAX_DOUBT = 200
-"""Characters of the reason why a robot stands although nobody may have stopped it."""
+"""Characters of the reason why a robot is stopped without a known STOP."""
 DIGEST_BYTES = 8
-"""Bytes of a digest: two texts do not share one by accident, and a forged pair only misrepresents its own robot."""
+"""Bytes of a digest: accidental collisions do not happen, and a forged one only misrepresents its own robot."""
 TOLD_SUPPORT = len(SUPPORT) - (BUFFERS - 1)
 """Support variables that are sent as numbers; the others are the active flags of buffers."""
 
@@ -87,7 +87,7 @@ class QuantityRecord(msgspec.Struct, array_like=True):
 
     @classmethod
     def of(cls, found: Quantity, doc: int) -> QuantityRecord:
-        """doc: characters of what is said about it."""
+        """doc: characters kept of its description."""
         bounds = _finite(found.low), _finite(found.high), _finite(found.freshness)
         return cls(found.name, found.unit, *bounds, found.doc[:doc], found.shown_as)
 
@@ -167,7 +167,7 @@ class VocabularyRecord(msgspec.Struct):
         )
 
     def made(self) -> Vocabulary:
-        """Its functions cannot be called."""
+        """The vocabulary, without callable functions."""
         return Vocabulary(
             self.name,
             tuple(found.made() for found in self.sensors),
@@ -186,11 +186,11 @@ class MindRecord(msgspec.Struct):
 
 
 class TelemetryRecord(msgspec.Struct):
-    """What a robot tells of itself now.
+    """A robot's current state.
 
     type, mind: digests of the texts. values: float64, little endian, SI, NaN for unknown: every variable of the
-    vocabulary in its order, but for the active flags of buffers, which are bits of `active`. running: which of the
-    mind's rules run, bits, the first lowest. user: user variables; groups: those it is in.
+    vocabulary in its order, except for the active flags of buffers, which are bits of `active`. running: which of
+    the mind's rules are active, as bits, lowest first. user: user variables; groups: those it is in.
     """
 
     type: Annotated[bytes, msgspec.Meta(min_length=DIGEST_BYTES, max_length=DIGEST_BYTES)]
@@ -205,17 +205,17 @@ class TelemetryRecord(msgspec.Struct):
     doubt: Annotated[str, msgspec.Meta(max_length=MAX_DOUBT)] = ""
 
     def body(self) -> dict[str, object]:
-        """As it stands in an answer."""
+        """The record as part of an answer's body."""
         fields = msgspec.structs.asdict(self)
         doubt = {"doubt": fields.pop("doubt")} if self.doubt else {}
         return doubt | {key: value for key, value in fields.items() if key != "doubt"}
 
     def numbers(self) -> Sequence[float]:
-        """The numbers, NaN for unknown: the support variables but for the active flags, sensors, actuators."""
+        """The values, NaN for unknown: the support variables except for the active flags, sensors, actuators."""
         return [value if isfinite(value) else nan for value in unpack(f"<{len(self.values) // 8}d", self.values)]
 
     def runs(self, rule: int) -> bool:
-        """Whether a rule of the mind runs."""
+        """Whether a rule of the mind is active."""
         return rule // 8 < len(self.running) and bool(self.running[rule // 8] >> rule % 8 & 1)
 
 
@@ -272,7 +272,7 @@ class ExplanationRecord(msgspec.Struct):
 
     @classmethod
     def of(cls, found: Explanation, most: int) -> ExplanationRecord:
-        """most: parts of the expression."""
+        """most: parts of the expression that are included."""
         return cls(
             found.text[: MAX_TEXT // 8],
             _known(found.value),
@@ -290,17 +290,17 @@ class ExplanationRecord(msgspec.Struct):
 
 
 def digest(text: str) -> bytes:
-    """What names a text: the first bytes of the SHA-256 of its UTF-8."""
+    """The digest of a text: the first bytes of the SHA-256 of its UTF-8."""
     return sha256(text.encode()).digest()[:DIGEST_BYTES]
 
 
-# ---- what a robot tells
+# ---- written by a robot
 
 _TEXTS: WeakKeyDictionary[Vocabulary, str] = WeakKeyDictionary()
 
 
 def vocabulary_text(vocabulary: Vocabulary) -> str:
-    """The names of a type as JSON; without what is said about them where there are too many."""
+    """The names of a type as JSON; without descriptions if it would be too long."""
     found = _TEXTS.get(vocabulary)
     if found is None:
         found = as_text(VocabularyRecord.of(vocabulary, MAX_DOC))
@@ -311,7 +311,7 @@ def vocabulary_text(vocabulary: Vocabulary) -> str:
 
 
 def why_text(explanation: Explanation) -> str:
-    """An explanation as JSON: its upper parts, where there are too many."""
+    """An explanation as JSON: only its upper parts if it would be too long."""
     for most in STEPS_SENT:
         found = as_text(ExplanationRecord.of(explanation, most))
         if len(found.encode()) <= MAX_TEXT_BYTES:
@@ -320,7 +320,7 @@ def why_text(explanation: Explanation) -> str:
 
 
 def as_text(record: msgspec.Struct) -> str:
-    """A record as JSON: the same bytes for the same record, as they have a digest."""
+    """A record as JSON: equal records give equal bytes, because texts are identified by digests."""
     return json.dumps(msgspec.to_builtins(record), ensure_ascii=False, separators=(",", ":"), allow_nan=False)
 
 
@@ -331,12 +331,12 @@ def bits(flags: Sequence[bool]) -> bytes:
 
 
 def packed(numbers: Sequence[float]) -> bytes:
-    """Numbers as `TelemetryRecord.values` has them."""
+    """Numbers in the format of `TelemetryRecord.values`."""
     return pack(f"<{len(numbers)}d", *numbers)
 
 
 def _known(value: float) -> float | str | None:
-    """A value of an explanation: unknown is a text, because null is what was not evaluated."""
+    """A value in an explanation: unknown is a text, because null stands for parts that were not evaluated."""
     return "UNKNOWN" if isnan(value) else _finite(value)
 
 
@@ -344,11 +344,11 @@ def _finite(value: float) -> float | None:
     return value if isfinite(value) else None
 
 
-# ---- what a desk makes of it
+# ---- read by a desk
 
 
 def read_telemetry(record: object) -> TelemetryRecord:
-    """Telemetry as it comes in a body. Raises TelemetryError."""
+    """The telemetry in a body. Raises TelemetryError."""
     try:
         found = msgspec.convert(record, TelemetryRecord, strict=True)
     except UNREADABLE as error:
@@ -360,7 +360,7 @@ def read_telemetry(record: object) -> TelemetryRecord:
 
 
 def read_vocabulary(text: str) -> Vocabulary:
-    """A vocabulary. Its functions cannot be called. Raises TelemetryError."""
+    """A vocabulary, without callable functions. Raises TelemetryError."""
     record = _decoded(VocabularyRecord, text)
     try:
         return record.made()

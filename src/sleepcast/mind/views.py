@@ -1,4 +1,4 @@
-"""What a mind shows: its rules, what went wrong in an evaluation, and what came of one."""
+"""What a mind shows: its rules, and the faults and results of an evaluation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sleepcast.language.explain import Explanation, Recollection, explain
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """Something that went wrong in an evaluation. where: the text of the part."""
+    """A fault in an evaluation. where: the text of the part."""
 
     reason: str
     where: str
@@ -22,10 +22,11 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class RuleView:
-    """A rule or buffer as people look at it.
+    """A rule or buffer as shown to people.
 
     lease: time (s) at which it is deactivated, inf for never. last_value, last_fault, steps: of its last evaluation.
-    firings: evaluations in which its test held. priority: the higher, the later in the round. protected: built in.
+    firings: evaluations in which its test held. priority: rules with a higher one are evaluated later. protected:
+    built in.
     """
 
     name: str
@@ -42,7 +43,7 @@ class RuleView:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What came of one text. printed: what it reported, label and values. recall: gives what went into it."""
+    """The result of one text. printed: its reports, label and values. recall: returns the inputs of the evaluation."""
 
     value: float
     matched: bool
@@ -58,5 +59,5 @@ class Result:
 
     @property
     def explanation(self) -> Explanation:
-        """Made when it is asked for."""
+        """Computed on request."""
         return explain(self.recall())

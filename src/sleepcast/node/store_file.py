@@ -333,20 +333,20 @@ def transaction(connection: sqlite3.Connection, seal: Seal) -> Iterator[None]:
         raise
 
 
-# What waits to be written into a store: all of it in one transaction, the latest of each.
+# ---- changes that wait to be written into a store, all in one transaction, the latest of each
 
 MAX_EVALUATIONS = 1_000_000
-"""Evaluations that are remembered, of all robots of a file: some eighty megabytes."""
+"""Evaluations that are remembered for all robots of a file: some eighty megabytes."""
 
 Evaluated = tuple[int, str, str, float, str, float | None]
-"""A robot's number, a command's id and kind, when (s of Unix time), the outcome, and when it had come."""
+"""A robot's number, a command's id and kind, the time (s of Unix time), the outcome, and the time of its arrival."""
 
 
 @dataclass(slots=True)
 class WriteBatch:
-    """What waits, mostly by the number of the robot; the fields are those of the tables. taken: messages and how
-    often they were begun; finished: of those that were written as taken. minds: when, and packed. lives: names, and
-    what is known of their lives."""
+    """Changes waiting to be written, mostly by the robot's number; the fields are those of the tables. taken: messages
+    and how often they were begun; finished: those of them that are finished. minds: time and packed state. lives:
+    names, and what is known of their lives."""
 
     streams: dict[tuple[int, StreamId], StreamProgress] = field(default_factory=dict)
     windows: dict[tuple[int, bytes, str, int], StoredWindow] = field(default_factory=dict)
@@ -361,7 +361,7 @@ class WriteBatch:
         return any(getattr(self, each.name) for each in fields(self))
 
     def write(self, to: sqlite3.Connection) -> None:
-        """Write everything, within a transaction of the caller's. Raises sqlite3.Error."""
+        """Write everything, within a transaction of the caller. Raises sqlite3.Error."""
         to.executemany(
             "INSERT INTO robots VALUES (?, ?, ?, ?, ?, 0.0, NULL) "
             "ON CONFLICT (number) DO UPDATE SET epoch = excluded.epoch, sequence = excluded.sequence",

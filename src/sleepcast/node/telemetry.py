@@ -1,4 +1,4 @@
-"""Telemetry of a node: what a robot tells of itself when it is asked; `mind.telemetry` has the records."""
+"""Telemetry of a node: its answers to inspection requests; `mind.telemetry` has the records."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from sleepcast.mind.telemetry import (
 from sleepcast.node.memory import RobotMemory
 
 Details = Mapping[str, object]
-"""What the body of an answer says besides that it is one."""
+"""Fields of an answer's body."""
 NOTHING: Details = MappingProxyType({})
 
 
 class InspectionError(SleepcastError):
-    """What a robot cannot tell."""
+    """The robot cannot answer an inspection request."""
 
 
 def answer_inspection(
@@ -60,7 +60,7 @@ def answer_inspection(
 
 
 def telemetry(memory: RobotMemory, stopped: bool, doubt: str) -> TelemetryRecord:
-    """A robot's numbers and flags now."""
+    """A robot's current variables and flags."""
     slots = (*range(ACTIVE0 + 1), *range(ACTIVE0 + BUFFERS, memory.vocabulary.size))
     symbols = memory.base.symbols
     return TelemetryRecord(
@@ -78,7 +78,7 @@ def telemetry(memory: RobotMemory, stopped: bool, doubt: str) -> TelemetryRecord
 
 
 def mind_text(memory: RobotMemory) -> str:
-    """What it has learned as JSON: the groups it has heard of, its operators, and its rules in the order of a round."""
+    """What it has learned as JSON: the groups it has heard of, its operators, and its rules in order of evaluation."""
     symbols, operators = memory.base.symbols.items(), memory.base.operators
     return as_text(
         MindRecord(

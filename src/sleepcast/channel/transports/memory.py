@@ -1,11 +1,11 @@
-"""A transport within one process, without a network, that can be made as bad as any radio.
+"""A transport within one process, without a network, that can be as unreliable as any radio.
 
     memory:NAME?loss=0.3&delay=0.01&jitter=0.02&duplicate=0.1&reorder=0.1&seed=1&at=3,4&range=10
 
-All parties with the same NAME hear each other. The options say how badly a party receives: the share of datagrams that
-it loses, gets twice or gets late (by `LATE`), the seconds that each takes (`delay`), and up to how many more at random
-(`jitter`). `at` is its place (x, y in m), and `range` the distance from which it receives. What happens to datagrams
-depends only on a party's seed, on how many have joined before it, and on what it was sent.
+All parties with the same NAME hear each other. The options say how badly a party receives: the share of datagrams
+that it loses, gets twice or gets late (by `LATE`), the seconds that each takes (`delay`), and the largest random
+addition (`jitter`). `at` is its place (x, y in m), and `range` the distance from which it receives. What happens to
+datagrams depends only on a party's seed, on how many have joined before it, and on what it was sent.
 """
 
 from __future__ import annotations
@@ -177,7 +177,7 @@ class MemoryTransport:
         self._wake_up(now)
 
     def _wake_up(self, now: float) -> None:
-        """Become readable when the next datagram is due: who waits on `fileno` does not know when that is."""
+        """Become readable when the next datagram is due: a caller that waits on `fileno` does not know when that is."""
         due = self._waiting[0][0] if self._waiting else inf
         if self._timer is not None and due != self._rings:
             self._timer.cancel()

@@ -1,4 +1,4 @@
-"""A transport carries datagrams from each party to all others, whatever is in them."""
+"""A transport carries datagrams from each party to all others, regardless of their contents."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class WakeUp:
             self._write_end.send(b"!")
 
     def clear(self) -> None:
-        """To be called before receiving, so that nothing is overlooked."""
+        """Call this before receiving, so that nothing is overlooked."""
         with suppress(OSError):
             while len(self._read_end.recv(4_096)) == 4_096:
                 pass

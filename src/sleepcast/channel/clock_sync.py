@@ -146,7 +146,7 @@ def differs(ahead: float) -> str:
 
 
 def took(names: Sequence[str], whose: str, differs: str) -> str:
-    """A sentence: these robots have set their clocks to somebody's time. differs: how wrong they were."""
+    """A sentence: these robots have set their clocks to the time of `whose`. differs: how wrong they were."""
     theirs, clocks = ("its", "its clock was") if len(names) == 1 else ("their", "their clocks were")
     return f"{_listed(names)} took {theirs} time from {whose}: {clocks} {differs}"
 

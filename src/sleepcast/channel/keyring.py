@@ -53,7 +53,7 @@ class SecretFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class TrustedKey(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A key as it stands in a trust file; see PublicKey."""
+    """A key in a trust file; see PublicKey."""
 
     owner: str
     role: Role
@@ -62,7 +62,7 @@ class TrustedKey(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class TrustFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The keys that somebody trusts. gone: ids of revoked keys that are not otherwise known; vouched: fingerprints of
+    """The keys that a party trusts. gone: ids of revoked keys that are not otherwise known; vouched: fingerprints of
     datagrams of revoked keys that still count; see `Trust`."""
 
     format: int

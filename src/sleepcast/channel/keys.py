@@ -32,7 +32,7 @@ MAX_VOUCHED = 20_000
 MAX_CHANGES = 1_000
 """Keys, or fingerprints, in one change: as many as fit into one message."""
 FINGERPRINT_BYTES = 12
-"""Bytes of the SHA-256 of a datagram: enough that nobody finds another datagram with the same."""
+"""Bytes of the SHA-256 of a datagram: enough that no other datagram with the same value can be found."""
 
 
 _ANYBODY = frozenset({Kind.STOP, Kind.REQUEST, Kind.DIGEST})

@@ -197,7 +197,7 @@ class LeaseAction(StrEnum):
     REQUEST = "request"
     """Take it if it is free; otherwise its holder hears of the request."""
     GRANT = "grant"
-    """Hand it to somebody else."""
+    """Transfer it to another operator."""
     FORCE = "force"
     """Take it from its holder; for commanders."""
 
@@ -225,7 +225,7 @@ def hops_left(body: Mapping[str, object], role: str, most: int) -> int:
 
 
 def is_addressed(body: Mapping[str, object], name: str) -> bool:
-    """Whether a message is for the robot of this name. A message with malformed addressing is for nobody."""
+    """Whether a message addresses the robot of this name. A message with malformed addressing addresses no robot."""
     only, others = body.get(FOR), body.get(NOT, [])
     if not isinstance(others, list) or name in others:
         return False

@@ -173,7 +173,7 @@ class ChannelSession:
         return min(due, self._delayed[0].time) if self._delayed else due
 
     def _delay(self, answer: Message, within: float) -> None:
-        """Send an answer at a random moment within so many s; at once if 0."""
+        """Send an answer at a random moment within this many seconds; at once if 0."""
         if within == 0.0:
             self._post(answer)
             return
@@ -399,7 +399,7 @@ class Port:
         self._multiplexer.send(datagram, self)
 
     def receive(self) -> list[bytes]:
-        """The datagrams received since the last call, in order; none of our own."""
+        """See `Transport.receive`."""
         self._multiplexer.gather()
         return self.drain()
 
@@ -410,5 +410,5 @@ class Port:
         return found
 
     def close(self) -> None:
-        """Leave. Nothing can be sent or received afterwards."""
+        """See `Transport.close`."""
         self._multiplexer.leave(self)

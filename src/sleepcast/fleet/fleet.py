@@ -100,7 +100,7 @@ class RobotView:
 
     @property
     def groups(self) -> frozenset[str]:
-        """Keys of the groups that the robot is in."""
+        """See `Node.groups`."""
         return self._fleet.state.groups_of(self.place)
 
     @property
@@ -109,7 +109,7 @@ class RobotView:
 
     @property
     def dropped(self) -> int:
-        """Number of assignments and calls that were not passed to the body because a value was unknown."""
+        """See `Node.dropped`."""
         return int(self._fleet.state.dropped[self.place])
 
     @property
@@ -137,24 +137,24 @@ class RobotView:
         return self._fleet.memory.kept(self.place)
 
     def declared(self, key: str) -> Declared | None:
-        """What the robot has learned under this key."""
+        """See `Node.declared`."""
         return self._mind.declared(key)
 
     def heard(self) -> Iterable[str]:
-        """Every learned name as written."""
+        """See `Node.heard`."""
         return self._mind.heard()
 
     def fetch(self, part: Part) -> Program | None:
-        """The program in the buffer or rule that a `fetch` part names."""
+        """See `Node.fetch`."""
         kept = self._mind.rules.get(part.name)
         return None if kept is None else kept.program
 
     def operator(self, part: Part) -> Program | None:
-        """The operator that a `call` part names, None if it does not exist."""
+        """See `Node.operator`."""
         return self._mind.operators.get(part.name)
 
     def rules(self) -> list[RuleView]:
-        """Every stored expression, in order of evaluation."""
+        """See `Node.rules`."""
         found, tallies = [], self._fleet.memory.statistics
         for kept in in_order(self._mind.rules):
             tally, leases = tallies[kept.key], tallies.leases.get(kept.key)
@@ -175,7 +175,7 @@ class RobotView:
         return found
 
     def variables(self) -> list[tuple[str, float]]:
-        """Every variable by name, in the order of the vocabulary, user variables last."""
+        """See `Node.variables`."""
         values = self.values
         found = [(b.name, values[b.slot]) for b in self.vocabulary.bindings.values() if isinstance(b, Variable)]
         learned = [d for d in self._mind.symbols.values() if isinstance(d, UserVariable)]
@@ -199,7 +199,7 @@ class RobotView:
         self._fleet.receive(message, [self.place])
 
     def sense(self, readings: Sequence[float], now: float) -> None:
-        """Take sensor values (SI, in the order of the vocabulary's sensors, NaN: not measured) at `now` (s)."""
+        """See `Node.sense`."""
         self._fleet.sense(np.array([readings], np.float64), now, [self.place])
 
     def think(self, tick: int, now: float) -> None:
@@ -207,11 +207,11 @@ class RobotView:
         self._fleet.think(tick, now, [self.place])
 
     def evaluate(self, text: str) -> Result:
-        """Check and evaluate one text in this memory, as if it were a message. Raises ReadError and CheckError."""
+        """See `Node.evaluate`."""
         return self.run(check(text, self))
 
     def run(self, checked: Checked) -> Result:
-        """Evaluate a checked text. Raises CheckError if it has errors."""
+        """See `Node.run`."""
         outcome = self._fleet.run(checked.required(), self._fleet.rows([self.place]))
         return self.result(outcome, checked.cost)
 
@@ -238,10 +238,7 @@ class RobotView:
         return [Fault(n.reason, show(n.part.form), tick) for n in noted if self.place in n.robots]
 
     def why(self, command: str | None = None) -> Explanation:
-        """How a command was evaluated (by its id; None: the last one), or what a rule (by its name) would do now.
-
-        Raises SleepcastError if the robot has no record of it.
-        """
+        """See `Node.why`."""
         entry = self._fleet.evaluation_log.find(self.place, command)
         if entry is not None:
             return explain(self.recollection(entry))

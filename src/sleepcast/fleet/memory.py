@@ -97,7 +97,7 @@ class FleetMemory(Evaluation):
 
     @by_the_living
     def write(self, part: Part, rows: Rows, values: Column) -> Column:
-        """SETQ of an actuator, a support variable, or a user variable that may not exist."""
+        """See `RobotMemory.write`."""
         variable = part.data
         values = values.copy()
         if not isinstance(variable, Variable):
@@ -245,7 +245,7 @@ class FleetMemory(Evaluation):
 
     @by_the_living
     def act(self, part: Part, rows: Rows, *arguments: Column) -> Column:
-        """Everything else that an expression may do."""
+        """See `RobotMemory.act`."""
         if part.name in FLAGS:
             slot, value = FLAGS[part.name]
             self.state.assign(slot, rows, value)

@@ -215,7 +215,7 @@ def _simple(kind: Any, bits: int | None, label: str) -> Field:
 
 
 def _in_record(host: Record, steps: list[str | int]) -> HostNumber:
-    """Each step of the path but the last gives a view of the host's memory."""
+    """Each step of the path, except for the last, returns a view of the host's memory."""
     if host.dtype.names is None or host.ndim:
         raise LinkError(
             f"an array of type {host.dtype} and shape {host.shape} is no record: link one row of a structured array"

@@ -307,7 +307,7 @@ class VariableTable:
         self._plain = len(in_list) == len(vocabulary.sensors) and not self._aging
 
     def _fresh_reader(self, link: VariableSlot, slot: int) -> Callable[[], float]:
-        """A reader that gives unknown when the measurement is too old."""
+        """A reader that returns unknown if the measurement is too old."""
         read, limit = _reader(link.place, link.quantity.unit), link.quantity.freshness
         if limit == inf:
             return read

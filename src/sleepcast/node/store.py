@@ -172,8 +172,8 @@ class Store:
         return mind is not None or bool(heard.streams)
 
     def _dealt_with(self, number: int) -> list[str]:
-        """The latest messages that a robot has evaluated: its present receiver does not know them, because the robots
-        were distributed differently before."""
+        """The latest messages that a robot has evaluated: the present receiver does not know them, because other robots
+        shared the process before."""
         if self._connection is None:
             return []
         query = "SELECT command FROM evaluations WHERE robot = ? ORDER BY number DESC LIMIT ?"

@@ -124,7 +124,7 @@ class MemoryTransport:
         self._chance = Random(f"{self._address.seed} {place}")
 
     def fileno(self) -> int:
-        """A file descriptor that is readable when something was received."""
+        """See `Transport.fileno`."""
         self._watched = True
         return self._wakeup.fileno()
 
@@ -138,7 +138,7 @@ class MemoryTransport:
                         party._take(datagram)
 
     def receive(self) -> list[bytes]:
-        """The datagrams received since the last call, in order; none of our own."""
+        """See `Transport.receive`."""
         self._wakeup.clear()
         found = []
         with MemoryTransport._lock:
@@ -149,7 +149,7 @@ class MemoryTransport:
         return found
 
     def close(self) -> None:
-        """Leave. Nothing can be sent or received afterwards."""
+        """See `Transport.close`."""
         with MemoryTransport._lock:
             parties = MemoryTransport._media.get(self._address.name, [])
             if self in parties:

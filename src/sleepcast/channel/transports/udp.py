@@ -161,7 +161,7 @@ class UdpTransport:
         drop_kinds(self._receiving, unwanted.union(*(reserved.kinds for reserved in self._reserved.values())))
 
     def close(self) -> None:
-        """Leave. Nothing can be sent or received afterwards."""
+        """See `Transport.close`."""
         self._opened.close()
         self._readable = self._receiving
 

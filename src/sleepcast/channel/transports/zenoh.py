@@ -121,7 +121,7 @@ class ZenohTransport:
         self._session.declare_subscriber(site.key, subscriber, allowed_origin=remote)
 
     def fileno(self) -> int:
-        """A file descriptor that is readable when something was received."""
+        """See `Transport.fileno`."""
         return self._wakeup.fileno()
 
     def send(self, datagram: bytes) -> None:
@@ -132,7 +132,7 @@ class ZenohTransport:
             self.lost += 1
 
     def receive(self) -> list[bytes]:
-        """The datagrams received since the last call, in order; none of our own."""
+        """See `Transport.receive`."""
         with self._taking:
             self._wakeup.clear()
             found = [self._heard.popleft() for _ in range(min(len(self._heard), _MOST_AT_ONCE))]
@@ -141,7 +141,7 @@ class ZenohTransport:
         return found
 
     def close(self) -> None:
-        """Leave. Nothing can be sent or received afterwards."""
+        """See `Transport.close`."""
         self._session.close()  # type: ignore[no-untyped-call]
         self._wakeup.close()
 

@@ -365,7 +365,7 @@ class SonarGroups:
         return next((ring for ring in self.rings if ring.robots.start <= robot < ring.robots.stop), None)
 
     def forget(self) -> None:
-        """Invalidate the readings: bodies or obstacles have moved."""
+        """See `Sonars.forget`."""
         for ring in self.rings:
             ring.forget()
 
@@ -393,6 +393,6 @@ class SonarGroups:
         exchange_crosstalk(tick, pose, self.rings)
 
     def state(self) -> Iterable[NDArray[np.generic]]:
-        """The arrays that the next ticks depend on, for the state hash."""
+        """See `Sonars.state`."""
         for ring in self.rings:
             yield from ring.state()

@@ -179,7 +179,7 @@ def look(datagram: bytes) -> Fragment:
 
 
 def signed_bytes(payload: bytes) -> bytes:
-    """See `Part.signed`."""
+    """See `Fragment.signed`."""
     return b"\x84\x6aSignature1\x43\xa1\x01\x27\x40\x59" + len(payload).to_bytes(2, "big") + payload
 
 

@@ -137,7 +137,7 @@ def _distance(a: Sequence[Argument]) -> Argument:
 
 
 def _angle(a: Sequence[Argument]) -> Argument:
-    """See `language.angles`, step by step."""
+    """See `language.numerics.angle`, step by step."""
     y, x = a
     across, up = np.abs(x), np.abs(y)
     swapped, behind = np.less(across, up), np.copysign(1.0, x) < 0.0

@@ -378,7 +378,7 @@ def is_true(values: Column | float) -> Mask:
     return found
 
 
-# Random numbers over columns: the same numbers as `language.chance` gives one robot, for many robots at once.
+# Random numbers over columns: the same numbers as `language.numerics` gives one robot, for many robots at once.
 
 Words: TypeAlias = NDArray[np.uint64]
 
@@ -388,7 +388,7 @@ _30, _27, _31, _11 = (np.uint64(shift) for shift in (30, 27, 31, 11))
 
 
 def _mixed(z: Words) -> Words:
-    """The finaliser of SplitMix64, see `language.chance.mix`; arrays of integers wrap at 64 bits."""
+    """The finaliser of SplitMix64, see `language.numerics.mix`; arrays of integers wrap at 64 bits."""
     z = (z ^ (z >> _30)) * _FIRST
     z = (z ^ (z >> _27)) * _SECOND
     return z ^ (z >> _31)

@@ -84,7 +84,7 @@ def _each(a: Assembly, name: str, count: int) -> str:
 
 
 def quantile(a: Assembly, u: str, mask: str) -> str:
-    """The standard normal quantile of `u` in [0, 1), see `language.chance.normal`."""
+    """The standard normal quantile of `u` in [0, 1), see `language.numerics.normal`."""
     u = a.select(a.compare("oeq", u, a.zero), a.number(2.0**-54), u)
     q = a.binary("fsub", a.real, u, a.number(0.5))
     centre = a.compare("ole", a.intrinsic("fabs", q), a.number(0.425))
@@ -144,7 +144,7 @@ def _bearing(a: Assembly, n: Sequence[str], mask: str) -> str:
 
 
 def _angle(a: Assembly, n: Sequence[str], mask: str) -> str:
-    """See `language.angles`, step by step."""
+    """See `language.numerics.angle`, step by step."""
     y, x = n
     across, up = a.intrinsic("fabs", x), a.intrinsic("fabs", y)
     swapped = a.compare("olt", across, up)

@@ -298,7 +298,7 @@ class Lowering:
         return a.binary("fmul", a.real, a.convert("sitofp", a.long, high, a.real), a.number(UNIT))
 
     def _mixed(self, z: str) -> str:
-        """The finaliser of SplitMix64, see `language.chance.mix`."""
+        """The finaliser of SplitMix64, see `language.numerics.mix`."""
         a = self.a
         for shift, factor in ((30, _FIRST), (27, _SECOND)):
             z = a.binary("xor", a.long, z, a.binary("lshr", a.long, z, a.integer("i64", shift)))

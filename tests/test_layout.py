@@ -65,7 +65,7 @@ HOUSE = {
     "console": room(
         "language channel robot nomad node fleet simulator loop station", "starlette uvicorn msgspec numpy"
     ),
-    "experiments": room("simulator api", "msgspec numpy", "distributed matplotlib pyarrow scipy"),
+    "experiments": room("language simulator api", "msgspec numpy", "distributed matplotlib pyarrow scipy"),
     "cli": room(
         "language channel robot mind nomad node fleet simulator bridges loop station api experiments console",
         "click rich prompt_toolkit msgspec numpy",

@@ -44,13 +44,15 @@ SHOWN_ERRORS = 3
 def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_json: bool, quiet: bool, **how) -> int:  # type: ignore[no-untyped-def]
     """Run SCENARIO at every point of what is varied, with every seed, and keep what was measured in a folder.
 
-    A TOML file says the same as the options (see docs/howto/run-experiments.md). Begun again, it goes on where it was
+    Without options, the experiment of the scenario's own folder is done, if there is one. A TOML file says the same as
+    the options (see docs/howto/run-experiments.md). Begun again, it goes on where it was
     interrupted. --out coverage.csv keeps the results in the folder coverage and writes the table coverage.csv at the
     end; .parquet likewise.
 
     \b
     Examples:
       sleepcast sweep crowd --over radio.loss=0,0.3 --seeds 5 --seconds 10s --measure 'mean battery' --out loss.csv
+      sleepcast sweep search --out found
       sleepcast sweep experiment.toml --out results
       sleepcast sweep results
       sleepcast sweep results --verify --runs 10
@@ -79,12 +81,14 @@ def _folder(what: str, out: Path | None) -> tuple[Path, Path | None]:
 
 
 def _experiment(what: str, folder: Path, how: dict[str, object]) -> Experiment:
-    from sleepcast.experiments.plan import experiment_of, read_experiment
+    from sleepcast.experiments.plan import experiment_of, experiment_of_scenario, read_experiment
     from sleepcast.experiments.results import experiment_in
 
     said = {key: how[key] for key in ("over", "measures", "seeds", "seconds", "every", "until") if how[key]}
     given = [f"--{'measure' if key == 'measures' else key}" for key in said]
     given += ["--no-mission"] if how["no_mission"] else []
+    if not given and (own := experiment_of_scenario(what)) is not None:
+        return own
     path = Path(what)
     is_results = (path / "experiment.toml").is_file()
     if (is_results or path.suffix == ".toml") and path.name != "scenario.toml":
@@ -160,12 +164,12 @@ def _verify(folder: Path, workers: int | str, most: int | None, *, as_json: bool
 @click.command("plot", short_help="Draw a figure of what a sweep has found.")
 @click.argument("results", type=click.Path(path_type=Path))
 @click.option("--x", required=True, metavar="COLUMN", help="What goes across: a varied key, or time.")
-@click.option("--y", required=True, metavar="COLUMN", help="What goes up: a measure.")
+@click.option("--y", required=True, multiple=True, metavar="COLUMN", help="What goes up: a measure; may be repeated.")
 @click.option("--by", metavar="COLUMN", help="A line or box for each of its values; in a heat map, the other axis.")
 @click.option("--kind", type=click.Choice(["line", "box", "heat"]), default="line", show_default=True)
 @click.option("--title", default="", help="Above the figure.")
 @click.option("--out", required=True, metavar="FILE", type=click.Path(path_type=Path), help="An SVG, PDF or PNG file.")
-def plot(results: Path, x: str, y: str, by: str | None, kind: str, title: str, out: Path) -> int:
+def plot(results: Path, x: str, y: tuple[str, ...], by: str | None, kind: str, title: str, out: Path) -> int:
     """Draw a figure of RESULTS: a folder of `sleepcast sweep`, or its table as CSV.
 
     A line shows means with 95 % bootstrap bands over the seeds. Beside the figure stand the program that drew it and

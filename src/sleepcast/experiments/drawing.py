@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -59,10 +60,11 @@ def band(values: Floats) -> tuple[float, float, float]:
 
 
 def draw(
-    table: Table, *, x: str, y: str, by: str | None, kind: str, out: Path, title: str = "", dpi: int = 150
+    table: Table, *, x: str, y: Sequence[str], by: str | None, kind: str, out: Path, title: str = "", dpi: int = 150
 ) -> None:
-    """Draw the column `y` over `x`, a line or box for each value of `by` (in a heat map, `by` is the other axis), into
-    an SVG, PDF or PNG file. Raises KeyError for no such column, ValueError for one that has no numbers."""
+    """Draw the columns `y` over `x` into an SVG, PDF or PNG file: a line or box for each of them, or of a single one
+    for each value of `by` (in a heat map, `by` is the other axis). Raises KeyError for no such column, ValueError for
+    what cannot be drawn."""
     if x != "time" and "run" in table:
         table = at_end(table)
     import matplotlib as mpl
@@ -72,34 +74,44 @@ def draw(
     mpl.rcParams["svg.fonttype"] = "none"
     figure = Figure(figsize=(6.4, 4.0), layout="constrained")
     axes = figure.add_subplot()
-    heights = numbers(table[y])
-    if heights is None:
-        raise ValueError(f"the column {y} has no numbers of one unit")
     across = numbers(table[x])
     ticks = sorted(set(table[x])) if across is None else np.unique(across[0][~np.isnan(across[0])]).tolist()
     places = np.array([ticks.index(each) for each in table[x]]) if across is None else across[0]
+    found = {name: _measured(table, name) for name in y}
     unit = "s" if x == "time" else "" if across is None else across[1]
-    axes.set(xlabel=_label(x, unit), ylabel=_label(y, heights[1]), title=title)
+    axes.set(xlabel=_label(x, unit), ylabel=_label(", ".join(y), found[y[0]][1]), title=title)
     if kind == "heat":
-        if by is None:
-            raise ValueError("a heat map has two axes: say what is on the other one")
-        _heat(figure, axes, table, (x, by, y))
+        if by is None or len(y) > 1:
+            raise ValueError("a heat map has two axes and one measure: say with --by what is on the other axis")
+        _heat(figure, axes, table, (x, by, y[0]))
     else:
-        groups = [""] if by is None else _sorted(table[by])
-        for number, group in enumerate(groups):
-            mine = np.array([by is None or each == group for each in table[by or x]]) & ~np.isnan(heights[0])
+        lines = [(name, values) for name, (values, _) in found.items()]
+        if by is not None:
+            if len(y) > 1:
+                raise ValueError("either several measures or --by: each gets a line of its own")
+            of = np.array(table[by])
+            lines = [(group, np.where(of == group, found[y[0]][0], np.nan)) for group in _sorted(table[by])]
+        for number, (name, heights) in enumerate(lines):
+            known = ~np.isnan(heights)
             look = (COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)])
             if kind == "box":
-                _boxes(axes, places[mine], heights[0][mine], (number, len(groups)), look[0], group)
+                _boxes(axes, places[known], heights[known], (number, len(lines)), look[0], name)
             else:
-                _line(axes, places[mine], heights[0][mine], look, group)
+                _line(axes, places[known], heights[known], look, name)
         if across is None:
             axes.set_xticks(range(len(ticks)), ticks)
-        if by is not None:
+        if by is not None or len(y) > 1:
             figure.legend(title=by, frameon=False, loc="outside right upper")
         axes.grid(color="#dddddd", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
     figure.savefig(out, dpi=dpi, metadata={"Date": None} if out.suffix == ".svg" else None)
+
+
+def _measured(table: Table, name: str) -> tuple[Floats, str]:
+    found = numbers(table[name])
+    if found is None:
+        raise ValueError(f"the column {name} has no numbers of one unit")
+    return found
 
 
 def _label(name: str, unit: str) -> str:
@@ -145,9 +157,8 @@ def _boxes(axes, places: Floats, heights: Floats, which: tuple[int, int], colour
 def _heat(figure, axes, table: Table, names: tuple[str, str, str]) -> None:  # type: ignore[no-untyped-def]  # as above
     columns, rows = _sorted(table[names[0]]), _sorted(table[names[1]])
     sums, counts = np.zeros((len(rows), len(columns))), np.zeros((len(rows), len(columns)))
-    found = numbers(table[names[2]])
-    assert found is not None
-    for column, row, value in zip(table[names[0]], table[names[1]], found[0], strict=True):
+    values, unit = _measured(table, names[2])
+    for column, row, value in zip(table[names[0]], table[names[1]], values, strict=True):
         if not np.isnan(value):
             sums[rows.index(row), columns.index(column)] += value
             counts[rows.index(row), columns.index(column)] += 1
@@ -156,4 +167,4 @@ def _heat(figure, axes, table: Table, names: tuple[str, str, str]) -> None:  # t
     axes.set_xticks(range(len(columns)), columns)
     axes.set_yticks(range(len(rows)), rows)
     axes.set_ylabel(names[1])
-    figure.colorbar(drawn, ax=axes, label=_label(names[2], found[1]))
+    figure.colorbar(drawn, ax=axes, label=_label(names[2], unit))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -12,8 +13,8 @@ from sleepcast.experiments.results import export
 FORMATS = (".svg", ".pdf", ".png")
 
 
-def figure(results: Path, out: Path, *, x: str, y: str, by: str | None, kind: str, title: str) -> None:
-    """Draw the column `y` of results (a folder, or its table as CSV) over `x`; see `drawing.draw`. Raises MisuseError
+def figure(results: Path, out: Path, *, x: str, y: Sequence[str], by: str | None, kind: str, title: str) -> None:
+    """Draw the columns `y` of results (a folder, or its table as CSV) over `x`; see `drawing.draw`. Raises MisuseError
     for what cannot be drawn, SleepcastError where nothing can be written."""
     if out.suffix not in FORMATS:
         raise MisuseError(f"{out}: wanted a file that ends in {', '.join(FORMATS)}")
@@ -26,7 +27,7 @@ def figure(results: Path, out: Path, *, x: str, y: str, by: str | None, kind: st
         table = drawing.read_table(table_file)
     except (OSError, ValueError) as error:
         raise MisuseError(f"{table_file}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    for name in (x, y, *([by] if by else [])):
+    for name in (x, *y, *([by] if by else [])):
         if name not in table:
             raise MisuseError(f'no column "{name}"{did_you_mean(name, table)}: wanted one of {", ".join(table)}')
     try:
@@ -38,10 +39,10 @@ def figure(results: Path, out: Path, *, x: str, y: str, by: str | None, kind: st
         raise SleepcastError(f"{out}: cannot be written: {error.strerror or error}") from error
 
 
-def _program(table: Path, out: Path, x: str, y: str, by: str | None, kind: str, title: str) -> str:
+def _program(table: Path, out: Path, x: str, y: Sequence[str], by: str | None, kind: str, title: str) -> str:
     """A program that draws the figure: `drawing`, and a call of it."""
     own = Path(drawing.__file__).read_text(encoding="utf-8")
     beside = table.parent.resolve() == out.parent.resolve()
     file = f"HERE / {table.name!r}" if beside else f"Path({str(table.resolve())!r})"
-    asked = f"x={x!r}, y={y!r}, by={by!r}, kind={kind!r}, title={title!r}"
+    asked = f"x={x!r}, y={list(y)!r}, by={by!r}, kind={kind!r}, title={title!r}"
     return f"{own}\n\nHERE = Path(__file__).parent\ndraw(read_table({file}), {asked}, out=HERE / {out.name!r})\n"

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.language import CheckError
 
 Values: TypeAlias = NDArray[np.float64]
 Measure: TypeAlias = Callable[[SimulatedFleet], float]
@@ -71,6 +72,18 @@ def read_measure(text: str) -> Measure:
             f"wanted one of {', '.join(AGGREGATES)} and an expression, such as mean fuel"
         )
     return _function(first)
+
+
+def if_known(measure: Measure) -> Measure:
+    """The same, and NaN as long as robots have not yet learned what it names."""
+
+    def measured(fleet: SimulatedFleet) -> float:
+        try:
+            return measure(fleet)
+        except CheckError:
+            return nan
+
+    return measured
 
 
 def name_of(text: str) -> str:

@@ -37,7 +37,8 @@ from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.settings import Table, toml_document
 from sleepcast.core.units import TIME
 from sleepcast.experiments.measures import name_of, read_measure, read_stop
-from sleepcast.simulator import Changes, Scenario, find_scenario
+from sleepcast.simulator import Changes, Scenario, find_scenario, scenario_names
+from sleepcast.simulator.scenario.scenario import GALLERY
 
 SAMPLINGS = ("grid", "latin", "sobol")
 MAX_ROWS = 1_000_000
@@ -228,6 +229,12 @@ def read_experiment(path: Path, text: str | None = None) -> Experiment:
             points=points,
             precision=_precision(root.table("precision")) if root.has("precision") else None,
         )
+
+
+def experiment_of_scenario(name: str) -> Experiment | None:
+    """The experiment in the folder of a scenario of the gallery; None where there is none."""
+    file = GALLERY / name / "experiment.toml"
+    return read_experiment(file) if name in scenario_names() and file.is_file() else None
 
 
 def experiment_of(

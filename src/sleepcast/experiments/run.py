@@ -8,8 +8,9 @@ and hash in any process, on any number of workers.
 from __future__ import annotations
 
 import os
+import re
 import signal
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
@@ -22,9 +23,10 @@ from typing import TYPE_CHECKING
 from sleepcast.api.assembly import assemble, warm_up
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.experiments.measures import read_measure, read_stop
+from sleepcast.experiments.measures import Measure, if_known, read_measure, read_stop
 from sleepcast.experiments.plan import Experiment, Run
 from sleepcast.experiments.results import Outcome, Results, experiment_in, outcomes_in
+from sleepcast.language import CheckError
 from sleepcast.simulator.scenario.mission import Order
 
 if TYPE_CHECKING:
@@ -77,19 +79,20 @@ def _done(experiment: Experiment, run: Run) -> tuple[tuple[tuple[float | None, .
         sample = None if experiment.every is None else max(1, round(experiment.every / scenario.tick))
         step = sample or (last if stop is None else max(1, round(LOOKS / scenario.tick)))
 
-        def taken() -> tuple[float | None, ...]:
+        def taken(measures: Sequence[Measure]) -> tuple[float | None, ...]:
             values = [measure(fleet) for measure in measures]
             return round(fleet.time, 9), *(None if isnan(value) else value for value in values)
 
-        samples = [taken()] if sample else []
+        soon = [if_known(measure) for measure in measures]
+        samples = [taken(soon)] if sample else []
         ticks = 0
-        while ticks < last and not (stop is not None and ticks and stop.holds(fleet)):
+        while ticks < last and not (stop is not None and ticks and if_known(stop.holds)(fleet) == 1.0):
             forward = min(step, last - ticks)
             fleet.run(forward * scenario.tick, quiet=True)
             ticks += forward
             if sample:
-                samples.append(taken())
-        return tuple(samples or [taken()]), fleet.hash
+                samples.append(taken(soon))
+        return (*samples[:-1], taken(measures)), fleet.hash
 
 
 def run_all(
@@ -246,16 +249,28 @@ def cores() -> int:
 
 def try_out(experiment: Experiment) -> None:
     """Check the experiment, open the first run, and take each measure once, so that a mistake is met before a thousand
-    runs fail. Raises MisuseError, also for whatever a measure raises."""
+    runs fail. What robots learn only on the way may still be unknown. Raises MisuseError, also for whatever a measure
+    raises."""
     run = next(experiment.checked().runs())
     with opened(experiment, run) as fleet:
         for name, text in experiment.measures.items():
             measure = read_measure(text)
             try:
                 measure(fleet)
+            except CheckError as error:
+                if not _learned_later(error, [order.text for order in fleet.swarm.mission]):
+                    raise MisuseError(f'measure "{name}": {error}') from error
             except SleepcastError as error:
                 raise MisuseError(f'measure "{name}": {error}') from error
             except Exception as error:  # a function of somebody's own may raise anything
                 raise MisuseError(f'measure "{name}" ({text}) fails: {type(error).__name__}: {error}') from error
         if experiment.until:
-            read_stop(experiment.until).holds(fleet)
+            if_known(read_stop(experiment.until).holds)(fleet)
+
+
+def _learned_later(error: CheckError, commands: Sequence[str]) -> bool:
+    """Whether all that is wrong is names that commands will declare."""
+    wrong = [finding for finding in error.findings if finding.unknown or finding.severity == "error"]
+    unknown = {finding.unknown.casefold() for finding in wrong}
+    words = set(re.split(r"[\s()]+", " ".join(commands).casefold()))
+    return bool(unknown) and unknown <= words

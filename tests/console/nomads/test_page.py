@@ -111,8 +111,7 @@ class Map:
     """Where things are in the window: tenths of inches from the middle of the room, which has a side of 2000."""
 
     def __init__(self, page: Page) -> None:
-        until(page, lambda: page.evaluate(FIND_BOX, "--map-obstacle") is not None)
-        left, top, right, bottom = page.evaluate(FIND_BOX, "--map-obstacle")
+        left, top, right, bottom = until(page, lambda: page.evaluate(FIND_BOX, "--map-obstacle"))
         self._scale = (right - left) / 2000
         self._x, self._y = (left + right) / 2, (top + bottom) / 2
 

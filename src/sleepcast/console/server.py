@@ -90,7 +90,7 @@ def serve(
 ) -> None:
     """Serve the page and let the swarm run until Ctrl-C, which is raised on as KeyboardInterrupt after a clean stop.
 
-    prepare: see `Driver`. The rest is as for `serve_desk`.
+    prepare: see `Driver`. The rest is as for `serve_backend`.
     """
     driver = Driver(swarm, pace, clock, prepare)
     desk = Backend(swarm, station, driver, clock)
@@ -108,7 +108,7 @@ def serve_fleet(
 ) -> None:
     """Serve the page of robots on the air until Ctrl-C. began: the station's time with which that of the page begins.
 
-    The rest is as for `serve_desk`.
+    The rest is as for `serve_backend`.
     """
     desk = NetworkBackend(fleet, station, NetworkDriver(fleet, clock), clock, began)
     serve_backend(desk, clock, address=address, say=say)

@@ -1,7 +1,7 @@
 """The classic dialect: SLEEP as the program of the thesis's appendix F reads, stores and evaluates it.
 
 `ClassicMachine` is one robot of that program; `run_transcript` is its interactive form. Text becomes shorts
-in buffer E0 (`classic_tokens`), and `classic_evaluator` walks them. There are two modes:
+in buffer E0 (`classic_evaluator.tokenise`), and `classic_evaluator` walks them. There are two modes:
 
 - `faithful` gives what the original gave wherever it had a defined behaviour, the faults of its token pointer
   included: `(COND ((AND 1 0) 99) ((AND 1 1) 88))` is 0, and after a failed form its caller reads on inside it.

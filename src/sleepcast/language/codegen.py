@@ -2,7 +2,7 @@
 
 Only numbers (as float literals), slots and names made here get into the source; everything else reaches the code
 through constants in its namespace. The code computes the usual case inline and hands everything unusual (an unknown,
-a result that is not finite, a division by zero) to those of `operations`, so it gives the walker's results bit
+a result that is not finite, a division by zero) to the operations of `evaluate`, so it gives the walker's results bit
 for bit. An expression whose pieces only read becomes one Python expression; pieces with effects become statements.
 """
 

@@ -240,7 +240,7 @@ class RoleError(MisuseError):
 
 class NetworkStation(Station):
     """See the module. session: the way onto the air, whose times are those of `clock` (Unix time, s). heard: when
-    robots were heard before (`Contacts.heard`). expected: which robots there are, heard or not. within: s for answers,
+    robots were heard before (`PeerCache`). expected: which robots there are, heard or not. within: s for answers,
     None: by the roster. holding: whether robots that are driven at our word are to go on. news: messages of other
     operators, the latest last.
 

@@ -423,7 +423,7 @@ class Compiling:
         self._programs: dict[str, Program | None] = {}
 
     def program(self, key: str) -> Program | None:
-        """See `Learned.program`."""
+        """The program that is learned under `key`; None if none is, or its text cannot be compiled."""
         if key not in self._programs:
             self._programs[key] = self._compiled(key)
         return self._programs[key]

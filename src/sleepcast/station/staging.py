@@ -32,7 +32,7 @@ class Stage:
 
 
 class Stages:
-    """A command that goes out in stages. Raises what `AirStation.send` raises, before anything is sent."""
+    """A command that goes out in stages. Raises what `NetworkStation.send` raises, before anything is sent."""
 
     def __init__(self, station: NetworkStation, draft: Draft) -> None:
         station.validate(draft)
@@ -65,7 +65,7 @@ class Stages:
 
 def staged(station: NetworkStation, draft: Draft, patience: float) -> Iterator[Stage]:
     """Send in stages, and give each when it is over; it ends after the first that is not good. patience: s for which
-    answers are waited for beyond their time. Raises what `AirStation.send` raises, before anything is sent."""
+    answers are waited for beyond their time. Raises what `NetworkStation.send` raises, before anything is sent."""
     stages = Stages(station, draft)
     while not stages.over:
         sent = stages.send()

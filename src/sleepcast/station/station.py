@@ -245,7 +245,7 @@ class Station:
         """Broadcast an expression and keep account of it.
 
         A one-shot command (the default) is evaluated within `deadline` seconds from now (`DEADLINE` unless given) or
-        never; a standing one is good until it has reached everybody. count: how many robots may obey (see `foresee`),
+        never; a standing one is good until it has reached everybody. count: how many robots may obey (see `forecast`),
         where the desk asks for confirmation. only, but: for these robots, or for all except these. confirmed: send it
         although the checker doubts it. Raises ReadError and CheckError for a text that no robot could run, DoubtError
         for one that is hardly meant, where the desk asks about that, NotConfirmedError if it would go to everybody and

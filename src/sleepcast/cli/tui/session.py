@@ -431,7 +431,7 @@ class HaltedError(SleepcastError):
 
 class StagedCommand:
     """See the module. said: how far it has come, for a person; over: whether all stages went well. Raises what
-    `AirStation.send` raises, before anything is sent."""
+    `NetworkStation.send` raises, before anything is sent."""
 
     def __init__(self, station: NetworkStation, draft: Draft) -> None:
         self._station, self._stages = station, Stages(station, draft)

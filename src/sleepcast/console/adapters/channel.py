@@ -50,7 +50,7 @@ Area = tuple[float, float, float, float]
 
 
 class SilentRobot:
-    """A robot that was heard and has sent no telemetry (a `RobotMind`)."""
+    """A robot that was heard and has sent no telemetry (a `MindView`)."""
 
     stopped = False
     groups: frozenset[str] = frozenset()

@@ -16,7 +16,7 @@ MOST_NUMBERS = 64
 MOST_NAME = 200
 """Characters of a file's name."""
 MOST_WORLD = 100_000
-"""Characters of a world: a thousand polygons and more; with what JSON adds they stay below `messages.MAX_BYTES`."""
+"""Characters of a world: a thousand polygons and more; with what JSON adds they stay below its `MAX_BYTES`."""
 MOST_TEXT = 256
 """Characters of a text that a robot says."""
 FARTHEST = 1e5

@@ -80,7 +80,7 @@ _MODE = Field("colour", "", 1, 23, 1)
 
 
 def _of_polygon(name: str, about: str, beside: int) -> NomadOrder:
-    """An order with a polygon; see `Order.beside`."""
+    """An order with a polygon; see `NomadOrder`."""
     corners = Field("corners", "", 3, MOST_VERTICES)
     return NomadOrder(name, about, (corners,), more=_VERTEX, at_most=beside + 2 * MOST_VERTICES, beside=beside)
 

@@ -255,6 +255,16 @@ class TestResults:
         assert 0 < len(kept) < 400
         assert all(not each.error for each in kept)
 
+    def test_damaged_results_are_named(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        sweep(experiment(seeds=1), tmp_path / "results")
+        (tmp_path / "results" / "runs.sqlite").write_bytes(b"garbage")
+        assert main(["sweep", str(tmp_path / "results")]) == 1
+        assert "its runs.sqlite is damaged" in capsys.readouterr().err
+        assert (
+            main(["plot", str(tmp_path / "results"), "--x", "seed", "--y", "x", "--out", str(tmp_path / "a.svg")]) == 2
+        )
+        assert "the results cannot be read" in capsys.readouterr().err
+
     def test_tables_for_other_programs_say_the_same(self, tmp_path: Path) -> None:
         parquet = pytest.importorskip("pyarrow.parquet")
         sweep(experiment(measures=["mean battery", "mean (/ 1 0)"]), tmp_path / "results")

@@ -50,7 +50,8 @@ def test_lanes_are_worth_what_gage_says(chance: float) -> None:
     """Held-out seeds. The effort that a random search takes for what lanes find in one pass, in units of theirs."""
     seeds, times = range(100, 140), np.arange(20.0, 1_001.0, 20.0)
     lanes = found("lanes.sleep", seeds, LAID_OUT + 200.0, chance=chance).mean()
-    assert lanes == pytest.approx(chance, abs=0.02)
+    # Searchers look once a metre, so a mine at the rim of two lanes may be out of reach of both.
+    assert 0.96 * chance < lanes < 1.02 * chance
     random = found("random.sleep", seeds, *times, chance=chance).mean(axis=0)
     effort = COVERAGE * float(np.interp(lanes, random, times))
     gain = -log(1 - chance) / chance

@@ -306,5 +306,7 @@ def _git() -> str | None:
 
 
 def _lost(place: Path, error: OSError | sqlite3.Error) -> ResultsLostError:
+    if isinstance(error, sqlite3.DatabaseError) and not isinstance(error, sqlite3.OperationalError):
+        return ResultsLostError(f"{place}: its {RUNS} is damaged: {error}")
     reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return ResultsLostError(f"{place}: cannot be written: {reason}; what was written before is intact")

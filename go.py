@@ -84,7 +84,8 @@ def prepare(lock: str) -> None:
     if not run(*install, "--no-deps", "--only-binary=:all:", *locked):  # to build LLVM would take an hour
         print("sleepcast: numba cannot be installed here, as pip says above: simulations are slower.", file=sys.stderr)
     stamp.write_text(state(lock))
-    run("sleepcast", "prepare", aside=True)  # it is ready without, but then the first scenario would compile
+    if lock == RUN:  # a check does so while mypy works
+        run("sleepcast", "prepare", aside=True)  # it is ready without, but then the first scenario would compile
 
 
 def test(*pytest_options: str) -> int:
@@ -108,6 +109,7 @@ def test(*pytest_options: str) -> int:
     with tempfile.TemporaryFile("w+") as found:
         print("== mypy, beside the others", flush=True)
         types = subprocess.Popen([PYTHON, "-m", "mypy"], cwd=ROOT, stdout=found, stderr=subprocess.STDOUT)
+        run("sleepcast", "prepare", "--quiet", aside=True)  # else several processes of pytest would compile the same
         for check in (("ruff", "format", "--check"), ("ruff", "check"), ("pytest", *spread, *pytest_options)):
             print("==", *check, flush=True)
             if not run(*check):

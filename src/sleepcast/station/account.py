@@ -130,7 +130,7 @@ class Answers(Mapping[str, Answer]):
         fault: NDArray[np.int32] | NDArray[np.bool_],
         now: float,
     ) -> None:
-        """Keep the answers of those of whom there is none yet. fault: which of `faults`, from 1, or 0."""
+        """Store the answers of robots that have not answered yet. fault: its number among `faults`, from 1, or 0."""
         self.make_room()
         new = (self._outcome[robots] == 0) & (codes > 0)
         if not new.all():
@@ -254,7 +254,7 @@ class Command:
         found = cls(state.message, names, ascending(state.expected, len(names)), state.last_sent)
         if not 0 <= state.addressed <= len(names):
             raise SerialError(f"a command to {state.addressed} robots, of which there are {len(names)}")
-        found.addressed = found.size = state.addressed  # what is kept is a swarm, of which all are on the roster
+        found.addressed = found.size = state.addressed  # of a swarm, whose robots are all on the roster
         found.only = None if state.only is None else ascending(state.only, state.addressed)
         found.answers.restore(state.answers)
         return found
@@ -279,7 +279,7 @@ class Command:
 
     @property
     def predicted(self) -> frozenset[str]:
-        """The names of those who were expected to obey."""
+        """The names of the robots that were expected to obey."""
         return frozenset(self.answers.names[place] for place in self.expected.tolist())
 
     def extend(self) -> None:
@@ -436,7 +436,7 @@ class Account:
         return Histogram(low, high, tuple(np.bincount(bars, minlength=BINS).tolist()))
 
     def first_silent(self, most: int) -> list[str]:
-        """The first silent robots, so many at most."""
+        """The first silent robots, at most this many."""
         places = np.flatnonzero(self._silent)[:most]
         return [self.answers.names[place] for place in places.tolist()]
 
@@ -467,8 +467,8 @@ class Account:
         return f"silent {self.n_silent} {self.scope}: {self.missing(most)}"
 
     def missing(self, most: int) -> str:
-        """Who said nothing, so many of them by name in the order in which people look for them, each with when it was
-        heard last."""
+        """The silent robots: at most this many by name, in the order in which people look for them, each with when it
+        was last heard."""
         named = sorted(self.first_silent(SORTED), key=natural_order)[:most]
         shown = [f"{name} ({self.ago(name)})" for name in named]
         more = self.n_silent - self.n_nameless - len(named)
@@ -502,7 +502,8 @@ def account(command: Command, now: float, heard: Seconds) -> Account:
 
 
 def _nameless(size: int, codes: NDArray[np.uint8], addressed: int, only: Index | None) -> int:
-    """How many of so many robots are missing besides those that were asked and those that have answered unasked."""
+    """How many of the expected robots are missing, besides those that were asked and those that have answered
+    unasked."""
     asked = addressed if only is None else len(only)
     if size <= asked:
         return 0
@@ -523,11 +524,11 @@ def _silent(codes: NDArray[np.uint8], addressed: int, only: Index | None) -> NDA
 
 
 MAX_COMMANDS = 1_000
-"""Commands whose answers are kept; the journal has them all."""
+"""Commands whose answers are stored; the journal has them all."""
 MAX_LOOKS = 256
-"""Questions to robots about themselves whose answers are kept; they are no commands, and nobody wants them later."""
+"""Questions of the desk itself to robots, whose answers are stored; they are not commands, and are not needed later."""
 MAX_ANSWERS = 16_000_000
-"""Answers that are kept, of all commands together: with more robots, of fewer commands; a third of a gigabyte."""
+"""Answers stored for all commands together (with more robots, those of fewer commands): a third of a gigabyte."""
 
 
 class NoSuchCommandError(MisuseError):
@@ -550,26 +551,26 @@ class SentCommands:
         return command in self._commands
 
     def ids(self) -> list[str]:
-        """Of what is kept, oldest first."""
+        """The stored commands and questions, oldest first."""
         return list(self._commands)
 
     def all(self) -> list[Command]:
-        """What is kept, oldest first."""
+        """All stored commands, oldest first."""
         return list(self._commands.values())
 
     def find(self, command: object) -> Command | None:
-        """The command with this id, if it is kept."""
+        """The command with this id, if it is stored."""
         return self._commands.get(str(command)) or self._looks.get(str(command))
 
     def get(self, command: str) -> Command:
-        """The same. Raises NoSuchCommandError."""
+        """The command with this id. Raises NoSuchCommandError."""
         found = self.find(command)
         if found is None:
             raise NoSuchCommandError(command, self._commands)
         return found
 
     def add(self, command: Command, roster: int) -> None:
-        """Keep a command to a roster of so many robots; the oldest ones make room."""
+        """Store a command to a roster of this size; the oldest ones are dropped."""
         if command.is_look:
             self._looks[command.id] = command
             while len(self._looks) > MAX_LOOKS:
@@ -598,7 +599,7 @@ class SentCommands:
 
 
 def values_in_words(command: Command, account: Account, vocabulary: Vocabulary) -> str:
-    """What was answered to a question, as people read it; "" for what is none."""
+    """The answer to a question as people read it; "" for none."""
     if command.kind != "ask":
         return ""
     found, unit = account.values, unit_of(command.text.strip(), vocabulary)

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 PATIENCE = 1.0
 """Seconds after the time for answers for which they are still taken: they are asked for again where they were lost."""
 AHEAD = 0.3
-"""The same before anything is sent: who is silent then counts as one who may obey."""
+"""Refuse before anything is sent: a silent robot then counts as one that may obey."""
 PAUSE = 0.02
-"""Seconds between two looks at whether something has come."""
+"""Seconds between two checks for answers."""
 
 
 class SilentError(SleepcastError):

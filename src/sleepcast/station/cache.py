@@ -77,7 +77,7 @@ class PeerCache:
 
 VERSION = 1
 MAX_SEEN = 256 * 1024**2
-"""Bytes of what is kept, unpacked: the longest minds and tellings that one desk holds are less."""
+"""Bytes of a cache file, unpacked: more than the longest minds and telemetry that a desk holds."""
 MAX_AGE = 3_600.0
 """Seconds for which telemetry is worth keeping."""
 
@@ -91,7 +91,7 @@ class CachedTelemetry(msgspec.Struct):
 
 
 class TelemetryCache:
-    """What is kept in a file. It is no more than a memory: one that is lost or cannot be read fills again by itself."""
+    """A file that holds what was received. It is only a cache: one that is lost or cannot be read fills again."""
 
     def __init__(self, file: Path) -> None:
         self.file = file
@@ -102,7 +102,7 @@ class TelemetryCache:
         return cls(data_folder() / "seen" / fleet.encode().hex())
 
     def restore(self, minds: RemoteMinds, now: float) -> None:
-        """Read the telemetry that another desk has kept. now: s of Unix time."""
+        """Read the telemetry that another desk has stored. now: s of Unix time."""
         try:
             with self.file.open("rb") as opened:
                 state = unpack(CachedTelemetry, opened.read(MAX_SEEN), MAX_SEEN, "telemetry")

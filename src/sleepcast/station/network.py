@@ -70,7 +70,7 @@ SETTLE = 0.15
 MAX_NAMED = 400
 """Names in a message that is sent again: two to four datagrams; where more are missed, all robots answer again."""
 MAX_IN_STOP = 700
-"""Bytes of names in a STOP: it stays one datagram, as in a flood of forgeries chance decides on each by itself."""
+"""Bytes of names in a STOP: it stays one datagram, because in a flood of forgeries each datagram may be lost."""
 MAX_AGAIN = 4_096
 """Messages sent again whose answers are still known to be meant for the first one."""
 LATCHING = frozenset({Kind.STOP, Kind.RELEASE})
@@ -196,7 +196,7 @@ class Retransmission:
 
 
 def _fits(kind: Kind, names: Sequence[str]) -> bool:
-    """Whether so many names may be in a message of this kind."""
+    """Whether this number of names fits into a message of this kind."""
     if kind is not Kind.STOP:
         return len(names) <= MAX_NAMED
     return len(names) <= MAX_NAMED and sum(len(name.encode()) + 2 for name in names) <= MAX_IN_STOP
@@ -212,13 +212,13 @@ FIRST_WITHIN = 0.5
 LEAST_WITHIN = 0.02
 """Seconds for answers at least."""
 ABOVE = 10
-"""Robots that may obey without a question whether so many are meant."""
+"""Robots that may obey before a desk asks whether that many are meant."""
 LEASE = 1.0
 """Seconds for which a robot that is driven goes on without hearing anything, unless set otherwise."""
 MAX_DRIVERS = 64
-"""Commands whose robots are kept moving; the oldest is dropped first."""
+"""Commands whose robots are kept moving; beyond, the oldest is dropped."""
 MAX_NEWS = 100
-"""Messages of other operators that are kept, to be shown."""
+"""Messages of other operators that are stored, to be shown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -429,7 +429,7 @@ class NetworkStation(Station):
             self.pump_out()
 
     def _within(self, robots: int) -> float:
-        """Seconds over which so many robots are to spread their answers."""
+        """Seconds over which this number of robots is to spread its answers."""
         if self.within is not None:
             return min(self.within, MAX_SPREAD)
         return min(MAX_SPREAD, max(LEAST_WITHIN, robots / ANSWERS_A_SECOND)) if robots else FIRST_WITHIN
@@ -437,7 +437,8 @@ class NetworkStation(Station):
     # ---- hearing
 
     def pump(self) -> list[Message]:
-        """Receive, and do what is due; gives the robots' messages, where answers to repeated ones name the first."""
+        """Receive, and do what is due. Returns the robots' messages; an answer to a repeated message names the first
+        one."""
         heard = []
         with self._lock, self.notes.together(self._clock.now()):
             for message in self.session.receive():
@@ -457,7 +458,7 @@ class NetworkStation(Station):
         return heard
 
     def wait(self, seconds: float) -> list[Message]:
-        """Pump for so long; gives what was heard."""
+        """Pump for this many seconds, and return what was received."""
         until, heard = self._clock.now() + seconds, self.pump()
         while (now := self._clock.now()) < until:
             self.session.wait(min(until - now, max(0.0, self.due() - now)))

@@ -49,9 +49,9 @@ from sleepcast.station.validation import Telemetry, Undecided
 MAX_TYPES = 32
 """Types of robots in one fleet; robots of further types are heard, but their names stay unknown."""
 MAX_MINDS = 1_024
-"""Different minds that are kept; the one received longest ago is dropped first."""
+"""Different minds that are stored; beyond, the one received longest ago is dropped."""
 MAX_TELLERS = 20_000
-"""Robots whose telemetry is kept."""
+"""Robots whose telemetry is stored."""
 MAX_ASKED = 4_096
 """Digests whose last request is remembered."""
 ASK_AGAIN = 1.0
@@ -134,7 +134,7 @@ class RemoteMind:
         return found
 
     def known(self, key: str) -> Declared | None:
-        """The same, or None."""
+        """What is learned under this key, or None."""
         vocabulary, learned = self._minds.vocabulary, self.learned
         if learned is not None and (found := learned.found(key, vocabulary)) is not None:
             return found
@@ -189,7 +189,7 @@ class RemoteMind:
         ]
 
     def rules(self) -> list[RemoteRule]:
-        """Every kept expression that is known."""
+        """Every stored expression that is known."""
         learned = self.learned
         rules = () if learned is None else learned.record.rules
         return [RemoteRule(name, text, self.telemetry.runs(at), own) for at, (name, text, own) in enumerate(rules)]
@@ -376,7 +376,7 @@ class SymbolTable:
 
     @property
     def names(self) -> list[str]:
-        """All of them as written, but for buffers."""
+        """All learned names as written, except buffers."""
         rules = (name for key, (name, _) in self._rules.items() if buffer_number(key) is None)
         return [*self._groups.values(), *(name for name, _, _ in self._operators.values()), *rules]
 
@@ -391,7 +391,8 @@ class SymbolTable:
         return (), self._rules[key][1]
 
     def program(self, key: str, vocabulary: Vocabulary) -> Program | None:
-        """What is kept under a key as a program in these names; None if there is none, or none that can be compiled."""
+        """The stored expression under a key as a program in these names; None if there is none, or it cannot be
+        compiled."""
         if self._compiling is None or self._compiling.vocabulary is not vocabulary:
             self._compiling = Compiling(self, vocabulary)
         return self._compiling.program(key)
@@ -469,7 +470,7 @@ class Requester(Protocol):
 
 
 class TelemetryClient:
-    """Requests telemetry from robots on the air. minds: where it is kept."""
+    """Requests telemetry from robots on the air. minds: where it is stored."""
 
     def __init__(self, station: Requester, minds: RemoteMinds) -> None:
         self.minds = minds

@@ -89,14 +89,14 @@ class Roster:
         return place
 
     def hear(self, name: str, now: float) -> int | None:
-        """Note that a robot was heard at `now`; gives its place."""
+        """Store that a robot was heard at `now`, and return its place."""
         place = self.enrol(name)
         if place is not None:
             self.heard[place] = now
         return place
 
     def state(self, minds: int) -> RosterState:
-        """All of it. minds: so many of the robots, from the first on, are known by their minds."""
+        """All of it. minds: how many of the robots, from the first on, are known by their minds."""
         listed = len(self.names)
         return RosterState(list(self.names[minds:]), Array.of(self.heard[:listed]), Array.of(self.reported[:listed]))
 
@@ -109,7 +109,7 @@ class Roster:
         self.reported = state.told.made(np.float64, shape, "times of telemetry")
 
     def observe(self, robots: Index | slice, now: float) -> None:
-        """Note that telemetry of these robots is of `now`, which may be some time ago."""
+        """Store that the telemetry of these robots is of `now`, which may be some time ago."""
         self.heard[robots] = np.maximum(self.heard[robots], now)
         self.reported[robots] = now
 
@@ -212,7 +212,7 @@ class FleetFile:
         self.file = config_folder() / "fleets" / f"{digest[:32]}.json"
 
     def read(self) -> Expectation:
-        """What was kept. Raises ExpectationError for a file that cannot be used."""
+        """The stored expectation. Raises ExpectationError for a file that cannot be used."""
         try:
             found = msgspec.json.decode(_read(self.file), type=FleetRecord)
         except FileNotFoundError:

@@ -50,7 +50,7 @@ def merge_schemas(types: Mapping[Key, Vocabulary]) -> tuple[Vocabulary, dict[Key
 
 
 def _refused(types: Mapping[Key, Vocabulary]) -> dict[Key, str]:
-    """The types that have as a number what an earlier one has as a function, or the other way round."""
+    """The types that have a number under the name that an earlier type has for a function, or the other way round."""
     sorts: dict[str, tuple[bool, str]] = {}
     refused: dict[Key, str] = {}
     for key, found in types.items():
@@ -76,7 +76,7 @@ def _alike(types: Iterable[Vocabulary]) -> dict[str, Constant]:
 
 
 def _widest(quantities: Iterable[Quantity]) -> dict[str, Quantity]:
-    """Quantities by key, each once, with the widest range that any type gives it."""
+    """Quantities by key, each once, with the widest range that any type has for it."""
     found: dict[str, Quantity] = {}
     for quantity in quantities:
         key = quantity.name.casefold()

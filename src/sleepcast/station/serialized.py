@@ -46,7 +46,7 @@ class EntryState(msgspec.Struct, array_like=True):
 
 
 class JournalState(msgspec.Struct):
-    """The entries that are kept, and how many were dropped before them."""
+    """The stored entries, and how many were dropped before them."""
 
     dropped: int
     entries: list[EntryState]

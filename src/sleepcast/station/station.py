@@ -65,7 +65,7 @@ STALE_AFTER = 5.0
 REPEAT_AFTER = 0.5
 """Seconds between two sendings of a STOP or RELEASE while robots are not accounted for."""
 MAX_REPORTS = 1_000
-"""Latest reports that are kept for the page."""
+"""Latest reports that are stored for the page."""
 MANY = "robots"
 """The sender in the journal, for messages of one kind from many robots at once."""
 
@@ -410,7 +410,7 @@ class Station:
             self._update_latch(robots, np.array(stopped, np.bool_), now)
 
     def observe_many(self, now: float, robots: Index) -> None:
-        """The same of these robots, whose minds answer for many. Raises MisuseError for minds that do not."""
+        """The same for robots whose minds answer many at once. Raises MisuseError for minds that do not."""
         if self._fleet_telemetry is None:
             raise MisuseError("these minds tell one by one: give their rows to observe")
         with self._lock:
@@ -451,7 +451,7 @@ class Station:
             return self._sent.all()
 
     def accounting(self, command: str) -> Account:
-        """What became of the command with this id. Raises NoSuchCommandError."""
+        """The account of the command with this id. Raises NoSuchCommandError."""
         with self._lock:
             return account(self._sent.get(command), self._clock.now(), self._roster.heard)
 

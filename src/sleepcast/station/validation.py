@@ -89,7 +89,7 @@ class NotConfirmedError(MisuseError):
 
 
 class CommandTypeError(MisuseError):
-    """A command sent as the wrong sort (one-shot or standing), or with an impossible deadline."""
+    """A command sent as the wrong type (one-shot or standing), or with an impossible deadline."""
 
 
 class NobodyHeardError(MisuseError):
@@ -121,7 +121,7 @@ class UnknownNameError(MisuseError):
 
 
 class DoubtError(MisuseError):
-    """A text that is hardly meant as it stands. why: the first doubt, on one line; shown: the doubts, with carets."""
+    """A text that is probably a mistake. why: the first doubt, on one line; shown: the doubts, with carets."""
 
     def __init__(self, checked: Checked) -> None:
         self.why = checked.doubts[0].message
@@ -286,7 +286,7 @@ class TelemetryTable(Protocol):
 
 
 class FleetTelemetry(TelemetryTable, Protocol):
-    """The same of minds that tell all at once."""
+    """Telemetry of minds that answer for many robots at once."""
 
     def take(self, robots: Index) -> None:
         """These robots tell of themselves now."""

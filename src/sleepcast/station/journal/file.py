@@ -41,9 +41,10 @@ FIRST = bytes(32)
 PATIENCE = 10.0
 """Seconds to wait for another writer: it writes for milliseconds, and some seconds when it begins another file."""
 LOOK = 0.001
-"""Seconds between two looks at whether another writer is done: it takes about as long for one entry."""
+"""Seconds between two checks whether another writer has finished: about as long as one entry takes."""
 MAX_LISTED = 100_000
-"""Names in one list of robots: some megabytes a command; of more, their number is kept and the first of them."""
+"""Names in one list of robots: some megabytes a command; of a longer list, its length and the first names are
+stored."""
 MAX_BYTES = 64 * 1024 * 1024
 """Bytes of one value in the file: an entry with the longest lists has less."""
 MAX_DEPTH = 16
@@ -168,7 +169,7 @@ def _text(text: str) -> str:
 
 
 def open_writing(file: Path) -> sqlite3.Connection:
-    """A journal to write to, made if there is none yet, for its owner's eyes only. Raises JournalError."""
+    """A journal to write to; it is made if there is none yet, readable by its owner only. Raises JournalError."""
     with journal_errors(file):
         file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with suppress(FileExistsError):  # to open one that is there, and to close it again, would undo SQLite's locks
@@ -425,7 +426,7 @@ class SqliteJournal:
 
     @property
     def limits(self) -> ArchiveLimits:
-        """When it moves into an archive by itself; every writer keeps to it."""
+        """When it moves into an archive automatically; every writer does so."""
         with self._lock, journal_errors(self.file):
             size, age = get_attribute(self._connection, "most_bytes"), get_attribute(self._connection, "most_seconds")
         return ArchiveLimits(float(size or inf), float(age or inf))
@@ -437,7 +438,7 @@ class SqliteJournal:
             set_attribute(self._connection, "most_seconds", repr(limits.age))
 
     def rotate(self) -> Path | None:
-        """Move all entries into an archive; gives it, or None if there were none."""
+        """Move all entries into an archive, and return it; None if there were no entries."""
         with self._lock:
             return self._move()
 

@@ -77,14 +77,14 @@ class Journal(Protocol):
         """Write one entry; its number is the next one."""
 
     def together(self) -> AbstractContextManager[None]:
-        """Entries that are written within this are kept at once when it ends, so that many cost what one does."""
+        """Entries written within this are stored together when it ends, so that many cost as much as one."""
 
     def entries(self, after: int = 0) -> Iterable[JournalEntry]:
         """The entries with a number above `after`, oldest first."""
 
     @property
     def dropped(self) -> int:
-        """How many of the oldest entries are not kept any more."""
+        """How many of the oldest entries have been dropped."""
 
 
 class MemoryJournal:
@@ -113,16 +113,16 @@ class MemoryJournal:
         return nullcontext()
 
     def entries(self, after: int = 0) -> list[JournalEntry]:
-        """The kept entries with a number above `after`, oldest first."""
+        """The stored entries with a number above `after`, oldest first."""
         return [entry for entry in self._entries if entry.number > after]
 
     @property
     def dropped(self) -> int:
-        """How many of the oldest entries are not kept any more."""
+        """How many of the oldest entries have been dropped."""
         return self._written - len(self._entries)
 
     def fill(self, entries: Iterable[JournalEntry], dropped: int) -> None:
-        """Have just these entries, after so many that are not kept any more."""
+        """Hold exactly these entries, after this number of dropped ones."""
         self._entries.clear()
         self._entries.extend(entries)
         self._written = dropped + len(self._entries)
@@ -186,7 +186,7 @@ class WriteBatch:
                 self._put_down(now)
 
     def _put_down(self, now: float) -> JournalError | None:
-        """Bring all that is kept into the journal; gives what went wrong."""
+        """Write everything that waits into the journal, and return the errors."""
         try:
             with self.journal.together():
                 for note in self._kept:

@@ -133,7 +133,7 @@ class JournalReader:
         return [file for file, _ in self._parts]
 
     def search(self, query: Query, last: int | None = None) -> Iterator[Written]:
-        """The entries that are wanted, oldest first. last: only the last so many of them."""
+        """The matching entries, oldest first. last: only this number of the latest ones."""
         where, values = query.where()
         if last is None:
             for file, _ in self._parts:
@@ -181,8 +181,8 @@ class JournalReader:
 
 @dataclass(frozen=True, slots=True)
 class Verified:
-    """What came of following the chain: so many entries are good, the last of them has this number and this hash.
-    broken: what is wrong with the next one, "" if nothing."""
+    """The result of checking the chain: how many entries are good, and the number and hash of the last of them. broken:
+    what is wrong with the next one, "" if nothing."""
 
     count: int
     last: int

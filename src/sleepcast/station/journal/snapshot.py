@@ -12,14 +12,14 @@ from sleepcast.station.serialized import EntryState, JournalState
 
 
 def dump_journal(journal: Journal) -> JournalState:
-    """Every entry that a journal in memory has; one in a file goes on by itself."""
+    """Every entry of a journal in memory; one in a file is not part of a snapshot."""
     if not isinstance(journal, MemoryJournal):
         return JournalState(0, [])
     return JournalState(journal.dropped, [_entry_parcel(entry) for entry in journal.entries()])
 
 
 def restore_journal(journal: MemoryJournal, state: JournalState, names: NameIndex) -> None:
-    """Have the entries that were kept. Raises SerialError."""
+    """Hold the stored entries. Raises SerialError."""
     if state.dropped < 0 or len(state.entries) > MAX_ENTRIES:
         raise SerialError(f"a journal of {len(state.entries)} entries after {state.dropped}")
     entries = enumerate(state.entries, state.dropped + 1)

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -75,12 +76,14 @@ class Program:
 
 @dataclass
 class Page:
-    """A page's end of the WebSocket, in a test's hands. news: the latest message of each type; frames: all of them."""
+    """A page's end of the WebSocket, in a test's hands. news: the latest message of each type; frames: all of them;
+    drawn: how many of these `frame` has drawn."""
 
     socket: ClientConnection
     serial: int = 0
     news: dict[str, dict[str, Any]] = field(default_factory=dict)
     frames: list[bytes] = field(default_factory=list)
+    drawn: int = 0
     refused: list[str] = field(default_factory=list)
 
     def tell(self, kind: str, **fields: object) -> None:
@@ -125,12 +128,20 @@ class Page:
             self.receive()
 
     def frame(self) -> bytes:
-        """The next frame; the page has drawn it."""
+        """The next frame; the page has drawn it, and the one that may have come while it waited for something else:
+        the server sends no other before that."""
         before = len(self.frames)
+        if before > self.drawn:
+            self._draw()
+        deadline = time.monotonic() + PATIENCE  # other messages come all the time
         while len(self.frames) == before:
-            self.receive()
-        self.tell("drawn", number=number(self.frames[-1]))
+            self.receive(deadline - time.monotonic())
+        self._draw()
         return self.frames[-1]
+
+    def _draw(self) -> None:
+        self.drawn = len(self.frames)
+        self.tell("drawn", number=number(self.frames[-1]))
 
 
 def number(frame: bytes) -> int:

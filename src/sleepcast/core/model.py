@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from sleepcast.core.units import NONE, UNITS, Dimension
 
@@ -49,7 +50,8 @@ class HostFunction:
     dimensions: one for each argument, None where any will do; `least` arguments must be given. result: dimension of
     the value. acts: whether it does something to the world (then an unknown argument never reaches it). labelled:
     whether its only argument is a text in quotes. `call(body, *arguments)` returns a float or None (which counts as 1).
-    many: the name of the method that does the same for many bodies at once, where they are kept so that there is one.
+    many: does the same for many bodies at once, `many(bodies, robots, *arguments)` with an array for each argument and
+    one of results (None: all 1); None if their bodies cannot. bodies: those of the whole fleet.
     irreversible: whether it cannot be undone, so that a desk asks for how many robots it is meant.
     moves: whether it moves the robot's body, if it acts.
     """
@@ -63,7 +65,7 @@ class HostFunction:
     acts: bool = True
     labelled: bool = False
     doc: str = ""
-    many: str = ""
+    many: Callable[..., Any] | None = None
     irreversible: bool = False
     moves: bool = True
 

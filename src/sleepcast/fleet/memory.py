@@ -233,8 +233,8 @@ class FleetMemory(Evaluation):
         failed."""
         if self.script is not None:
             return [next(self.script) for _ in range(rows.size)]
-        if self._many is not None and function.many:
-            found = getattr(self._many, function.many)(rows.robots, *columns)
+        if self._many is not None and function.many is not None:
+            found = function.many(self._many, rows.robots, *columns)
             return np.broadcast_to(1.0, rows.size) if found is None else np.where(np.isfinite(found), found, nan)
         label = (part.data.text,) if isinstance(part.data, Label) else ()
         lists = [column.tolist() for column in columns]

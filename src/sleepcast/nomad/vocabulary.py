@@ -35,7 +35,7 @@ def _converted(function: HostFunction) -> HostFunction:
     factors = tuple(angle if each is None else UNITS.get(each, angle) for each in function.dimensions)
     plain = (NONE,) * len(factors)
     doc = f"{function.doc} In tenths of inches, tenths of degrees, steps of 4 ms."
-    return replace(function, call=_in_units(function.call, factors), dimensions=plain, doc=doc, many="")
+    return replace(function, call=_in_units(function.call, factors), dimensions=plain, doc=doc, many=None)
 
 
 def _in_units(call: Callable[..., float | None], factors: tuple[float, ...]) -> Callable[..., float | None]:

@@ -48,6 +48,12 @@ class Machine(Protocol):
 
     def sort(self, grid: Grid, x: Floats, y: Floats, /) -> Sorted: ...
 
+    def candidates(self, grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, /) -> Whole: ...
+
+    def pairs(
+        self, grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, first: Whole, /
+    ) -> tuple[Whole, Whole]: ...
+
     def in_sight(self, listed: Listed, solids: Floats, /) -> Seen:
         """These rows of `solids` in the form that `ranges` and `hear` expect."""
 
@@ -96,6 +102,8 @@ class NumPyMachine:
     name = "numpy"
     pool = None
     sort = staticmethod(grid.sort)
+    candidates = staticmethod(grid.candidates)
+    pairs = staticmethod(grid.pairs)
     ranges = staticmethod(cones.ranges)
     look = staticmethod(cones.look)
     propose = staticmethod(steps.propose)

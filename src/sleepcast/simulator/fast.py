@@ -119,6 +119,19 @@ class NumbaMachine:
         self.pool.share(lambda first, last: kernels.place(cells, first, last, places[first], order), ends)
         return Sorted(order, start)
 
+    def candidates(self, grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float) -> Whole:
+        counts = np.empty(len(x), np.int64)
+        kernels.candidates(x, y, points.start, grid.size, grid.across, grid.up, reach, counts)
+        return counts
+
+    def pairs(
+        self, grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, first: Whole
+    ) -> tuple[Whole, Whole]:
+        most = int(self.candidates(grid, points, x[first], y[first], reach).sum())
+        found, other = np.empty((2, most), np.int64)
+        count = kernels.pairs(x, y, *points, grid.size, grid.across, grid.up, reach, first, found, other)
+        return found[:count], other[:count]
+
     def in_sight(self, listed: Listed, solids: Floats) -> Walls:
         return walls_of(listed, solids)
 

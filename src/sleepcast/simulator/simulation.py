@@ -24,6 +24,8 @@ from sleepcast.simulator.scenario.robot_settings import TENTH
 from sleepcast.simulator.scenario.robot_types import names_of
 from sleepcast.simulator.scenario.scenario import Scenario
 
+FEW = 1_000
+"""Robots below which NumPy finds their neighbours soon enough."""
 MOST_CASTE = 254
 """`pinged` gives one byte per robot; castes above this are reported as this one."""
 
@@ -33,7 +35,8 @@ class Simulator:
     of threads.
 
     machine: the array backend (see `engine`). None chooses the fastest one installed, on `threads` threads (None:
-    one per core); but NumPy for robots without bumpers and sonars, since loading numba takes a second.
+    one per core); but NumPy for robots without bumpers and sonars, of whom few sense their neighbours, since loading
+    numba takes a second.
 
     names, robots: one for each robot, by its index; a robot's own number is its index + 1. model: the robots' common
     model.
@@ -49,17 +52,18 @@ class Simulator:
         self.scenario = scenario
         self.seed = scenario.seed if seed is None else seed
         if machine is None:
-            light = scenario.robots.ring is None and not scenario.robots.bumpers
+            blind = scenario.robots.ring is None and not scenario.robots.bumpers
+            light = blind and (scenario.neighbours is None or scenario.robots.count < FEW)
             machine = choose("numpy" if light else None, threads)
         self.pool = machine.pool or ThreadPool(threads or cores())
         """The threads available to the simulator."""
         self.bodies = Bodies(scenario, self.seed, machine)
         self.world = self.bodies.world
         """The solid things; they may be changed between ticks."""
-        self.model = model_of(scenario, self.bodies)
+        self.senses = Senses(self.bodies)
+        self.model = model_of(scenario, self.bodies, self.senses.functions)
         self.names = names_of(scenario.each_sort, scenario.robots.count)
         self.robots = Robots(self.bodies, self.model)
-        self.senses = Senses(self.bodies)
         self._pinged = np.zeros(scenario.robots.count, np.uint8)
         self.measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y)
 

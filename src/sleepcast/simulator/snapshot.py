@@ -16,6 +16,7 @@ import numpy as np
 
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.serial import Arrays, SerialError, dump_arrays, load_arrays, within
+from sleepcast.core.units import UNITS
 from sleepcast.simulator.bodies.bodies import MAX_SAYINGS, Mode, Saying
 from sleepcast.simulator.packing import pack, unpack
 from sleepcast.simulator.scenario.robot_settings import (
@@ -33,7 +34,7 @@ from sleepcast.simulator.scenario.robot_settings import (
     RobotSpec,
 )
 from sleepcast.simulator.scenario.scenario import Scenario
-from sleepcast.simulator.scenario.signals import MAX_LIGHTS, MAX_QUEUE
+from sleepcast.simulator.scenario.signals import MAX_LIGHTS, MAX_QUEUE, MAX_SHARES
 from sleepcast.simulator.scenario.world_settings import MAX_SEED
 from sleepcast.simulator.simulation import Simulator
 from sleepcast.simulator.sonar.firing import AT_ONCE, Firing
@@ -170,6 +171,9 @@ def _bounds(scenario: Scenario) -> Iterator[tuple[str, float, float, float]]:
     yield "lights", len(scenario.lights), 0, MAX_LIGHTS
     if scenario.pings is not None:
         yield "pings waiting", scenario.pings.queue, 1, MAX_QUEUE
+    if scenario.neighbours is not None:
+        yield "shared numbers", len(scenario.neighbours.shares), 0, MAX_SHARES
+        yield "shared numbers of no known unit", len({*scenario.neighbours.shares.values()} - {"", *UNITS}), 0, 0
     for robots in (scenario.robots, *scenario.sorts):
         yield from _bounds_of(robots)
 

@@ -5,8 +5,10 @@ A `Body` is a `Robot`. It only stores commands; the next tick executes them with
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import isnan, pi
+from typing import Any
 
 import numpy as np
 
@@ -126,6 +128,15 @@ class Body:
         return geometry
 
 
+def _by(method: str) -> Callable[..., Any]:
+    """The function of many bodies that this method of `Robots` is."""
+
+    def call(bodies: object, *arguments: object) -> object:
+        return getattr(bodies, method)(*arguments)
+
+    return call
+
+
 FUNCTIONS = (
     HostFunction(
         "DRIVE",
@@ -133,15 +144,20 @@ FUNCTIONS = (
         (SPEED, RATE),
         arguments="speed turn_rate",
         doc="Drives on at this speed and turn rate.",
-        many="drive",
+        many=_by("drive"),
     ),
     HostFunction(
-        "GOTO", Body.go_to, (LENGTH, LENGTH), arguments="x y", doc="Drives to a point and stays there.", many="go_to"
+        "GOTO",
+        Body.go_to,
+        (LENGTH, LENGTH),
+        arguments="x y",
+        doc="Drives to a point and stays there.",
+        many=_by("go_to"),
     ),
-    HostFunction("WANDER", Body.wander, doc="Roams by itself again.", many="wander"),
-    HostFunction("ST", Body.halt, doc="Comes to rest.", many="halt"),
+    HostFunction("WANDER", Body.wander, doc="Roams by itself again.", many=_by("wander")),
+    HostFunction("ST", Body.halt, doc="Comes to rest.", many=_by("halt")),
     HostFunction(
-        "TUMBLE", Body.tumble, result=NONE, doc="Turns by 67 degrees, left or right by chance.", many="tumble"
+        "TUMBLE", Body.tumble, result=NONE, doc="Turns by 67 degrees, left or right by chance.", many=_by("tumble")
     ),
     HostFunction("TK", Body.say, arguments='"text"', labelled=True, doc="Says the text aloud.", moves=False),
 )
@@ -152,7 +168,7 @@ WHEEL_FUNCTIONS = (
         (SPEED, SPEED),
         arguments="right left",
         doc="Turns the right and the left wheel at these speeds.",
-        many="turn_wheels",
+        many=_by("turn_wheels"),
     ),
 )
 NOMAD_FUNCTIONS = (
@@ -161,7 +177,7 @@ NOMAD_FUNCTIONS = (
         call=Body.turn_wheels_nomad,
         dimensions=(NONE, NONE),
         doc="Turns the right and the left wheel at these speeds, in tenths of inches a second.",
-        many="turn_wheels_nomad",
+        many=_by("turn_wheels_nomad"),
     ),
 )
 """The wheel functions in the vocabulary `nomad`."""
@@ -174,7 +190,7 @@ SONAR_FUNCTIONS = (
         result=LENGTH,
         acts=False,
         doc="Distance to the nearest thing before this sonar; 0 is in front, then counter-clockwise.",
-        many="sonar",
+        many=_by("sonar"),
     ),
     HostFunction(
         "NEAREST",
@@ -184,18 +200,18 @@ SONAR_FUNCTIONS = (
         result=LENGTH,
         acts=False,
         doc="Distance to the nearest thing between two angles, counter-clockwise from the heading.",
-        many="nearest",
+        many=_by("nearest"),
     ),
 )
 
 
 def _lacking(scenario: Scenario, functions: tuple[HostFunction, ...]) -> tuple[HostFunction, ...]:
     """With several robot types, functions that some types may lack are called robot by robot."""
-    return tuple(replace(function, many="") for function in functions) if scenario.sorts else functions
+    return tuple(replace(function, many=None) for function in functions) if scenario.sorts else functions
 
 
-def model_of(scenario: Scenario, bodies: Bodies) -> RobotModel:
-    """The common model of all robots of the scenario."""
+def model_of(scenario: Scenario, bodies: Bodies, functions: tuple[HostFunction, ...] = ()) -> RobotModel:
+    """The common model of all robots of the scenario. functions: those of their senses."""
     robots = scenario.robots
     speed, turn = robots.limits.speed, robots.limits.turn_rate
     wheels = NOMAD_FUNCTIONS if scenario.nomad else WHEEL_FUNCTIONS
@@ -210,6 +226,7 @@ def model_of(scenario: Scenario, bodies: Bodies) -> RobotModel:
             *FUNCTIONS,
             *_lacking(scenario, wheels if robots.wheels else ()),
             *_lacking(scenario, SONAR_FUNCTIONS if robots.geometry.sonars else ()),
+            *functions,
         ),
         limits=robots.limits,
         geometry=robots.geometry,

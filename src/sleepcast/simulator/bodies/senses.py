@@ -1,4 +1,4 @@
-"""Light sensors and ping receivers of all robots, tick by tick.
+"""What robots sense of lights, of pings and of their neighbours, tick by tick.
 
 A ping sent in one tick is received in the next one, by every robot in reach except its sender; each of them may miss
 it at random. It is stored with its range and bearing of that moment in the receiver's queue; in each tick one ping
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from sleepcast.core.counter_rng import key, uniform
 from sleepcast.simulator.bodies.bodies import Bodies, Floats
+from sleepcast.simulator.bodies.range_and_bearing import RangeAndBearing
 from sleepcast.simulator.scenario.groups import seeing
 from sleepcast.simulator.scenario.signals import FRONT, LIGHT_NAMES, PING_NAMES, REAR, PingModel
 from sleepcast.simulator.world.grid import Sorted, candidates, grid_over, pairs, sort
@@ -27,7 +28,8 @@ CELLS_IN_REACH = 2.0
 
 
 class Senses:
-    """Light sensors and ping receivers of all `bodies`; they write into its table of sensor values."""
+    """The senses of all `bodies`. Light sensors and ping receivers write into its table of sensor values; neighbours
+    are sensed by `functions` that expressions call."""
 
     def __init__(self, bodies: Bodies) -> None:
         scenario = bodies.scenario
@@ -43,6 +45,9 @@ class Senses:
             first = names.index(PING_NAMES[0])
             self._pings = _PingReceiver(bodies, scenario.pings, bodies.known[first : first + len(PING_NAMES)])
 
+        self._near = RangeAndBearing(bodies, scenario.neighbours) if scenario.neighbours else None
+        self.functions = self._near.functions if self._near else ()
+
     def ping(self, robots: NDArray[np.intp], castes: Floats) -> None:
         """Send a ping from each of these robots, with its caste. Only the first ping of a body in a tick is
         received."""
@@ -50,20 +55,24 @@ class Senses:
             self._pings.send(robots, castes)
 
     def step(self) -> None:
-        """Update light sensors and received pings after everything has moved."""
+        """Update light sensors, received pings and what neighbours show, after everything has moved."""
         if self._bodies.scenario.lights:
             self._look()
         if self._pings is not None:
             self._pings.step()
+        if self._near is not None:
+            self._near.step()
 
     def state(self) -> Iterator[NDArray[np.generic]]:
         """The arrays that the next ticks depend on besides those of the bodies, for the state hash."""
         if self._pings is not None:
             yield from self._pings.state()
+        if self._near is not None:
+            yield from self._near.arrays().values()
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """The arrays, by name, that a run changes and that the next ticks depend on, besides those of the bodies."""
-        return self._pings.arrays() if self._pings is not None else {}
+        return {name: each for sense in (self._pings, self._near) if sense for name, each in sense.arrays().items()}
 
     def _look(self) -> None:
         """Update flag, range and bearing of the nearest light in reach, for robots with a light sensor."""

@@ -31,7 +31,14 @@ from sleepcast.simulator.scenario.robot_settings import (
     read_robots,
 )
 from sleepcast.simulator.scenario.robot_types import combined, robot_tables
-from sleepcast.simulator.scenario.signals import Light, PingModel, read_lights, read_pings
+from sleepcast.simulator.scenario.signals import (
+    Light,
+    NeighbourModel,
+    PingModel,
+    read_lights,
+    read_neighbours,
+    read_pings,
+)
 from sleepcast.simulator.scenario.world_settings import MAX_SEED, Changes, WorldSpec, read_world
 from sleepcast.simulator.world.world import Shape
 
@@ -65,7 +72,8 @@ class Scenario:
     of each robot's telemetry. noise: standard deviation of each noisy sensor, by name. length_unit: unit in which
     lengths are shown. shapes: solid things in the world at the start; absent: things that may be added later;
     events: timed changes. fenced: whether robots turn back at the world's edge on their own. constants: named
-    numbers for rules. pings: how they are received, None if robots have none. measures: time series to record.
+    numbers for rules. pings: how they are received, None if robots have none. neighbours: how robots sense each other,
+    None if they do not. measures: time series to record.
     robots: all robots together; sorts: each type of them with its count or proportion, empty if there is only one
     type. nomad: whether VM takes tenths of inches, as a Nomad's programs do.
     """
@@ -93,6 +101,7 @@ class Scenario:
     constants: tuple[BodyConstant, ...] = ()
     lights: tuple[Light, ...] = ()
     pings: PingModel | None = None
+    neighbours: NeighbourModel | None = None
     measures: tuple[MeasureSpec, ...] = ()
     absent: tuple[Shape, ...] = ()
     events: tuple[Event, ...] = ()
@@ -176,6 +185,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
             constants=constants,
             lights=lights,
             pings=read_pings(root),
+            neighbours=read_neighbours(root),
             measures=read_measures(root, _points(places, lights), MAX_TIME),
             nomad=root.text("vocabulary", "standard", choices=("standard", "nomad")) == "nomad",
         )

@@ -1,9 +1,9 @@
-"""Lights and pings as a scenario file describes them, and the variables in which robots sense them.
+"""Lights, pings and neighbours as a scenario file describes them, and the variables in which robots sense them.
 
 After Hoskins's vehicles: a ping carries the caste of its sender and is received with its range and whether it came
 from the front or the rear; a light is sensed in the same way. Pings are presented one at a time, in pFlag, pRange,
 pBearing and pCaste, for one tick each; the light in sFlag, sRange and sBearing, for as long as it is visible.
-`bodies.senses` simulates them.
+`bodies.senses` simulates them. Neighbours are sensed by functions, see `bodies.range_and_bearing`.
 """
 
 from __future__ import annotations
@@ -14,11 +14,15 @@ from math import inf
 
 from sleepcast.core.model import Quantity
 from sleepcast.core.settings import Table, checked_name
-from sleepcast.core.units import LENGTH
+from sleepcast.core.units import LENGTH, UNITS
 from sleepcast.robot import BodyConstant
 
 MAX_LIGHTS = 32
 """Lights of one world: every robot looks for the nearest one at every tick."""
+MAX_SHARES = 8
+"""Numbers that robots show to their neighbours: a beacon of a real robot carries some bytes."""
+SENSED = ("x", "y", "heading", "dist")
+"""What robots sense of neighbours without being told: `MEAN_X`, `NEAREST_DIST` and so on are about these."""
 MAX_QUEUE = 64
 """Pings queued on one robot: at one per tick, the last of them is already stale."""
 FRONT, REAR = 1.0, -1.0
@@ -50,6 +54,20 @@ class PingModel:
     queue: int
 
 
+@dataclass(frozen=True, slots=True)
+class NeighbourModel:
+    """How robots sense their neighbours. reach: range, m. loss: probability of missing a neighbour in a tick.
+
+    noise: standard deviation, in each direction, of a neighbour's sensed place, as a share of its distance. shares:
+    the numbers that robots show to their neighbours, by name, each with its unit ("" for a plain number).
+    """
+
+    reach: float
+    loss: float
+    noise: float
+    shares: dict[str, str]
+
+
 def read_lights(root: Table, size: tuple[float, float], places: Sequence[str]) -> tuple[Light, ...]:
     """The tables `[lights.NAME]`. places: names already in use."""
     found = []
@@ -73,6 +91,26 @@ def read_pings(root: Table) -> PingModel | None:
             reach=table.number("reach", LENGTH, low=0.0),
             loss=table.number("loss", default=0.0, low=0.0, high=1.0),
             queue=table.whole("queue", 4, low=1, high=MAX_QUEUE),
+        )
+
+
+def read_neighbours(root: Table) -> NeighbourModel | None:
+    """The table `[neighbours]`, None if there is none."""
+    if not root.has("neighbours"):
+        return None
+    with root.table("neighbours") as table:
+        with table.table("shares") as shares:
+            if len(shares.values) > MAX_SHARES:
+                raise table.error("shares", f"{len(shares.values)} of them; at most {MAX_SHARES} fit")
+            units = {checked_name(shares, name): shares.text(name, choices=("", *UNITS)) for name in shares.values}
+            for name in units:
+                if name.casefold() in SENSED:
+                    raise shares.error(name, "robots sense this of every neighbour; choose another name")
+        return NeighbourModel(
+            reach=table.number("reach", LENGTH, low=0.0),
+            loss=table.number("loss", default=0.0, low=0.0, high=1.0),
+            noise=table.number("noise", default=0.0, low=0.0, high=1.0),
+            shares=units,
         )
 
 

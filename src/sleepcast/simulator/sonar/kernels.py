@@ -7,7 +7,7 @@ from math import sqrt
 import numpy as np
 
 from sleepcast.core import counter_rng
-from sleepcast.simulator.simd.compiled import compiled, inlined, strict, woven
+from sleepcast.simulator.simd.compiled import compiled, inlined, part, strict, woven
 from sleepcast.simulator.simd.formulas import either, sine_cosine
 from sleepcast.simulator.simd.lanes import all_passed, at, put, put_by, put_some, put_turned, some
 from sleepcast.simulator.simd.vectors import LANES, counted, doubles, every, least_of, most_of, root_of, shorts, singles
@@ -65,6 +65,42 @@ def place(cells, first, last, places, order):
         cell = U(cells[i])
         order[U(places[cell])] = i
         places[cell] += 1
+
+
+@strict
+def candidates(x, y, start, size, across, up, reach, counts):
+    """See `grid.candidates`: writes them into `counts`."""
+    for i in range(x.shape[0]):
+        first, last, left, right = cells_around(x[i], y[i], size, across, up, reach)
+        counts[i] = 0
+        for row in range(first, last):
+            counts[i] += start[row * across + right] - start[row * across + left]
+
+
+@strict
+def pairs(x, y, order, start, size, across, up, reach, which, first, second):
+    """See `grid.pairs`: writes the pairs of the points `which` into `first` and `second`, and returns their number."""
+    found = 0
+    for place in range(which.shape[0]):
+        i = which[place]
+        lowest, last, left, right = cells_around(x[i], y[i], size, across, up, reach)
+        for row in range(lowest, last):
+            for k in range(start[row * across + left], start[row * across + right]):
+                j = order[k]
+                aside, above = x[i] - x[j], y[i] - y[j]
+                if aside * aside + above * above <= reach * reach and i != j:
+                    first[found], second[found] = i, j
+                    found += 1
+    return found
+
+
+@part
+def cells_around(x, y, size, across, up, reach):
+    """The cells within `reach` m of a point: the first row and the one after the last, and the same of columns."""
+    row, cells = min(max(int(y / size), 0), up - 1), int(np.ceil(reach / size))
+    left, right = int((x - reach) / size), int((x + reach) / size)
+    left, right = min(max(left, 0), across - 1), min(max(right, 0), across - 1)
+    return max(row - cells, 0), min(row + cells, up - 1) + 1, left, right + 1
 
 
 @compiled

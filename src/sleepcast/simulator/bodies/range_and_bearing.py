@@ -1,0 +1,375 @@
+"""What robots sense of their neighbours: distance, direction, heading and colour, and the numbers that they share.
+
+A robot with a range-and-bearing sensor measures where its neighbours are relative to itself. The functions here turn
+that into its own frame of reference, which is its sensed position and heading, errors included. It senses nothing
+beyond the reach of its sensor. A colour or a number that a robot shares in one tick is seen in the next one, so that
+no result depends on the order of the robots. Walls do not hide neighbours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
+from sleepcast.core.model import HostFunction
+from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension
+from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats
+from sleepcast.simulator.bodies.body import Body
+from sleepcast.simulator.scenario.signals import NeighbourModel
+from sleepcast.simulator.simd.formulas import arc_tangent, sine_cosine, wrap
+from sleepcast.simulator.sonar.noise import deviates
+from sleepcast.simulator.world.grid import Grid, Sorted, Whole, grid_over
+
+MAX_PAIRS = 1 << 20
+"""Pairs of neighbours processed at once: some hundred megabytes."""
+MAX_KEPT = 4
+"""Sets of pairs that are kept until the tick ends: rules often ask several things about the same neighbours."""
+COLOUR = 0
+"""The row of the colours in the table of shared numbers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pairs:
+    """Robots that asked, each with what it senses of every neighbour: one entry for each pair.
+
+    asked: indices of the robots; robot: the place among them of the one that senses; other: index of its neighbour;
+    across, up: vector to the neighbour in the robot's frame of reference, m; away: its length, m.
+    """
+
+    asked: Whole
+    robot: Whole
+    other: Whole
+    across: Floats
+    up: Floats
+    away: Floats
+
+    def count(self) -> Floats:
+        """Number of neighbours of each robot that asked; so does every method return one value for each of them."""
+        return np.bincount(self.robot, minlength=self.asked.size).astype(np.float64)
+
+    def total(self, values: Floats) -> Floats:
+        """Sum of `values`, one for each pair; 0 without neighbours."""
+        return np.bincount(self.robot, values, self.asked.size).astype(np.float64, copy=False)
+
+    def mean(self, values: Floats) -> Floats:
+        """Mean of `values`, one for each pair; NaN without neighbours."""
+        count = self.count()
+        mean: Floats = np.where(count > 0.0, self.total(values), np.nan) / np.maximum(count, 1.0)
+        return mean
+
+    def most(self, values: Floats) -> Floats:
+        """Largest of `values`, one for each pair; NaN without neighbours."""
+        found = np.full(self.asked.size, -np.inf)
+        np.maximum.at(found, self.robot, values)
+        return np.where(found == -np.inf, np.nan, found)
+
+    def least(self, values: Floats) -> Floats:
+        """Smallest of `values`, one for each pair; NaN without neighbours."""
+        return -self.most(-values)
+
+    def nearest(self, values: Floats) -> Floats:
+        """The one of `values` that belongs to the nearest neighbour; NaN without neighbours."""
+        found = np.full(self.asked.size, np.nan)
+        first = np.flatnonzero(self.away == self.least(self.away)[self.robot])[::-1]
+        found[self.robot[first]] = values[first]
+        return found
+
+    def widest_gap(self) -> tuple[Floats, Floats]:
+        """The widest angle that contains no neighbour, rad, and the direction of its middle, rad in -pi..pi; both NaN
+        without neighbours."""
+        direction = arc_tangent(self.up, self.across)
+        order = np.lexsort((direction, self.robot))
+        robot, direction = self.robot[order], direction[order]
+        last = np.append(robot[1:] != robot[:-1], True)[: robot.size]
+        first = np.roll(last, 1)
+        following = np.roll(direction, -1)
+        following[last] = direction[first] + TURN
+        gap = following - direction
+        widest = Pairs(self.asked, robot, robot, gap, gap, -gap)
+        return widest.most(gap), widest.nearest(wrap(direction + gap / 2.0))
+
+    def where(self, chosen: Flags) -> Pairs:
+        """Some of the pairs."""
+        floats = (self.across, self.up, self.away)
+        return Pairs(self.asked, self.robot[chosen], self.other[chosen], *(each[chosen] for each in floats))
+
+
+class _Asked(NamedTuple):
+    """Which neighbours were asked for. robots: indices; radius: m; colour: NaN for any; one for each robot."""
+
+    robots: Whole
+    radius: Floats
+    colour: Floats
+
+    def part(self, some: slice) -> _Asked:
+        return _Asked(self.robots[some], self.radius[some], self.colour[some])
+
+    def same(self, other: _Asked) -> bool:
+        return all(np.array_equal(*each, equal_nan=True) for each in zip(self, other, strict=True))
+
+
+class RangeAndBearing:
+    """The range-and-bearing sensors of all `bodies`. functions: what expressions may call."""
+
+    def __init__(self, bodies: Bodies, model: NeighbourModel) -> None:
+        self._bodies, self._model = bodies, model
+        self._shared: Floats = np.full((1 + len(model.shares), bodies.count), np.nan)
+        """What neighbours see in this tick: colours and shared numbers, NaN where a robot shares none; below what they
+        will see in the next one."""
+        self._shared[COLOUR] = 0.0
+        self._set: Floats = self._shared.copy()
+        self._reach = min(model.reach, bodies.scenario.width + bodies.scenario.height)
+        self._sorted: dict[float, tuple[Grid, Sorted]] = {}
+        """All bodies in cells as large as the greatest radius asked for, by that radius."""
+        self._kept: list[tuple[_Asked, Pairs]] = []
+        self.functions = (
+            *(_sensing(self, *each) for each in _FORMULAS),
+            _sharing(self, "COLOUR", "number", COLOUR, NONE),
+            *(each for row, share in enumerate(model.shares.items(), 1) for each in _of_share(self, row, *share)),
+        )
+
+    def step(self) -> None:
+        """Begin a tick: bodies have moved, and what they set in the last tick can be seen."""
+        self._shared[:] = self._set
+        self._sorted.clear()
+        self._kept.clear()
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """The arrays that a run changes and that the next ticks depend on."""
+        return {"shared": self._shared, "shared next": self._set}
+
+    def share(self, row: int, robots: Whole, values: Floats) -> None:
+        """Set what these robots show to their neighbours from the next tick on. row: COLOUR, or 1 for the first number
+        that is shared."""
+        self._set[row, robots] = values
+
+    def seen(self, row: int, others: Whole) -> Floats:
+        """What these robots show."""
+        seen: Floats = self._shared[row, others]
+        return seen
+
+    def sense(self, formula: Formula, robots: Whole, radius: Floats, *colour: Floats) -> Floats:
+        """The result of `formula` for each of `robots`, from its neighbours within `radius` (m) and reach. colour: of
+        the neighbours that count, one for each robot; none: all count."""
+        radius = np.clip(radius, 0.0, self._reach)
+        asked = _Asked(robots, radius, colour[0] if colour else np.full(robots.size, np.nan))
+        found = [formula(self, each) for each in self._pairs(asked)]
+        return np.concatenate(found) if len(found) != 1 else found[0]
+
+    def own_frame(self, robots: Whole) -> Floats:
+        """Sensed x (m), y (m) and heading (rad) of these robots, shape (3, robots)."""
+        self._bodies.sense(robots, sonars=False)
+        frame: Floats = self._bodies.sensed[:3, robots]
+        return frame
+
+    def headings(self, pairs: Pairs) -> tuple[Floats, Floats]:
+        """Cosine and sine of the heading of each neighbour, in the frame of reference of the robot that senses it."""
+        bodies = self._bodies
+        sine, cosine = sine_cosine(bodies.heading)
+        return self._turned(pairs.asked, pairs.robot, cosine[pairs.other], sine[pairs.other])
+
+    def _turned(self, asked: Whole, robot: Whole, across: Floats, up: Floats) -> tuple[Floats, Floats]:
+        """Vectors in the world's frame, as robots see them whose sensed heading is not their true one."""
+        scenario = self._bodies.scenario
+        if not scenario.noise and not scenario.robots.wheels and not scenario.sorts:
+            return across, up
+        sine, cosine = sine_cosine(wrap(self.own_frame(asked)[2] - self._bodies.heading[asked]))
+        sine, cosine = sine[robot], cosine[robot]
+        return across * cosine - up * sine, across * sine + up * cosine
+
+    def _pairs(self, asked: _Asked) -> list[Pairs]:
+        """The pairs of these robots and their neighbours, in one block or several ones that fit into memory."""
+        for before, pairs_before in self._kept:
+            if before.same(asked):
+                return [pairs_before]
+        bodies, reach = self._bodies, float(asked.radius.max(initial=0.0)) * (1.0 + 1e-9)
+        block = np.zeros(asked.robots.size, np.int64)
+        if asked.robots.size > MAX_PAIRS // bodies.count:
+            x, y = bodies.x[asked.robots], bodies.y[asked.robots]
+            block = np.cumsum(bodies.machine.candidates(*self._cells(reach), x, y, reach)) // MAX_PAIRS
+        ends = [0, *(np.flatnonzero(np.diff(block)) + 1).tolist(), asked.robots.size]
+        found = [self._block(asked.part(slice(*each)), reach) for each in pairwise(ends)]
+        if len(found) == 1:
+            self._kept = [*self._kept[1 - MAX_KEPT :], (asked, found[0])]
+        return found
+
+    def _cells(self, reach: float) -> tuple[Grid, Sorted]:
+        """All bodies in cells of about `reach` m."""
+        if reach not in self._sorted:
+            bodies, scenario = self._bodies, self._bodies.scenario
+            grid = grid_over(scenario.width, scenario.height, reach, bodies.count)
+            if len(self._sorted) == MAX_KEPT:
+                self._sorted.clear()
+            self._sorted[reach] = grid, bodies.machine.sort(grid, bodies.x, bodies.y)
+        return self._sorted[reach]
+
+    def _block(self, asked: _Asked, reach: float) -> Pairs:
+        """The pairs of one block, after losses and with noise."""
+        bodies, model = self._bodies, self._model
+        place = np.empty(bodies.count, np.int64)
+        place[asked.robots] = np.arange(asked.robots.size)
+        first, other = bodies.machine.pairs(*self._cells(reach), bodies.x, bodies.y, reach, asked.robots)
+        across, up = bodies.x[other] - bodies.x[first], bodies.y[other] - bodies.y[first]
+        away = np.sqrt(across * across + up * up)
+        robot = place[first]
+        sensed: Flags = away <= asked.radius[robot]
+        colour = asked.colour[robot]
+        sensed &= np.isnan(colour) | (colour == self._shared[COLOUR, other])
+        tokens = (other.astype(np.uint64) << np.uint64(32)) + first.astype(np.uint64)
+        if model.loss:
+            sensed &= uniform(key(bodies.seed, "neighbour lost", bodies.tick), tokens) >= model.loss
+        found = Pairs(asked.robots, robot, other, across, up, away).where(sensed)
+        across, up, away = found.across, found.up, found.away
+        if model.noise:
+            size = model.noise * away
+            across = across + size * self._normal("neighbour across", tokens[sensed])
+            up = up + size * self._normal("neighbour up", tokens[sensed])
+            away = np.sqrt(across * across + up * up)
+        across, up = self._turned(asked.robots, found.robot, across, up)
+        return Pairs(asked.robots, found.robot, found.other, across, up, away)
+
+    def _normal(self, purpose: str, tokens: NDArray[np.uint64]) -> Floats:
+        """Normal noise of this tick, one number for each token."""
+        drawn = np.uint64(key(self._bodies.seed, purpose, self._bodies.tick))
+        return deviates(mix(tokens * np.uint64(GOLDEN) + drawn))
+
+
+# ---- the functions of expressions
+
+Formula = Callable[[RangeAndBearing, Pairs], Floats]
+"""A number for each robot that asked, from what it senses of its neighbours."""
+
+
+def _mean_heading(near: RangeAndBearing, pairs: Pairs) -> Floats:
+    cosine, sine = near.headings(pairs)
+    return np.where(pairs.count() > 0.0, arc_tangent(pairs.total(sine), pairs.total(cosine)), np.nan)
+
+
+_FORMULAS: tuple[tuple[str, Dimension, str, Formula], ...] = (
+    ("COUNT", NONE, "How many neighbours are within r.", lambda near, pairs: pairs.count()),
+    (
+        "MEAN_X",
+        LENGTH,
+        "Mean x of the neighbours within r.",
+        lambda near, pairs: near.own_frame(pairs.asked)[0] + pairs.mean(pairs.across),
+    ),
+    (
+        "MEAN_Y",
+        LENGTH,
+        "Mean y of the neighbours within r.",
+        lambda near, pairs: near.own_frame(pairs.asked)[1] + pairs.mean(pairs.up),
+    ),
+    ("MEAN_HEADING", NONE, "Direction in which the neighbours within r head on average.", _mean_heading),
+    (
+        "NEAREST_X",
+        LENGTH,
+        "x of the nearest neighbour within r.",
+        lambda near, pairs: near.own_frame(pairs.asked)[0] + pairs.nearest(pairs.across),
+    ),
+    (
+        "NEAREST_Y",
+        LENGTH,
+        "y of the nearest neighbour within r.",
+        lambda near, pairs: near.own_frame(pairs.asked)[1] + pairs.nearest(pairs.up),
+    ),
+    (
+        "NEAREST_DIST",
+        LENGTH,
+        "Distance of the nearest neighbour within r, from centre to centre.",
+        lambda near, pairs: pairs.least(pairs.away),
+    ),
+    (
+        "FARTHEST_DIST",
+        LENGTH,
+        "Distance of the farthest neighbour within r.",
+        lambda near, pairs: pairs.most(pairs.away),
+    ),
+    (
+        "GAP",
+        NONE,
+        "Widest angle that contains none of the neighbours within r.",
+        lambda near, pairs: pairs.widest_gap()[0],
+    ),
+    (
+        "GAP_BEARING",
+        NONE,
+        "Direction of the middle of that angle, as a heading.",
+        lambda near, pairs: pairs.widest_gap()[1],
+    ),
+)
+"""Name, dimension of the result, description and formula."""
+
+
+def _of_share(near: RangeAndBearing, row: int, name: str, unit: str) -> Iterator[HostFunction]:
+    """The functions of one shared number."""
+    dimension = UNITS[unit].dimension if unit else NONE
+    yield _sharing(near, f"SHARE_{name.upper()}", name, row, dimension)
+    reductions: tuple[tuple[str, str, Callable[[Pairs, Floats], Floats]], ...] = (
+        ("MEAN", "Mean", Pairs.mean),
+        ("SUM", "Sum", Pairs.total),
+        ("LEAST", "Least", Pairs.least),
+        ("MOST", "Greatest", Pairs.most),
+        ("NEAREST", "Nearest neighbour's", Pairs.nearest),
+    )
+    for prefix, word, reduce in reductions:
+        doc = f"{word} {name} among the neighbours within r that share one."
+        yield _sensing(near, f"{prefix}_{name.upper()}", dimension, doc, _over_share(row, reduce))
+
+
+def _over_share(row: int, reduce: Callable[[Pairs, Floats], Floats]) -> Formula:
+    """The formula that reduces one shared number over the neighbours that share it."""
+
+    def formula(near: RangeAndBearing, pairs: Pairs) -> Floats:
+        values = near.seen(row, pairs.other)
+        given = ~np.isnan(values)
+        return reduce(pairs.where(given), values[given])
+
+    return formula
+
+
+def _sharing(near: RangeAndBearing, name: str, argument: str, row: int, dimension: Dimension) -> HostFunction:
+    """A function that shares a number with the neighbours."""
+
+    def many(bodies: object, robots: Whole, values: Floats) -> None:
+        near.share(row, robots, values)
+
+    def call(body: Body, value: float) -> None:
+        many(None, np.array([body.number]), np.array([value]))
+
+    return HostFunction(
+        name,
+        call,
+        (dimension,),
+        arguments=argument,
+        doc=f"Shows this {argument} to the neighbours from the next tick on.",
+        many=many,
+        moves=False,
+    )
+
+
+def _sensing(near: RangeAndBearing, name: str, dimension: Dimension, doc: str, formula: Formula) -> HostFunction:
+    """A function of a radius, and of a colour if one is given."""
+
+    def many(bodies: object, robots: Whole, *columns: Floats) -> Floats:
+        return near.sense(formula, robots, *columns)
+
+    def call(body: Body, *arguments: float) -> float:
+        return float(near.sense(formula, np.array([body.number]), *(np.array([each]) for each in arguments))[0])
+
+    return HostFunction(
+        name,
+        call,
+        (LENGTH, NONE),
+        least=1,
+        arguments="r [colour]",
+        result=dimension,
+        acts=False,
+        doc=f"{doc} With a colour: of that colour only.",
+        many=many,
+    )

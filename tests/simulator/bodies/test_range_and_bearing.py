@@ -1,0 +1,232 @@
+"""Neighbours: what robots sense of each other, with which errors, and that it is the same in every way of asking."""
+
+from __future__ import annotations
+
+from math import cos, isclose, isnan, pi, sin
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sleepcast as sc
+from sleepcast.core.settings import SettingsError
+from sleepcast.simulator import Simulator, load
+from sleepcast.simulator.bodies import range_and_bearing
+from sleepcast.simulator.engine import choose
+from sleepcast.simulator.snapshot import resume, state_of
+from small_worlds import SCOUTS, simulator, write
+
+NEIGHBOURS = '\n[neighbours]\nreach = "100m"\n'
+SHARES = NEIGHBOURS + '[neighbours.shares]\nopinion = ""\nload = "kg"\n'
+ASKED = (
+    "COUNT",
+    "MEAN_X",
+    "MEAN_Y",
+    "MEAN_HEADING",
+    "NEAREST_X",
+    "NEAREST_DIST",
+    "FARTHEST_DIST",
+    "GAP",
+    "GAP_BEARING",
+)
+
+
+def ask(sim: Simulator, name: str, *arguments: float, robot: int = 0) -> float:
+    """What one robot gets from one of its functions."""
+    function = next(each for each in sim.model.functions if each.name == name)
+    found = function.call(sim.robots[robot], *arguments)
+    return 1.0 if found is None else found
+
+
+def ask_all(sim: Simulator, name: str, *arguments: float) -> np.ndarray:
+    """What all robots get from it at once."""
+    function = next(each for each in sim.model.functions if each.name == name)
+    assert function.many
+    robots = np.arange(sim.bodies.count)
+    return function.many(sim.robots, robots, *(np.full(robots.size, each) for each in arguments))
+
+
+def four(folder: Path, more: str = NEIGHBOURS) -> Simulator:
+    """Robot 0 in the middle; 1 is 3 m to its east, 2 is 4 m to its north, 3 is 50 m to its south; the others are far
+    away."""
+    sim = simulator(folder, more=more)
+    bodies = sim.bodies
+    bodies.x[:], bodies.y[:], bodies.heading[:] = 900.0, 900.0, 0.0
+    bodies.x[:4], bodies.y[:4] = (500.0, 503.0, 500.0, 500.0), (500.0, 500.0, 504.0, 450.0)
+    bodies.heading[:4] = 0.0, pi / 2, pi / 2, -pi / 2
+    return sim
+
+
+class TestSensing:
+    def test_what_is_within_the_radius_is_counted_but_not_the_robot_itself(self, tmp_path: Path) -> None:
+        sim = four(tmp_path)
+        assert [ask(sim, "COUNT", radius) for radius in (0.0, 2.9, 3.0, 4.0, 60.0)] == [0, 0, 1, 2, 3]
+
+    def test_nothing_is_sensed_beyond_the_reach(self, tmp_path: Path) -> None:
+        sim = four(tmp_path, more='\n[neighbours]\nreach = "3.5m"\n')
+        assert ask(sim, "COUNT", 1e9) == 1
+        assert ask(sim, "FARTHEST_DIST", 1e9) == 3.0
+
+    def test_places_distances_and_headings(self, tmp_path: Path) -> None:
+        sim = four(tmp_path)
+        assert ask(sim, "MEAN_X", 10.0) == pytest.approx(501.5)
+        assert ask(sim, "MEAN_Y", 10.0) == pytest.approx(502.0)
+        assert (ask(sim, "NEAREST_X", 10.0), ask(sim, "NEAREST_Y", 10.0)) == (503.0, 500.0)
+        assert (ask(sim, "NEAREST_DIST", 60.0), ask(sim, "FARTHEST_DIST", 60.0)) == (3.0, 50.0)
+        assert ask(sim, "MEAN_HEADING", 10.0) == pytest.approx(pi / 2)
+
+    def test_the_widest_gap_lies_between_neighbours(self, tmp_path: Path) -> None:
+        sim = four(tmp_path)  # one is east, one north: 270 degrees are free, their middle is south-west
+        assert ask(sim, "GAP", 10.0) == pytest.approx(1.5 * pi)
+        assert ask(sim, "GAP_BEARING", 10.0) == pytest.approx(-0.75 * pi)
+        assert ask(sim, "GAP", 3.0) == pytest.approx(2 * pi)
+        assert abs(ask(sim, "GAP_BEARING", 60.0)) == pytest.approx(pi)  # one more is south: the west is free
+
+    def test_without_neighbours_only_the_count_is_known(self, tmp_path: Path) -> None:
+        sim = four(tmp_path)
+        assert ask(sim, "COUNT", 1.0) == 0.0
+        assert all(isnan(ask(sim, name, 1.0)) for name in ASKED[1:])
+
+    def test_a_negative_radius_finds_nobody(self, tmp_path: Path) -> None:
+        assert ask(four(tmp_path), "COUNT", -5.0) == 0.0
+
+
+class TestErrors:
+    def crowd(self, folder: Path, more: str) -> Simulator:
+        """Twenty robots within 20 m."""
+        sim = simulator(folder, more=more)
+        sim.bodies.x[:], sim.bodies.y[:] = 500.0 + np.arange(20.0), 500.0
+        return sim
+
+    def test_a_share_of_neighbours_is_missed_and_others_in_the_next_tick(self, tmp_path: Path) -> None:
+        sim = self.crowd(tmp_path, NEIGHBOURS + "loss = 0.25\n")
+        seen = []
+        for _ in range(40):
+            seen.append(ask_all(sim, "COUNT", 50.0))
+            sim.senses.step()
+            sim.bodies.tick += 1
+        share = np.mean(seen) / 19.0
+        assert 0.72 < share < 0.78
+        assert len({tuple(each) for each in seen}) > 30
+
+    def test_places_are_noisy_in_proportion_to_their_distance(self, tmp_path: Path) -> None:
+        sim = four(tmp_path, more=NEIGHBOURS + "noise = 0.1\n")
+        errors = []
+        for _ in range(400):
+            errors.append([ask(sim, "NEAREST_X", 3.5) - 503.0, ask(sim, "NEAREST_Y", 3.5) - 500.0])
+            sim.senses.step()
+            sim.bodies.tick += 1
+        assert np.allclose(np.std(errors, axis=0), 0.3, rtol=0.15)
+        assert np.allclose(np.mean(errors, axis=0), 0.0, atol=0.05)
+
+    def test_a_robot_sees_the_world_in_its_own_frame(self, tmp_path: Path) -> None:
+        sim = Simulator(load(write(tmp_path, ("count = 1", "count = 4"), text=SCOUTS, more=NEIGHBOURS)))
+        bodies = sim.bodies
+        bodies.x[:], bodies.y[:], bodies.heading[:] = 1.0, 1.0, 0.0
+        bodies.x[:2], bodies.y[:2], bodies.heading[:2] = (5.0, 8.0), 9.0, (0.0, 1.0)
+        bodies.encoder_x[0], bodies.encoder_y[0], bodies.encoder_heading[0] = 10.0, 20.0, 0.25  # it has slipped
+        assert isclose(ask(sim, "MEAN_X", 3.5), 10.0 + 3.0 * cos(0.25))
+        assert isclose(ask(sim, "MEAN_Y", 3.5), 20.0 + 3.0 * sin(0.25))
+        assert isclose(ask(sim, "MEAN_HEADING", 3.5), 1.25)
+
+
+class TestSharing:
+    def test_a_colour_is_seen_from_the_next_tick_on(self, tmp_path: Path) -> None:
+        sim = four(tmp_path)
+        ask(sim, "COLOUR", 2.0, robot=1)
+        assert ask(sim, "COUNT", 10.0, 2.0) == 0.0
+        sim.senses.step()
+        assert ask(sim, "COUNT", 10.0, 2.0) == 1.0
+        assert ask(sim, "COUNT", 10.0, 0.0) == 1.0
+        assert ask(sim, "MEAN_X", 10.0, 2.0) == 503.0
+
+    def test_numbers_are_reduced_over_those_who_share_one(self, tmp_path: Path) -> None:
+        sim = four(tmp_path, more=SHARES)
+        assert isnan(ask(sim, "MEAN_OPINION", 60.0))
+        assert ask(sim, "SUM_OPINION", 60.0) == 0.0
+        for robot, opinion in ((0, 100.0), (1, 1.0), (3, 4.0)):
+            ask(sim, "SHARE_OPINION", opinion, robot=robot)
+        sim.senses.step()
+        found = {name: ask(sim, f"{name}_OPINION", 60.0) for name in ("MEAN", "SUM", "LEAST", "MOST", "NEAREST")}
+        assert found == {"MEAN": 2.5, "SUM": 5.0, "LEAST": 1.0, "MOST": 4.0, "NEAREST": 1.0}
+
+    def test_shared_numbers_are_state(self, tmp_path: Path) -> None:
+        sim = four(tmp_path, more=SHARES)
+        before = sim.state_hash()
+        ask(sim, "SHARE_LOAD", 5.0, robot=1)
+        assert sim.state_hash() != before
+        again = resume(state_of(sim))
+        assert again.state_hash() == sim.state_hash()
+        for each in (sim, again):
+            each.step()
+        assert ask(again, "SUM_LOAD", 60.0) == ask(sim, "SUM_LOAD", 60.0) == 5.0
+
+
+class TestOneResult:
+    """However it is asked, the result has the same bits."""
+
+    def running(self, folder: Path, machine: str = "numpy") -> Simulator:
+        path = write(
+            folder, ("count = 20", "count = 300"), more=SHARES.replace('"100m"', '"60m"\nloss = 0.1\nnoise = 0.05')
+        )
+        sim = Simulator(load(path), machine=choose(machine, 2))
+        for _ in range(5):
+            sim.step()
+        return sim
+
+    @pytest.mark.parametrize("name", ASKED)
+    def test_one_robot_and_all_at_once(self, tmp_path: Path, name: str) -> None:
+        sim = self.running(tmp_path)
+        together = ask_all(sim, name, 40.0)
+        sim.senses._near._kept.clear()  # type: ignore[union-attr]  # so that each is found anew
+        alone = [ask(sim, name, 40.0, robot=robot) for robot in range(sim.bodies.count)]
+        assert np.array_equal(together, alone, equal_nan=True)
+
+    def test_in_blocks(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        sim = self.running(tmp_path)
+        whole = [ask_all(sim, name, 40.0) for name in ASKED]
+        monkeypatch.setattr(range_and_bearing, "MAX_PAIRS", 50)
+        sim.senses._near._kept.clear()  # type: ignore[union-attr]
+        assert all(
+            np.array_equal(*each, equal_nan=True)
+            for each in zip(whole, [ask_all(sim, name, 40.0) for name in ASKED], strict=True)
+        )
+
+    def test_with_compiled_kernels(self, tmp_path: Path) -> None:
+        pytest.importorskip("numba")
+        by_numpy, by_numba = self.running(tmp_path), self.running(tmp_path, "numba")
+        for name in ASKED:
+            assert np.array_equal(ask_all(by_numpy, name, 40.0), ask_all(by_numba, name, 40.0), equal_nan=True)
+
+
+class TestInExpressions:
+    def test_a_rule_and_its_explanation(self, tmp_path: Path) -> None:
+        path = write(tmp_path, more=SHARES)
+        with sc.open(str(path), seed=3) as fleet:
+            sent = fleet.send("(WHEN (> (COUNT 80m) 1) (JOIN crowd) (SHARE_OPINION (COUNT 80m)))", everybody=True)
+            fleet.run(1)
+            assert 0 < len(sent.matched) < 20
+            one = sent.matched[0]
+            assert "COUNT" in str(sent.why(one))
+
+    def test_without_the_sense_the_functions_fail(self, tmp_path: Path) -> None:
+        with sc.open(str(write(tmp_path))) as fleet:
+            sent = fleet.send("(WHEN (> (COUNT 5m) 1) (ST))", everybody=True)
+            fleet.run(1)
+            assert len(sent.fault) == 20
+
+
+@pytest.mark.parametrize(
+    ("more", "sentence"),
+    [
+        ('reach = "-1m"', "reach"),
+        ('reach = "5m"\nloss = 2', "loss"),
+        ('reach = "5m"\n[neighbours.shares]\nx = ""', "choose another"),
+        ('reach = "5m"\n[neighbours.shares]\nx1 = "parsec"', "parsec"),
+        ('reach = "5m"\n[neighbours.shares]\n' + "".join(f'x{i} = ""\n' for i in range(9)), "at most 8"),
+        ("", "reach"),
+    ],
+)
+def test_a_table_that_cannot_be(tmp_path: Path, more: str, sentence: str) -> None:
+    with pytest.raises(SettingsError, match=sentence):
+        load(write(tmp_path, more=f"\n[neighbours]\n{more}\n"))

@@ -12,18 +12,22 @@ then the recording is shown on the page, and its last moment is photographed.
 nomads: two Scouts wander through a room, driven by programs, and what the page of their server shows is photographed.
 
 stop: sixty runs of the scenario `stop`, without a page, and histograms of where its robots came to rest.
+
+The name of another scenario, such as search: the figures on its page, by the commands that stand there.
 """
 
 from __future__ import annotations
 
 import re
+import shlex
 import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from itertools import pairwise, product
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -210,7 +214,27 @@ def stop() -> None:
     stops.stop(FOLDER / "stop.svg")
 
 
-PICTURES = {"bravo": bravo, "maze": maze, "nomads": laboratory, "stop": stop}
+SCENARIOS = FOLDER.parents[1] / "src" / "sleepcast" / "scenarios"
+
+
+def figures(scenario: str) -> None:
+    """Follow the page of a scenario: sweep, plot, and keep the figures."""
+    page = SCENARIOS / scenario / "README.md"
+    with TemporaryDirectory() as folder:
+        for command in re.findall(r"^    (sleepcast (?:sweep|plot) .+)$", page.read_text("utf-8"), re.MULTILINE):
+            print(f"{scenario}: {command}", flush=True)
+            subprocess.run([sys.executable, "-m", *shlex.split(command)], cwd=folder, check=True)
+        for figure in Path(folder).glob("*.svg"):
+            shutil.copy(figure, page.parent)
+
+
+PICTURES: dict[str, Callable[[], None]] = {
+    "bravo": bravo,
+    "maze": maze,
+    "nomads": laboratory,
+    "stop": stop,
+    **{file.parent.name: partial(figures, file.parent.name) for file in sorted(SCENARIOS.glob("*/experiment.toml"))},
+}
 
 
 def main() -> None:

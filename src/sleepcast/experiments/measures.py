@@ -3,6 +3,7 @@
     mean fuel                              of the robots whose fuel is known
     share (IN bravo)                       of all robots, for which it is true
     quantile 0.9 (DIST x y 0 0)
+    largest_cluster 2m                     of the group as a whole; see `group_measures`
     analysis.spread                        the function `spread` of the module `analysis`, which takes the fleet
 
 A package adds measures by name with entry points in the group `sleepcast.measures`.
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.experiments.group_measures import NAMES, read_group_measure
 from sleepcast.language import CheckError
 
 Values: TypeAlias = NDArray[np.float64]
@@ -60,6 +62,8 @@ def read_measure(text: str) -> Measure:
     """The measure that a text describes. Raises MeasureError."""
     first, _, rest = text.strip().partition(" ")
     expression = rest.strip()
+    if first in NAMES:
+        return read_group_measure(text)
     if expression and first in OF_KNOWN:
         return lambda fleet: _of_known(fleet, expression, OF_KNOWN[first])
     if expression and first in OF_TRUE:
@@ -68,7 +72,7 @@ def read_measure(text: str) -> Measure:
         return _quantile(text, expression)
     if expression:
         raise MeasureError(
-            f'measure "{text:.80}": there is no "{first:.40}"{did_you_mean(first, AGGREGATES)}: '
+            f'measure "{text:.80}": there is no "{first:.40}"{did_you_mean(first, (*AGGREGATES, *NAMES))}: '
             f"wanted one of {', '.join(AGGREGATES)} and an expression, such as mean fuel"
         )
     return _function(first)
@@ -138,7 +142,7 @@ def _function(name: str) -> Measure:
             function = getattr(import_module(found[1]), found[2])
         else:
             raise MeasureError(
-                f'no measure "{name:.80}"{did_you_mean(name, added)}: wanted {", ".join(AGGREGATES)} and an '
+                f'no measure "{name:.80}"{did_you_mean(name, (*added, *NAMES))}: wanted {", ".join(AGGREGATES)} and an '
                 "expression, such as mean fuel, or a function in Python, such as analysis.spread"
             )
     except MeasureError:

@@ -1,0 +1,131 @@
+"""Measures of a group as a whole: how closely it keeps together, how much it agrees, how much of the world it covers.
+
+    polarization            1 if all robots head the same way, near 0 if each heads anywhere (Vicsek et al. 1995)
+    rotation                1 if all of them circle around their centre in the same sense (Couzin et al. 2002)
+    gyration                root mean square distance from their centre, m
+    largest_cluster 2m      share of the robots in the largest cluster, in which each is within 2 m of another one
+    clusters 2m             number of clusters, single robots included
+    covered 10m             share of the world within 10 m of a robot
+    voronoi_cost            mean squared distance from a point of the world to the nearest robot, m2
+
+An expression after it restricts the group to the robots for which it is true: `largest_cluster 2m (IN bravo)`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from math import nan
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.api.fleet import SimulatedFleet
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.units import LENGTH, UNITS, to_si
+
+Floats = NDArray[np.float64]
+
+SAMPLES = 128
+"""Points along each side of the world at which it is looked at: an error of about a hundredth in what is covered."""
+_TEXT = re.compile(r"(\w+)(?:\s+(\d+(?:\.\d*)?|\.\d+)\s*([a-z]+))?(?:\s+(\(.+))?", re.DOTALL)
+
+
+class Group(NamedTuple):
+    """Some robots: positions, m, headings, rad, each of shape (robots,), and width and height of their world, m."""
+
+    x: Floats
+    y: Floats
+    heading: Floats
+    size: tuple[float, float]
+
+
+def polarization(group: Group, _: float) -> float:
+    return float(np.hypot(np.cos(group.heading).mean(), np.sin(group.heading).mean()))
+
+
+def rotation(group: Group, _: float) -> float:
+    across, up = group.x - group.x.mean(), group.y - group.y.mean()
+    away = np.hypot(across, up)
+    turning = across * np.sin(group.heading) - up * np.cos(group.heading)
+    return float(abs((turning / np.where(away > 0.0, away, 1.0)).mean()))
+
+
+def gyration(group: Group, _: float) -> float:
+    return float(np.sqrt(group.x.var() + group.y.var()))
+
+
+def largest_cluster(group: Group, near: float) -> float:
+    return float(np.bincount(_clusters(group, near)).max() / group.x.size)
+
+
+def clusters(group: Group, near: float) -> float:
+    return float(_clusters(group, near).max() + 1)
+
+
+def covered(group: Group, near: float) -> float:
+    return float((_to_nearest(group) <= near).mean())
+
+
+def voronoi_cost(group: Group, _: float) -> float:
+    return float((_to_nearest(group) ** 2).mean())
+
+
+ALONE = {each.__name__: each for each in (polarization, rotation, gyration, voronoi_cost)}
+WITHIN = {each.__name__: each for each in (largest_cluster, clusters, covered)}
+"""Those that need a distance."""
+NAMES = (*ALONE, *WITHIN)
+
+
+def read_group_measure(text: str) -> Callable[[SimulatedFleet], float]:
+    """The measure of a group that a text describes; it begins with one of NAMES. Raises MisuseError."""
+    found = _TEXT.fullmatch(text.strip())
+    name = text.split(maxsplit=1)[0]
+    measure = (ALONE | WITHIN)[name]
+    distance = found is not None and found[2] is not None
+    if found is None or distance != (name in WITHIN):
+        wanted = f"{name} 2m" if name in WITHIN else name
+        raise MisuseError(
+            f'measure "{text:.80}": wanted {wanted}, and perhaps an expression, as in {wanted} (IN bravo)'
+        )
+    if distance and (found[3] not in UNITS or UNITS[found[3]].dimension != LENGTH):
+        raise MisuseError(f'measure "{text:.80}": "{found[3]:.40}" is no unit of length')
+    near, predicate = to_si(float(found[2]), found[3]) if distance else nan, found[4]
+
+    def measured(fleet: SimulatedFleet) -> float:
+        which = fleet[predicate] > 0.0 if predicate else slice(None)
+        scenario = fleet.swarm.simulator.scenario
+        group = Group(fleet.x[which], fleet.y[which], fleet.heading[which], (scenario.width, scenario.height))
+        return measure(group, near) if group.x.size else nan
+
+    return measured
+
+
+def _clusters(group: Group, near: float) -> NDArray[np.int32]:
+    """The number of each robot's cluster, from 0."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    pairs = _tree(group).query_pairs(near, output_type="ndarray")
+    count = group.x.size
+    links = coo_array((np.ones(len(pairs), np.bool_), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    numbers: NDArray[np.int32] = connected_components(links, directed=False)[1]
+    return numbers
+
+
+def _to_nearest(group: Group) -> Floats:
+    """Distance from each of SAMPLES times SAMPLES points of the world to the nearest robot, m."""
+    middles = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    across, up = np.meshgrid(middles * group.size[0], middles * group.size[1])
+    away: Floats = _tree(group).query(np.column_stack((across.ravel(), up.ravel())))[0]
+    return away
+
+
+def _tree(group: Group):  # type: ignore[no-untyped-def]  # scipy has no types
+    """Where the robots are, for fast searches."""
+    try:
+        from scipy.spatial import KDTree
+    except ImportError as error:
+        raise MisuseError('this measure needs scipy: install it with pip install "sleepcast[experiments]"') from error
+    return KDTree(np.column_stack((group.x, group.y)))

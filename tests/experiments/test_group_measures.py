@@ -1,0 +1,68 @@
+"""Measures of a group as a whole, on groups whose values are known."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+import pytest
+
+import sleepcast as sc
+from sleepcast.core.errors import MisuseError
+from sleepcast.experiments.group_measures import ALONE, WITHIN, Group, read_group_measure
+from sleepcast.experiments.measures import read_measure
+
+
+def group(places: list[tuple[float, float]], headings: list[float] | None = None, size: float = 100.0) -> Group:
+    x, y = np.array(places, float).T
+    return Group(x, y, np.array(headings or [0.0] * len(places)), (size, size))
+
+
+SQUARE = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)]
+TWO_GROUPS = [(10.0, 10.0), (11.0, 10.0), (12.0, 10.0), (50.0, 50.0), (51.0, 50.0)]
+
+
+@pytest.mark.parametrize(
+    ("name", "near", "some", "value"),
+    [
+        ("polarization", 0.0, group(SQUARE), 1.0),
+        ("polarization", 0.0, group(SQUARE, [0, pi / 2, pi, -pi / 2]), 0.0),
+        ("rotation", 0.0, group(SQUARE, [pi / 2, pi, -pi / 2, 0]), 1.0),
+        ("rotation", 0.0, group(SQUARE, [-pi / 2, 0, pi / 2, pi]), 1.0),
+        ("rotation", 0.0, group(SQUARE, [0, pi / 2, pi, -pi / 2]), 0.0),
+        ("gyration", 0.0, group(SQUARE), 1.0),
+        ("largest_cluster", 1.5, group(TWO_GROUPS), 0.6),
+        ("largest_cluster", 0.5, group(TWO_GROUPS), 0.2),
+        ("clusters", 1.5, group(TWO_GROUPS), 2.0),
+        ("clusters", 0.5, group(TWO_GROUPS), 5.0),
+        ("clusters", 1.5, group([(1.0, 1.0)]), 1.0),
+        ("covered", 10.0, group([(50.0, 50.0)]), pi / 100.0),
+        ("voronoi_cost", 0.0, group([(50.0, 50.0)]), 100.0**2 / 6.0),  # the mean of x2 + y2 over a square
+    ],
+)
+def test_values(name: str, near: float, some: Group, value: float) -> None:
+    assert (ALONE | WITHIN)[name](some, near) == pytest.approx(value, rel=0.02, abs=1e-9)
+
+
+def test_of_a_fleet_and_of_some_of_its_robots() -> None:
+    with sc.open("bravo", seed=3) as fleet:
+        assert 0.0 < read_measure("polarization")(fleet) < 0.2
+        everybody = read_measure("gyration")(fleet)
+        near = read_measure("gyration (< (DIST x y vessel_x vessel_y) 5mi)")(fleet)
+        assert near < 5 * 1609.4 < everybody
+        assert read_measure("largest_cluster 40mi")(fleet) == 1.0
+        assert np.isnan(read_measure("largest_cluster 1m (> fuel 200%)")(fleet))
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["largest_cluster", "covered 5", "covered 5s", "gyration 5m", "clusters 2m fuel", "clusters -2m", "rotation x"],
+)
+def test_texts_that_are_no_measure(text: str) -> None:
+    with pytest.raises(MisuseError, match=r"wanted|unit of length"):
+        read_group_measure(text)
+
+
+def test_a_misspelt_name() -> None:
+    with pytest.raises(MisuseError, match="did you mean polarization"):
+        read_measure("polarisation")

@@ -239,6 +239,30 @@ def test_no_trail_leads_to_where_a_slider_was_moved(rovers: Page) -> None:
     assert rovers.evaluate(LEAPS) == [1, 2, 1, 2, 1, 2]
 
 
+AROUND = """
+async () => {
+  const { Trails } = await import("/static/trails.js");
+  const trails = new Trails();
+  [9, 9.5, 0.2, 0.7].forEach((x, tick) => {
+    const poses = new Float32Array([x, 5, 0]);
+    trails.sample({ count: 1, tick, time: tick, wanted: 5, poses }, 1000 + 200 * tick);
+  });
+  const lines = [];
+  window.Path2D = class {
+    moveTo(x) { this.x = x; }
+    lineTo(x) { lines.push([this.x, x].map((each) => Math.round(10 * each) / 10)); this.x = x; }
+  };
+  const view = { toScreenX: (x) => x, toScreenY: (y) => y, width: 10, height: 10 };
+  trails.path(trails.samples, view, [0], 0, [0, 0, 10, 10]);
+  return lines;
+}
+"""
+
+
+def test_no_trail_crosses_the_map_where_a_robot_leaves_a_torus(rovers: Page) -> None:
+    assert rovers.evaluate(AROUND) == [[0.7, 0.2], [9.5, 9]]
+
+
 def test_two_pages_keep_one_history(rovers: Page, context: BrowserContext, program: Program) -> None:
     other = context.new_page()
     other.goto(program.address)

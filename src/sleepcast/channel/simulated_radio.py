@@ -141,6 +141,7 @@ _URGENT = frozenset({Kind.STOP, Kind.RELEASE})
 """Kinds that are sent before all others that wait."""
 
 _Metres = NDArray[np.float64]
+_PLAIN = (inf, inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,13 +198,22 @@ class Radio:
     """The air between the robots at `x`, `y` and their operator; see the module.
 
     x, y: metres, float64, shape (robots,); read whenever something is sent, never copied. clock: the swarm's, which
-    determines all times.
+    determines all times. around: width and height of a torus, m; infinite for a plain world.
     """
 
-    def __init__(self, model: RadioModel, x: _Metres, y: _Metres, *, seed: int, clock: Clock) -> None:
+    def __init__(
+        self,
+        model: RadioModel,
+        x: _Metres,
+        y: _Metres,
+        *,
+        seed: int,
+        clock: Clock,
+        around: tuple[float, float] = _PLAIN,
+    ) -> None:
         self.model = model
         self.counts = RadioCounts()
-        self._x, self._y, self._seed, self._clock = x, y, seed, clock
+        self._x, self._y, self._seed, self._clock, self._around = x, y, seed, clock, around
         self._count = len(x)
         self._waiting: list[InFlight] = []
         self._on_the_way = 0
@@ -323,7 +333,8 @@ class Radio:
         return self._within(*self.model.operator, self.model.operator_reach)
 
     def _within(self, x: float, y: float, reach: float) -> NDArray[np.bool_]:
-        across, up = self._x - x, self._y - y
+        across, up = np.abs(self._x - x), np.abs(self._y - y)
+        across, up = np.minimum(across, self._around[0] - across), np.minimum(up, self._around[1] - up)
         near: NDArray[np.bool_] = across * across + up * up <= reach * reach
         return near
 

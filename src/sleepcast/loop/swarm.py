@@ -108,7 +108,9 @@ class Swarm:
         )
         self.minds: Mapping[str, RobotView] = self.fleet
         scenario = simulator.scenario
-        self.radio = Radio(scenario.radio, simulator.x, simulator.y, seed=simulator.seed, clock=self)
+        self.radio = Radio(
+            scenario.radio, simulator.x, simulator.y, seed=simulator.seed, clock=self, around=scenario.around
+        )
         self.air: Channel = self.radio.endpoint(OPERATOR)
         """The operator's end of the radio."""
         self.actuators = tuple(actuator.name for actuator in simulator.model.actuators)

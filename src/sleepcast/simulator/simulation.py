@@ -202,10 +202,8 @@ class Robots(Sequence[Body]):
     def go_to(self, robots: Whole, x: Floats, y: Floats) -> None:
         bodies, free = self._bodies, ~self._bodies.stopped[robots]
         moving = robots[free]
-        left, bottom, right, top = bodies.fence
         bodies.mode[moving] = Mode.GOTO
-        bodies.target_x[moving] = np.clip(x[free], left, right)
-        bodies.target_y[moving] = np.clip(y[free], bottom, top)
+        bodies.target_x[moving], bodies.target_y[moving] = bodies.aimed(x[free], y[free])
 
     def wander(self, robots: Whole) -> None:
         self._bodies.mode[robots[~self._bodies.stopped[robots]]] = Mode.WANDER
@@ -275,6 +273,8 @@ def step(bodies: Bodies) -> None:
         machine.commit(part.columns, part.laws, proposal.of(which), Settled(*(each[which] for each in settled)))
         if not part.laws.track and part is not bodies:  # odometry is separate where other types have wheels
             part.encoder_x[:], part.encoder_y[:], part.encoder_heading[:] = part.x, part.y, part.heading
+    if bodies.scenario.torus:
+        bodies.come_around()
     bodies.tick += 1
     bodies.forget()
     if bodies.sonars:

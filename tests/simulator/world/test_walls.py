@@ -23,7 +23,7 @@ def test_every_cell_has_what_was_listed_for_it() -> None:
     """As part of a joined piece, and nothing else."""
     world = World(SHAPES)
     grid = grid_over(24.0, 18.0, 3.0, 100)
-    listed = list_solids(grid, world, 4.0)
+    listed = list_solids(grid, world.solids, 4.0)
     walls = walls_of(listed, world.solids)
     joined = 0
     for cell in range(grid.cells):
@@ -52,7 +52,7 @@ def within(solid: NDArray[np.float64], entries: NDArray[np.float64]) -> NDArray[
 def test_what_is_new_is_said() -> None:
     world = World(SHAPES)
     grid = grid_over(24.0, 18.0, 3.0, 100)
-    walls = walls_of(list_solids(grid, world, 4.0), world.solids)
+    walls = walls_of(list_solids(grid, world.solids, 4.0), world.solids)
     for cell in range(grid.cells):
         direction: tuple[float, ...] | None = None
         line = ended = -np.inf
@@ -76,7 +76,7 @@ def test_pieces_that_touch_are_one() -> None:
     beside: list[Shape] = [Wall(((2.0, 1.5), (5.0, 1.5))), Wall(((4.0, 1.0), (4.0, 2.0))), Circle(2.0, 1.0, 0.1)]
     world = World(level + beside)
     grid = grid_over(10.0, 2.0, 10.0, 1)
-    walls = walls_of(list_solids(grid, world, 9.0), world.solids)
+    walls = walls_of(list_solids(grid, world.solids, 9.0), world.solids)
     assert walls.news.tolist() == [ROUND, NEW_DIRECTION, NEW_DIRECTION, SAME_LINE, SAME_LINE, NEW_LINE]
     pieces = walls.solids[:5, walls.items[1:]].T.tolist()
     assert pieces == [
@@ -92,6 +92,6 @@ def test_a_world_of_nothing_and_one_of_posts() -> None:
     grid = grid_over(10.0, 10.0, 5.0, 10)
     for shapes in ([], [Circle(5.0, 5.0, 1.0), Circle(2.0, 2.0, 0.1)]):
         world = World(shapes)
-        walls = walls_of(list_solids(grid, world, 3.0), world.solids)
+        walls = walls_of(list_solids(grid, world.solids, 3.0), world.solids)
         assert set(walls.news.tolist()) <= {ROUND}
         assert np.isfinite(walls.solids).all()

@@ -108,7 +108,7 @@ class TestGrid:
         draw = np.random.default_rng(2)
         world = World([boundary(30.0, 20.0), *rooms(30.0, 20.0, 6.0, 1.0), Circle(8.0, 8.0, 2.5)])
         grid = grid_over(30.0, 20.0, 1.3, 10)
-        listed = list_solids(grid, world, 2.0)
+        listed = list_solids(grid, world.solids, 2.0)
         x, y = draw.uniform(0, 30, 500), draw.uniform(0, 20, 500)
         cells = grid.cells_of(x, y)
         for number, row in enumerate(world.solids.tolist()):

@@ -36,8 +36,8 @@ export class Trails {
     return frame.tick < latest.tick || frame.time - latest.time > most;
   }
 
-  // Draw all trails; each band of age and each style is one stroke.
-  draw(pen, view, styles, colours) {
+  // Draw all trails; each band of age and each style is one stroke. area: the world's left, bottom, right and top.
+  draw(pen, view, styles, colours, area) {
     pen.lineWidth = 1.1;
     pen.lineJoin = "round";
     const perBand = Math.ceil(DEPTH / BANDS.length);
@@ -46,7 +46,7 @@ export class Trails {
       if (run.length < 2) continue;
       pen.globalAlpha = BANDS[band];
       colours.forEach((colour, style) => {
-        const path = this.path(run, view, styles, style);
+        const path = this.path(run, view, styles, style, area);
         if (!path) return;
         pen.strokeStyle = colour;
         pen.stroke(path);
@@ -55,7 +55,7 @@ export class Trails {
     pen.globalAlpha = 1;
   }
 
-  path(run, view, styles, style) {
+  path(run, view, styles, style, [left, bottom, right, top]) {
     let path = null;
     for (let i = 0; i < styles.length; i += 1) {
       if (styles[i] !== style) continue;
@@ -65,7 +65,12 @@ export class Trails {
       path ??= new Path2D();
       path.moveTo(x, y);
       for (let k = 1; k < run.length; k += 1) {
-        path.lineTo(view.toScreenX(run[k].xy[2 * i]), view.toScreenY(run[k].xy[2 * i + 1]));
+        const [x, y] = [run[k].xy[2 * i], run[k].xy[2 * i + 1]];
+        const across = Math.abs(x - run[k - 1].xy[2 * i]);
+        const up = Math.abs(y - run[k - 1].xy[2 * i + 1]);
+        const around = across > (right - left) / 2 || up > (top - bottom) / 2; // it left on one side, and came in opposite
+        if (around) path.moveTo(view.toScreenX(x), view.toScreenY(y));
+        else path.lineTo(view.toScreenX(x), view.toScreenY(y));
       }
     }
     return path;

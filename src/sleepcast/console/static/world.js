@@ -197,7 +197,7 @@ export class World extends EventTarget {
     if (!frame) return;
     if (stale.has("trails")) {
       pens.trails.clearRect(0, 0, view.width, view.height);
-      if (this.showTrails) this.trails.draw(pens.trails, view, this.styles, colours.robots);
+      if (this.showTrails) this.trails.draw(pens.trails, view, this.styles, colours.robots, this.scene.area);
     }
     pens.robots.clearRect(0, 0, view.width, view.height);
     const boxes = drawPlaces(pens.robots, view, scene.places, colours);

@@ -37,6 +37,7 @@ from sleepcast.simulator.scenario.sensors import sensors_of
 from sleepcast.simulator.simd.formulas import wrap
 from sleepcast.simulator.sonar.cones import Cones
 from sleepcast.simulator.world.areas import inside
+from sleepcast.simulator.world.torus import come_around
 from sleepcast.simulator.world.world import Area, Circle, World
 
 Floats = NDArray[np.float64]
@@ -45,6 +46,8 @@ Whole = NDArray[np.intp]
 
 MAX_REDRAWS = 200
 """Attempts to find a start outside of solid areas for every robot: enough if one place in ten is free."""
+FARTHEST = 1e12
+"""Greatest coordinate of a point to drive to on a torus, m."""
 MAX_SAYINGS = 1_000
 """Number of latest spoken messages that are kept."""
 TURN = 2.0 * pi
@@ -129,8 +132,10 @@ class Bodies:
         """The bodies of each robot type: views of these arrays, with the parameters of that type."""
         size, cones = (scenario.width, scenario.height), [self._cones(sort) for sort in sorts]
         cell = max((each.cell for each in cones if each), default=least_cell(robots, size, scenario.tick))
-        self.near = Neighbours(size, cell, self.count, self.world, machine)
         far = max(reach(sort, scenario.tick) for sort in sorts)
+        # A body may meet others up to twice `far` away, and they in turn others and solids beyond.
+        farthest = max([4.0 * far, *(each.reach for each in cones if each)])
+        self.near = Neighbours(size, cell, self.count, self.world, machine, scenario.around, farthest)
         self.contact = Bumpers(self.radii, far, self.near, machine) if robots.bumpers else None
         self.sonars = self._make_sonars(self.sensed[own:], cones)
         self._start()
@@ -155,6 +160,22 @@ class Bodies:
         part.limits, part.geometry, part.laws = sort.limits, sort.geometry, laws_of(part.scenario)
         part.uses = part._uses()
         return part
+
+    def come_around(self) -> None:
+        """Let bodies that have left a torus on one side come in on the opposite one, also in what they believe."""
+        for axis, places in zip(
+            self.scenario.around, ((self.x, self.encoder_x), (self.y, self.encoder_y)), strict=True
+        ):
+            for place in places:
+                come_around(place, axis)
+
+    def aimed(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """The points x, y (m) of the world for any ones: around a torus, else the nearest ones."""
+        left, bottom, right, top = self.fence
+        if self.scenario.torus:
+            x, y = np.clip((x, y), -FARTHEST, FARTHEST)
+            return np.mod(x, right), np.mod(y, top)
+        return np.clip(x, left, right), np.clip(y, bottom, top)
 
     def part_of(self, number: int) -> Bodies:
         """The bodies of the same type as body `number`."""

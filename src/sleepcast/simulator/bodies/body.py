@@ -21,6 +21,7 @@ from sleepcast.simulator.scenario.robot_settings import TENTH
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.sensors import sonar_sensors
 from sleepcast.simulator.scenario.signals import signal_constants
+from sleepcast.simulator.world.torus import shortest
 
 TUMBLE = 67.0 * pi / 180.0
 """Angle of a tumble, to one side or the other, as of Hoskins's vehicles."""
@@ -72,9 +73,8 @@ class Body:
     def go_to(self, x: float, y: float) -> None:
         bodies, i = self._bodies, self.number
         if not bodies.stopped[i]:
-            left, bottom, right, top = bodies.fence
             bodies.mode[i] = Mode.GOTO
-            bodies.target_x[i], bodies.target_y[i] = min(max(x, left), right), min(max(y, bottom), top)
+            bodies.target_x[i : i + 1], bodies.target_y[i : i + 1] = bodies.aimed(np.array([x]), np.array([y]))
 
     def wander(self) -> None:
         if not self._bodies.stopped[self.number]:
@@ -240,7 +240,8 @@ def model_of(scenario: Scenario, bodies: Bodies, functions: tuple[HostFunction, 
 def nearest(bodies: Bodies, number: int, reach: float, first: float, last: float) -> float:
     """Distance from robot `number` to the nearest other one between the angles `first` and `last` (rad,
     counter-clockwise from its heading, counted from first to last), m; `reach` if there is none nearer."""
-    across, up = bodies.x - bodies.x[number], bodies.y - bodies.y[number]
+    around_x, around_y = bodies.scenario.around
+    across, up = shortest(bodies.x - bodies.x[number], around_x), shortest(bodies.y - bodies.y[number], around_y)
     away = np.sqrt(across * across + up * up) - (bodies.radii + bodies.radii[number])
     away[number] = np.inf
     near = np.flatnonzero(away < reach)

@@ -39,49 +39,78 @@ from sleepcast.simulator.world.grid import (
     sort,
     spread,
 )
+from sleepcast.simulator.world.torus import PLAIN, Around, Images, cells_over
 from sleepcast.simulator.world.world import World
 
 
 class Neighbours:
-    """The spatial index of motion and sonar. size: of the world, m; cell: least side, m; count: of bodies."""
+    """The spatial index of motion and sonar. size: of the world, m; cell: least side, m; count: of bodies; around,
+    reach: see `torus.cells_over`."""
 
-    def __init__(self, size: tuple[float, float], cell: float, count: int, world: World, machine: Machine) -> None:
-        self.grid = grid_over(*size, cell, count)
+    def __init__(
+        self,
+        size: tuple[float, float],
+        cell: float,
+        count: int,
+        world: World,
+        machine: Machine,
+        around: Around = PLAIN,
+        reach: float = 0.0,
+    ) -> None:
+        self._cells = cells_over(size, around, cell, reach, count)
+        self.grid = self._cells.grid
         self.world = world
         self._machine = machine
+        self._images: Images | None = None
         self._points: Sorted | None = None
+        self._lines: Floats | None = None
         self._listed: dict[float, Listed] = {}
         self._in_sight: dict[float, Seen] = {}
         self._version = -1
 
     def forget(self) -> None:
         """Invalidate the sorted bodies: they have moved."""
-        self._points = None
+        self._images = self._points = None
+
+    def images(self, x: Floats, y: Floats) -> Images:
+        """The bodies at x, y (m), and on a torus their images."""
+        if self._images is None:
+            self._images = self._cells.images(x, y)
+        return self._images
 
     def points(self, x: Floats, y: Floats) -> Sorted:
-        """The bodies at x, y (m) by cell."""
+        """These bodies and images by cell."""
         if self._points is None:
-            self._points = self._machine.sort(self.grid, x, y)
+            self._points = self._machine.sort(self.grid, *self.images(x, y)[:2])
         return self._points
+
+    @property
+    def lines(self) -> Floats:
+        """The world's solids, and on a torus their images."""
+        self._keep_up()
+        if self._lines is None:
+            self._lines = self._cells.solids(self.world.solids)
+        return self._lines
 
     def solids(self, reach: float) -> Listed:
         """The world's solids that come within `reach` m of each cell."""
         self._keep_up()
         if reach not in self._listed:
-            self._listed[reach] = list_solids(self.grid, self.world, reach)
+            self._listed[reach] = list_solids(self.grid, self.lines, reach)
         return self._listed[reach]
 
     def in_sight(self, reach: float) -> Seen:
         """The solids within `reach` m of each cell, in the form that the backend's sonars use."""
         self._keep_up()
         if reach not in self._in_sight:
-            listed = list_solids(self.grid, self.world, reach)
-            self._in_sight[reach] = self._machine.in_sight(listed, self.world.solids)
+            listed = list_solids(self.grid, self.lines, reach)
+            self._in_sight[reach] = self._machine.in_sight(listed, self.lines)
         return self._in_sight[reach]
 
     def _keep_up(self) -> None:
         """Drop the lists if the world has changed."""
         if self._version != self.world.version:
+            self._lines = None
             self._listed.clear()
             self._in_sight.clear()
             self._version = self.world.version
@@ -105,11 +134,15 @@ class Bumpers:
 
     def settle(self, x: Floats, y: Floats, across: Floats, up: Floats, settled: Settled) -> None:
         """Write into `settled` how far bodies at x, y (m) get along `across` and `up` (m)."""
-        near = self._near
-        listed = near.solids(self._reach)
-        self._machine.settle(
-            near.grid, near.points(x, y), listed, near.world.solids, self._of_each, (x, y), (across, up), settled
-        )
+        near, listed = self._near, self._near.solids(self._reach)
+        every_x, every_y, of = near.images(x, y)
+        radii = self._of_each[of] if len(self._of_each) > 1 else self._of_each
+        every = settled if len(every_x) == len(x) else Settled(*np.empty((3, len(every_x))))
+        place, way = (every_x, every_y), (across[of], up[of])
+        self._machine.settle(near.grid, near.points(x, y), listed, near.lines, radii, place, way, every)
+        if every is not settled:
+            for mine, each in zip(settled, every, strict=True):
+                mine[:] = each[: len(x)]
 
     def part(self, x: Floats, y: Floats, anew: Callable[[int], tuple[Floats, Floats]]) -> None:
         """Move bodies until none overlaps another one or a solid. anew: new positions for all of them, by attempt. Of
@@ -129,11 +162,15 @@ class Bumpers:
 
     def _overlapping(self, fine: Grid, x: Floats, y: Floats) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
         every, radii = np.arange(len(x)), self.radii
+        self._near.forget()
+        found = self._near.images(x, y)
+        x, y = found.x, found.y
         i, j = pairs(fine, sort(fine, x, y), x, y, 2.0 * radii.max() + SKIN, every)
         if radii.min() < radii.max():
-            close = np.hypot(x[i] - x[j], y[i] - y[j]) <= radii[i] + radii[j] + SKIN
+            close = np.hypot(x[i] - x[j], y[i] - y[j]) <= radii[i] + radii[found.of][j] + SKIN
             i, j = i[close], j[close]
-        listed, solids = self._near.solids(self._reach), self._near.world.solids
+        j, x, y = found.whose(j), x[: len(radii)], y[: len(radii)]
+        listed, solids = self._near.solids(self._reach), self._near.lines
         cell = self._near.grid.cells_of(x, y)
         k, item = spread(every, listed.start[cell], listed.start[cell + 1])
         lines = solids[listed.items[item]]
@@ -323,9 +360,12 @@ class Sonars:
     def _view(self, pose: tuple[Floats, Floats, Floats], alone: bool = False) -> View:
         """The scene that cones are computed in: for whole rings, or for single sonars (`alone`)."""
         near, (x, y, heading), far = self._near, pose, self.cones.radius + self.cones.most
-        heading = self.turned(heading)
-        listed = near.solids(far) if alone else near.in_sight(far)
-        return View(self.cones, near.grid, near.points(x, y), listed, near.world.solids, (x, y, heading), self.radii)
+        points, listed = near.points(x, y), near.solids(far) if alone else near.in_sight(far)
+        every_x, every_y, of = near.images(x, y)
+        radii = None if self.radii is None else self.radii[of]
+        return View(
+            self.cones, near.grid, points, listed, near.lines, (every_x, every_y, self.turned(heading)[of]), radii
+        )
 
     def _receiver(self, noise: Noise | None) -> SonarReceiver:
         return SonarReceiver(self.ring.least, self.ring.most, self.front, noise, self._wanted)

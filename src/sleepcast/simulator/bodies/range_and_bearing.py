@@ -24,7 +24,8 @@ from sleepcast.simulator.bodies.body import Body
 from sleepcast.simulator.scenario.signals import NeighbourModel
 from sleepcast.simulator.simd.formulas import arc_tangent, sine_cosine, wrap
 from sleepcast.simulator.sonar.noise import deviates
-from sleepcast.simulator.world.grid import Grid, Sorted, Whole, grid_over
+from sleepcast.simulator.world.grid import Grid, Sorted, Whole
+from sleepcast.simulator.world.torus import Images, cells_over
 
 MAX_PAIRS = 1 << 20
 """Pairs of neighbours processed at once: some hundred megabytes."""
@@ -125,7 +126,7 @@ class RangeAndBearing:
         self._shared[COLOUR] = 0.0
         self._set: Floats = self._shared.copy()
         self._reach = min(model.reach, bodies.scenario.width + bodies.scenario.height)
-        self._sorted: dict[float, tuple[Grid, Sorted]] = {}
+        self._sorted: dict[float, tuple[Grid, Sorted, Images]] = {}
         """All bodies in cells as large as the greatest radius asked for, by that radius."""
         self._kept: list[tuple[_Asked, Pairs]] = []
         self.functions = (
@@ -191,22 +192,24 @@ class RangeAndBearing:
         bodies, reach = self._bodies, float(asked.radius.max(initial=0.0)) * (1.0 + 1e-9)
         block = np.zeros(asked.robots.size, np.int64)
         if asked.robots.size > MAX_PAIRS // bodies.count:
-            x, y = bodies.x[asked.robots], bodies.y[asked.robots]
-            block = np.cumsum(bodies.machine.candidates(*self._cells(reach), x, y, reach)) // MAX_PAIRS
+            grid, points, found = self._cells(reach)
+            x, y = found.x[asked.robots], found.y[asked.robots]
+            block = np.cumsum(bodies.machine.candidates(grid, points, x, y, reach)) // MAX_PAIRS
         ends = [0, *(np.flatnonzero(np.diff(block)) + 1).tolist(), asked.robots.size]
-        found = [self._block(asked.part(slice(*each)), reach) for each in pairwise(ends)]
-        if len(found) == 1:
-            self._kept = [*self._kept[1 - MAX_KEPT :], (asked, found[0])]
-        return found
+        blocks = [self._block(asked.part(slice(*each)), reach) for each in pairwise(ends)]
+        if len(blocks) == 1:
+            self._kept = [*self._kept[1 - MAX_KEPT :], (asked, blocks[0])]
+        return blocks
 
-    def _cells(self, reach: float) -> tuple[Grid, Sorted]:
-        """All bodies in cells of about `reach` m."""
+    def _cells(self, reach: float) -> tuple[Grid, Sorted, Images]:
+        """All bodies, and on a torus their images, in cells of about `reach` m."""
         if reach not in self._sorted:
             bodies, scenario = self._bodies, self._bodies.scenario
-            grid = grid_over(scenario.width, scenario.height, reach, bodies.count)
+            cells = cells_over((scenario.width, scenario.height), scenario.around, reach, reach, bodies.count)
+            found = cells.images(bodies.x, bodies.y)
             if len(self._sorted) == MAX_KEPT:
                 self._sorted.clear()
-            self._sorted[reach] = grid, bodies.machine.sort(grid, bodies.x, bodies.y)
+            self._sorted[reach] = cells.grid, bodies.machine.sort(cells.grid, found.x, found.y), found
         return self._sorted[reach]
 
     def _block(self, asked: _Asked, reach: float) -> Pairs:
@@ -214,8 +217,10 @@ class RangeAndBearing:
         bodies, model = self._bodies, self._model
         place = np.empty(bodies.count, np.int64)
         place[asked.robots] = np.arange(asked.robots.size)
-        first, other = bodies.machine.pairs(*self._cells(reach), bodies.x, bodies.y, reach, asked.robots)
-        across, up = bodies.x[other] - bodies.x[first], bodies.y[other] - bodies.y[first]
+        grid, points, every = self._cells(reach)
+        first, other = bodies.machine.pairs(grid, points, every.x, every.y, reach, asked.robots)
+        across, up = every.x[other] - every.x[first], every.y[other] - every.y[first]
+        other = every.whose(other)
         away = np.sqrt(across * across + up * up)
         robot = place[first]
         sensed: Flags = away <= asked.radius[robot]

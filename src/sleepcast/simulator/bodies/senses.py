@@ -19,7 +19,8 @@ from sleepcast.simulator.bodies.bodies import Bodies, Floats
 from sleepcast.simulator.bodies.range_and_bearing import RangeAndBearing
 from sleepcast.simulator.scenario.groups import seeing
 from sleepcast.simulator.scenario.signals import FRONT, LIGHT_NAMES, PING_NAMES, REAR, PingModel
-from sleepcast.simulator.world.grid import Sorted, candidates, grid_over, pairs, sort
+from sleepcast.simulator.world.grid import Sorted, candidates, pairs, sort
+from sleepcast.simulator.world.torus import Images, cells_over, shortest
 
 MAX_PAIRS = 1 << 20
 """Pairs of sender and receiver processed at once: some hundred megabytes."""
@@ -76,11 +77,11 @@ class Senses:
 
     def _look(self) -> None:
         """Update flag, range and bearing of the nearest light in reach, for robots with a light sensor."""
-        bodies, sees = self._bodies, self._sees
+        bodies, sees, around = self._bodies, self._sees, self._bodies.scenario.around
         x, y, heading = bodies.x[sees], bodies.y[sees], bodies.heading[sees]
         flags, ranges, bearings = np.zeros(sees.size), np.full(sees.size, np.nan), np.full(sees.size, np.nan)
         for light in bodies.scenario.lights:
-            across, up = light.x - x, light.y - y
+            across, up = shortest(light.x - x, around[0]), shortest(light.y - y, around[1])
             away = np.sqrt(across * across + up * up)
             nearest = (away <= light.reach) & ~(ranges <= away)
             flags[nearest] = 1.0
@@ -103,7 +104,8 @@ class _PingReceiver:
         size = bodies.scenario.width, bodies.scenario.height
         self._reach = min(model.reach, sum(size)) * (1.0 + 1e-9)
         """Range, m, limited to the size of the world, with a margin for rounding: exact ranges are checked later."""
-        self._grid = grid_over(*size, self._reach / CELLS_IN_REACH, bodies.count)
+        around = bodies.scenario.around
+        self._cells = cells_over(size, around, self._reach / CELLS_IN_REACH, self._reach, bodies.count)
         self._presented[0] = 0.0
 
     def send(self, robots: NDArray[np.intp], castes: Floats) -> None:
@@ -142,33 +144,35 @@ class _PingReceiver:
     def _hear(self, senders: NDArray[np.intp], castes: Floats) -> None:
         """Queue the sent pings at all receivers in reach, in blocks whose pairs fit into memory."""
         bodies = self._bodies
-        points = sort(self._grid, bodies.x[senders], bodies.y[senders])
-        points = Sorted(senders[points.order].astype(np.int32), points.start)
-        chances = candidates(self._grid, points, bodies.x, bodies.y, self._reach)
+        found = self._cells.images(bodies.x, bodies.y)
+        sent = np.flatnonzero(self._sent[found.of])
+        points = sort(self._cells.grid, found.x[sent], found.y[sent])
+        points = Sorted(sent[points.order].astype(np.int32), points.start)
+        own_x, own_y = found.x[: bodies.count], found.y[: bodies.count]
+        chances = candidates(self._cells.grid, points, own_x, own_y, self._reach)
         hearers = np.flatnonzero(chances)
         block = np.cumsum(chances[hearers]) // MAX_PAIRS
         caste = np.zeros(bodies.count)
         caste[senders] = castes
         for some in np.split(hearers, np.flatnonzero(np.diff(block)) + 1):
-            self._hear_block(points, caste, some)
+            self._hear_block(found, points, caste, some)
 
-    def _hear_block(self, points: Sorted, caste: Floats, hearers: NDArray[np.intp]) -> None:
+    def _hear_block(self, found: Images, points: Sorted, caste: Floats, hearers: NDArray[np.intp]) -> None:
         """Queue pings at one block of receivers, each in a random order, at most one queue length each."""
         bodies, model = self._bodies, self._model
-        hearers, sources = pairs(self._grid, points, bodies.x, bodies.y, self._reach, hearers)
-        across, up = bodies.x[sources] - bodies.x[hearers], bodies.y[sources] - bodies.y[hearers]
+        hearers, sources = pairs(self._cells.grid, points, found.x, found.y, self._reach, hearers)
+        across, up = found.x[sources] - found.x[hearers], found.y[sources] - found.y[hearers]
+        sources = found.whose(sources)
         away = np.sqrt(across * across + up * up)
         tokens = (sources.astype(np.uint64) << np.uint64(32)) + hearers.astype(np.uint64)
         heard = away <= model.reach
         if model.loss:
             heard &= uniform(key(bodies.seed, "ping lost", bodies.tick), tokens) >= model.loss
         turn = uniform(key(bodies.seed, "ping order", bodies.tick), tokens)
-        found = np.flatnonzero(heard)
-        found = found[np.lexsort((sources[found], turn[found], hearers[found]))]
-        hearers = hearers[found]
-        ping = np.stack(
-            (away[found], bearing(across[found], up[found], bodies.heading[hearers]), caste[sources[found]])
-        )
+        kept = np.flatnonzero(heard)
+        kept = kept[np.lexsort((sources[kept], turn[kept], hearers[kept]))]
+        hearers = hearers[kept]
+        ping = np.stack((away[kept], bearing(across[kept], up[kept], bodies.heading[hearers]), caste[sources[kept]]))
         places = np.arange(len(hearers))
         rank = places - np.maximum.accumulate(np.where(np.diff(hearers, prepend=-1) != 0, places, 0))
         for number in range(min(model.queue, 1 + int(rank.max(initial=-1)))):

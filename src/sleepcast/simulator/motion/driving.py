@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.simd.formulas import arc_tangent, either, sine_cosine, wrap
 from sleepcast.simulator.world.grid import Floats
+from sleepcast.simulator.world.torus import shortest
 
 BRAKING = 0.8
 """Share of the acceleration that an approach to a point plans with; the rest is for corrections."""
@@ -35,7 +36,8 @@ class Laws(NamedTuple):
     m. track: between the wheels, m, 0 without wheels; slip_left, slip_right, slip_noise: see
     `robot_settings.Wheels`. roam_speed: of wandering; kept: share of a wandering body's turn rate that remains after
     a tick; strayed: standard deviation of what a tick adds. left, bottom, right, top: edges that no body passes;
-    margin: distance from them at which a body turns back, m, negative if it does not. parts: of the bumper.
+    margin: distance from them at which a body turns back, m, negative if it does not. around_x, around_y: see `torus`.
+    parts: of the bumper.
     """
 
     tick: float
@@ -56,6 +58,8 @@ class Laws(NamedTuple):
     right: float
     top: float
     margin: float
+    around_x: float
+    around_y: float
     parts: float
 
     @property
@@ -84,11 +88,13 @@ def laws_of(scenario: Scenario) -> Laws:
         roam_speed=wander.speed,
         kept=kept,
         strayed=wander.turn_rate * sqrt(1.0 - kept * kept),
-        left=0.0,
-        bottom=0.0,
-        right=scenario.width,
-        top=scenario.height,
+        left=-inf if scenario.torus else 0.0,
+        bottom=-inf if scenario.torus else 0.0,
+        right=inf if scenario.torus else scenario.width,
+        top=inf if scenario.torus else scenario.height,
         margin=margin if scenario.fenced else -1.0,
+        around_x=scenario.around[0],
+        around_y=scenario.around[1],
         parts=float(robots.bumpers),
     )
 
@@ -186,6 +192,6 @@ def touched_part(laws: Laws, across: Floats, up: Floats, heading: Floats) -> Flo
 
 
 FORMULAS = (
-    *(bounded, approach, tumbling, turned_back, outside),
+    *(bounded, shortest, approach, tumbling, turned_back, outside),
     *(wheels_follow, swing_left, slipped, arc, touched_part),
 )

@@ -38,6 +38,7 @@ from sleepcast.simulator.simd.formulas import either, sine_cosine, sine_of_rest,
 from sleepcast.simulator.simd.lanes import at, put, put_some, some
 from sleepcast.simulator.simd.vectors import LANES, any_of
 from sleepcast.simulator.sonar.kernels import GOLDEN, U, deviate, mixed
+from sleepcast.simulator.world.torus import shortest
 
 BLOCK = 256
 """Bodies whose data stay in the first-level cache."""
@@ -136,7 +137,8 @@ def want(bodies, laws, roam, room, begin, first, last):
     for i in range(first, last):
         speed, turn = wanted_speed[i], wanted_turn[i]
         if mode[i] == GOTO:
-            across, up = target_x[i] - encoder_x[i], target_y[i] - encoder_y[i]
+            across = shortest(target_x[i] - encoder_x[i], laws.around_x)
+            up = shortest(target_y[i] - encoder_y[i], laws.around_y)
             speed, turn = approach(laws, across, up, encoder_heading[i])
         elif mode[i] != DRIVE:
             drawn = float(mixed(chance[i], roam) >> U(11)) * UNIT - 0.5

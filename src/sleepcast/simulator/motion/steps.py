@@ -37,6 +37,7 @@ from sleepcast.simulator.motion.driving import (
 from sleepcast.simulator.simd.formulas import sine_cosine, wrap
 from sleepcast.simulator.sonar.noise import deviates
 from sleepcast.simulator.world.grid import Floats, Grid, Listed, Sorted, Whole, nearest_point, pairs, spread
+from sleepcast.simulator.world.torus import shortest
 
 UNIT = 2.0**-53
 UNIT_SPREAD = np.sqrt(12.0)
@@ -149,7 +150,8 @@ def _wanted(bodies: BodyColumns, laws: Laws, draws: Draws) -> tuple[Floats, Floa
     bodies.roaming[roams] = bodies.roaming[roams] * laws.kept + drawn * (UNIT_SPREAD * laws.strayed)
     turn[roams] = bodies.roaming[roams]
     goes = np.flatnonzero(bodies.mode == GOTO)
-    across, up = bodies.target_x[goes] - bodies.encoder_x[goes], bodies.target_y[goes] - bodies.encoder_y[goes]
+    across = shortest(bodies.target_x[goes] - bodies.encoder_x[goes], laws.around_x)
+    up = shortest(bodies.target_y[goes] - bodies.encoder_y[goes], laws.around_y)
     speed[goes], turn[goes] = approach(laws, across, up, bodies.encoder_heading[goes])
     return speed, turn
 

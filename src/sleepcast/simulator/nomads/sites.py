@@ -97,7 +97,7 @@ def _of_toml(file: Path, robots: int | None, seed: int | None) -> Site:
         for key in known:  # the other keys of a scenario are ignored
             root.has(key)
     # The edge, which comes last if it is a wall, is added to every world later.
-    shapes = world.shapes if world.fenced else world.shapes[:-1]
+    shapes = world.shapes if world.fenced or world.torus else world.shapes[:-1]
     return Site(file, *size, shapes, origin, starts, chosen)
 
 

@@ -40,6 +40,7 @@ from sleepcast.simulator.scenario.signals import (
     read_pings,
 )
 from sleepcast.simulator.scenario.world_settings import MAX_SEED, Changes, WorldSpec, read_world
+from sleepcast.simulator.world.torus import PLAIN, Around
 from sleepcast.simulator.world.world import Shape
 
 FORMAT = 1
@@ -71,7 +72,8 @@ class Scenario:
     speed_up: simulated seconds per second of real time. seconds: default length of a headless run. telemetry: period
     of each robot's telemetry. noise: standard deviation of each noisy sensor, by name. length_unit: unit in which
     lengths are shown. shapes: solid things in the world at the start; absent: things that may be added later;
-    events: timed changes. fenced: whether robots turn back at the world's edge on their own. constants: named
+    events: timed changes. fenced: whether robots turn back at the world's edge on their own; torus: whether it has no
+    edge. constants: named
     numbers for rules. pings: how they are received, None if robots have none. neighbours: how robots sense each other,
     None if they do not. measures: time series to record.
     robots: all robots together; sorts: each type of them with its count or proportion, empty if there is only one
@@ -102,6 +104,7 @@ class Scenario:
     lights: tuple[Light, ...] = ()
     pings: PingModel | None = None
     neighbours: NeighbourModel | None = None
+    torus: bool = False
     measures: tuple[MeasureSpec, ...] = ()
     absent: tuple[Shape, ...] = ()
     events: tuple[Event, ...] = ()
@@ -112,6 +115,11 @@ class Scenario:
     def each_sort(self) -> tuple[RobotSpec, ...]:
         """The types of robots, also if there is only one."""
         return self.sorts or (self.robots,)
+
+    @property
+    def around(self) -> Around:
+        """Width and height of a torus; see `torus`."""
+        return (self.width, self.height) if self.torus else PLAIN
 
 
 def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  # frozen: nobody can change it
@@ -158,7 +166,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
             raise root.error("robots", f"{robots.count} robots in all; at most {MAX_ROBOTS} fit")
         refuse_clashes(root, tables, [*taken, *(store.name for store in robots.stores)], constants, groups)
         radio, telemetry = _radio(root, size)
-        return Scenario(
+        found = Scenario(
             name=name,
             path=file,
             title=root.text("title"),
@@ -186,9 +194,32 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
             lights=lights,
             pings=read_pings(root),
             neighbours=read_neighbours(root),
+            torus=world.torus,
             measures=read_measures(root, _points(places, lights), MAX_TIME),
             nomad=root.text("vocabulary", "standard", choices=("standard", "nomad")) == "nomad",
         )
+        if found.torus:
+            _check_torus(root, found)
+        return found
+
+
+def _check_torus(root: Table, scenario: Scenario) -> None:
+    """Raise SettingsError for what a world without edges cannot have."""
+    least, tick = min(scenario.width, scenario.height), scenario.tick
+    bodies = [4.0 * (sort.geometry.radius + 2.0 * sort.limits.speed * tick) for sort in scenario.each_sort]
+    sonars = [2.0 * sort.geometry.radius + sort.ring.most for sort in scenario.each_sort if sort.ring]
+    signals = [each.reach for each in (scenario.pings, scenario.neighbours) if each]
+    for far, what in ((bodies, "their bodies move"), (sonars, "their sonars see"), (signals, "they sense others")):
+        if 2.0 * max(far, default=0.0) >= least:
+            raise root.table("world").error(
+                "edge",
+                f"a torus of {least:g} m is too small: {what} up to {max(far):g} m far, and it must be larger than "
+                "twice that",
+            )
+    if any(sort.ring and sort.ring.pause is not None for sort in scenario.each_sort):
+        raise root.table("world").error("edge", "sonars with a pause do not look around a torus: leave the pause out")
+    if scenario.measures:
+        raise root.error("measures", "robots on a torus have no centre, from which these are measured: leave them out")
 
 
 def _check_format(root: Table) -> None:

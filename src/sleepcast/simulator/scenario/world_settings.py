@@ -24,8 +24,9 @@ MAX_POINTS = 10_000
 MAX_SEED = 2**63 - 1
 SLACK = 1e-6
 """Distance, m, by which rounding may push a map or drawing beyond a world of its own size."""
-EDGES = ("fence", "wall")
-"""The world's edge: robots turn back at a fence on their own and sonars do not see it; a wall is solid."""
+EDGES = ("fence", "wall", "torus")
+"""The world's edge: robots turn back at a fence on their own and sonars do not see it; a wall is solid; who leaves a
+torus on one side comes in on the opposite one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,7 @@ class Changes:
 @dataclass(frozen=True, slots=True)
 class WorldSpec:
     """The world's rectangle, m, and the unit in which it is shown; the things in it at the start, and those that may be
-    added. fenced: whether robots turn back at its edge on their own."""
+    added. fenced: whether robots turn back at its edge on their own; torus: whether it has no edge."""
 
     width: float
     height: float
@@ -52,6 +53,7 @@ class WorldSpec:
     shapes: tuple[Shape, ...]
     fenced: bool
     absent: tuple[Shape, ...] = ()
+    torus: bool = False
 
 
 def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: int) -> WorldSpec:
@@ -66,13 +68,14 @@ def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: i
         written = _written(table, high)
         shapes += [shape for shape, absent in written if not absent]
         shapes += _parted(table, high, seed)
-        walled = table.text("edge", "fence", choices=EDGES) == "wall"
+        edge = table.text("edge", "fence", choices=EDGES)
+    torus = edge == "torus"
     if not changes.walls:
-        return WorldSpec(*high, width.unit or "m", (), fenced=True)
-    if walled:
+        return WorldSpec(*high, width.unit or "m", (), fenced=not torus, torus=torus)
+    if edge == "wall":
         shapes.append(boundary(*high))
     absent_ones = tuple(shape for shape, absent in written if absent)
-    return WorldSpec(*high, width.unit or "m", tuple(shapes), fenced=not walled, absent=absent_ones)
+    return WorldSpec(*high, width.unit or "m", tuple(shapes), edge == "fence", absent_ones, torus)
 
 
 def _written(world: Table, high: tuple[float, float]) -> list[tuple[Shape, bool]]:

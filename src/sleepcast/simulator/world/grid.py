@@ -13,8 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.simulator.world.world import World
-
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]
 Short = NDArray[np.int32]
@@ -123,9 +121,8 @@ def spread(items: Whole, begin: Whole | Short, end: Whole | Short) -> tuple[Whol
     return np.repeat(items, counts), np.arange(total) - skipped + np.repeat(begin, counts)
 
 
-def list_solids(grid: Grid, world: World, reach: float) -> Listed:
-    """The solids within `reach` m of any point of each cell, in the order of their rows."""
-    solids = world.solids
+def list_solids(grid: Grid, solids: Floats, reach: float) -> Listed:
+    """The solids within `reach` m of any point of each cell, in the order of their rows. solids: see `World.solids`."""
     pieces = [_cells_near(grid, solids, reach, at, at + AT_ONCE) for at in range(0, len(solids), AT_ONCE)]
     cells, item = (np.concatenate([np.empty(0, np.int32), *(each[i] for each in pieces)]) for i in (0, 1))
     return Listed(starts(cells, grid.cells), item[np.argsort(cells, kind="stable")])

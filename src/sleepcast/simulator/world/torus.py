@@ -1,0 +1,87 @@
+"""A torus: a world without edges, where a body that leaves on one side comes in on the opposite one.
+
+`around` is the width and the height of a torus, m, and infinite for a plain world, so that the same formulas serve
+both. What is near a body across an edge is found by images: copies, shifted by the size of the world, of everything
+near an edge. They lie in a strip around the world, which the cells cover as well. Lengths in m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+
+from sleepcast.simulator.simd.formulas import either
+from sleepcast.simulator.world.grid import Floats, Grid, Whole, grid_over
+
+Around = tuple[float, float]
+PLAIN: Around = (inf, inf)
+
+
+def shortest(across: Floats, around: float) -> Floats:
+    """The shortest way from one point of a world to another one that lies `across` from it along one axis."""
+    half = around / 2.0
+    return either(across > half, across - around, either(across < -half, across + around, across))
+
+
+def come_around(x: Floats, around: float) -> None:
+    """Move positions that lie beyond an edge to the opposite one, in place."""
+    gone = np.flatnonzero((x < 0.0) | (x >= around))
+    inside = np.mod(x[gone], around)
+    x[gone] = np.where(inside < around, inside, 0.0)  # a tiny negative number is rounded to `around`
+
+
+class Images(NamedTuple):
+    """Points in the frame of the cells: first the points themselves, then their images. of: the index of each one's
+    point."""
+
+    x: Floats
+    y: Floats
+    of: Whole | slice
+
+    def whose(self, found: Whole) -> Whole:
+        """The points to which these points or images belong."""
+        return found if isinstance(self.of, slice) else self.of[found]
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """The cells of a world, and of a strip of `margin` (across, up) around it in which images lie."""
+
+    grid: Grid
+    around: Around
+    margin: tuple[float, float]
+
+    def images(self, x: Floats, y: Floats) -> Images:
+        """These points and their images; in a plain world, the points alone."""
+        if self.around == PLAIN:
+            return Images(x, y, slice(None))
+        of, places = np.arange(len(x)), [x + self.margin[0], y + self.margin[1]]
+        for axis, (size, margin) in enumerate(zip(self.around, self.margin, strict=True)):
+            low, high = np.flatnonzero(places[axis] < 2.0 * margin), np.flatnonzero(places[axis] >= size)
+            copied = np.concatenate((low, high))
+            shifted = [each[copied] for each in places]
+            shifted[axis] += np.repeat((size, -size), (len(low), len(high)))
+            places, of = [np.concatenate(each) for each in zip(places, shifted, strict=True)], np.append(of, of[copied])
+        return Images(places[0], places[1], of)
+
+    def solids(self, solids: Floats) -> Floats:
+        """These rows of `world.World.solids` and their images in the frame of the cells."""
+        if self.around == PLAIN:
+            return solids
+        (width, height), (across, up) = self.around, self.margin
+        shifts = [(i * width + across, j * height + up) for i in (0, 1, -1) for j in (0, 1, -1)]
+        rows = np.concatenate([solids + np.array((x, y, x, y, 0.0)) for x, y in shifts])
+        x, y, radius = rows[:, 0:4:2], rows[:, 1:4:2], rows[:, 4]
+        near = (x.max(axis=1) + radius >= 0.0) & (x.min(axis=1) - radius <= width + 2.0 * across)
+        near &= (y.max(axis=1) + radius >= 0.0) & (y.min(axis=1) - radius <= height + 2.0 * up)
+        return np.ascontiguousarray(rows[near])
+
+
+def cells_over(size: Around, around: Around, cell: float, reach: float, points: int) -> Cells:
+    """Cells of at least `cell` for so many points in a world of this `size`. reach: greatest distance at which anything
+    is looked for, on a torus less than half its width and height."""
+    margin = (0.0, 0.0) if around == PLAIN else (reach, reach)
+    return Cells(grid_over(size[0] + 2.0 * margin[0], size[1] + 2.0 * margin[1], cell, points), around, margin)

@@ -553,10 +553,10 @@ class Fleet(Mapping[str, RobotView]):
 
     def values_of(self, text: str, robots: Some = None) -> Column:
         """The value of an expression on each of these robots now, NaN for unknown, without side effects. Raises
-        ReadError, CheckError, and FleetError for an expression with side effects, random numbers or a body's own
-        function."""
+        ReadError, CheckError, and FleetError for an expression with side effects, random numbers or a function that
+        makes a body do something."""
         rows = self.rows(robots)
-        found, memory = np.full(rows.size, nan), QuietMemory(self.state, self.minds)
+        found, memory = np.full(rows.size, nan), QuietMemory(self.state, self.minds, self.bodies)
 
         def program(number: int) -> Program:
             return self.minds.library.program(

@@ -18,7 +18,7 @@ very same values.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import nan
 from weakref import WeakKeyDictionary
@@ -38,7 +38,7 @@ from sleepcast.fleet.schema import TelemetryState
 from sleepcast.fleet.state import Column, FleetState, Index, Mask, Mind, MindNames, Minds, Rows, is_true
 from sleepcast.language.explain import Recollection
 from sleepcast.language.numerics import draw
-from sleepcast.language.parts import Part, Storing, acts, walk, written
+from sleepcast.language.parts import Part, Storing, acts, host_of, walk, written
 from sleepcast.language.program import Program
 from sleepcast.language.reader import read
 from sleepcast.language.rehearsal import CHANCE, DEED, FLAGS, Rehearsal, asks, does
@@ -231,10 +231,11 @@ class FleetTelemetry:
 
 
 class QuietMemory(FleetMemory):
-    """A read-only memory. reason: by robot, as in `FleetTelemetry.judge`."""
+    """A read-only memory. bodies: those whose sensors may be asked; without them a robot that would ask one is
+    undecided. reason: by robot, as in `FleetTelemetry.judge`."""
 
-    def __init__(self, state: FleetState, minds: Minds) -> None:
-        super().__init__(state, minds, Outbox(state, ()), ())
+    def __init__(self, state: FleetState, minds: Minds, bodies: Sequence[object | None] = ()) -> None:
+        super().__init__(state, minds, Outbox(state, ()), bodies)
         self.reason: NDArray[np.uint8] = np.zeros(state.count, np.uint8)
         self.reasons: list[str] = []
 
@@ -282,6 +283,8 @@ class QuietMemory(FleetMemory):
 
     @by_the_living
     def host(self, part: Part, rows: Rows, *arguments: Column) -> Column:
+        if self.bodies and not host_of(part).acts:
+            return super().host(part, rows, *arguments)
         return self._undecided(rows, asks(part.name))
 
     def defined(self, part: Part, rows: Rows) -> Mask:

@@ -209,6 +209,14 @@ class TestInExpressions:
             one = sent.matched[0]
             assert "COUNT" in str(sent.why(one))
 
+    def test_values_and_history_of_a_fleet(self, tmp_path: Path) -> None:
+        with sc.open(str(write(tmp_path, more=SHARES)), seed=3) as fleet:
+            counted = fleet["(COUNT 80m)"]
+            assert counted.max() > 0
+            assert counted[0] == np.sum(np.hypot(fleet.x - fleet.x[0], fleet.y - fleet.y[0]) <= 80.0) - 1
+            with pytest.raises(sc.errors.SleepcastError, match="without doing it"):
+                fleet["(SHARE_OPINION 3)"]
+
     def test_without_the_sense_the_functions_fail(self, tmp_path: Path) -> None:
         with sc.open(str(write(tmp_path))) as fleet:
             sent = fleet.send("(WHEN (> (COUNT 5m) 1) (ST))", everybody=True)

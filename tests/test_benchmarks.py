@@ -159,6 +159,15 @@ def test_the_sweep_benchmark_compares_with_the_bare_loop() -> None:
     assert found["bars"][0]["value"] > 0.0
 
 
+def test_the_gym_benchmark_counts_steps() -> None:
+    command = [sys.executable, "-m", "benchmarks.gym", "--robots", "20", "--quick", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    rates = json.loads(done.stdout)["steps_per_second"]
+    assert len(rates) >= 2
+    assert all(rate > 20.0 for rate in rates.values())
+
+
 def test_one_command_s_way_is_no_longer_than_it_was() -> None:
     command = [sys.executable, "-m", "benchmarks.path", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

@@ -66,6 +66,7 @@ HOUSE = {
         "language channel robot nomad node fleet simulator loop station", "starlette uvicorn msgspec numpy"
     ),
     "experiments": room("language simulator api", "msgspec numpy", "distributed matplotlib pyarrow scipy"),
+    "gym": room("language api experiments", "gymnasium pettingzoo numpy"),
     "cli": room(
         "language channel robot mind nomad node fleet simulator bridges loop station api experiments console",
         "click rich prompt_toolkit msgspec numpy",

@@ -96,6 +96,9 @@ class TestReading:
         assert fleet.hash == before
         assert fleet.time == 1.0
 
+    def test_the_time_is_known_to_robots_that_have_nothing_to_do(self) -> None:
+        assert set(bravo().run(3)["time"]) == {3.0}
+
     def test_robots_that_have_learned_different_things(self) -> None:
         fleet = bravo()
         fleet.send("(IF (> fuel 50%) (DEFVAR mine 2) (DEFVAR mine (+ 1 2)))", sure=True)

@@ -107,7 +107,7 @@ class SimulatedFleet(Fleet):
 
     def _values(self, expression: str) -> NDArray[np.float64]:
         self.swarm.sense()
-        return read_only(self.swarm.fleet.values_of(expression))
+        return read_only(self.swarm.fleet.values_of(expression, self.time))
 
     def _members(self) -> dict[str, tuple[str, ...]]:
         names = np.array(self.names)

@@ -551,11 +551,14 @@ class Fleet(Mapping[str, RobotView]):
 
         return [self.run(found, rows) for found, rows, _ in self.memory.divide(self.rows(robots), program)]
 
-    def values_of(self, text: str, robots: Some = None) -> Column:
-        """The value of an expression on each of these robots now, NaN for unknown, without side effects. Raises
-        ReadError, CheckError, and FleetError for an expression with side effects, random numbers or a function that
-        makes a body do something."""
+    def values_of(self, text: str, now: float, robots: Some = None) -> Column:
+        """The value of an expression on each of these robots at `now` (s), NaN for unknown, without side effects.
+
+        Raises ReadError, CheckError, and FleetError for an expression with side effects, random numbers or a function
+        that makes a body do something.
+        """
         rows = self.rows(robots)
+        self.state.assign(TIME_SLOT, rows, float(now))  # idle robots have not looked at their clocks
         found, memory = np.full(rows.size, nan), QuietMemory(self.state, self.minds, self.bodies)
 
         def program(number: int) -> Program:

@@ -1,0 +1,116 @@
+"""A task: what robots observe, what they can do, what they are paid for, and when an episode ends."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isfinite
+from os import PathLike
+
+import numpy as np
+from gymnasium.spaces import Box, Discrete, Space
+
+from sleepcast.api.fleet import SimulatedFleet, open
+from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.model import Quantity
+from sleepcast.experiments.measures import StopCondition, read_stop
+from sleepcast.language import check
+from sleepcast.language.learned_names import LearnedNames
+
+MAX_COLUMNS = 256
+"""Observations or actions of one robot."""
+MAX_STEPS = 10_000_000
+"""Of one episode."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """See `parallel_env` for the fields."""
+
+    scenario: str | PathLike[str]
+    observations: Sequence[str]
+    actions: Sequence[str]
+    reward: str
+    done: str | None = None
+    until: str | None = None
+    seconds: float | None = None
+    ticks: int = 1
+    robots: int | None = None
+    over: Mapping[str, object] = field(default_factory=dict)
+    mission: bool = False
+    threads: int | None = 1
+
+    def start(self, seed: int | None) -> SimulatedFleet:
+        """A fleet at the start of an episode."""
+        return open(
+            self.scenario,
+            seed=seed,
+            robots=self.robots,
+            over=self.over,
+            mission=self.mission,
+            threads=self.threads,
+        )
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A task that fits its scenario, with the spaces of one robot. steps: of an episode, at most."""
+
+    task: Task
+    names: tuple[str, ...]
+    observed: Box
+    acted: Space  # type: ignore[type-arg]  # a Box of setpoints, or a number of expressions
+    steps: int
+    until: StopCondition | None
+
+
+def checked(task: Task) -> Checked:
+    """The task, after every expression has been checked. Raises MisuseError, CheckError and what `open` raises."""
+    for what, texts in (("observations", task.observations), ("actions", task.actions)):
+        if not 1 <= len(texts) <= MAX_COLUMNS or isinstance(texts, str):
+            raise MisuseError(f"{what}: wanted a list of 1 to {MAX_COLUMNS} texts")
+    if not 1 <= task.ticks <= MAX_STEPS:
+        raise MisuseError(f"ticks {task.ticks}: wanted a whole number from 1 to {MAX_STEPS}")
+    with task.start(None) as fleet:
+        scenario = fleet.swarm.simulator.scenario
+        seconds = scenario.seconds if task.seconds is None else task.seconds
+        if not isfinite(seconds) or not scenario.tick <= seconds <= MAX_STEPS * scenario.tick:
+            raise MisuseError(f"seconds {seconds}: wanted from {scenario.tick} to {MAX_STEPS * scenario.tick}")
+        for text in (*task.observations, task.reward, *([task.done] if task.done else [])):
+            _ = fleet[text]
+        return Checked(
+            task,
+            tuple(fleet.names),
+            _observed(fleet, task.observations),
+            _acted(fleet, task.actions),
+            max(1, round(seconds / (scenario.tick * task.ticks))),
+            read_stop(task.until) if task.until else None,
+        )
+
+
+def _observed(fleet: SimulatedFleet, texts: Sequence[str]) -> Box:
+    """Sensors have their ranges; the value of an expression may be anything."""
+    sensors = {each.name.casefold(): each for each in fleet.swarm.simulator.model.sensors}
+    return _box([sensors.get(text.casefold(), Quantity("any")) for text in texts])
+
+
+def _acted(fleet: SimulatedFleet, texts: Sequence[str]) -> Space:  # type: ignore[type-arg]  # see Checked
+    """A Box of setpoints for names of actuators, a Discrete for expressions."""
+    actuators = {each.name.casefold(): each for each in fleet.swarm.simulator.model.actuators}
+    if all(text.casefold() in actuators for text in texts):
+        return _box([actuators[text.casefold()] for text in texts])
+    for text in texts:
+        if not text.lstrip().startswith("("):
+            raise MisuseError(
+                f'action "{text:.80}": no actuator{did_you_mean(text, actuators)}: wanted names of actuators '
+                f"({', '.join(actuators)}), or expressions only"
+            )
+        check(text, LearnedNames(fleet.swarm.vocabulary)).required()
+    return Discrete(len(texts))
+
+
+def _box(quantities: Sequence[Quantity]) -> Box:
+    """The ranges of these quantities, rounded so that no value of float64 within them lies outside."""
+    low = np.array([each.low for each in quantities])
+    high = np.array([each.high for each in quantities])
+    return Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)

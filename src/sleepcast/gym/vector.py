@@ -1,0 +1,93 @@
+"""Gymnasium: every robot of a fleet as one environment of a vector, for a policy that all of them follow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from sleepcast.core.errors import MisuseError
+from sleepcast.gym.episode import Episode, Flags, Singles
+from sleepcast.gym.task import Checked, Task, checked
+
+
+class RobotVector(VectorEnv[Singles, NDArray[np.generic], NDArray[np.generic]]):
+    """See `vector_env`. fleet: the run itself, to look at or to send commands to."""
+
+    metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012  # as the base class has it
+
+    def __init__(self, task: Checked) -> None:
+        self._task = task
+        self.num_envs = len(task.names)
+        self.single_observation_space, self.single_action_space = task.observed, task.acted
+        self.observation_space = batch_space(task.observed, self.num_envs)
+        self.action_space = batch_space(task.acted, self.num_envs)
+        self._episode: Episode | None = None
+        self._number, self._ended = -1, False
+
+    @property
+    def fleet(self) -> Any:
+        return self._running().fleet
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Singles, dict[str, Any]]:
+        """Begin an episode. seed: None is the next one. Equal seeds give equal episodes, bit for bit."""
+        super().reset(seed=seed)
+        self.close_extras()
+        self._number, self._ended = self._number + 1 if seed is None else seed, False
+        self._episode = Episode(self._task, self._number)
+        return self._episode.observe(), {}
+
+    def step(self, actions: NDArray[np.generic]) -> tuple[Singles, NDArray[np.float64], Flags, Flags, dict[str, Any]]:
+        """Let all robots act and time pass. An episode ends for all of them together; the step after it begins the
+        next one, whatever the actions."""
+        if self._ended:
+            observed, info = self.reset()
+            return observed, np.zeros(self.num_envs), self._all(False), self._all(False), info
+        made = self._running().step(actions)
+        self._ended = made.ended or made.over
+        return made.observed, made.reward, self._all(made.ended), self._all(made.over), {}
+
+    def close_extras(self, **kwargs: Any) -> None:
+        if self._episode is not None:
+            self._episode.close()
+            self._episode = None
+
+    def _all(self, flag: bool) -> Flags:
+        return np.full(self.num_envs, flag)
+
+    def _running(self) -> Episode:
+        if self._episode is None:
+            raise MisuseError("no episode has begun: call reset() first")
+        return self._episode
+
+
+def vector_env(
+    scenario: str | PathLike[str],
+    *,
+    observations: Sequence[str],
+    actions: Sequence[str] = ("drive_speed", "drive_turn"),
+    reward: str,
+    until: str | None = None,
+    seconds: float | None = None,
+    ticks: int = 1,
+    robots: int | None = None,
+    over: Mapping[str, object] | None = None,
+    mission: bool = False,
+    threads: int | None = 1,
+) -> RobotVector:
+    """A scenario as a `gymnasium.vector.VectorEnv`: every robot is one of its environments, and all live in one world.
+
+    See `parallel_env` for the arguments. Nobody leaves an episode early: it ends for all robots together, by `until`
+    or after `seconds`.
+    """
+    task = Task(
+        scenario, observations, actions, reward, None, until, seconds, ticks, robots, over or {}, mission, threads
+    )
+    return RobotVector(checked(task))

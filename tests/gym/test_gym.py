@@ -1,0 +1,173 @@
+"""A fleet as an environment: the libraries' own checks, equal episodes for equal seeds, rewards and ends."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.spaces import Box, Discrete
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
+from pettingzoo.test import parallel_api_test, parallel_seed_test
+
+import sleepcast.gym as gym
+from sleepcast.core.errors import MisuseError, SleepcastError
+
+FAR = "(DIST x y vessel_x vessel_y)"
+RESCUE: dict[str, Any] = {
+    "observations": ["x", "y", "heading", "fuel", FAR],
+    "reward": f"(- 0m {FAR})",
+    "robots": 6,
+    "seconds": 3.0,
+    "ticks": 2,
+}
+LONG = {"seconds": 2_000.0, "ticks": 40}
+
+
+class TestParallel:
+    @pytest.mark.parametrize("actions", [["drive_speed", "drive_turn"], ["(DRIVE 5kn 0deg/s)", "(TUMBLE)", "(ST)"]])
+    def test_pettingzoo_accepts_it(self, actions: list[str]) -> None:
+        env = gym.parallel_env("bravo", actions=actions, done="(< fuel 20%)", **RESCUE)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            parallel_api_test(env, num_cycles=40)
+        env.close()
+
+    def test_pettingzoo_finds_equal_episodes_for_equal_seeds(self) -> None:
+        parallel_seed_test(lambda: gym.parallel_env("bravo", **RESCUE), num_cycles=20)
+
+    def test_agents_have_the_robots_names_and_ranges(self) -> None:
+        env = gym.parallel_env("bravo", **RESCUE)
+        assert env.possible_agents == [f"scout{number}" for number in range(1, 7)]
+        observed, acted = env.observation_space("scout1"), env.action_space("scout1")
+        assert isinstance(observed, Box)
+        assert isinstance(acted, Box)
+        assert (observed.low[3], observed.high[3], observed.high[4]) == (0.0, 1.0, np.inf)
+        assert acted.high[0] == pytest.approx(30 * 1852 / 3600)
+
+    def test_robots_that_are_done_leave_and_stand(self) -> None:
+        env = gym.parallel_env("bravo", done="(> fuel 50%)", **{**RESCUE, "robots": 20, **LONG})
+        env.reset(seed=1)
+        fast = {name: np.array([10.0, 0.0]) for name in env.agents}
+        _, _, done, _, _ = env.step(fast)
+        left = [name for name, gone in done.items() if gone]
+        assert left == [name for name, fuel in zip(env.possible_agents, env.fleet["fuel"], strict=True) if fuel > 0.5]
+        assert set(env.agents) == set(env.possible_agents) - set(left)
+        for _ in range(20):
+            env.step({name: fast[name] for name in env.agents})
+        assert max(abs(env.fleet["speed"][env.possible_agents.index(name)]) for name in left) == 0.0
+        env.close()
+
+    def test_an_episode_ends_for_all_when_its_goal_is_reached(self) -> None:
+        env = gym.parallel_env("bravo", until="share (> time 0.5s) >= 1", **RESCUE)
+        env.reset(seed=1)
+        done: dict[str, bool] = {}
+        while env.agents:
+            _, _, done, cut, _ = env.step({name: np.zeros(2) for name in env.agents})
+        assert all(done.values())
+        assert not any(cut.values())
+
+
+class TestVector:
+    def test_shapes_rewards_and_ends(self) -> None:
+        env = gym.vector_env("bravo", **RESCUE)
+        assert env.metadata["autoreset_mode"] == AutoresetMode.NEXT_STEP
+        observed, _ = env.reset(seed=4)
+        assert observed.shape == (6, 5)
+        assert env.observation_space.contains(observed)
+        for step in range(15):
+            observed, reward, ended, cut, _ = env.step(env.action_space.sample())
+            assert env.observation_space.contains(observed)
+            assert np.allclose(reward, -observed[:, 4], rtol=1e-6)
+            assert not ended.any()
+            assert cut.all() == (step == 14)
+        again, reward, _, cut, _ = env.step(env.action_space.sample())
+        assert not cut.any()
+        assert not reward.any()
+        assert env.fleet.time == 0.0
+        assert not np.array_equal(again, observed)
+        env.close()
+
+    def test_equal_seeds_and_actions_make_equal_episodes(self) -> None:
+        def episode(seed: int) -> list[bytes]:
+            env = gym.vector_env("crowd", observations=["x", "y", "sonar1"], reward="speed", robots=30, seconds=2.0)
+            env.action_space.seed(5)
+            found = [env.reset(seed=seed)[0].tobytes()]
+            for _ in range(10):
+                observed, reward, *_ = env.step(env.action_space.sample())
+                found += [observed.tobytes(), reward.tobytes()]
+            return [*found, env.fleet.hash.encode()]
+
+        assert episode(3) == episode(3)
+        assert episode(3) != episode(4)
+
+    def test_wrappers_of_gymnasium_work(self) -> None:
+        env = RecordEpisodeStatistics(gym.vector_env("bravo", actions=["(ST)", "(WANDER)"], **RESCUE))
+        assert isinstance(env.single_action_space, Discrete)
+        env.reset(seed=1)
+        for _ in range(20):
+            *_, info = env.step(env.action_space.sample())
+            if "episode" in info:
+                assert (info["episode"]["l"] == 15).all()
+                return
+        raise AssertionError("no episode has ended")
+
+    def test_stop_holds_robots_whatever_the_policy_wants(self) -> None:
+        env = gym.vector_env("bravo", **{**RESCUE, **LONG})
+        env.reset(seed=1)
+        env.fleet.stop()
+        for _ in range(20):
+            env.step(np.full((6, 2), [10.0, 0.0]))
+        assert env.fleet.stopped.all()
+        assert not env.fleet["speed"].any()
+
+    def test_setpoints_beyond_the_limits_are_limited(self) -> None:
+        env = gym.vector_env("bravo", **{**RESCUE, **LONG})
+        env.reset(seed=1)
+        for _ in range(25):
+            env.step(np.full((6, 2), [1e6, 0.0]))
+        assert env.fleet["speed"].max() <= 30 * 1852 / 3600 + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"observations": []}, "observations: wanted a list"),
+        ({"observations": "x"}, "observations: wanted a list"),
+        ({"observations": ["fule"]}, "fule"),
+        ({"actions": ["drive_sped"]}, "did you mean drive_speed"),
+        ({"actions": ["(DRIVE 5"]}, "parenthesis|closed|missing"),
+        ({"reward": "(ST)"}, "without doing it"),
+        ({"until": "share"}, "wanted a measure and a bound"),
+        ({"seconds": -1.0}, "seconds -1.0: wanted from"),
+        ({"ticks": 0}, "ticks 0: wanted"),
+        ({"over": {"robots.cuont": 3}}, "cuont"),
+    ],
+)
+def test_what_does_not_fit_is_refused(changes: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(SleepcastError, match=sentence):
+        gym.parallel_env("bravo", **{**RESCUE, **changes})
+
+
+def test_a_step_before_reset_is_refused() -> None:
+    with pytest.raises(MisuseError, match="call reset"):
+        gym.vector_env("bravo", **RESCUE).step(np.zeros((6, 2)))
+
+
+def test_a_missing_action_is_refused() -> None:
+    env = gym.parallel_env("bravo", **RESCUE)
+    env.reset(seed=1)
+    with pytest.raises(MisuseError, match="no action for scout2"):
+        env.step({"scout1": np.zeros(2)})
+
+
+def test_without_the_libraries_a_sentence_says_what_to_install() -> None:
+    program = (
+        "import sys; sys.modules['gymnasium'] = None\ntry:\n import sleepcast.gym\nexcept Exception as e: print(e)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert 'pip install "sleepcast[gym]"' in done.stdout

@@ -17,7 +17,9 @@ from sleepcast.simulator.bodies.body import TUMBLE, Body, model_of
 from sleepcast.simulator.bodies.proximity import Sonars
 from sleepcast.simulator.bodies.senses import Senses
 from sleepcast.simulator.engine import Machine, choose, cores
-from sleepcast.simulator.motion.steps import Draws, Settled, clear
+from sleepcast.simulator.motion import steps
+from sleepcast.simulator.motion.driving import bounded
+from sleepcast.simulator.motion.steps import Draws, Proposal, Settled, clear
 from sleepcast.simulator.scenario.events import apply_events
 from sleepcast.simulator.scenario.measures import Measuring
 from sleepcast.simulator.scenario.robot_settings import TENTH
@@ -252,6 +254,22 @@ class Robots(Sequence[Body]):
 _BITS = 0xFFFF_FFFF_FFFF_FFFF
 
 
+def slide(bodies: Bodies, proposal: Proposal, settled: Settled) -> None:
+    """Let bodies that slide go on along what has stopped them, as far as nothing else is in the way."""
+    which = np.flatnonzero(bodies.slides & (settled.free < 1.0))
+    if not which.size or bodies.contact is None:
+        return
+    across, up = np.zeros((2, bodies.count))
+    across[which], up[which] = steps.slide(proposal, settled, which)
+    if not bodies.scenario.torus:
+        left, bottom, right, top = bodies.fence
+        across, up = bounded(bodies.x + across, left, right) - bodies.x, bounded(bodies.y + up, bottom, top) - bodies.y
+    again = Settled(*np.empty((3, bodies.count)))
+    bodies.contact.settle(bodies.x, bodies.y, across, up, again)
+    bodies.displace(which, again.free[which] * across[which], again.free[which] * up[which])
+    bodies.moved()
+
+
 def step(bodies: Bodies) -> None:
     """Move all bodies through the tick `bodies.tick`, and count it. Reuses the spatial index of the last tick unless a
     body was placed."""
@@ -273,9 +291,9 @@ def step(bodies: Bodies) -> None:
         machine.commit(part.columns, part.laws, proposal.of(which), Settled(*(each[which] for each in settled)))
         if not part.laws.track and part is not bodies:  # odometry is separate where other types have wheels
             part.encoder_x[:], part.encoder_y[:], part.encoder_heading[:] = part.x, part.y, part.heading
-    if bodies.scenario.torus:
-        bodies.come_around()
+    bodies.moved()
+    if bodies.contact:
+        slide(bodies, proposal, settled)
     bodies.tick += 1
-    bodies.forget()
     if bodies.sonars:
         bodies.sonars.fire(bodies.tick, bodies.time, (bodies.x, bodies.y, bodies.heading))

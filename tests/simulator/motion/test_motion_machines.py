@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from machines import ALL
+from machines import ALL, MACHINES
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.bodies.bodies import Mode
 from sleepcast.simulator.engine import Machine, choose
@@ -161,3 +161,19 @@ def test_what_is_quick_for_small_turns_is_the_same_for_any(tmp_path: Path) -> No
     assert into.tobytes() == np.stack((wrap(angle), *arc(laws, left, right, angle))).tobytes()
     small = np.abs(into[3].reshape(-1, 16)).max(axis=1) < 1.4
     assert 0.2 < small.mean() < 0.95
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("sonars", ["count = 1", "count = 3", "count = 16"])
+def test_looking_ahead_hides_nobody_behind(tmp_path: Path, machine: Machine, sonars: str) -> None:
+    """The machines note who has nobody near while they look; whoever backs into others must still stop."""
+    ring = ("[robots.sonar]", f'[robots.sonar]\n{sonars}\nbeam = "1deg"\nrange = "12m"')
+    sim = scouts(tmp_path, MANY, ('"2m/s2"', '"20m/s2"'), ring, machine=machine)
+    everybody, ahead = np.arange(300), sim.sonar_rows[:1]
+    for body in sim.robots:
+        body.drive(-1.0, 0.5)
+    for _ in range(60):
+        sim.sense(everybody, ahead)
+        sim.step()
+        away = np.hypot(sim.x[:, None] - sim.x, sim.y[:, None] - sim.y) + np.eye(300)
+        assert away.min() > 0.34

@@ -34,7 +34,7 @@ from sleepcast.simulator.scenario.robot_settings import RobotSpec
 from sleepcast.simulator.scenario.robot_types import slices
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.sensors import sensors_of
-from sleepcast.simulator.simd.formulas import wrap
+from sleepcast.simulator.simd.formulas import sine_cosine, wrap
 from sleepcast.simulator.sonar.cones import Cones
 from sleepcast.simulator.world.areas import inside
 from sleepcast.simulator.world.torus import come_around
@@ -95,6 +95,8 @@ class Bodies:
         self.of_each_sort = slices(sorts, self.count)
         """The slice of bodies of each robot type."""
         self.radii: Floats = self._each([sort.geometry.radius for sort in sorts])
+        self.slides = self._each([float(sort.slides) for sort in sorts]) > 0.0
+        """Which bodies slide along what they touch."""
         self.limits, self.geometry = robots.limits, robots.geometry
         self.fence = (0.0, 0.0, scenario.width, scenario.height)
         self.world = World(scenario.shapes)
@@ -161,13 +163,24 @@ class Bodies:
         part.uses = part._uses()
         return part
 
-    def come_around(self) -> None:
-        """Let bodies that have left a torus on one side come in on the opposite one, also in what they believe."""
-        for axis, places in zip(
-            self.scenario.around, ((self.x, self.encoder_x), (self.y, self.encoder_y)), strict=True
-        ):
-            for place in places:
-                come_around(place, axis)
+    def moved(self) -> None:
+        """Let bodies that have left a torus on one side come in on the opposite one, also in what they believe; and
+        `forget` where they were."""
+        if self.scenario.torus:
+            width, height = self.scenario.around
+            for x, y in ((self.x, self.y), (self.encoder_x, self.encoder_y)):
+                come_around(x, width)
+                come_around(y, height)
+        self.forget()
+
+    def displace(self, which: Whole, across: Floats, up: Floats) -> None:
+        """Move these bodies by so many m without their wheels; odometry follows, as if it had seen it."""
+        if self.scenario.robots.wheels:
+            sine, cosine = sine_cosine(self.encoder_heading[which] - self.heading[which])
+            self.encoder_x[which] += across * cosine - up * sine
+            self.encoder_y[which] += across * sine + up * cosine
+        self.x[which] += across
+        self.y[which] += up
 
     def aimed(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         """The points x, y (m) of the world for any ones: around a torus, else the nearest ones."""

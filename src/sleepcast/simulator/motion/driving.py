@@ -37,7 +37,7 @@ class Laws(NamedTuple):
     `robot_settings.Wheels`. roam_speed: of wandering; kept: share of a wandering body's turn rate that remains after
     a tick; strayed: standard deviation of what a tick adds. left, bottom, right, top: edges that no body passes;
     margin: distance from them at which a body turns back, m, negative if it does not. around_x, around_y: see `torus`.
-    parts: of the bumper.
+    parts: of the bumper. slides: 1 if bodies slide along what they touch, 0 if they stop there.
     """
 
     tick: float
@@ -61,6 +61,7 @@ class Laws(NamedTuple):
     around_x: float
     around_y: float
     parts: float
+    slides: float
 
     @property
     def slips(self) -> bool:
@@ -96,6 +97,7 @@ def laws_of(scenario: Scenario) -> Laws:
         around_x=scenario.around[0],
         around_y=scenario.around[1],
         parts=float(robots.bumpers),
+        slides=float(robots.slides),
     )
 
 

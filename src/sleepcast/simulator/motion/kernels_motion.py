@@ -266,7 +266,8 @@ def feel(laws, heading, speed, left, right, bumper, free, across, up, first, las
         if free[i] < 1.0:
             if feels:
                 bumper[i] = touched_part(laws, across[i], up[i], heading[i])
-            speed[i], left[i], right[i] = 0.0, 0.0, 0.0
+            if laws.slides == 0.0:
+                speed[i], left[i], right[i] = 0.0, 0.0, 0.0
         elif feels and bumper[i] != 0.0:
             bumper[i] = 0.0
 
@@ -334,9 +335,9 @@ def touch(px, py, dx, dy, x0, y0, x1, y1, apart):
         height, rate = ex * (py - y0) - ey * (px - x0), ex * dy - ey * dx
         sign = -1.0 if height < 0.0 else 1.0
         if rate * sign < 0.0:
-            side = (height * sign - apart * sqrt(length2)) / -(rate * sign)
+            side = max((height * sign - apart * sqrt(length2)) / -(rate * sign), 0.0)
             along = (px + side * dx - x0) * ex + (py + side * dy - y0) * ey
-            if 0.0 <= side < 1.0 and 0.0 <= along <= length2:
+            if side < 1.0 and 0.0 <= along <= length2:
                 stop = min(stop, side)
     gone = stop if stop < 1.0 else 0.0
     across, up = off(px + gone * dx, py + gone * dy, x0, y0, x1, y1)

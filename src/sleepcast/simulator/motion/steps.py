@@ -34,7 +34,7 @@ from sleepcast.simulator.motion.driving import (
     turned_back,
     wheels_follow,
 )
-from sleepcast.simulator.simd.formulas import sine_cosine, wrap
+from sleepcast.simulator.simd.formulas import either, sine_cosine, wrap
 from sleepcast.simulator.sonar.noise import deviates
 from sleepcast.simulator.world.grid import Floats, Grid, Listed, Sorted, Whole, nearest_point, pairs, spread
 from sleepcast.simulator.world.torus import shortest
@@ -132,8 +132,9 @@ def commit(bodies: BodyColumns, laws: Laws, proposal: Proposal, settled: Settled
         bodies.encoder_x[:] += free * seen_across
         bodies.encoder_y[:] += free * seen_up
         bodies.encoder_heading[:] = wrap(bodies.encoder_heading + seen_turn)
-    for speed in (bodies.speed, bodies.left, bodies.right):
-        speed[touched] = 0.0
+    if not laws.slides:
+        for speed in (bodies.speed, bodies.left, bodies.right):
+            speed[touched] = 0.0
     for row, use in zip(bodies.stores, bodies.uses, strict=True):
         if use:
             rest = row - used * use
@@ -210,6 +211,8 @@ def _glide(bodies: BodyColumns, laws: Laws, speed: Floats, turn: Floats, proposa
 
 SKIN = 1e-6
 """Gap between bodies that touch, m."""
+LIFT = 1e-9
+"""Share of a way by which a sliding body moves off what it slides along, so that rounding does not stop it."""
 
 
 class Settled(NamedTuple):
@@ -253,6 +256,20 @@ def settle(
     _take_first(settled, i, stop, across, up)
     left_x, left_y = settled.free * dx, settled.free * dy
     _meet(settled, i, j, place, (left_x, left_y), (dx, dy), apart)
+
+
+def slide(proposal: Proposal, settled: Settled, which: Whole) -> tuple[Floats, Floats]:
+    """The ways, across and up, m, that the bodies `which`, once stopped, still want to go along what stopped them: the
+    rest of their ways without the part towards it."""
+    rest = 1.0 - settled.free[which]
+    across, up = rest * proposal.across[which], rest * proposal.up[which]
+    hit_x, hit_y = settled.across[which], settled.up[which]
+    away = np.sqrt(hit_x * hit_x + hit_y * hit_y)
+    away = either(away > 0.0, away, 1.0)
+    hit_x, hit_y = hit_x / away, hit_y / away
+    towards = across * hit_x + up * hit_y
+    towards = either(towards < 0.0, 0.0, towards) + LIFT * np.sqrt(across * across + up * up)
+    return across - towards * hit_x, up - towards * hit_y
 
 
 def boxes_of(solids: Floats) -> Floats:
@@ -340,9 +357,9 @@ def _touch_side(
     rate = ex * dy - ey * dx
     sign = np.where(height < 0.0, -1.0, 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        stop = (height * sign - apart * length) / -(rate * sign)
+        stop = np.maximum((height * sign - apart * length) / -(rate * sign), 0.0)  # rounding may place it just inside
         along = (x + stop * dx - x0) * ex + (y + stop * dy - y0) * ey
-    met = (rate * sign < 0.0) & (stop >= 0.0) & (stop < 1.0) & (along >= 0.0) & (along <= length2)
+    met = (rate * sign < 0.0) & (stop < 1.0) & (along >= 0.0) & (along <= length2)
     return np.where(met, stop, 2.0)
 
 

@@ -135,7 +135,8 @@ class RobotSpec:
     turn and drive without wheels. ring: None without sonars. bumpers: number of bumper segments; 0 for bodies that
     nothing stops. speed_unit: unit in which speeds are shown. disc: x, y and radius (m) of a disc to start in
     instead, or None. in_rows: whether robots are numbered along rows of the world, so that neighbours have close
-    numbers. groups: empty if all robots are alike.
+    numbers. groups: empty if all robots are alike. slides: whether bodies slide along what they touch, instead of
+    stopping there.
     """
 
     type: str
@@ -154,6 +155,7 @@ class RobotSpec:
     disc: tuple[float, float, float] | None = None
     in_rows: bool = False
     groups: tuple[RobotGroup, ...] = ()
+    slides: bool = False
 
 
 def read_count(robots: Table, groups: tuple[RobotGroup, ...]) -> int:
@@ -180,7 +182,7 @@ def read_robots(
         limits, speed_unit = _limits(table, size)
         x = table.span("x", LENGTH, whole_x, low=0.0, high=size[0])
         y = table.span("y", LENGTH, whole_y, low=0.0, high=size[1])
-        geometry, bumpers = _body(table)
+        geometry, bumpers, slides = _body(table)
         ring = _ring(table) if table.has("sonar") else None
         if ring and geometry.sonars:
             raise table.error("sonar", "a robot has either sonars of [robots.body] or those of [robots.sonar]")
@@ -201,6 +203,7 @@ def read_robots(
             disc=_disc(table, size),
             in_rows=table.text("numbers", "by chance", choices=("by chance", "along rows")) == "along rows",
             groups=groups,
+            slides=slides,
         )
 
 
@@ -225,12 +228,16 @@ def _limits(robots: Table, size: tuple[float, float]) -> tuple[Limits, str]:
         return Limits(speed.value, turn_rate, acceleration, (0.0, 0.0, *size)), speed.unit or "m/s"
 
 
-def _body(robots: Table) -> tuple[Geometry, int]:
+def _body(robots: Table) -> tuple[Geometry, int, bool]:
     with robots.table("body") as table:
         radius = table.number("radius", LENGTH, low=LEAST, high=MAX_WORLD)
         sonars = table.whole("sonars", 0, low=0, high=360)
         reach = table.number("sonar_range", LENGTH, None if sonars else 0.0, low=0.0, high=MAX_WORLD)
-        return Geometry(radius, sonars, reach), table.whole("bumpers", 0, low=0, high=MAX_BUMPERS)
+        bumpers = table.whole("bumpers", 0, low=0, high=MAX_BUMPERS)
+        slides = table.text("contact", "stop", choices=("stop", "slide")) == "slide"
+        if slides and not bumpers:
+            raise table.error("contact", "bodies without bumpers touch nothing: say bumpers = 1, or leave this out")
+        return Geometry(radius, sonars, reach), bumpers, slides
 
 
 def _wheels(robots: Table) -> Wheels:

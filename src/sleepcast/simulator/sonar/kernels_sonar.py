@@ -393,7 +393,7 @@ def see(
     reach2, lone2 = F(((reach + 1e-4) / unit + 2.0) ** 2), F(lone * lone) if lone >= 0.0 else FARTHEST
     half = np.arctan2(sine, cosine)
     # Cones that look aside or ahead meet bodies at most this far behind; `close` must count bodies behind too.
-    behind = -F(max(common + reach * sine, lone) + 0.01) if forward else -AWAY
+    behind = -F(max(common + reach * sine, beside) + 0.01) if forward else -AWAY
     cos_0, sin_0, cos_1, sin_1 = F(cosine), F(sine), F(cos(pi / 8 - half)), F(sin(pi / 8 - half))
     off_out, off_ahead, radius = F(own * sine), F(own * cosine), F(common)
     barely, past = F(common * graze) - GRAZING, F(common * graze) + PAST

@@ -12,8 +12,9 @@ from machines import ALL, MACHINES
 from sleepcast.core.settings import SettingsError
 from sleepcast.simulator import Simulator, load
 from sleepcast.simulator.engine import Machine, choose
+from sleepcast.simulator.simd.formulas import shortest
 from sleepcast.simulator.snapshot import resume, state_of
-from sleepcast.simulator.world.torus import cells_over, come_around, shortest
+from sleepcast.simulator.world.torus import cells_over, come_around
 from sleepcast.simulator.world.world import Circle, Wall
 from small_worlds import SMALL, scouts, simulator, write
 

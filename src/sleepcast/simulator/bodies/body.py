@@ -21,7 +21,7 @@ from sleepcast.simulator.scenario.robot_settings import TENTH
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.sensors import sonar_sensors
 from sleepcast.simulator.scenario.signals import signal_constants
-from sleepcast.simulator.world.torus import shortest
+from sleepcast.simulator.simd.formulas import shortest
 
 TUMBLE = 67.0 * pi / 180.0
 """Angle of a tumble, to one side or the other, as of Hoskins's vehicles."""

@@ -19,8 +19,9 @@ from sleepcast.simulator.bodies.bodies import Bodies, Floats
 from sleepcast.simulator.bodies.range_and_bearing import RangeAndBearing
 from sleepcast.simulator.scenario.groups import seeing
 from sleepcast.simulator.scenario.signals import FRONT, LIGHT_NAMES, PING_NAMES, REAR, PingModel
+from sleepcast.simulator.simd.formulas import shortest
 from sleepcast.simulator.world.grid import Sorted, candidates, pairs, sort
-from sleepcast.simulator.world.torus import Images, cells_over, shortest
+from sleepcast.simulator.world.torus import Images, cells_over
 
 MAX_PAIRS = 1 << 20
 """Pairs of sender and receiver processed at once: some hundred megabytes."""

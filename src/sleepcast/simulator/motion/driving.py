@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.simulator.scenario.scenario import Scenario
-from sleepcast.simulator.simd.formulas import arc_tangent, either, sine_cosine, wrap
+from sleepcast.simulator.simd.formulas import arc_tangent, either, shortest, sine_cosine, wrap
 from sleepcast.simulator.world.grid import Floats
-from sleepcast.simulator.world.torus import shortest
 
 BRAKING = 0.8
 """Share of the acceleration that an approach to a point plans with; the rest is for corrections."""

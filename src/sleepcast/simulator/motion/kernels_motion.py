@@ -34,11 +34,10 @@ from sleepcast.simulator.motion.driving import (
 from sleepcast.simulator.motion.steps import UNIT, UNIT_SPREAD
 from sleepcast.simulator.simd.compiled import compiled, inlined, part, strict, usable, woven
 from sleepcast.simulator.simd.formulas import TURN as FULL
-from sleepcast.simulator.simd.formulas import either, sine_cosine, sine_of_rest, wrap
+from sleepcast.simulator.simd.formulas import either, shortest, sine_cosine, sine_of_rest, wrap
 from sleepcast.simulator.simd.lanes import at, put, put_some, some
 from sleepcast.simulator.simd.vectors import LANES, any_of
 from sleepcast.simulator.sonar.kernels import GOLDEN, U, deviate, mixed
-from sleepcast.simulator.world.torus import shortest
 
 BLOCK = 256
 """Bodies whose data stay in the first-level cache."""

@@ -34,10 +34,9 @@ from sleepcast.simulator.motion.driving import (
     turned_back,
     wheels_follow,
 )
-from sleepcast.simulator.simd.formulas import either, sine_cosine, wrap
+from sleepcast.simulator.simd.formulas import either, shortest, sine_cosine, wrap
 from sleepcast.simulator.sonar.noise import deviates
 from sleepcast.simulator.world.grid import Floats, Grid, Listed, Sorted, Whole, nearest_point, pairs, spread
-from sleepcast.simulator.world.torus import shortest
 
 UNIT = 2.0**-53
 UNIT_SPREAD = np.sqrt(12.0)

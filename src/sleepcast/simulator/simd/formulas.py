@@ -65,6 +65,13 @@ def arc_tangent(up: Floats, across: Floats) -> Floats:
     return either(up < 0.0, -angle, angle)
 
 
+def shortest(across: Floats, around: float) -> Floats:
+    """The shortest way between two points that lie `across` from each other along one axis, m.
+    around: the size of a torus, infinite for a plain world."""
+    half = around / 2.0
+    return either(across > half, across - around, either(across < -half, across + around, across))
+
+
 def wrap(angle: Floats) -> Floats:
     """The angle wrapped to -pi..pi."""
     return angle - TURN * np.floor((angle + np.pi) / TURN)

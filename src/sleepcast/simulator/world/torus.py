@@ -13,17 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sleepcast.simulator.simd.formulas import either
 from sleepcast.simulator.world.grid import Floats, Grid, Whole, grid_over
 
 Around = tuple[float, float]
 PLAIN: Around = (inf, inf)
-
-
-def shortest(across: Floats, around: float) -> Floats:
-    """The shortest way from one point of a world to another one that lies `across` from it along one axis."""
-    half = around / 2.0
-    return either(across > half, across - around, either(across < -half, across + around, across))
 
 
 def come_around(x: Floats, around: float) -> None:

@@ -135,6 +135,14 @@ def test_rules_are_followed_through_buffers_and_operators() -> None:
     assert names(twins) == set()
 
 
+def test_a_rule_that_another_one_stores_anew_may_read_anything() -> None:
+    twins = Twins(3)
+    twins.do("(RULE r (WHEN (> speed 1) (ST)))")
+    assert names(twins) == {"speed"}
+    twins.do("(RULE q (RULE r (WHEN (> y 1) (ST))))")
+    assert names(twins) == {sensor.name for sensor in SENSORS}
+
+
 def test_messages_that_wait_are_looked_into() -> None:
     twins = Twins(3)
     twins.send("(SETQ lamp (+ speed y))", [1])

@@ -80,7 +80,11 @@ class ReadSet:
 
     def _by_rules(self, mind: Mind) -> frozenset[int] | None:
         if mind not in self._of_mind:
-            self._of_mind[mind] = _together((kept.program for kept in mind.running), mind)
+            programs = [kept.program for kept in mind.running]
+            taught = {key for program in programs for part in walk(program.root) for key in _taught(part)}
+            # A rule that another one stores anew runs in the same tick, whatever it will then read.
+            anew = not taught.isdisjoint({_ANYTHING, *mind.rules})
+            self._of_mind[mind] = None if anew else _together(programs, mind)
         return self._of_mind[mind]
 
     def _by_message(self, message: Message, mind: Mind) -> frozenset[int] | None:

@@ -122,6 +122,10 @@ def test_an_example_gives_what_it_says(block: Block) -> None:
                 tick += 1
                 robot.mind.think(tick, tick * TICK)
             continue
+        if line.startswith(":set "):
+            apply_setting(setting, where, line)
+            robot.sense(setting, tick * TICK)
+            continue
         case = read_case(where, line)
         difference = mismatch(case, robot.evaluate(case.text), checks=True)
         if difference:

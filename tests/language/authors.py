@@ -31,6 +31,10 @@ FOLDS = ("+", "-", "*", "/", "MIN", "MAX")
 UNARY = ("ABS", "SQRT", "EXP", "LOG", "SIN", "COS", "TAN", "FLOOR", "CEIL", "ROUND", "WRAP", "-", "/", "NOT", "KNOWN")
 BINARY = ("^", "MOD", "ATAN2", "+", "-", "*", "/", "MIN", "MAX")
 COMPARISONS = ("=", "EQ", "/=", "<", "<=", ">", ">=")
+REMEMBERING = (
+    ("ONCE", 1, 2), ("HELD", 2, 0), ("HYSTERESIS", 3, 0), ("EVERY", 1, 2), ("AFTER", 1, 2), ("WITHIN", 2, 0),
+    ("AGE", 1, 0),
+)  # fmt: skip
 ACTS = ("SLEEP", "WAKE", "FREEZE", "THAW", "MARK", "UNMARK")
 
 
@@ -55,9 +59,9 @@ class Author:
             *(self.fold,) * 4, *(self.unary,) * 4, *(self.binary,) * 4, self.geometry, self.clamp,
             *(self.comparison,) * 5, *(self.junction,) * 5, *(self.cond,) * 3, *(self.choice,) * 4,
             *(self.sequence,) * 2, *(self.let,) * 3, self.dotimes, *(self.setq,) * 5, *(self.setq_local,) * 2,
-            self.defvar, *(self.store,) * 3, self.rule, self.about_rule, self.defun, *(self.operator,) * 2,
-            *(self.group,) * 2, self.prob, self.dice, self.random, self.act, self.report, self.tell,
-            *(self.body,) * 2, self.stranger,
+            self.defvar, *(self.store,) * 3, self.rule, *(self.remembering,) * 2, self.about_rule, self.defun,
+            *(self.operator,) * 2, *(self.group,) * 2, self.prob, self.dice, self.random, self.act, self.report,
+            self.tell, *(self.body,) * 2, self.stranger,
         )  # fmt: skip
 
     def text(self) -> str:
@@ -189,6 +193,18 @@ class Author:
     def rule(self, place: Place, depth: int) -> str:
         number = self.chance.randrange(len(RULES))
         return f"(RULE {RULES[number]} {self.expression(Place(level=len(BUFFERS) + number), depth)})"
+
+    def remembering(self, place: Place, depth: int) -> str:
+        """A form that remembers from tick to tick, in a rule of its own unless something stored is being written."""
+        if place.level == 99 or self.chance.randrange(3) == 0:
+            number = self.chance.randrange(len(RULES))
+            inside = Place(level=len(BUFFERS) + number)
+            return f"(RULE {RULES[number]} {self.remembers(inside, depth)})"
+        return self.remembers(place, depth)
+
+    def remembers(self, place: Place, depth: int) -> str:
+        name, arguments, rest = self.one_of(REMEMBERING)
+        return f"({name} {self.several(place, depth, arguments, arguments + rest)})"
 
     def about_rule(self, place: Place, depth: int) -> str:
         name = self.one_of(RULES + BUFFERS)

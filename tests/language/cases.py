@@ -178,11 +178,15 @@ class NodeMachine:
         self.result: Result
         vocabulary = setting.vocabulary()
         self.mind = Node("robot", vocabulary, number=setting.number, seed=setting.seed, body=self.body)
-        measured = [setting.values.get(sensor.name.casefold(), math.nan) for sensor in vocabulary.sensors]
-        self.mind.sense(measured, 0.0)
+        self.sense(setting)
         for i, actuator in enumerate(vocabulary.actuators):
             if actuator.name.casefold() in setting.values:
                 self.mind.values[vocabulary.first_actuator + i] = setting.values[actuator.name.casefold()]
+
+    def sense(self, setting: Setting, now: float = 0.0) -> None:
+        """Give the sensors the values of the setting."""
+        sensors = self.mind.vocabulary.sensors
+        self.mind.sense([setting.values.get(sensor.name.casefold(), math.nan) for sensor in sensors], now)
 
     def evaluate(self, text: str) -> Outcome:
         self.body.done.clear()

@@ -34,6 +34,7 @@ from language.reference_numbers import PURE, Undefined, truth
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language.numerics import draw, normal, stream
 from sleepcast.language.reader import QUASIQUOTE, QUOTE, UNQUOTE, Form, List, Number, Symbol, Text, read, show, walk
+from sleepcast.language.remembering import written_out
 from sleepcast.language.vocabulary import Variable, VariableKind, Vocabulary, buffer_number
 
 UNKNOWN = math.nan
@@ -93,7 +94,7 @@ class Reference:
 
     def evaluate(self, text: str) -> float:
         """The value of the one expression in `text`. Raises ReadError if it is none."""
-        form = read(text)
+        form = written_out(read(text))
         self.faults, self.printed, self.told, self.pings = [], [], [], []
         self.steps = self.calls = self.levels = 0
         self.absent = set()

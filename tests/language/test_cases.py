@@ -12,7 +12,7 @@ BLOCKS = blocks()
 FEWEST = 300
 TOPICS = {
     "arithmetic", "assignment", "body", "boolean", "bounds", "buffers", "chance", "comparison", "control", "doubts",
-    "errors", "faults", "groups", "operators", "rules", "speaking", "support", "units",
+    "errors", "faults", "groups", "operators", "remembering", "rules", "speaking", "support", "units",
 }  # fmt: skip
 
 

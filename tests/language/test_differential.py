@@ -21,6 +21,7 @@ from language.reference_forms import cost
 from sleepcast.language import check, read
 from sleepcast.language.functions import FUNCTIONS
 from sleepcast.language.reader import QUASIQUOTE, UNQUOTE
+from sleepcast.language.remembering import written_out
 from sleepcast.mind.limits import MAX_FAULTS
 from sleepcast.node.node import Node
 
@@ -102,7 +103,7 @@ def test_the_static_cost_is_one_step_for_each_part_and_for_each_that_is_stored()
     texts = [text for text in written(1_000) if "warble" not in text and f"FORGET {OPERATORS[0][0][0]}" not in text]
     assert len(texts) > 500
     for text in texts:
-        assert check(text, robot).cost == cost(read(text)), text
+        assert check(text, robot).cost == cost(written_out(read(text))), text
 
 
 @pytest.mark.parametrize(

@@ -285,6 +285,19 @@ _TABLE = (
     Function("FORGET", 1, 1, "name", "special", "truth", "Removes a rule, a buffer's expression or an operator."),
     Function("LEASE", 2, 2, "name seconds", "special", "truth", "Deactivates a rule after so long, unless renewed."),
     Function(
+        "ONCE", 1, MANY, "test expr ...", "special", "last", "The rest in the tick in which the test becomes true."
+    ),
+    Function("HELD", 2, 2, "test seconds", "special", "truth", "Whether the test has been true for so long."),
+    Function("HYSTERESIS", 3, 3, "x low high", "special", "truth", "True from high on, until x is down to low."),
+    Function("EVERY", 1, MANY, "seconds expr ...", "special", "last", "The rest now, and again after each so long."),
+    Function(
+        "AFTER", 1, MANY, "seconds expr ...", "special", "last", "The rest a single time, so long after the rule came."
+    ),
+    Function(
+        "WITHIN", 2, 2, "from to", "special", "truth", "Whether it is between so long and so long after the rule came."
+    ),
+    Function("AGE", 1, 1, "x", "special", "number", "Seconds since the value of x changed."),
+    Function(
         "DEFUN",
         3,
         MANY,
@@ -379,6 +392,13 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     "DEACTIVATE": ("(PROGN (RULE signal (MARK)) (DEACTIVATE signal))", "1"),
     "FORGET": ("(PROGN (RULE wave (MARK)) (FORGET wave))", "1"),
     "LEASE": ("(PROGN (RULE watch (MARK)) (LEASE watch 10s))", "1"),
+    "ONCE": ('(RULE low (ONCE (< time 5s) (REPORT "low")))', "1"),
+    "HELD": ("(RULE wait (WHEN (HELD marked 3s) (UNMARK)))", "1"),
+    "HYSTERESIS": ("(RULE late (WHEN (HYSTERESIS time 10s 20s) (MARK)))", "1"),
+    "EVERY": ("(RULE blink (EVERY 2s (IF marked (UNMARK) (MARK))))", "1"),
+    "AFTER": ("(RULE soon (AFTER 10s (MARK)))", "1"),
+    "WITHIN": ("(RULE first (IF (WITHIN 0s 5s) (MARK) (UNMARK)))", "1"),
+    "AGE": ("(RULE old (WHEN (> (AGE marked) 60s) (UNMARK)))", "1"),
     "DEFUN": ("(PROGN (DEFUN half (a) (/ a 2)) (half 10))", "5"),
     "JOIN": ("(PROGN (JOIN bravo) (IN bravo))", "1"),
     "LEAVE": ("(PROGN (JOIN bravo) (LEAVE bravo) (IN bravo))", "0"),

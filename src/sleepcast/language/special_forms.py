@@ -12,7 +12,21 @@ from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language.checker import STORE_STEPS, Checker, Special
 from sleepcast.language.functions import FUNCTIONS, MAX_HOPS, MAX_REPEATS
 from sleepcast.language.parts import Defining, Label, Part, Storing, Template
-from sleepcast.language.reader import QUASIQUOTE, QUOTE, UNQUOTE, Form, List, Number, Symbol, Text
+from sleepcast.language.reader import (
+    MAX_NESTING,
+    MAX_TEXT,
+    QUASIQUOTE,
+    QUOTE,
+    UNQUOTE,
+    Form,
+    List,
+    Number,
+    Symbol,
+    Text,
+    height,
+    show,
+)
+from sleepcast.language.remembering import FORMS
 from sleepcast.language.vocabulary import Variable, VariableKind, buffer_number
 
 MAX_LOOPS = 4
@@ -184,6 +198,13 @@ def _rule(checker: Checker, form: List) -> Part:
     return _store(checker, form, target, body, activate=True)
 
 
+@_special(*FORMS)
+def _remembering(checker: Checker, form: List) -> Part:
+    checker.parts(form.items[1:])
+    name = (form.head or "").upper()
+    return checker.error(f"{name} @@ remembers from tick to tick: it stands in a rule, (RULE name ...)", form)
+
+
 def _store(checker: Checker, form: List, target: Symbol, body: Form, *, activate: bool) -> Part:
     number = buffer_number(target.key)
     if number == 0:
@@ -191,6 +212,8 @@ def _store(checker: Checker, form: List, target: Symbol, body: Form, *, activate
     if number is None and not _is_free_for(checker, target, "rule"):
         return Part("const", form, number=nan)
     key = target.key if number is None else f"e{number}"
+    if height(body) > MAX_NESTING or len(show(body)) > MAX_TEXT:
+        return checker.error("this rule @@, written out, is too long or too deeply nested: use two rules", form)
     steps = checker.stored(key, (body,), [], target)
     return Part("store", form, name=key, number=steps, data=Storing(key, body, activate=activate))
 

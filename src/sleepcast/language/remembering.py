@@ -1,0 +1,133 @@
+"""Forms that remember from tick to tick: ONCE, HELD, HYSTERESIS, EVERY, AFTER, WITHIN and AGE.
+
+A rule is evaluated in every tick, and these say when it shall do something. Each is written out in ordinary forms and
+user variables when the rule is stored, so that robots know nothing else: what a rule remembers is seen among the
+robot's variables, named after the rule, and kept in its snapshots like them.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from sleepcast.language.reader import QUASIQUOTE, QUOTE, Form, List, Number, Symbol, read, walk
+from sleepcast.language.vocabulary import buffer_number
+
+NAME = 48
+"""Characters of a rule's name that the names of what it remembers begin with."""
+
+
+class Written(NamedTuple):
+    """What a form is written out as: M and S stand for its variables, N and P for local names, A, B and C for its
+    arguments, and REST for those after `arguments`. first: the value of a variable before the first evaluation."""
+
+    text: str
+    arguments: int
+    first: str = "UNKNOWN"
+
+
+FORMS = {
+    "once": Written(
+        "(LET ((N A) (P (DEFVAR M FALSE))) (SETQ M (IF (KNOWN N) N P)) (WHEN (AND N (NOT P)) REST))", 1, "FALSE"
+    ),
+    "held": Written(
+        """(LET ((P (DEFVAR M)))
+             (SETQ M (COND (A (IF (KNOWN P) P time)) (TRUE UNKNOWN)))
+             (AND (KNOWN M) (>= (- time M) B)))""",
+        2,
+    ),
+    "hysteresis": Written(
+        "(LET ((N A) (P (DEFVAR M FALSE))) (SETQ M (COND ((>= N C) TRUE) ((<= N B) FALSE) (TRUE P))))", 3, "FALSE"
+    ),
+    "every": Written(
+        """(LET ((P (DEFVAR M)))
+             (WHEN (OR (NOT (KNOWN P)) (>= time P))
+               (SETQ M (+ (COND ((<= (- time P) A) P) (TRUE time)) A))
+               REST))""",
+        1,
+    ),
+    "after": Written(
+        """(LET ((P (DEFVAR M)))
+             (IF (KNOWN P) P (SETQ M (+ time A)))
+             (WHEN (AND (>= M 0) (>= time M)) (SETQ M -1) REST))""",
+        1,
+    ),
+    "within": Written(
+        """(LET ((P (DEFVAR M)))
+             (LET ((N (- time (IF (KNOWN P) P (SETQ M time))))) (AND (>= N A) (< N B))))""",
+        2,
+    ),
+    "age": Written(
+        """(LET ((N A))
+             (DEFVAR M)
+             (DEFVAR S)
+             (COND ((NOT (KNOWN N)) N) ((= N M) N) (TRUE (SETQ M N) (SETQ S time)))
+             (- time S))""",
+        1,
+    ),
+}
+_TEMPLATES = {name: read(written.text) for name, written in FORMS.items()}
+
+
+def written_out(form: Form) -> Form:
+    """A message with these forms, in the rules that it stores, written out; `form` itself if there are none.
+
+    What a rule remembers is set back when the rule is stored.
+    """
+    if not any(isinstance(inside, List) and inside.head in FORMS for inside in walk(form)):
+        return form
+    return _message(form)
+
+
+def _message(form: Form) -> Form:
+    if not isinstance(form, List) or form.head in (QUOTE, QUASIQUOTE, "tell"):
+        return form
+    target, body = form.items[1:3] if len(form.items) == 3 else (form, form)
+    quoted = form.head == "setq" and isinstance(body, List) and body.head == QUOTE and len(body.items) == 2
+    if isinstance(target, Symbol) and (quoted or form.head in ("rule", "setqq")):
+        number = buffer_number(target.key)
+        rule = _Rule(target.key if number is None else f"e{number}", form)
+        body = rule.body(body.items[1] if quoted and isinstance(body, List) else body)
+        head = Symbol("SETQQ", form.start, form.end) if quoted else form.items[0]
+        stored = List((head, target, body), form.start, form.end)
+        return List((Symbol("PROGN"), *rule.resets, stored), form.start, form.end) if rule.resets else stored
+    return List(tuple(map(_message, form.items)), form.start, form.end)
+
+
+class _Rule:
+    """A rule that is written out. resets: what sets its memory back."""
+
+    def __init__(self, key: str, where: Form) -> None:
+        self.key, self.where = key, where
+        self.resets: list[Form] = []
+
+    def body(self, form: Form) -> Form:
+        """What the rule's expression, or a part of it, means."""
+        if not isinstance(form, List) or form.head in (QUOTE, QUASIQUOTE, "tell", "defun"):
+            return form
+        if form.head in ("rule", "setqq"):
+            return _message(form)
+        inside = List(tuple(map(self.body, form.items)), form.start, form.end)
+        written = FORMS.get(form.head or "")
+        if written is None or len(form.items) <= written.arguments:
+            return inside
+        name = f"{self.key[:NAME]}_{form.head}{len(self.resets) + 1}"
+        names = {"n": f"{name}_now", "p": f"{name}_before", "m": name, "s": f"{name}_since"}
+        values: dict[str, tuple[Form, ...]] = {short: (Symbol(long),) for short, long in names.items()}
+        values |= zip("abc", ((each,) for each in inside.items[1:]), strict=False)
+        values["rest"] = inside.items[1 + written.arguments :]
+        for variable in "ms" if form.head == "age" else "m":
+            reset = read(f"(PROGN (DEFVAR {names[variable]}) (SETQ {names[variable]} {written.first}))")
+            self.resets.extend(_filled(reset, {}, self.where))
+        return _filled(_TEMPLATES[form.head or ""], values, form)[0]
+
+
+def _filled(template: Form, values: dict[str, tuple[Form, ...]], where: Form) -> tuple[Form, ...]:
+    """A template with forms in place of its names, all of it standing where `where` stands."""
+    if isinstance(template, List):
+        items = tuple(each for item in template.items for each in _filled(item, values, where))
+        return (List(items, where.start, where.end),)
+    if isinstance(template, Number):
+        return (Number(template.value, template.unit, template.text, where.start, where.end),)
+    if isinstance(template, Symbol):
+        return values.get(template.key, (Symbol(template.text, where.start, where.end),))
+    return (template,)

@@ -39,6 +39,7 @@ COMMANDS = {
     "swarm": ("sleepcast.cli.swarm", "swarm"),
     "eval": ("sleepcast.cli.eval", "evaluate"),
     "check": ("sleepcast.cli.check", "check"),
+    "check-exercise": ("sleepcast.cli.exercise", "check_exercise"),
     "repl": ("sleepcast.cli.repl", "repl"),
     "who": ("sleepcast.cli.who", "who"),
     "send": ("sleepcast.cli.send", "send"),

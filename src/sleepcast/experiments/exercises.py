@@ -1,0 +1,195 @@
+"""Exercises: something to make robots do, and goals by which a run is judged.
+
+    title = "Mark who can help"
+    task = "Mark every scout with more than half of its fuel."
+    hint = "MARK marks the robot that evaluates it."
+    scenario = "bravo"                      # of the gallery, or a folder beside this file
+    without = "id x y"                      # optional: names that an answer may not use
+    seconds = "1s"
+
+    [[goals]]
+    holds = "share (= marked (> fuel 50%)) >= 0.99"
+    otherwise = "Somebody is marked who should not be, or the other way round."
+
+A goal holds at the end; with `when = "always"` in every second, from `after` on; with `when = "once"` in any of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import isnan
+from pathlib import Path
+from typing import NamedTuple
+
+from sleepcast.api.fleet import open as open_fleet
+from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.settings import Table, toml_document
+from sleepcast.core.units import TIME
+from sleepcast.experiments.measures import StopCondition, read_stop
+from sleepcast.language import check, read_all
+from sleepcast.language.learned_names import LearnedNames
+from sleepcast.language.reader import Symbol, walk
+from sleepcast.simulator import Scenario, find_scenario, parse_mission, scenario_names
+from sleepcast.simulator.scenario.mission import Order
+
+FOLDER = Path(__file__).resolve().parent.parent / "exercises"
+"""The included exercises, a file each, in the order in which they are meant to be done."""
+LONGEST = 600.0
+MAX_GOALS = 16
+EVERY = 1.0
+"""Simulated seconds between two looks at the goals."""
+SEEDS = (1, 2, 3)
+"""Runs by which an answer is judged: with other robots, places and chance each."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What shall hold, and when: "end", "always" (from `after` s on) or "once". otherwise: what to say if it does
+    not."""
+
+    holds: StopCondition
+    when: str
+    after: float
+    otherwise: str
+
+
+@dataclass(frozen=True)
+class Exercise:
+    """Something to make robots do. source: name or folder of its scenario. without: names that an answer may not use.
+    seconds: length of a run, in simulated time."""
+
+    name: str
+    title: str
+    task: str
+    hint: str
+    source: str
+    scenario: Scenario
+    without: frozenset[str]
+    seconds: float
+    goals: tuple[Goal, ...]
+
+
+@dataclass(frozen=True)
+class Miss:
+    """A goal that was not met: its condition, what was measured instead at `time` (s), and what to think of."""
+
+    goal: str
+    value: float
+    time: float
+    otherwise: str
+
+    def shown(self) -> float | None:
+        """What was measured; None if it was unknown."""
+        return None if isnan(self.value) else self.value
+
+    def sentence(self) -> str:
+        measured = "unknown" if isnan(self.value) else f"{self.value:.3g}"
+        return f"wanted {self.goal}, but it was {measured} at {self.time:g} s. {self.otherwise}".rstrip()
+
+
+def exercise_names() -> list[str]:
+    """The names of the included exercises, in their order."""
+    return [_name_of(file) for file in sorted(FOLDER.glob("*.toml"))]
+
+
+def find_exercise(name: str) -> Exercise:
+    """The included exercise of this name, or the one in the TOML file at this path. Raises MisuseError, also a
+    SettingsError for what is wrong in the file."""
+    included = {_name_of(file): file for file in sorted(FOLDER.glob("*.toml"))}
+    file = included.get(name, Path(name))
+    if not file.is_file():
+        raise MisuseError(
+            f'no exercise "{name:.80}"{did_you_mean(name, list(included))}: wanted one of {", ".join(included)}, or a '
+            "TOML file"
+        )
+    with toml_document(file).root() as table:
+        return _read(table, file)
+
+
+def _name_of(file: Path) -> str:
+    return file.stem.partition("-")[2] or file.stem
+
+
+def _read(table: Table, file: Path) -> Exercise:
+    source = table.text("scenario", most=4096)
+    if source not in scenario_names():
+        source = str(file.parent / source)
+    with table.answering("scenario"):
+        scenario = find_scenario(source)
+    exercise = Exercise(
+        name=_name_of(file),
+        title=table.text("title", most=80),
+        task=table.text("task", most=4000),
+        hint=table.text("hint", "", most=4000),
+        source=source,
+        scenario=scenario,
+        without=frozenset(table.text("without", "").casefold().split()),
+        seconds=table.number("seconds", TIME, low=0.1, high=LONGEST),
+        goals=tuple(map(_goal, table.array("goals", most=MAX_GOALS))),
+    )
+    if not exercise.goals:
+        raise table.error("goals", "an exercise has at least one goal: write [[goals]] and what holds")
+    return exercise
+
+
+def _goal(table: Table) -> Goal:
+    with table:
+        text = table.text("holds", most=1000)
+        with table.answering("holds"):
+            condition = read_stop(text)
+        when = table.text("when", "end", choices=("end", "always", "once"))
+        after = table.number("after", TIME, 0.0, low=0.0, high=LONGEST)
+        return Goal(condition, when, after, table.text("otherwise", "", most=1000))
+
+
+class Answer(NamedTuple):
+    """What is sent, and what the checker warns of in it."""
+
+    orders: tuple[Order, ...]
+    warnings: tuple[str, ...]
+
+
+def read_answer(exercise: Exercise, text: str, name: str) -> Answer:
+    """An answer: a mission script, or expressions that are all sent at the start. name: of the answer, for errors.
+    Raises ReadError, CheckError and MisuseError for what cannot be sent."""
+    if any(line.startswith("@") for line in text.split("\n")):
+        orders = parse_mission(text, name)
+    else:
+        orders = tuple(Order(0.0, text[form.start : form.end], name) for form in read_all(text))
+    if not orders:
+        raise MisuseError(f"{name}: nothing to send: wanted an expression such as (MARK)")
+    with open_fleet(exercise.scenario, threads=1) as fleet:
+        names = LearnedNames(fleet.station.vocabulary)
+    warnings: list[str] = []
+    for order in orders:
+        checked = check(order.text, names)
+        form = checked.required().form
+        for inside in walk(form):
+            if isinstance(inside, Symbol) and inside.key in exercise.without:
+                raise MisuseError(f"{name}: {inside.text} is used: this exercise is to be done without it")
+        names.learn(form)
+        warnings += [finding.render(order.text) for finding in checked.warnings]
+    return Answer(orders, tuple(warnings))
+
+
+def attempt(exercise: Exercise, orders: Sequence[Order], seed: int) -> list[Miss]:
+    """Run an answer once; the goals that were not met, none if it passed."""
+    scenario = replace(exercise.scenario, mission=tuple(orders), seed=seed)
+    missed: dict[Goal, Miss] = {}
+    met: set[Goal] = set()
+    with open_fleet(scenario, mission=True, threads=1) as fleet:
+        while fleet.time < exercise.seconds - 1e-9:
+            fleet.run(min(EVERY, exercise.seconds - fleet.time), quiet=True)
+            is_end = fleet.time >= exercise.seconds - 1e-9
+            for goal in exercise.goals:
+                if goal in met or (goal.when == "end" and not is_end) or fleet.time < goal.after - 1e-9:
+                    continue
+                value = goal.holds.measure(fleet)
+                holds = goal.holds.compared(value, goal.holds.bound)
+                if holds and goal.when == "once":
+                    met.add(goal)
+                    missed.pop(goal, None)
+                elif not holds and (goal.when != "always" or goal not in missed):
+                    missed[goal] = Miss(goal.holds.text, value, fleet.time, goal.otherwise)
+    return [missed[goal] for goal in exercise.goals if goal in missed]

@@ -20,7 +20,7 @@ from sleepcast.language.codegen import Code, generate
 from sleepcast.language.evaluate import Memory, Walker
 from sleepcast.language.parts import CHANCY, Part, acts, deciding, is_acting, walk
 from sleepcast.language.reader import Form, height, read_all
-from sleepcast.language.remembering import written_out
+from sleepcast.language.remembering import REMEMBERS, written_out
 from sleepcast.language.symbols import Group, Names, Operator, Stored, reaches, uses_in
 
 MAX_STEPS = MAX_COST
@@ -153,7 +153,8 @@ def build(
 ) -> tuple[Program, Checker]:
     """Check `forms` (read from `text`) and make a program of them; look at the checker's findings before using it."""
     checker = Checker(names, text, special_forms.SPECIAL, warns=warns)
-    forms = [written_out(form) for form in forms]
+    if not text or REMEMBERS.search(text):
+        forms = [written_out(form) for form in forms]
     for form in forms:
         checker.declare_all(form)
     with checker.scope([p.casefold() for p in parameters]):

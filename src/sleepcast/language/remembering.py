@@ -7,6 +7,7 @@ robot's variables, named after the rule, and kept in its snapshots like them.
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 from sleepcast.language.reader import QUASIQUOTE, QUOTE, Form, List, Number, Symbol, read, walk
@@ -65,6 +66,8 @@ FORMS = {
         1,
     ),
 }
+REMEMBERS = re.compile(rf"\(\s*(?:{'|'.join(FORMS)})\b", re.IGNORECASE)
+"""What a text that has one of these forms has in it; so may others."""
 _TEMPLATES = {name: read(written.text) for name, written in FORMS.items()}
 
 

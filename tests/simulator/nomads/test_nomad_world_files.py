@@ -121,7 +121,7 @@ class TestWorlds:
         scenario = find_scenario(name)
         site = read_site(scenario.path, robots=scenario.robots.count)
         assert (site.width, site.height) == (scenario.width, scenario.height)
-        walled = 0 if scenario.fenced else 1
+        walled = 0 if scenario.fenced or scenario.torus else 1
         assert len(site.shapes) == len(scenario.shapes) - walled
 
     @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from sleepcast.api.events import FleetEvent
     from sleepcast.api.fleet import SimulatedFleet, open, resume
     from sleepcast.api.history import History
+    from sleepcast.api.payload import SimulatedBody
     from sleepcast.api.table import DataTable
     from sleepcast.core import errors
 
@@ -33,6 +34,7 @@ __all__ = [
     "Fleet",
     "FleetEvent",
     "History",
+    "SimulatedBody",
     "SimulatedFleet",
     "connect",
     "errors",
@@ -50,6 +52,7 @@ _MODULES = {
     "DataTable": "sleepcast.api.table",
     "FleetEvent": "sleepcast.api.events",
     "History": "sleepcast.api.history",
+    "SimulatedBody": "sleepcast.api.payload",
 }
 """Where each other name is."""
 

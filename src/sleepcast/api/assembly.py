@@ -8,7 +8,7 @@ from typing import cast
 
 from sleepcast.loop import Swarm
 from sleepcast.loop import resume as resume_swarm
-from sleepcast.simulator import Scenario, Simulator, compile_kernels
+from sleepcast.simulator import Payload, Scenario, Simulator, compile_kernels
 from sleepcast.station import Journal, SendPolicy, Station
 
 FEW, WARM_TICKS = 12, 3
@@ -22,10 +22,11 @@ def assemble(
     mission: bool,
     threads: int | None = None,
     journal: Journal | None = None,
+    payload: Payload | None = None,
 ) -> tuple[Swarm, Station]:
     """A swarm in its scenario and the operator's desk. mission: whether the desk sends the scenario's own orders.
-    threads: None is one for each core. journal: None is one in memory."""
-    simulator = Simulator(scenario, seed, threads=threads)
+    threads: None is one for each core. journal: None is one in memory. payload: what a program adds to the bodies."""
+    simulator = Simulator(scenario, seed, threads=threads, payload=payload)
     swarm = Swarm(simulator, scenario.mission if mission else ())
     station = station_of(swarm, journal)
     swarm.desk = station

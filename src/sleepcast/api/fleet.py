@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from sleepcast.api.assembly import assemble, assemble_from, warm_up
 from sleepcast.api.commands import CommandResult, Fleet, read_only
 from sleepcast.api.history import History
+from sleepcast.api.payload import payload_of
 from sleepcast.api.picture import picture
 from sleepcast.api.progress import steps
 from sleepcast.core.errors import MisuseError
@@ -147,12 +148,21 @@ class SimulatedFleet(Fleet):
     # ---- kept, forked, closed
 
     def snapshot(self) -> bytes:
-        """The whole run between two ticks; `resume` goes on from it."""
+        """The whole run between two ticks; `resume` goes on from it. Raises MisuseError for robots of a class of one's
+        own, whose state nobody knows."""
+        self._check_whole()
         return snapshot(self.swarm)
 
     def save(self, file: str | PathLike[str]) -> None:
         """The same into a file. Raises SnapshotLostError where it cannot be written."""
         save(self.snapshot(), Path(file))
+
+    def _check_whole(self) -> None:
+        if self.swarm.simulator.payload is not None:
+            raise MisuseError(
+                "robots of a class of your own cannot be saved, forked or recorded, because only the class knows their "
+                "state: open the fleet again with the same seed"
+            )
 
     def fork(self, seed: int | None = None) -> SimulatedFleet:
         """A second run with the same past. seed: another one gives it another chance from here on; None keeps it the
@@ -170,10 +180,11 @@ class SimulatedFleet(Fleet):
         """Record the run into an MCAP file from now on, until `close` of the recording or of the fleet. pictures,
         readings: simulated seconds between two of them, None: as the scenario's speed suggests. rotate: when another
         file begins, as "100MB,10min". What goes wrong later is logged by the logger `sleepcast`. Raises MisuseError for
-        a file that is there already, RecordingError where none can be made."""
+        a file that is there already and for robots of a class of one's own, RecordingError where none can be made."""
         from sleepcast.api.recording import RecordingPlan, RunRecording
         from sleepcast.simulator.recording.recorder import ONE_FILE, read_rotation
 
+        self._check_whole()
         plan = RecordingPlan(Path(file), pictures, readings, ONE_FILE if rotate is None else read_rotation(rotate))
         with self._turn():
             self._recording = RunRecording(self.swarm, self.station, plan)
@@ -203,7 +214,7 @@ def open(
     scenario: str | PathLike[str] | Scenario,
     *,
     seed: int | None = None,
-    robots: int | None = None,
+    robots: int | type | str | None = None,
     area_per_robot: float | None = None,
     walls: bool = True,
     over: Mapping[str, object] | None = None,
@@ -213,13 +224,16 @@ def open(
     """A simulated fleet at the start of its scenario.
 
     scenario: a name of the gallery, the path of a folder or file, TOML text, or a `Scenario`. seed: what all chance
-    depends on, None for the scenario's. robots, area_per_robot (m2), walls: changes of the scenario. over: any of its
+    depends on, None for the scenario's. robots: their number, or a class with @sensor, @actuator,
+    @function and @command that adds to each of them, or the name of one that an installed package adds.
+    area_per_robot (m2), walls: changes of the scenario. over: any of its
     keys, each with what it says instead, as {"radio.loss": 0.3}. mission: whether the
     desk sends the scenario's own commands. threads: None is one for each core; any number gives the same bits.
     Raises MisuseError for no such scenario, SettingsError for what is wrong in it.
     """
     changed = (each.item() if isinstance(each, np.generic) else each for each in (over or {}).values())
-    changes = Changes(robots, area_per_robot, walls, seed, tuple(zip(over or (), changed, strict=True)))
+    count, payload = (None, payload_of(robots)) if isinstance(robots, type | str) else (robots, None)
+    changes = Changes(count, area_per_robot, walls, seed, tuple(zip(over or (), changed, strict=True)))
     if isinstance(scenario, Scenario):
         if changes != Changes(seed=seed):
             raise MisuseError("a Scenario object is taken as it is: give its name, path or text to change it")
@@ -229,7 +243,7 @@ def open(
     else:
         found = find_scenario(fspath(scenario), changes)
     warm_up(found, threads)
-    return SimulatedFleet(*assemble(found, seed, mission=mission, threads=threads))
+    return SimulatedFleet(*assemble(found, seed, mission=mission, threads=threads, payload=payload))
 
 
 def resume(

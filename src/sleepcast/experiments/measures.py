@@ -15,7 +15,6 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.metadata import entry_points
 from math import isfinite, nan
 from operator import ge, gt, le, lt
 from typing import TypeAlias
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.extensions import extensions, load_extension
 from sleepcast.experiments.group_measures import NAMES, read_group_measure
 from sleepcast.language import CheckError
 
@@ -134,10 +134,10 @@ def _quantile(text: str, rest: str) -> Measure:
 
 
 def _function(name: str) -> Measure:
-    added = {each.name: each for each in entry_points(group=GROUP)}
+    added = extensions(GROUP)
     try:
         if name in added:
-            function = added[name].load()
+            function = load_extension(added[name], "measure")
         elif found := _FUNCTION.fullmatch(name):
             function = getattr(import_module(found[1]), found[2])
         else:
@@ -145,7 +145,7 @@ def _function(name: str) -> Measure:
                 f'no measure "{name:.80}"{did_you_mean(name, (*added, *NAMES))}: wanted {", ".join(AGGREGATES)} and an '
                 "expression, such as mean fuel, or a function in Python, such as analysis.spread"
             )
-    except MeasureError:
+    except MisuseError:
         raise
     except Exception as error:  # a module that is imported may do anything
         raise MeasureError(f'measure "{name:.80}" cannot be loaded: {type(error).__name__}: {error}') from error

@@ -14,8 +14,9 @@ Each imports only what stands above it; tests/test_layout.py checks that.
 """
 
 from sleepcast.core.settings import SettingsError
-from sleepcast.simulator.bodies.bodies import Saying
+from sleepcast.simulator.bodies.bodies import Bodies, Saying
 from sleepcast.simulator.bodies.body import Body
+from sleepcast.simulator.bodies.payload import Payload
 from sleepcast.simulator.engine import Machine, choose
 from sleepcast.simulator.kernel_warm_up import compile_kernels
 from sleepcast.simulator.scenario.mission import MissionError, Order, parse_mission, read_mission
@@ -36,12 +37,14 @@ from sleepcast.simulator.world.world import Area, Circle, Polygon, Shape, Wall, 
 
 __all__ = [
     "Area",
+    "Bodies",
     "Body",
     "Changes",
     "Circle",
     "Machine",
     "MissionError",
     "Order",
+    "Payload",
     "Place",
     "Polygon",
     "SafetyLimits",

@@ -14,6 +14,7 @@ from sleepcast.core.threads import ThreadPool
 from sleepcast.robot import RobotModel
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats, Mode, Saying, Whole
 from sleepcast.simulator.bodies.body import TUMBLE, Body, model_of
+from sleepcast.simulator.bodies.payload import Payload
 from sleepcast.simulator.bodies.proximity import Sonars
 from sleepcast.simulator.bodies.senses import Senses
 from sleepcast.simulator.engine import Machine, choose, cores
@@ -36,9 +37,9 @@ class Simulator:
     """A running scenario; `seed` replaces the scenario's own. Equal seeds give equal runs, bit for bit, on any number
     of threads.
 
-    machine: the array backend (see `engine`). None chooses the fastest one installed, on `threads` threads (None:
-    one per core); but NumPy for robots without bumpers and sonars, of whom few sense their neighbours, since loading
-    numba takes a second.
+    payload: what a program adds to the bodies. machine: the array backend (see `engine`). None chooses the fastest one
+    installed, on `threads` threads (None: one per core); but NumPy for robots without bumpers and sonars, of whom few
+    sense their neighbours, since loading numba takes a second.
 
     names, robots: one for each robot, by its index; a robot's own number is its index + 1. model: the robots' common
     model.
@@ -50,6 +51,7 @@ class Simulator:
         seed: int | None = None,
         machine: Machine | None = None,
         threads: int | None = None,
+        payload: Payload | None = None,
     ) -> None:
         self.scenario = scenario
         self.seed = scenario.seed if seed is None else seed
@@ -59,15 +61,22 @@ class Simulator:
             machine = choose("numpy" if light else None, threads)
         self.pool = machine.pool or ThreadPool(threads or cores())
         """The threads available to the simulator."""
-        self.bodies = Bodies(scenario, self.seed, machine)
+        self.payload = payload
+        self.bodies = Bodies(scenario, self.seed, machine, payload.sensors if payload else ())
         self.world = self.bodies.world
         """The solid things; they may be changed between ticks."""
         self.senses = Senses(self.bodies)
-        self.model = model_of(scenario, self.bodies, self.senses.functions)
+        functions = (*self.senses.functions, *payload.functions) if payload else self.senses.functions
+        self.model = model_of(scenario, self.bodies, functions, payload.actuators if payload else ())
         self.names = names_of(scenario.each_sort, scenario.robots.count)
         self.robots = Robots(self.bodies, self.model)
         self._pinged = np.zeros(scenario.robots.count, np.uint8)
         self.measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y)
+        self._halted = np.zeros(scenario.robots.count, bool)
+        """Which bodies were stopped when the payload saw them last."""
+        if payload:
+            payload.mount(self.bodies)
+            payload.read(self._payload_rows)
 
     @property
     def tick(self) -> int:
@@ -100,7 +109,22 @@ class Simulator:
             apply_events(self.world, scenario.events, (*scenario.shapes, *scenario.absent), self.time, until)
         step(self.bodies)
         self.senses.step()
+        if self.payload:
+            self._step_payload(self.payload)
         self.measuring.observe(self.tick, self.time)
+
+    def _step_payload(self, payload: Payload) -> None:
+        stopped = self.bodies.stopped
+        payload.halt(np.flatnonzero(stopped & ~self._halted))
+        self._halted[:] = stopped
+        payload.step()
+        payload.read(self._payload_rows)
+
+    @property
+    def _payload_rows(self) -> Floats:
+        """What the payload's sensors read, without the noise of the scenario."""
+        known = self.bodies.known
+        return known[len(known) - len(self.payload.sensors if self.payload else ()) :]
 
     @property
     def sensed(self) -> Floats:
@@ -122,6 +146,11 @@ class Simulator:
     def act(self, actuator: str, robots: NDArray[np.intp] | slice, values: Floats) -> None:
         """Set the actuator of this name to `values` (SI), one per robot, as `Body.act` does. Stopped bodies do nothing;
         NaN leaves the value unchanged. Raises MisuseError for an unknown actuator."""
+        if self.payload and any(each.name == actuator for each in self.payload.actuators):
+            which = np.arange(self.bodies.count)[robots]
+            free = ~self.bodies.stopped[which] & np.isfinite(values)
+            self.payload.act(actuator, which[free], values[free])
+            return
         self.bodies.act(actuator, robots, values)
 
     def readings(self, numbers: Sequence[int] | None = None) -> list[list[float]]:

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from sleepcast.core.arrays import filled
 from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.model import Quantity
 from sleepcast.simulator.bodies.proximity import Bumpers, Neighbours, SonarGroups, Sonars, least_cell, reach
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.motion.driving import DRIVE, GOTO, WANDER, laws_of
@@ -86,10 +87,10 @@ class Bodies:
     from the body to what it touches, m, or 0. stores: shape (stores, count). mode: a `Mode`; wanted_speed,
     wanted_turn: command of DRIVE, m/s and rad/s; target_x, target_y: destination of GOTO, m. stopped, held: latched
     by STOP, held still. swing: remaining angle of a tumble, rad. roaming: turn rate of a wandering body, rad/s.
-    uses: what each store loses per metre, shape (stores,).
+    uses: what each store loses per metre, shape (stores,). added: sensors besides those of the scenario.
     """
 
-    def __init__(self, scenario: Scenario, seed: int, machine: Machine) -> None:
+    def __init__(self, scenario: Scenario, seed: int, machine: Machine, added: tuple[Quantity, ...] = ()) -> None:
         robots, sorts = scenario.robots, scenario.each_sort
         self.scenario, self.seed, self.count = scenario, seed, robots.count
         self.of_each_sort = slices(sorts, self.count)
@@ -102,7 +103,7 @@ class Bodies:
         self.world = World(scenario.shapes)
         self.tick = 0
         self.said: deque[Saying] = deque(maxlen=MAX_SAYINGS)
-        self.sensors = sensors_of(scenario)
+        self.sensors = (*sensors_of(scenario), *added)
         ring = robots.ring
         own, all_ = len(self.sensors), len(self.sensors) + (ring.count + 1 if ring else 0)
         self.sensed: Floats = filled(np.nan, np.float64, all_, self.count)

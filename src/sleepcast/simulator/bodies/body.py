@@ -210,8 +210,13 @@ def _lacking(scenario: Scenario, functions: tuple[HostFunction, ...]) -> tuple[H
     return tuple(replace(function, many=None) for function in functions) if scenario.sorts else functions
 
 
-def model_of(scenario: Scenario, bodies: Bodies, functions: tuple[HostFunction, ...] = ()) -> RobotModel:
-    """The common model of all robots of the scenario. functions: those of their senses."""
+def model_of(
+    scenario: Scenario,
+    bodies: Bodies,
+    functions: tuple[HostFunction, ...] = (),
+    actuators: tuple[Quantity, ...] = (),
+) -> RobotModel:
+    """The common model of all robots of the scenario. functions, actuators: of their senses and their payload."""
     robots = scenario.robots
     speed, turn = robots.limits.speed, robots.limits.turn_rate
     wheels = NOMAD_FUNCTIONS if scenario.nomad else WHEEL_FUNCTIONS
@@ -221,6 +226,7 @@ def model_of(scenario: Scenario, bodies: Bodies, functions: tuple[HostFunction, 
         actuators=(
             Quantity("drive_speed", "m/s", -speed, speed, doc="drives at this speed", shown_as=robots.speed_unit),
             Quantity("drive_turn", "rad/s", -turn, turn, doc="turns at this rate", shown_as="deg/s"),
+            *actuators,
         ),
         functions=(
             *FUNCTIONS,

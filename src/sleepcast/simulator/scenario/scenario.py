@@ -316,9 +316,9 @@ def scenario_names() -> list[str]:
 
 def added_scenarios() -> dict[str, str]:
     """The scenarios that installed packages add, sorted by name, each with its package."""
-    from importlib.metadata import entry_points  # importing it takes longer than reading a scenario
+    from sleepcast.core.extensions import extensions  # importing it takes longer than reading a scenario
 
-    return {entry.name: entry.value for entry in sorted(entry_points(group=ADDED), key=lambda each: each.name)}
+    return {name: entry.value for name, entry in extensions(ADDED).items()}
 
 
 def find_scenario(name: str, changes: Changes = Changes()) -> Scenario:  # noqa: B008  # frozen: nobody can change it

@@ -203,6 +203,8 @@ class Author:
         return self.remembers(place, depth)
 
     def remembers(self, place: Place, depth: int) -> str:
+        if self.chance.randrange(8) == 0:
+            return f"(SHARE {self.one_of(USER)} {self.one_of(('MAX', 'MIN', 'MIN 1', 'NEWEST'))})"
         name, arguments, rest = self.one_of(REMEMBERING)
         return f"({name} {self.several(place, depth, arguments, arguments + rest)})"
 

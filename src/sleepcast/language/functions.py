@@ -297,6 +297,7 @@ _TABLE = (
         "WITHIN", 2, 2, "from to", "special", "truth", "Whether it is between so long and so long after the rule came."
     ),
     Function("AGE", 1, 1, "x", "special", "number", "Seconds since the value of x changed."),
+    Function("SHARE", 2, 3, "variable MAX|MIN|NEWEST [step]", "special", "number", "A value that robots share."),
     Function(
         "DEFUN",
         3,
@@ -399,6 +400,7 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     "AFTER": ("(RULE soon (AFTER 10s (MARK)))", "1"),
     "WITHIN": ("(RULE first (IF (WITHIN 0s 5s) (MARK) (UNMARK)))", "1"),
     "AGE": ("(RULE old (WHEN (> (AGE marked) 60s) (UNMARK)))", "1"),
+    "SHARE": ("(PROGN (DEFVAR leader id) (RULE elect (SHARE leader MAX)))", "1"),
     "DEFUN": ("(PROGN (DEFUN half (a) (/ a 2)) (half 10))", "5"),
     "JOIN": ("(PROGN (JOIN bravo) (IN bravo))", "1"),
     "LEAVE": ("(PROGN (JOIN bravo) (LEAVE bravo) (IN bravo))", "0"),

@@ -1,4 +1,4 @@
-"""Forms that remember from tick to tick: ONCE, HELD, HYSTERESIS, EVERY, AFTER, WITHIN and AGE.
+"""Forms that remember from tick to tick: ONCE, HELD, HYSTERESIS, EVERY, AFTER, WITHIN, AGE and SHARE.
 
 A rule is evaluated in every tick, and these say when it shall do something. Each is written out in ordinary forms and
 user variables when the rule is stored, so that robots know nothing else: what a rule remembers is seen among the
@@ -66,7 +66,40 @@ FORMS = {
         1,
     ),
 }
-REMEMBERS = re.compile(rf"\(\s*(?:{'|'.join(FORMS)})\b", re.IGNORECASE)
+SHARE = "share"
+"""The form for a value that robots share. What it tells is evaluated by robots that may not have it themselves.
+
+A robot tells a new value in one tick of five, and any value in one of fifty: as often as TELL allows in the long run,
+against losses and for robots that come later, and robots with different numbers in different ticks.
+"""
+_TURN = """(AND {known} (= (MOD (+ tick id) 5) 0)
+                (OR (NOT (KNOWN P)) (/= {what} P) (= (MOD (+ tick id) 50) 0)))"""
+_BEST = f"""
+    (LET ((N (DEFVAR A)) (P (DEFVAR M)))
+      (WHEN {_TURN.format(known="(KNOWN N)", what="N")}
+        (SETQ M N)
+        (TELL `(WHEN (OR (NOT (KNOWN (DEFVAR A))) (BETTER ,(WORSE N C) A)) (SETQ A ,(WORSE N C)))))
+      N)"""
+_NEWEST = f"""
+    (LET ((N (DEFVAR A)) (P (DEFVAR M)))
+      (DEFVAR MERGED)
+      (DEFVAR VERSION 0)
+      (WHEN (AND (KNOWN N) (OR (NOT (KNOWN MERGED)) (/= N MERGED)))
+        (SETQ MERGED N)
+        (SETQ VERSION (+ VERSION 1)))
+      (WHEN {_TURN.format(known="(KNOWN MERGED)", what="VERSION")}
+        (SETQ M VERSION)
+        (TELL `(PROGN
+          (DEFVAR A)
+          (DEFVAR MERGED)
+          (WHEN (OR (> ,VERSION (DEFVAR VERSION 0)) (AND (= ,VERSION VERSION) (> ,MERGED MERGED)))
+            (SETQ VERSION ,VERSION)
+            (SETQ MERGED ,MERGED)
+            (SETQ A ,MERGED)))))
+      N)"""
+_MERGED = {"max": (read(_BEST), ">", "-"), "min": (read(_BEST), "<", "+"), "newest": (read(_NEWEST), ">", "-")}
+"""How values are merged: what SHARE is written out as, the sign of a better value, and of one that is worse by C."""
+REMEMBERS = re.compile(rf"\(\s*(?:{'|'.join((*FORMS, SHARE))})\b", re.IGNORECASE)
 """What a text that has one of these forms has in it; so may others."""
 _TEMPLATES = {name: read(written.text) for name, written in FORMS.items()}
 
@@ -76,7 +109,7 @@ def written_out(form: Form) -> Form:
 
     What a rule remembers is set back when the rule is stored.
     """
-    if not any(isinstance(inside, List) and inside.head in FORMS for inside in walk(form)):
+    if not any(isinstance(inside, List) and (inside.head in FORMS or inside.head == SHARE) for inside in walk(form)):
         return form
     return _message(form)
 
@@ -109,6 +142,8 @@ class _Rule:
             return form
         if form.head in ("rule", "setqq"):
             return _message(form)
+        if form.head == SHARE:
+            return self._share(form)
         inside = List(tuple(map(self.body, form.items)), form.start, form.end)
         written = FORMS.get(form.head or "")
         if written is None or len(form.items) <= written.arguments:
@@ -122,6 +157,28 @@ class _Rule:
             reset = read(f"(PROGN (DEFVAR {names[variable]}) (SETQ {names[variable]} {written.first}))")
             self.resets.extend(_filled(reset, {}, self.where))
         return _filled(_TEMPLATES[form.head or ""], values, form)[0]
+
+    def _share(self, form: List) -> Form:
+        """A value that is shared; `form` itself if it is not written as it should be."""
+        match form.items[1:]:
+            case (Symbol() as name, Symbol(key=key), *rest) if key in _MERGED:
+                template, better, worse = _MERGED[key]
+            case _:
+                return form
+        match rest:
+            case []:
+                step = Number(0.0)
+            case [Number(value=value) as step] if value >= 0 and key != "newest":
+                pass
+            case _:
+                return form
+        prefix = f"{self.key[:NAME]}_{SHARE}{len(self.resets) + 1}"
+        names = {"n": f"{prefix}_now", "p": f"{prefix}_before", "m": prefix, "better": better, "worse": worse}
+        names |= {"merged": f"{name.key[:NAME]}_merged", "version": f"{name.key[:NAME]}_version"}
+        values: dict[str, tuple[Form, ...]] = {short: (Symbol(long),) for short, long in names.items()}
+        values |= {"a": (name,), "c": (step,)}
+        self.resets.extend(_filled(read("(PROGN (DEFVAR A) (DEFVAR M) (SETQ M UNKNOWN))"), values, self.where))
+        return _filled(template, values, form)[0]
 
 
 def _filled(template: Form, values: dict[str, tuple[Form, ...]], where: Form) -> tuple[Form, ...]:

@@ -26,7 +26,7 @@ from sleepcast.language.reader import (
     height,
     show,
 )
-from sleepcast.language.remembering import FORMS
+from sleepcast.language.remembering import FORMS, SHARE
 from sleepcast.language.vocabulary import Variable, VariableKind, buffer_number
 
 MAX_LOOPS = 4
@@ -203,6 +203,12 @@ def _remembering(checker: Checker, form: List) -> Part:
     checker.parts(form.items[1:])
     name = (form.head or "").upper()
     return checker.error(f"{name} @@ remembers from tick to tick: it stands in a rule, (RULE name ...)", form)
+
+
+@_special(SHARE)
+def _share(checker: Checker, form: List) -> Part:
+    wanted = "wanted (RULE name (SHARE variable MAX)), or MIN, each perhaps with a step of 0 or more, or NEWEST"
+    return checker.error(f"SHARE @@ stands in a rule: {wanted}", form)
 
 
 def _store(checker: Checker, form: List, target: Symbol, body: Form, *, activate: bool) -> Part:

@@ -196,6 +196,9 @@ class Author:
 
     def remembering(self, place: Place, depth: int) -> str:
         """A form that remembers from tick to tick, in a rule of its own unless something stored is being written."""
+        if self.chance.randrange(8) == 0:
+            how = self.one_of(("MAX", "MIN", "MIN 1", "NEWEST"))
+            return f"(RULE {self.one_of(RULES)} (SHARE {self.one_of(USER)} {how}))"
         if place.level == 99 or self.chance.randrange(3) == 0:
             number = self.chance.randrange(len(RULES))
             inside = Place(level=len(BUFFERS) + number)
@@ -203,8 +206,6 @@ class Author:
         return self.remembers(place, depth)
 
     def remembers(self, place: Place, depth: int) -> str:
-        if self.chance.randrange(8) == 0:
-            return f"(SHARE {self.one_of(USER)} {self.one_of(('MAX', 'MIN', 'MIN 1', 'NEWEST'))})"
         name, arguments, rest = self.one_of(REMEMBERING)
         return f"({name} {self.several(place, depth, arguments, arguments + rest)})"
 

@@ -29,7 +29,7 @@ from language.authors import NUMBERS, Author
 from language.cases import Body, NodeMachine, Setting
 from sleepcast.channel.message import Kind, Message
 from sleepcast.language import read, show
-from sleepcast.language.functions import FUNCTIONS
+from sleepcast.language.functions import BUILT_IN
 from sleepcast.language.reader import MAX_TEXT
 from sleepcast.node.node import Node
 
@@ -44,7 +44,7 @@ BLOCKS = 30_000
 MEGABYTES = 64
 """Growth of the process that is too much for caches and the allocator's own ways."""
 WORDS: tuple[str, ...] = (
-    *(function.name for function in FUNCTIONS.values()),
+    *(function.name for function in BUILT_IN.values()),
     *NUMBERS,
     *"()'`,;\"",
     "E1",

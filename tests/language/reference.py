@@ -94,7 +94,10 @@ class Reference:
 
     def evaluate(self, text: str) -> float:
         """The value of the one expression in `text`. Raises ReadError if it is none."""
-        form = written_out(read(text))
+        form = read(text)
+        made = {key_of(arguments(call)[0]) for call in walk(form) if is_call(call, "defun") or is_call(call, "rule")}
+        known = made | self.user.keys() | self.stored.keys() | self.operators.keys() | self.groups.keys()
+        form = written_out(form, lambda key: key in known or key in self.vocabulary.bindings)
         self.faults, self.printed, self.told, self.pings = [], [], [], []
         self.steps = self.calls = self.levels = 0
         self.absent = set()

@@ -6,11 +6,11 @@ import pytest
 
 from sleepcast.cli.standard_memory import StandardMemory
 from sleepcast.language import check
-from sleepcast.language.functions import EXAMPLES, FUNCTIONS
+from sleepcast.language.functions import BUILT_IN, EXAMPLES
 
 
 def test_every_function_has_an_example() -> None:
-    assert {name.casefold() for name in EXAMPLES} == set(FUNCTIONS)
+    assert {name.casefold() for name in EXAMPLES} == set(BUILT_IN)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

@@ -383,7 +383,7 @@ def test_a_rule_follows_the_names_it_uses_as_they_come_and_go() -> None:
 
 def test_a_rule_may_end_itself() -> None:
     robot = node()
-    obey(robot, "(DEFVAR n 0)", "(RULE single (PROGN (SETQ n (+ n 1)) (DEACTIVATE single)))", tick=1)
+    obey(robot, "(DEFVAR n 0)", "(RULE once (PROGN (SETQ n (+ n 1)) (DEACTIVATE once)))", tick=1)
     robot.think(2, 0.2)
     assert robot.evaluate("n").value == 1.0
 

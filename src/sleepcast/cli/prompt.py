@@ -19,7 +19,7 @@ from prompt_toolkit.layout.processors import HighlightMatchingBracketProcessor
 from sleepcast.cli.streams import complain, still_open
 from sleepcast.core.files import data_folder
 from sleepcast.language import Variable, format_value
-from sleepcast.language.functions import FUNCTIONS
+from sleepcast.language.functions import BUILT_IN
 
 if TYPE_CHECKING:
     from sleepcast.node.node import Node
@@ -105,7 +105,7 @@ class NameCompleter(Completer):
 
 def usage_of(name: str) -> str:
     """How a function of the language is called, "" for any other name."""
-    function = FUNCTIONS.get(name.casefold())
+    function = BUILT_IN.get(name.casefold())
     return function.usage if function is not None else ""
 
 

@@ -181,12 +181,12 @@ _OVERVIEW = (
 
 def _help_on(memory: StandardMemory, name: str) -> Iterator[str]:
     from sleepcast.language import HostFunction, Variable
-    from sleepcast.language.functions import EXAMPLES, FUNCTIONS
+    from sleepcast.language.functions import BUILT_IN, EXAMPLES
     from sleepcast.language.symbols import SORTS
     from sleepcast.language.vocabulary import describe
 
     name = name.strip("()")
-    function = FUNCTIONS.get(name.casefold())
+    function = BUILT_IN.get(name.casefold())
     binding = memory.node.vocabulary.bindings.get(name.casefold())
     if function is not None:
         yield f"{function.usage}  {function.doc}"

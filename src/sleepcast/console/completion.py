@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sleepcast.console.view import MindsView, SwarmView
 from sleepcast.core.units import shown_value
 from sleepcast.language import Constant, HostFunction, Variable
-from sleepcast.language.functions import FUNCTIONS
+from sleepcast.language.functions import BUILT_IN
 from sleepcast.language.symbols import Group, Operator, UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS
 
@@ -27,7 +27,7 @@ class ShownName(msgspec.Struct, frozen=True):
 def names_of(swarm: SwarmView) -> list[ShownName]:
     """Every name that means something to these robots now."""
     minds = swarm.minds
-    found = [ShownName(f.name, "function", f.doc, usage=f.usage) for f in FUNCTIONS.values()]
+    found = [ShownName(f.name, "function", f.doc, usage=f.usage) for f in BUILT_IN.values()]
     for binding in swarm.vocabulary.bindings.values():
         if isinstance(binding, HostFunction):
             found.append(ShownName(binding.name, "robot", binding.doc, usage=binding.usage))

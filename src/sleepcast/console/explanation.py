@@ -9,7 +9,7 @@ import msgspec
 
 from sleepcast.core.units import UNITS, shown_value
 from sleepcast.language import Explanation, Step, Vocabulary
-from sleepcast.language.functions import FUNCTIONS
+from sleepcast.language.functions import BUILT_IN
 from sleepcast.language.vocabulary import unit_of
 
 _LITERAL = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?(%|[a-z]+(?:/[a-z]+)?\d?)?\Z", re.IGNORECASE)
@@ -60,7 +60,7 @@ def _show(step: Step, unit: str, vocabulary: Vocabulary) -> ShownStep:
 
 def _rule(step: Step) -> str:
     head = step.text[1:].split(None, 1)[0].rstrip(")") if step.text.startswith("(") and len(step.text) > 2 else ""
-    function = FUNCTIONS.get(head.casefold())
+    function = BUILT_IN.get(head.casefold())
     return function.rule if function is not None else ""
 
 

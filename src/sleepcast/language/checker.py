@@ -18,7 +18,7 @@ from re import compile as pattern
 from sleepcast.core.errors import MisuseError, and_more, did_you_mean, placed, with_caret
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.core.units import UNITS
-from sleepcast.language.functions import FUNCTIONS, MANY, Function
+from sleepcast.language.functions import FUNCTIONS, MANY, WORDS, Function
 from sleepcast.language.parts import Defining, Label, Part, Storing
 from sleepcast.language.reader import ALIASES, Form, List, Number, Symbol, Text, rows, walk, written
 from sleepcast.language.symbols import Group, Names, Operator, Stored, UserVariable, circle, uses_in
@@ -299,6 +299,8 @@ class Checker:
             return self.error(f"{head.text} @@ is a {what}, not a function: its name alone gives its value", head)
         if self.sort_of(head.key) == "operator":
             return self._operator(form, head)
+        if head.key in WORDS:
+            return self._builtin(form, WORDS[head.key])
         return self._missing(form, head)
 
     def _is_callable(self, key: str) -> bool:
@@ -306,6 +308,7 @@ class Checker:
             key in FUNCTIONS
             or isinstance(self.names.vocabulary.bindings.get(key), HostFunction)
             or self.sort_of(key) == "operator"
+            or (key in WORDS and self.meaning(key) is None)
         )
 
     def prefixed(self, form: List, begin: int, *, is_call: bool = True) -> bool:

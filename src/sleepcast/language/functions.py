@@ -285,20 +285,6 @@ _TABLE = (
     Function("FORGET", 1, 1, "name", "special", "truth", "Removes a rule, a buffer's expression or an operator."),
     Function("LEASE", 2, 2, "name seconds", "special", "truth", "Deactivates a rule after so long, unless renewed."),
     Function(
-        "ONCE", 1, MANY, "test expr ...", "special", "last", "The rest in the tick in which the test becomes true."
-    ),
-    Function("HELD", 2, 2, "test seconds", "special", "truth", "Whether the test has been true for so long."),
-    Function("HYSTERESIS", 3, 3, "x low high", "special", "truth", "True from high on, until x is down to low."),
-    Function("EVERY", 1, MANY, "seconds expr ...", "special", "last", "The rest now, and again after each so long."),
-    Function(
-        "AFTER", 1, MANY, "seconds expr ...", "special", "last", "The rest a single time, so long after the rule came."
-    ),
-    Function(
-        "WITHIN", 2, 2, "from to", "special", "truth", "Whether it is between so long and so long after the rule came."
-    ),
-    Function("AGE", 1, 1, "x", "special", "number", "Seconds since the value of x changed."),
-    Function("SHARE", 2, 3, "variable MAX|MIN|NEWEST [step]", "special", "number", "A value that robots share."),
-    Function(
         "DEFUN",
         3,
         MANY,
@@ -336,7 +322,29 @@ _TABLE = (
 )
 
 FUNCTIONS: dict[str, Function] = {function.name.casefold(): function for function in _TABLE}
-"""Every built-in by its key (case-folded name)."""
+"""The built-ins whose names mean nothing else, by key (case-folded name)."""
+
+_WORDS = (
+    Function(
+        "ONCE", 1, MANY, "test expr ...", "special", "last", "The rest in the tick in which the test becomes true."
+    ),
+    Function("HELD", 2, 2, "test seconds", "special", "truth", "Whether the test has been true for so long."),
+    Function("HYSTERESIS", 3, 3, "x low high", "special", "truth", "True from high on, until x is down to low."),
+    Function("EVERY", 1, MANY, "seconds expr ...", "special", "last", "The rest now, and again after each so long."),
+    Function(
+        "AFTER", 1, MANY, "seconds expr ...", "special", "last", "The rest a single time, so long after the rule came."
+    ),
+    Function(
+        "WITHIN", 2, 2, "from to", "special", "truth", "Whether it is between so long and so long after the rule came."
+    ),
+    Function("AGE", 1, 1, "x", "special", "number", "Seconds since the value of x changed."),
+    Function("SHARE", 2, 3, "variable MAX|MIN|NEWEST [step]", "special", "number", "A value that robots share."),
+)
+
+WORDS: dict[str, Function] = {function.name.casefold(): function for function in _WORDS}
+"""Built-ins whose names give way to any other meaning, because robots and programs were given such names before."""
+BUILT_IN = FUNCTIONS | WORDS
+"""Every built-in."""
 
 
 # ---- one example of each built-in: what a person types, and its value on a new robot

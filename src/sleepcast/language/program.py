@@ -154,7 +154,9 @@ def build(
     """Check `forms` (read from `text`) and make a program of them; look at the checker's findings before using it."""
     checker = Checker(names, text, special_forms.SPECIAL, warns=warns)
     if not text or REMEMBERS.search(text):
-        forms = [written_out(form) for form in forms]
+        for form in forms:
+            checker.declare_all(form)
+        forms = [written_out(form, lambda key: checker.meaning(key) is not None) for form in forms]
     for form in forms:
         checker.declare_all(form)
     with checker.scope([p.casefold() for p in parameters]):

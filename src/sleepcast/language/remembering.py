@@ -8,6 +8,7 @@ robot's variables, named after the rule, and kept in its snapshots like them.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from typing import NamedTuple
 
 from sleepcast.language.reader import QUASIQUOTE, QUOTE, Form, List, Number, Symbol, read, walk
@@ -104,36 +105,40 @@ REMEMBERS = re.compile(rf"\(\s*(?:{'|'.join((*FORMS, SHARE))})\b", re.IGNORECASE
 _TEMPLATES = {name: read(written.text) for name, written in FORMS.items()}
 
 
-def written_out(form: Form) -> Form:
+Own = Callable[[str], bool]
+"""Whether a key has another meaning, to which the form of this name gives way."""
+
+
+def written_out(form: Form, own: Own) -> Form:
     """A message with these forms, in the rules that it stores, written out; `form` itself if there are none.
 
     What a rule remembers is set back when the rule is stored.
     """
     if not any(isinstance(inside, List) and (inside.head in FORMS or inside.head == SHARE) for inside in walk(form)):
         return form
-    return _message(form)
+    return _message(form, own)
 
 
-def _message(form: Form) -> Form:
+def _message(form: Form, own: Own) -> Form:
     if not isinstance(form, List) or form.head in (QUOTE, QUASIQUOTE, "tell"):
         return form
     target, body = form.items[1:3] if len(form.items) == 3 else (form, form)
     quoted = form.head == "setq" and isinstance(body, List) and body.head == QUOTE and len(body.items) == 2
     if isinstance(target, Symbol) and (quoted or form.head in ("rule", "setqq")):
         number = buffer_number(target.key)
-        rule = _Rule(target.key if number is None else f"e{number}", form)
+        rule = _Rule(target.key if number is None else f"e{number}", form, own)
         body = rule.body(body.items[1] if quoted and isinstance(body, List) else body)
         head = Symbol("SETQQ", form.start, form.end) if quoted else form.items[0]
         stored = List((head, target, body), form.start, form.end)
         return List((Symbol("PROGN"), *rule.resets, stored), form.start, form.end) if rule.resets else stored
-    return List(tuple(map(_message, form.items)), form.start, form.end)
+    return List(tuple(_message(item, own) for item in form.items), form.start, form.end)
 
 
 class _Rule:
     """A rule that is written out. resets: what sets its memory back."""
 
-    def __init__(self, key: str, where: Form) -> None:
-        self.key, self.where = key, where
+    def __init__(self, key: str, where: Form, own: Own) -> None:
+        self.key, self.where, self.own = key, where, own
         self.resets: list[Form] = []
 
     def body(self, form: Form) -> Form:
@@ -141,12 +146,12 @@ class _Rule:
         if not isinstance(form, List) or form.head in (QUOTE, QUASIQUOTE, "tell", "defun"):
             return form
         if form.head in ("rule", "setqq"):
-            return _message(form)
-        if form.head == SHARE:
+            return _message(form, self.own)
+        if form.head == SHARE and not self.own(SHARE):
             return self._share(form)
         inside = List(tuple(map(self.body, form.items)), form.start, form.end)
         written = FORMS.get(form.head or "")
-        if written is None or len(form.items) <= written.arguments:
+        if written is None or len(form.items) <= written.arguments or self.own(form.head or ""):
             return inside
         name = f"{self.key[:NAME]}_{form.head}{len(self.resets) + 1}"
         names = {"n": f"{name}_now", "p": f"{name}_before", "m": name, "s": f"{name}_since"}

@@ -16,7 +16,7 @@ from enum import Enum
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.model import Constant, HostFunction, Quantity
 from sleepcast.core.units import NONE
-from sleepcast.language.functions import FUNCTIONS
+from sleepcast.language.functions import BUILT_IN, FUNCTIONS
 
 BUFFERS = 64
 """Buffers E0 (the message) to E63."""
@@ -123,7 +123,7 @@ class Vocabulary:
         others: tuple[Binding, ...] = (*CONSTANTS, *self.constants, *self.functions)
         for binding in others:
             self._declare(binding)
-        self._names = (*(each.name for each in self.bindings.values()), *(each.name for each in FUNCTIONS.values()))
+        self._names = (*(each.name for each in self.bindings.values()), *(each.name for each in BUILT_IN.values()))
 
     @property
     def first_sensor(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -334,6 +335,17 @@ class TestShown:
         counts = count_tags(html)
         assert counts["svg"] == 2, "the swarm and one entry of the legend"
         assert html.count("Z") - 1 >= len(fleet), "every robot is drawn"
+
+    def test_robots_together_in_a_large_world_are_drawn_closer(self) -> None:
+        def across(disc: str) -> float:
+            fleet = sc.open("couzin", over={"robots.disc.radius": disc})
+            path = re.search(r'<path d="M([^"]*)"', fleet._repr_html_())
+            assert path
+            places = [float(corner.split()[0]) for corner in re.findall(r"[\d.-]+ [\d.-]+", path[1])]
+            return max(places) - min(places)
+
+        assert across("6m") > 300
+        assert across("500m") == pytest.approx(480 * 1000 / 4000, abs=20)
 
     def test_names_are_no_markup(self) -> None:
         fleet = sc.open("bravo", robots=3)

@@ -616,6 +616,31 @@ def test_obstacles_stand_on_the_map(context: BrowserContext, tmp_path: Path) -> 
         assert (top + bottom) / 2 > box["y"] + box["height"] / 2  # and below it, as y = 200 m
 
 
+def test_robots_together_in_a_large_world_are_seen(context: BrowserContext, tmp_path: Path) -> None:
+    small = SMALL.replace('[places.house]\nx = "500m"\ny = "400m"', "").replace(
+        "[robots.limits]", "[robots.disc]\nx = 500\ny = 500\nradius = 10\n\n[robots.limits]"
+    )
+    with Program("run", write(tmp_path, text=small).parent, "--page") as program:
+        page = context.new_page()
+        page.goto(program.address)
+        scale, fit = page.locator("#scale-text"), page.locator("#fit")
+        expect(scale).to_have_text(re.compile(r"^\d+ m$"))
+        near = scale.inner_text()
+        fit.click()
+        expect(scale).to_have_text(re.compile(r"^0\.\d km$"))  # all of the world
+        fit.click()
+        expect(scale).to_have_text(near)
+        send_to_all(page, "(DRIVE 5m/s 0)")
+        expect(scale).not_to_have_text(near)  # they drive apart, and all stay in sight
+
+
+def send_to_all(page: Page, text: str) -> None:
+    type_in(page, text)
+    page.get_by_label(re.compile("This applies to all")).check()
+    page.locator("#text").press("Enter")
+    expect(page.locator("#commands tr")).to_have_count(1)
+
+
 TWO_SORTS = """
 format = 1
 title = "Small and large"

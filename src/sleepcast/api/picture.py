@@ -1,4 +1,4 @@
-"""A picture of a swarm for notebooks, as SVG in HTML: world, places, robots by their groups, and a legend.
+"""A picture of a swarm, as SVG and for notebooks: world, places, lights, robots by their groups, and a legend.
 
 Groups differ by colour and by shape, so that neither has to be told by the other alone. The colours are told apart on
 light and on dark pages.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,22 +22,39 @@ MOST = 2_000
 """Robots drawn; of more, so many at equal steps through their numbers, or a page of notebooks would be slow."""
 SMALLEST = 4.0
 """Pixels: half a robot's length at least."""
+SMALL, ROOM = 8, 10
+"""Robots that need less than this part of the world's width and height are drawn closer, with so many radii of a body
+around them."""
 NO_GROUP, GROUPS = "#7a8b9c", ("#d9622b", "#3b7de0", "#1f9d78", "#c04fb7", "#a07a12", "#7d63e0", "#d23f66")
 
 
 def picture(swarm: Swarm, caption: str) -> str:
-    """The swarm as it is now. caption: stands below."""
-    scenario, simulator = swarm.simulator.scenario, swarm.simulator
-    scale = min(WIDTH / scenario.width, HEIGHT / scenario.height)
-    wide, high = scenario.width * scale, scenario.height * scale
-    size = max(SMALLEST, scenario.robots.geometry.radius * scale)
-    shown = np.arange(0, len(simulator.names), max(1, -(-len(simulator.names) // MOST)))
+    """The swarm as it is now, as HTML. caption: stands below."""
+    _, groups = _groups(swarm)
+    legend = _legend(groups)
+    count = len(swarm.simulator.names)
+    if count > MOST:
+        legend.append(f"<span>{len(_shown(count)):,} of {count:,} robots are drawn</span>")
+    return (
+        f'<div style="font: 13px system-ui, sans-serif">{drawing(swarm, caption)}'
+        f'<div style="display: flex; flex-wrap: wrap; gap: 4px 16px">{"".join(legend)}</div>'
+        f"<div>{escape(caption)}</div></div>"
+    )
+
+
+def drawing(swarm: Swarm, label: str) -> str:
+    """The swarm as it is now, as an SVG element, in the colour of the text around it. label: for those who see no
+    pictures."""
+    simulator = swarm.simulator
+    frame = _Frame.of(swarm)
+    size = max(SMALLEST, simulator.scenario.robots.geometry.radius * frame.scale)
+    shown = _shown(len(simulator.names))
     codes, groups = _groups(swarm)
-    parts = [_ground(shape, scale, high) for shape in simulator.world.shapes.values()]
+    parts = [_ground(shape, frame) for shape in simulator.world.shapes.values()]
     for code in range(len(groups) + 1):
         of_code = shown[codes[shown] == code]
         shapes = "".join(
-            _robot(code, x * scale, high - y * scale, size, -heading)
+            _robot(code, *frame.pixel(x, y), size, -heading)
             for x, y, heading in zip(
                 simulator.x[of_code].tolist(),
                 simulator.y[of_code].tolist(),
@@ -46,21 +64,55 @@ def picture(swarm: Swarm, caption: str) -> str:
         )
         if shapes:
             parts.append(f'<path d="{shapes}" fill="{_colour(code)}"/>')
+    places = [("&#9733;", place.title, place.x, place.y) for place in simulator.scenario.places]
+    lights = [("&#9728;", light.title, light.x, light.y) for light in simulator.scenario.lights]
     parts += [
-        f'<text x="{place.x * scale:.1f}" y="{high - place.y * scale:.1f}" font-size="11" fill="currentColor" '
-        f'text-anchor="middle">&#9733; {escape(place.title)}</text>'
-        for place in scenario.places
+        '<text x="{:.1f}" y="{:.1f}" font-size="11" fill="currentColor" text-anchor="middle">'.format(
+            *frame.pixel(x, y)
+        )
+        + f"{sign} {escape(title)}</text>"
+        for sign, title, x, y in (*places, *lights)
     ]
-    legend = _legend(groups)
-    if len(shown) < len(simulator.names):
-        legend.append(f"<span>{len(shown):,} of {len(simulator.names):,} robots are drawn</span>")
     return (
-        f'<div style="font: 13px system-ui, sans-serif"><svg viewBox="0 0 {wide:.0f} {high:.0f}" width="{wide:.0f}" '
-        f'height="{high:.0f}" style="max-width: 100%; height: auto; border: 1px solid currentColor" role="img" '
-        f'aria-label="{escape(caption)}">{"".join(parts)}</svg>'
-        f'<div style="display: flex; flex-wrap: wrap; gap: 4px 16px">{"".join(legend)}</div>'
-        f"<div>{escape(caption)}</div></div>"
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {frame.wide:.0f} {frame.high:.0f}" '
+        f'width="{frame.wide:.0f}" height="{frame.high:.0f}" style="max-width: 100%; height: auto; border: 1px solid '
+        f'currentColor" role="img" aria-label="{escape(label)}">{"".join(parts)}</svg>'
     )
+
+
+def _shown(count: int) -> NDArray[np.intp]:
+    """The indices of the robots that are drawn."""
+    return np.arange(0, count, max(1, -(-count // MOST)))
+
+
+class _Frame(NamedTuple):
+    """The part of the world that is drawn. left, top: m; scale: pixels a metre; wide, high: pixels."""
+
+    left: float
+    top: float
+    scale: float
+    wide: float
+    high: float
+
+    @classmethod
+    def of(cls, swarm: Swarm) -> _Frame:
+        """All of the world; or, where robots, places and lights are together in a small part of it, that part."""
+        simulator, scenario = swarm.simulator, swarm.simulator.scenario
+        named = [(place.x, place.y) for place in scenario.places] + [(light.x, light.y) for light in scenario.lights]
+        x, y = (
+            np.append(own, others)
+            for own, others in zip((simulator.x, simulator.y), np.array(named).reshape(-1, 2).T, strict=True)
+        )
+        room = ROOM * scenario.robots.geometry.radius
+        left, right, bottom, top = x.min() - room, x.max() + room, y.min() - room, y.max() + room
+        if SMALL * (right - left) >= scenario.width or SMALL * (top - bottom) >= scenario.height:
+            left, right, bottom, top = 0.0, scenario.width, 0.0, scenario.height
+        scale = min(WIDTH / (right - left), HEIGHT / (top - bottom))
+        return cls(float(left), float(top), float(scale), float((right - left) * scale), float((top - bottom) * scale))
+
+    def pixel(self, x: float, y: float) -> tuple[float, float]:
+        """Where a point of the world is in the picture."""
+        return (x - self.left) * self.scale, (self.top - y) * self.scale
 
 
 def _groups(swarm: Swarm) -> tuple[NDArray[np.intp], dict[str, int]]:
@@ -86,17 +138,18 @@ def _legend(groups: Mapping[str, int]) -> list[str]:
     ]
 
 
-def _ground(shape: Shape, scale: float, high: float) -> str:
+def _ground(shape: Shape, frame: _Frame) -> str:
     """A solid thing, in pixels."""
 
     def points(corners: Sequence[tuple[float, float]]) -> str:
-        return " ".join(f"{x * scale:.1f},{high - y * scale:.1f}" for x, y in corners)
+        return " ".join("{:.1f},{:.1f}".format(*frame.pixel(*corner)) for corner in corners)
 
     match shape:
         case Circle():
+            x, y = frame.pixel(shape.x, shape.y)
             return (
-                f'<circle cx="{shape.x * scale:.1f}" cy="{high - shape.y * scale:.1f}" r="{shape.radius * scale:.1f}" '
-                'fill="currentColor" opacity="0.3"/>'
+                f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{shape.radius * frame.scale:.1f}" fill="currentColor" '
+                'opacity="0.3"/>'
             )
         case Polygon():
             return f'<polygon points="{points(shape.corners)}" fill="currentColor" opacity="0.3"/>'

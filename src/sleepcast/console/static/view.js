@@ -59,14 +59,23 @@ export class View {
     this.y = y;
   }
 
-  // Show the rectangle [left, bottom, right, top] whole.
-  fit([left, bottom, right, top]) {
-    const free = 1 - 2 * MARGIN;
-    const across = Math.max(right - left, 1e-3);
-    const up = Math.max(top - bottom, 1e-3);
-    this.scale = Math.min((this.width * free) / across, (this.height * free) / up);
-    this.whole = this.scale;
+  // Show the rectangle [left, bottom, right, top] whole, or only a part of it.
+  fit(area, [left, bottom, right, top] = area) {
+    this.whole = this.scaleOf(area);
+    this.scale = Math.min(MOST, this.scaleOf([left, bottom, right, top]));
     this.centre((left + right) / 2, (bottom + top) / 2);
+  }
+
+  scaleOf([left, bottom, right, top]) {
+    const free = 1 - 2 * MARGIN;
+    return Math.min((this.width * free) / Math.max(right - left, 1e-3), (this.height * free) / Math.max(top - bottom, 1e-3));
+  }
+
+  // Whether the rectangle is on the screen, all of it.
+  contains([left, bottom, right, top]) {
+    const [x, y] = this.toWorld(0, 0);
+    const [across, down] = this.toWorld(this.width, this.height);
+    return x <= left && across >= right && y >= top && down <= bottom;
   }
 }
 

@@ -14,6 +14,8 @@ import { gridStep, UNITS, View } from "./view.js";
 
 const ZOOM_STEP = 1.4;
 const NEAR = 14; // pixels: how far beside a robot a click may be
+const SMALL = 8; // robots that need less than this part of the world's width and height are shown closer,
+const ROOM = 10; // with so many radii of a body around them, so that they may move
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export class World extends EventTarget {
@@ -35,6 +37,8 @@ export class World extends EventTarget {
     this.marks = { lit: null, chosen: -1, pointed: -1 };
     this.following = false;
     this.fitted = true;
+    this.close = false; // whether only the part of the world is fitted in which robots are
+    this.begun = false; // whether there was a frame of this scene
     this.colours = palette();
     this.stale = new Set();
     this.waiting = false;
@@ -54,7 +58,8 @@ export class World extends EventTarget {
     if (others) this.trails = new Trails();
     if (another || this.marks.chosen >= scene.count) this.choose(-1);
     if (another) this.resize();
-    if (another || ((others || elsewhere) && this.fitted)) this.fit();
+    if (another) this.begun = false;
+    if (another || ((others || elsewhere) && this.fitted)) this.show(false);
     this.repaint("ground", "trails", "robots");
   }
 
@@ -78,6 +83,8 @@ export class World extends EventTarget {
       return false;
     }
     this.frame = frame;
+    if (this.fitted && (!this.begun || (this.close && !this.view.contains(this.crowd(0))))) this.show(true);
+    this.begun = true;
     this.styles = Uint8Array.from(this.frame.groups, styleOf);
     if (this.trails.sample(this.frame, performance.now())) this.repaint("trails");
     this.pings.take(this.frame, performance.now());
@@ -134,16 +141,40 @@ export class World extends EventTarget {
     this.repaint("ground", "trails", "robots");
   }
 
+  // Show the robots if they are together in a small part of the world, and the second time all of the world.
   fit() {
-    if (!this.scene) return;
-    this.view.fit(this.scene.area);
+    if (this.scene) this.show(!(this.fitted && this.close));
+  }
+
+  // close: only the part in which robots are, if it is small.
+  show(close) {
+    const { area } = this.scene;
+    const part = close && this.frame?.count ? this.crowd(ROOM * this.scene.sizes[0][1]) : area;
+    this.close = SMALL * (part[2] - part[0]) < area[2] - area[0] && SMALL * (part[3] - part[1]) < area[3] - area[1];
+    this.view.fit(area, this.close ? part : area);
     this.moved(true);
   }
 
-  // There is another room for it: it is shown whole, unless somebody has moved the map.
+  // The rectangle in which robots, places and lights are, and so much room around it (m).
+  crowd(room) {
+    const { poses, count } = this.frame;
+    const named = [...this.scene.places, ...this.scene.lights];
+    const box = [Infinity, Infinity, -Infinity, -Infinity];
+    const take = (x, y) => {
+      box[0] = Math.min(box[0], x);
+      box[1] = Math.min(box[1], y);
+      box[2] = Math.max(box[2], x);
+      box[3] = Math.max(box[3], y);
+    };
+    for (let i = 0; i < count; i += 1) take(poses[3 * i], poses[3 * i + 1]);
+    for (const place of named) take(place.x, place.y);
+    return [box[0] - room, box[1] - room, box[2] + room, box[3] + room];
+  }
+
+  // There is another room for it: what was fitted still is, unless somebody has moved the map.
   refit() {
     this.resize();
-    if (this.fitted) this.fit();
+    if (this.fitted && this.scene) this.show(this.close);
   }
 
   zoom(factor, x, y) {

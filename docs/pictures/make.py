@@ -13,6 +13,8 @@ nomads: two Scouts wander through a room, driven by programs, and what the page 
 
 stop: sixty runs of the scenario `stop`, without a page, and histograms of where its robots came to rest.
 
+gallery: a moment of each scenario, for docs/gallery.md; or of some, such as gallery:vicsek gallery:search.
+
 The name of another scenario, such as search: the figures on its page, by the commands that stand there.
 """
 
@@ -36,6 +38,10 @@ import apng
 import nomads
 import stops
 from playwright.sync_api import Page, ViewportSize, sync_playwright
+
+import sleepcast as sc
+from sleepcast.api.picture import drawing
+from sleepcast.simulator import find_scenario, scenario_names
 
 FOLDER = Path(__file__).resolve().parent
 SIZE: ViewportSize = {"width": 1040, "height": 650}
@@ -228,17 +234,43 @@ def figures(scenario: str) -> None:
             shutil.copy(figure, page.parent)
 
 
+GALLERY = FOLDER / "gallery"
+MOMENTS = {"bravo": 120.0, "search": 20.0}
+"""Simulated seconds until the moment of a scenario that is shown; else half of its run."""
+FRAMED = """<style>svg { color: #1c2733; background: #ffffff; font-family: system-ui, sans-serif }
+@media (prefers-color-scheme: dark) { svg { color: #dfe6ee; background: #12181f } }</style>"""
+"""A picture stands on its own, so that it brings its colours."""
+
+
+def moment(scenario: str) -> None:
+    """Let a scenario run its mission until something is to be seen, and draw it."""
+    with sc.open(scenario, mission=True) as fleet:
+        fleet.run(MOMENTS.get(scenario, find_scenario(scenario).seconds / 2.0), quiet=True)
+        drawn = drawing(fleet.swarm, scenario)
+    GALLERY.mkdir(exist_ok=True)
+    start = drawn.index(">") + 1
+    (GALLERY / f"{scenario}.svg").write_text(f"{drawn[:start]}{FRAMED}{drawn[start:]}\n", "utf-8")
+
+
+def gallery() -> None:
+    for scenario in scenario_names():
+        print(f"gallery: {scenario}", flush=True)
+        moment(scenario)
+
+
 PICTURES: dict[str, Callable[[], None]] = {
     "bravo": bravo,
     "maze": maze,
     "nomads": laboratory,
     "stop": stop,
+    "gallery": gallery,
+    **{f"gallery:{name}": partial(moment, name) for name in scenario_names()},
     **{file.parent.name: partial(figures, file.parent.name) for file in sorted(SCENARIOS.glob("*/experiment.toml"))},
 }
 
 
 def main() -> None:
-    names = sys.argv[1:] or list(PICTURES)
+    names = sys.argv[1:] or [name for name in PICTURES if not name.startswith("gallery:")]
     if unknown := [name for name in names if name not in PICTURES]:
         raise SystemExit(f"no picture is called {unknown[0]}; there are {', '.join(PICTURES)}")
     for name in names:

@@ -75,8 +75,9 @@ def drawing(swarm: Swarm, label: str) -> str:
     ]
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {frame.wide:.0f} {frame.high:.0f}" '
-        f'width="{frame.wide:.0f}" height="{frame.high:.0f}" style="max-width: 100%; height: auto; border: 1px solid '
-        f'currentColor" role="img" aria-label="{escape(label)}">{"".join(parts)}</svg>'
+        f'width="{frame.wide:.0f}" height="{frame.high:.0f}" style="max-width: 100%; height: auto" role="img" '
+        f'aria-label="{escape(label)}">{"".join(parts)}<rect width="100%" height="100%" fill="none" '
+        f'stroke="currentColor"/></svg>'
     )
 
 

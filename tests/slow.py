@@ -41,6 +41,7 @@ SLOW = {
     "cli/test_looks.py": 10,
     "network/test_lab.py": 10,
     "cli/test_key_changes.py": 9,
+    "console/experiment/test_page.py": 9,
     "scenarios/test_bravo.py": 9,
     "channel/test_flood.py": 8,
     "cli/test_store.py": 8,

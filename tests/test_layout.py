@@ -63,7 +63,8 @@ HOUSE = {
     "station": room("language channel mind", "msgspec numpy"),
     "api": room("language channel robot mind node fleet simulator loop station", "numpy", late="rich nanoarrow"),
     "console": room(
-        "language channel robot nomad node fleet simulator loop station", "starlette uvicorn msgspec numpy"
+        "language channel robot nomad node fleet simulator loop station experiments",
+        "starlette uvicorn msgspec numpy",
     ),
     "experiments": room("language simulator api", "msgspec numpy", "distributed matplotlib pyarrow scipy"),
     "gym": room("language api experiments", "gymnasium pettingzoo numpy"),

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import sys
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
+from threading import Event
 from typing import TYPE_CHECKING
 
 import click
@@ -15,8 +17,11 @@ from sleepcast.cli.streams import announce, complain, put
 from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
+    from sleepcast.experiments.findings import Findings
     from sleepcast.experiments.plan import Experiment
+    from sleepcast.experiments.results import Results
 
+PORT = 8317
 TABLES = (".parquet", ".csv")
 SHOWN_ERRORS = 3
 """Different errors of failed runs that are printed at the end."""
@@ -39,6 +44,9 @@ SHOWN_ERRORS = 3
 @click.option("--retry", is_flag=True, help="Do runs again that failed.")
 @click.option("--verify", is_flag=True, help="Do finished runs again, and compare.")
 @click.option("--runs", metavar="N", type=click.IntRange(min=1), help="With --verify: only the first N.")
+@click.option("--page", is_flag=True, help="Show progress and curves in the browser.")
+@click.option("--port", type=click.IntRange(0, 65_535), help="Page: its port (default: 8317; 0 for any free one).")
+@click.option("--no-browser", is_flag=True, help="Page: print its address, but open no browser.")
 @click.option("--json", "as_json", is_flag=True, help="Print the outcome as one JSON object.")
 @click.option("--quiet", is_flag=True, help="Show no progress on standard error.")
 def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_json: bool, quiet: bool, **how) -> int:  # type: ignore[no-untyped-def]
@@ -47,7 +55,8 @@ def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_jso
     Without options, the experiment of the scenario's own folder is done, if there is one. A TOML file says the same as
     the options (see docs/howto/run-experiments.md). Begun again, it goes on where it was
     interrupted. --out coverage.csv keeps the results in the folder coverage and writes the table coverage.csv at the
-    end; .parquet likewise.
+    end; .parquet likewise. --page shows in the browser how far it has come, with curves that grow; a click on a point
+    lists its runs, and each opens on a page of its own.
 
     \b
     Examples:
@@ -64,10 +73,29 @@ def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_jso
     if how["cluster"] and workers:
         raise MisuseError("--workers are processes here, --cluster others elsewhere: choose one of them")
     many = how["cluster"] or workers or cores()
+    if not how["page"] and (how["port"] is not None or how["no_browser"]):
+        raise MisuseError("--port and --no-browser are about a page: add --page")
+    if verify and how["page"]:
+        raise MisuseError("--page shows a sweep: leave out --verify")
     if verify:
         return _verify(folder, many, how["runs"], as_json=as_json, quiet=quiet)
     experiment = _experiment(what, folder, how)
-    return _sweep(experiment, folder, table, many, retry=how["retry"], as_json=as_json, quiet=quiet)
+    from sleepcast.experiments.results import Results
+    from sleepcast.experiments.run import try_out
+
+    try_out(experiment)
+    with Results(folder, experiment) as results, ExitStack() as stack:
+        if not quiet and (done := results.count()):
+            announce(f"{done:,} of {len(experiment):,} runs are done already")
+        findings = stack.enter_context(_page(results, how["port"], not how["no_browser"])) if how["page"] else None
+        errors = _sweep(results, many, findings, retry=how["retry"], quiet=quiet)
+        status = _tell(folder, table, errors, as_json=as_json)
+        if findings is not None:
+            findings.finish()
+            complain("the sweep has ended; its page stays open until Ctrl-C")
+            with suppress(KeyboardInterrupt):
+                Event().wait()
+    return status
 
 
 def _folder(what: str, out: Path | None) -> tuple[Path, Path | None]:
@@ -98,43 +126,56 @@ def _experiment(what: str, folder: Path, how: dict[str, object]) -> Experiment:
     return experiment_of(what, mission=not how["no_mission"], **said)  # type: ignore[arg-type]  # click has checked them
 
 
+@contextmanager
+def _page(results: Results, port: int | None, browser: bool) -> Iterator[Findings]:
+    """What has been found, shown on a page for as long as this is entered. Raises what the console raises for the
+    address."""
+    from sleepcast.console import Address
+    from sleepcast.console.experiment.server import experiment_page
+    from sleepcast.experiments.findings import Findings
+    from sleepcast.experiments.results import outcomes_in
+
+    findings = Findings(results.experiment, outcomes_in(results.folder))
+    address = Address("127.0.0.1", PORT if port is None else port, insecure=False, browser=browser)
+    with experiment_page(findings, results.folder, address=address, say=complain):
+        yield findings
+
+
 def _sweep(
-    experiment: Experiment,
-    folder: Path,
-    table: Path | None,
-    workers: int | str,
-    *,
-    retry: bool,
-    as_json: bool,
-    quiet: bool,
-) -> int:
+    results: Results, workers: int | str, findings: Findings | None, *, retry: bool, quiet: bool
+) -> dict[str, int]:
+    """Do what is missing; gives the errors of failed runs, with their counts."""
     from sleepcast.api.progress import steps
-    from sleepcast.experiments.results import Results, export, summary_of
-    from sleepcast.experiments.run import run_all, try_out
+    from sleepcast.experiments.run import run_all
 
     errors: dict[str, int] = {}
-    try_out(experiment)
-    with Results(folder, experiment) as results:
-        left = results.missing(retry=retry)
-        if not quiet and (done := results.count()):
-            announce(f"{done:,} of {len(experiment):,} runs are done already")
-        try:
-            while left:
-                outcomes = run_all(experiment, results, left, workers)
-                with closing(outcomes), closing(steps(len(left), "sweep", quiet=quiet)) as bar:
-                    for _, outcome in zip(bar, outcomes, strict=False):
-                        if outcome.error:
-                            errors[outcome.error] = errors.get(outcome.error, 0) + 1
-                left = results.missing()
-        except KeyboardInterrupt:
-            complain(f"interrupted; what is done is kept: go on with sleepcast sweep {folder}")
-            raise
+    left = results.missing(retry=retry)
+    try:
+        while left:
+            outcomes = run_all(results.experiment, results, left, workers)
+            with closing(outcomes), closing(steps(len(left), "sweep", quiet=quiet)) as bar:
+                for _, outcome in zip(bar, outcomes, strict=False):
+                    if outcome.error:
+                        errors[outcome.error] = errors.get(outcome.error, 0) + 1
+                    if findings is not None:
+                        findings.add(outcome)
+            left = results.missing()
+    except KeyboardInterrupt:
+        complain(f"interrupted; what is done is kept: go on with sleepcast sweep {results.folder}")
+        raise
+    return errors
+
+
+def _tell(folder: Path, table: Path | None, errors: dict[str, int], *, as_json: bool) -> int:
+    """Write the table, and say what came of it; gives the exit status."""
+    from sleepcast.experiments.results import export, summary_of
+
     if table is not None:
         export(folder, table)
     summary = summary_of(folder)
     found = {"runs": summary.runs, "done": summary.done, "failed": summary.failed, "unknown": summary.unknown}
     place = {"results": str(folder), "table": None if table is None else str(table)}
-    put(json.dumps(found | place) if as_json else f"{summary.sentence()}: {table or folder}")
+    announce(json.dumps(found | place) if as_json else f"{summary.sentence()}: {table or folder}")
     for error, count in list(errors.items())[:SHOWN_ERRORS]:
         complain(f"{count:,} runs failed: {error}")
     return int(summary.failed > 0)

@@ -343,9 +343,11 @@ class PageAccess:
         return origin == f"{scheme}://{socket.headers.get('host', '')}" and self.knows(socket)
 
 
-def make_app(page: str, door: PageAccess, attend: Callable[[WebSocket], Awaitable[None]]) -> Starlette:
+def make_app(
+    page: str, door: PageAccess, attend: Callable[[WebSocket], Awaitable[None]], more: Sequence[Route] = ()
+) -> Starlette:
     """The application. page: its file in `static/`. attend: serves one open page until it goes away; there are
-    `MAX_PAGES` at most."""
+    `MAX_PAGES` at most. more: routes of this page alone."""
     open_pages: set[WebSocket] = set()
 
     async def front(request: Request) -> Response:
@@ -368,6 +370,7 @@ def make_app(page: str, door: PageAccess, attend: Callable[[WebSocket], Awaitabl
         Route("/", front),
         WebSocketRoute("/live", live),
         Mount("/static", StaticFiles(directory=STATIC)),
+        *more,
     ]
     app = Starlette(routes=routes)
     app.add_middleware(Headers)

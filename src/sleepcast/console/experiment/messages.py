@@ -1,0 +1,77 @@
+"""Messages of an experiment's page and to it, each an exact shape; those of the page are bounded."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from sleepcast.console.incoming import Message, Serial, read
+from sleepcast.console.outgoing import Said
+from sleepcast.experiments.findings import Curves, ListedRun, Progress
+
+MOST_NAME = 4_000
+"""Characters of a key, of one of its values, or of a measure."""
+
+Name = Annotated[str, Meta(max_length=MOST_NAME)]
+
+
+class Look(Message):
+    """Show the measure `y` over `x`, with a curve for each value of `by`, from now on."""
+
+    x: Name
+    y: Name
+    by: Name = ""
+
+
+class Runs(Message):
+    """Which runs are behind the mark at the value `x` of the curve `name`?"""
+
+    serial: Serial
+    x: Name
+    name: Name = ""
+
+
+Incoming = Look | Runs
+_DECODER: msgspec.json.Decoder[Incoming] = msgspec.json.Decoder(Incoming)
+
+
+def decode(data: str | bytes) -> Incoming:
+    """The message in `data`. Raises MessageError."""
+    return read(_DECODER, data)
+
+
+class Hello(Said):
+    """The first words. scenario: its name; folder: of the results; x, y, by: what can be chosen; measures: what each
+    name means; goal: of a search, in words."""
+
+    scenario: str
+    folder: str
+    x: tuple[str, ...]
+    y: tuple[str, ...]
+    by: tuple[str, ...]
+    measures: dict[str, str]
+    goal: str = ""
+
+
+class Come(Said):
+    """How far the sweep has come."""
+
+    progress: Progress
+
+
+class Drawing(Said):
+    """The curves of the view that this page has chosen."""
+
+    x: str
+    y: str
+    by: str
+    found: Curves
+
+
+class Listed(Said):
+    """The runs behind a mark, the first ones of them if there are many."""
+
+    serial: int
+    runs: list[ListedRun]

@@ -1,0 +1,271 @@
+"""Findings: what a sweep has found so far, as curves that grow while it goes on.
+
+The sweep adds each outcome as it comes; others may ask at the same time, from any thread. A curve goes over the values
+of one varied key, or over time, and each of its marks is the mean of the runs there with its confidence interval, as in
+a figure. Over time, at most `MOST_TIMES` moments of each run are kept.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from threading import Lock
+from time import monotonic
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from sleepcast.experiments.drawing import Floats, band, numbers
+from sleepcast.experiments.plan import Experiment, Run, Span, Value
+from sleepcast.experiments.results import Outcome
+
+MOST_TIMES = 60
+"""Moments of one run that are kept: a curve over time is drawn through so many marks at most."""
+MOST_KEPT = 100_000
+"""Runs that are kept for curves; more are only counted, so that memory stays bounded."""
+MOST_LISTED = 200
+"""Runs of one mark that are listed."""
+MOST_MARKS = 5_000
+"""Marks of all curves together."""
+TIME = "time"
+
+
+class View(NamedTuple):
+    """What is looked at: a measure `y` over `x` (a varied key, or "time"), a curve for each value of `by` ("" for a
+    single one)."""
+
+    x: str
+    y: str
+    by: str = ""
+
+
+class Mark(msgspec.Struct, frozen=True):
+    """Some runs at one place of a curve. x: the value there, at: where it stands on the axis. mean, low, high: of the
+    measure, with the ends of its 95 % confidence interval. runs: how many."""
+
+    x: str
+    at: float
+    mean: float
+    low: float
+    high: float
+    runs: int
+
+
+class Curve(msgspec.Struct, frozen=True):
+    """name: the value of `by`, "" for a single curve."""
+
+    name: str
+    marks: list[Mark]
+
+
+class Curves(msgspec.Struct, frozen=True):
+    """unit: of the axis. ticks: the names of its places 0, 1, 2, ..., empty if it is one of numbers. joined: whether a
+    line goes through the marks; not where points were drawn from ranges."""
+
+    curves: list[Curve]
+    unit: str = ""
+    ticks: list[str] = []
+    joined: bool = True
+
+
+class ListedRun(msgspec.Struct, frozen=True):
+    """One finished run. value: of the measure that is looked at, None if it is unknown."""
+
+    number: int
+    seed: int
+    settings: dict[str, Value]
+    value: float | None
+    error: str
+
+
+class Progress(msgspec.Struct, frozen=True):
+    """How far a sweep has come. total: runs, at most. rest: s until its end, None while nobody can tell. errors: the
+    most frequent ones, with their counts. kept: runs that the curves are drawn from. state: "running", "finished" or
+    "stopped"."""
+
+    total: int
+    done: int
+    failed: int
+    unknown: int
+    rest: float | None
+    errors: list[tuple[str, int]]
+    kept: int
+    state: str
+
+
+class _Found(NamedTuple):
+    """run: whose; last: its measures at the end, NaN unknown; times, series: of its samples, and what was measured."""
+
+    run: Run
+    last: Floats
+    times: Floats
+    series: Floats
+    error: str
+
+
+class Findings:
+    """See the module. before: outcomes of earlier sweeps into the same folder."""
+
+    def __init__(self, experiment: Experiment, before: Iterable[Outcome] = ()) -> None:
+        self.experiment = experiment
+        self._lock = Lock()
+        self._found: list[_Found] = []
+        self._numbers: dict[int, int] = {}
+        self._done = self._failed = self._unknown = 0
+        self._errors: Counter[str] = Counter()
+        self._state = "running"
+        self._bands: dict[tuple[View, str, str], tuple[Floats, Mark]] = {}
+        self._stride = self._thinned()
+        for outcome in before:
+            self.add(outcome)
+        self._began, self._at_start = monotonic(), self._done
+
+    def add(self, outcome: Outcome) -> None:
+        """One more run has finished, or one that had failed was done again."""
+        nothing = (None,) * (1 + len(self.experiment.measures))
+        samples = np.array(outcome.samples or (nothing,), np.float64)
+        kept = samples[:: self._stride]
+        found = _Found(outcome.run, samples[-1, 1:], kept[:, 0], kept[:, 1:], outcome.error)
+        with self._lock:
+            known = self._numbers.get(outcome.run.number)
+            if known is not None:
+                self._count(self._found[known], -1)
+                self._found[known] = found
+            elif len(self._found) < MOST_KEPT:
+                self._numbers[outcome.run.number] = len(self._found)
+                self._found.append(found)
+            self._count(found, 1)
+
+    def finish(self, state: str = "finished") -> None:
+        """Nothing more will come."""
+        self._state = state
+
+    def progress(self) -> Progress:
+        """How far it has come."""
+        with self._lock:
+            total, done = len(self.experiment), self._done
+            new = done - self._at_start
+            rest = (monotonic() - self._began) / new * (total - done) if new and self._state == "running" else None
+            errors = [each for each in self._errors.most_common(3) if each[1] > 0]
+            return Progress(
+                total, done, self._failed, self._unknown, rest, errors, len(self._found), self._state
+            )  # fmt: skip
+
+    def views(self) -> dict[str, tuple[str, ...]]:
+        """What can be chosen: for "x", "y" and "by"."""
+        keys = tuple(self.experiment.over)
+        over_time = (TIME,) if self.experiment.every is not None else ()
+        split = tuple(key for key in keys if not isinstance(self.experiment.over[key], Span))
+        return {"x": (*keys, *over_time) or ("seed",), "y": tuple(self.experiment.measures), "by": ("", *split)}
+
+    def curves(self, view: View) -> Curves:
+        """What is known now. Raises KeyError for a view that there is not."""
+        self._check(view)
+        with self._lock:
+            found = list(self._found)
+        place = list(self.experiment.measures).index(view.y)
+        groups: dict[str, dict[str, list[float]]] = {}
+        for each in found:
+            line = groups.setdefault(_said(each.run, view.by), {})
+            if view.x == TIME:
+                for at, value in zip(each.times.tolist(), each.series[:, place].tolist(), strict=True):
+                    line.setdefault(f"{at:.9g}", []).append(value)
+            else:
+                line.setdefault(_said(each.run, view.x), []).append(float(each.last[place]))
+        names = list(dict.fromkeys(x for line in groups.values() for x in line))
+        axis = numbers(names)
+        ticks = sorted(names) if axis is None else []
+        places = {x: float(ticks.index(x)) for x in names} if axis is None else dict(zip(names, axis[0], strict=True))
+        unit = "s" if view.x == TIME else "" if axis is None else axis[1]
+        curves, left = [], MOST_MARKS
+        for name in in_order(groups):
+            marks = [
+                self._mark(view, name, x, float(places[x]), values)
+                for x, values in sorted(groups[name].items(), key=lambda item: places[item[0]])
+            ]
+            known = [mark for mark in marks if mark is not None][:left]
+            left -= len(known)
+            curves.append(Curve(name, known))
+        return Curves(curves, unit, ticks, not isinstance(self.experiment.over.get(view.x), Span))
+
+    def runs_at(self, view: View, x: str, name: str) -> list[ListedRun]:
+        """The runs behind a mark; over time, those of its curve. Raises KeyError as `curves`."""
+        self._check(view)
+        place = list(self.experiment.measures).index(view.y)
+        with self._lock:
+            found = list(self._found)
+        there = [
+            each
+            for each in found
+            if _said(each.run, view.by) == name and (view.x == TIME or _said(each.run, view.x) == x)
+        ]
+        listed = []
+        for each in sorted(there, key=lambda each: each.run.number)[:MOST_LISTED]:
+            value = _at(each, x, place) if view.x == TIME else float(each.last[place])
+            known = None if np.isnan(value) else value
+            listed.append(ListedRun(each.run.number, each.run.seed, each.run.point, known, each.error))
+        return listed
+
+    def run(self, number: int) -> Run | None:
+        """The finished run of this number."""
+        with self._lock:
+            known = self._numbers.get(number)
+            return None if known is None else self._found[known].run
+
+    def _check(self, view: View) -> None:
+        views = self.views()
+        for name, wanted in (("x", view.x), ("y", view.y), ("by", view.by)):
+            if wanted not in views[name]:
+                raise KeyError(wanted)
+
+    def _mark(self, view: View, name: str, x: str, at: float, values: list[float]) -> Mark | None:
+        """The mean of the known values, computed again only if there are other ones; None if there is none."""
+        there = np.array(values)
+        known = there[~np.isnan(there)]
+        if not known.size:
+            return None
+        before = self._bands.get((view, name, x))
+        if before is not None and np.array_equal(before[0], known):
+            return before[1]
+        mean, low, high = band(known)
+        mark = Mark(x, at, mean, low, high, int(known.size))
+        self._bands[view, name, x] = known, mark
+        return mark
+
+    def _count(self, found: _Found, sign: int) -> None:
+        self._done += sign
+        self._failed += sign * bool(found.error)
+        self._unknown += 0 if found.error else sign * int(np.isnan(found.series).sum())
+        if found.error:
+            self._errors[found.error] += sign
+
+    def _thinned(self) -> int:
+        """Of so many samples one is kept."""
+        every = self.experiment.every
+        if every is None:
+            return 1
+        seconds = self.experiment.seconds or self.experiment.scenario_at(next(self.experiment.runs()).point).seconds
+        return max(1, -(-round(seconds / every) // (MOST_TIMES - 1)))
+
+
+def in_order(names: Iterable[str]) -> list[str]:
+    """Numbers of one unit by size, other texts by the alphabet."""
+    different = list(dict.fromkeys(names))
+    found = numbers(different)
+    if found is None:
+        return sorted(different)
+    return [name for _, name in sorted(zip(found[0].tolist(), different, strict=True))]
+
+
+def _said(run: Run, key: str) -> str:
+    """What a run says of a key, as text."""
+    if not key:
+        return ""
+    return str(run.seed if key == "seed" else run.point[key])
+
+
+def _at(found: _Found, x: str, place: int) -> float:
+    """What was measured at a time that a mark names, NaN if the run had ended."""
+    there = [value for at, value in zip(found.times, found.series[:, place], strict=True) if f"{at:.9g}" == x]
+    return float(there[0]) if there else float("nan")

@@ -66,3 +66,11 @@ def test_texts_that_are_no_measure(text: str) -> None:
 def test_a_misspelt_name() -> None:
     with pytest.raises(MisuseError, match="did you mean polarization"):
         read_measure("polarisation")
+
+
+def test_the_order_of_angles_is_the_length_of_their_mean() -> None:
+    with sc.open("crowd", robots=4) as fleet:
+        assert read_measure("order (* 90deg (MOD id 4))")(fleet) == pytest.approx(0.0, abs=1e-12)
+        assert read_measure("order (* 180deg (MOD id 2))")(fleet) == pytest.approx(0.0, abs=1e-12)
+        assert read_measure("order 60deg")(fleet) == pytest.approx(1.0)
+        assert read_measure("order heading")(fleet) == pytest.approx(read_measure("polarization")(fleet))

@@ -38,8 +38,10 @@ OF_KNOWN: dict[str, Callable[[Values], float]] = {
     "max": lambda values: float(values.max()),
     "sum": lambda values: float(values.sum()),
     "std": lambda values: float(values.std()),
+    "order": lambda values: float(np.hypot(np.cos(values).mean(), np.sin(values).mean())),
 }
-"""What is made of the values of the robots that know one; NaN if none does."""
+"""What is made of the values of the robots that know one; NaN if none does. order: of angles, rad: the length of their
+mean direction (the order parameter of Kuramoto, 1975), 1 if all are equal, near 0 if they are spread evenly."""
 OF_TRUE: dict[str, Callable[[Values], float]] = {
     "count": lambda true: float(true.sum()),
     "share": lambda true: float(true.mean()) if true.size else nan,

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from math import cos, nan, pi, remainder
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from sleepcast.core.model import HostFunction, Quantity
+from sleepcast.core.model import HostFunction, NamedArea, Quantity
 
 BRAKING = 0.8
 """Share of the acceleration that coming to rest in time counts on."""
@@ -137,6 +137,7 @@ class RobotModel:
     limits: Limits
     geometry: Geometry
     constants: tuple[BodyConstant, ...] = ()
+    areas: tuple[NamedArea, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,12 +56,12 @@ class Author:
     def __init__(self, chance: Random, deepest: int = 5) -> None:
         self.chance, self.deepest = chance, deepest
         self.calls = (
-            *(self.fold,) * 4, *(self.unary,) * 4, *(self.binary,) * 4, self.geometry, self.clamp,
+            *(self.fold,) * 4, *(self.unary,) * 4, *(self.binary,) * 4, self.geometry, self.edge, self.clamp,
             *(self.comparison,) * 5, *(self.junction,) * 5, *(self.cond,) * 3, *(self.choice,) * 4,
             *(self.sequence,) * 2, *(self.let,) * 3, self.dotimes, *(self.setq,) * 5, *(self.setq_local,) * 2,
             self.defvar, *(self.store,) * 3, self.rule, *(self.remembering,) * 2, self.about_rule, self.defun,
-            *(self.operator,) * 2, *(self.group,) * 2, self.prob, self.dice, self.random, self.act, self.report,
-            self.tell, *(self.body,) * 2, self.stranger,
+            self.area, *(self.operator,) * 2, *(self.group,) * 2, self.prob, self.dice, self.random, self.act,
+            self.report, self.tell, *(self.body,) * 2, self.stranger,
         )  # fmt: skip
 
     def text(self) -> str:
@@ -118,6 +118,10 @@ class Author:
 
     def geometry(self, place: Place, depth: int) -> str:
         return f"({self.one_of(('DIST', 'BEARING'))} {self.several(place, depth, 4, 4)})"
+
+    def edge(self, place: Place, depth: int) -> str:
+        corners = self.chance.randint(3, 6)
+        return f"(EDGE-DIST {self.several(place, min(depth, 1), 2 + 2 * corners, 2 + 2 * corners)})"
 
     def clamp(self, place: Place, depth: int) -> str:
         return f"(CLAMP {self.several(place, depth, 3, 3)})"
@@ -220,6 +224,16 @@ class Author:
         names = tuple(self.chance.sample(LOCALS, count))
         inside = Place(readable=names, assignable=names, level=len(BUFFERS) if self.chance.randrange(3) else 0)
         return f"(DEFUN {name} ({' '.join(names)}) {self.several(inside, depth, 1, 2)})"
+
+    def area(self, place: Place, depth: int) -> str:
+        """An area, or where the robot is in one; its name is that of an operator without parameters."""
+        name = OPERATORS[0][0]
+        if self.chance.randrange(3) == 0:
+            inside = Place(level=len(BUFFERS) if self.chance.randrange(3) else 0)
+            pairs = [(self.expression(inside, min(depth, 1)), self.chance.uniform(1, 20)) for _ in range(4)]
+            sizes = [f"{first} {second!r}" for first, second in pairs]
+            return f"(AREA {name} {' '.join(sizes) if self.chance.randrange(2) else f'{pairs[0][0]} {sizes[1]}'})"
+        return f"({self.one_of(('INSIDE', 'TO-EDGE'))} {name})" if place.level == 99 else self.leaf(place)
 
     def operator(self, place: Place, depth: int) -> str:
         if place.level < 99:

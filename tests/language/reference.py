@@ -28,6 +28,7 @@ from language.reference_forms import (
     key_of,
     named,
     repeats,
+    stored,
     unquoted,
 )
 from language.reference_numbers import PURE, Undefined, truth
@@ -171,7 +172,7 @@ class Reference:
         if isinstance(form, Symbol):
             return self.name(form, scope)
         head = head_of(form)
-        if head in SPECIAL:
+        if head in SPECIAL and not (head in ("area", "inside", "to-edge") and head in self.operators):
             return float(SPECIAL[head](self, arguments(form), scope))
         if head in PURE:
             return self.pure(head, arguments(form), scope)
@@ -429,6 +430,18 @@ class Reference:
         self.operators[key] = new
         return 1.0
 
+    def do_area(self, forms: Sequence[Form], scope: Scope) -> float:
+        body = stored(List((Symbol("AREA"), *forms)))
+        return self.do_defun((forms[0], List(()), *(body or ())), scope)
+
+    def do_to_edge(self, forms: Sequence[Form], scope: Scope) -> float:
+        key = key_of(forms[0])
+        return self.called(key, (), scope) if key in self.operators else self.fault(f"no operator {key}")
+
+    def do_inside(self, forms: Sequence[Form], scope: Scope) -> float:
+        away = self.do_to_edge(forms, scope)
+        return UNKNOWN if math.isnan(away) else truth(away >= 0)
+
     # ---- groups, chance, speaking ----
 
     def do_join(self, forms: Sequence[Form], scope: Scope) -> float:
@@ -520,6 +533,6 @@ def filled(template: Form, numbers: Iterator[float]) -> Form:
     return template
 
 
-SPECIAL = {name[3:]: getattr(Reference, name) for name in dir(Reference) if name.startswith("do_")}
+SPECIAL = {name[3:].replace("_", "-"): getattr(Reference, name) for name in dir(Reference) if name.startswith("do_")}
 """The special forms, and the acts that are not just a flag, by key: what evaluates them."""
 SPECIAL["print"] = SPECIAL["report"]

@@ -10,7 +10,10 @@ from sleepcast.language.functions import FUNCTIONS
 from sleepcast.language.reader import QUOTE, UNQUOTE, Form, List, Number, Symbol, Text
 from sleepcast.language.vocabulary import Vocabulary, buffer_number
 
-NAMING = {"setqq", "rule", "defun", "activate", "deactivate", "forget", "join", "leave", "in", QUOTE}
+NAMING = {
+    "setqq", "rule", "defun", "area", "inside", "to-edge", "activate", "deactivate", "forget", "join", "leave", "in",
+    QUOTE,
+}  # fmt: skip
 """Calls whose arguments are names and stored text: nothing of them is evaluated."""
 FLAGS = {
     "sleep": ("sleeping", 1.0),
@@ -21,7 +24,9 @@ FLAGS = {
     "unmark": ("marked", 0.0),
 }
 """Acts that set a support flag, and to what."""
-ACTING = (NAMING | {"setq", "defvar", "lease", "report", "print", "tell", "ping", "rollback", *FLAGS}) - {"in", QUOTE}
+ACTING = (NAMING | {"setq", "defvar", "lease", "report", "print", "tell", "ping", "rollback", *FLAGS}) - {
+    "in", "inside", "to-edge", QUOTE,
+}  # fmt: skip
 """Calls that change the robot or speak."""
 
 
@@ -80,12 +85,14 @@ def cost(form: Form) -> int:
     call that stores an expression costs 40 more, and one for each number, name and call in that."""
     inside = sum(map(cost, evaluated(form)))
     storing = 40 + sum(map(size, kept)) if (kept := stored(form)) is not None else 0
-    return 1 + storing + (inside * repeats(arguments(form)[0]) if is_call(form, "dotimes") else inside)
+    edge = 2 if is_call(form, "inside") else 0  # it compares the distance to the edge with a number
+    return 1 + edge + storing + (inside * repeats(arguments(form)[0]) if is_call(form, "dotimes") else inside)
 
 
 def size(form: Form) -> int:
     """How many numbers, names and calls there are to evaluate in `form` and in what it stores."""
-    return 1 + sum(map(size, (*evaluated(form), *(stored(form) or ()))))
+    edge = 2 if is_call(form, "inside") else 0
+    return 1 + edge + sum(map(size, (*evaluated(form), *(stored(form) or ()))))
 
 
 def stored(form: Form) -> tuple[Form, ...] | None:
@@ -94,6 +101,10 @@ def stored(form: Form) -> tuple[Form, ...] | None:
     if head == "setq":
         buffer = isinstance(rest[0], Symbol) and buffer_number(rest[0].key) is not None
         return (arguments(rest[1]) if is_call(rest[1], QUOTE) else ()) if buffer else None
+    if head == "area":
+        there = (Symbol("x"), Symbol("y"))
+        disc = List((Symbol("-"), *rest[3:4], List((Symbol("DIST"), *there, *rest[1:3]))))
+        return (disc if len(rest) == 4 else List((Symbol("EDGE-DIST"), *there, *rest[1:])),)
     return rest[1:2] if head in ("setqq", "rule") else rest[2:] if head == "defun" else None
 
 
@@ -114,6 +125,8 @@ def named(form: Form, local: frozenset[str] = frozenset()) -> set[str]:
     if isinstance(form, Symbol):
         return {key_of(form)} - local
     head = head_of(form)
+    if head in ("inside", "to-edge") and isinstance(arguments(form)[0], Symbol):
+        return {key_of(arguments(form)[0])}
     inside = local | bound(form)
     body = arguments(form)[1:] if head in ("let", "dotimes") else ()
     found = {head} if head else set()
@@ -165,7 +178,7 @@ def acts(form: Form, known: Container[str], vocabulary: Vocabulary, local: froze
     function = vocabulary.bindings.get(head)
     if isinstance(function, HostFunction):
         acting = function.acts
-    elif head not in FUNCTIONS and head not in known:
+    elif head not in FUNCTIONS and head not in known and head != "area":
         return False  # a function that the robot does not have does nothing, nor do its arguments
     else:
         acting = head in ACTING and not (head == "setq" and key_of(arguments(form)[0]) in local)

@@ -69,6 +69,26 @@ def clamped(x: float, low: float, high: float) -> float:
     return x
 
 
+def edge_distance(x: float, y: float, *corners: float) -> float:
+    """By its definition: to the nearest point of any side; inside if a ray to the east meets an odd number of them."""
+    points = list(zip(corners[::2], corners[1::2], strict=True))
+    sides = list(zip((points[-1], *points), points, strict=False))
+    squares, crossed = [math.inf], 0
+    for (x0, y0), (x1, y1) in sides:
+        dx, dy = x1 - x0, y1 - y0
+        length = dx * dx + dy * dy
+        share = ((x - x0) * dx + (y - y0) * dy) / (length if length != 0 else 1.0)
+        share = 0.0 if share < 0 else 1.0 if share > 1 else share
+        away_x, away_y = (x - x0) - share * dx, (y - y0) - share * dy
+        squares.append(away_x * away_x + away_y * away_y)
+        if y0 <= y < y1:
+            crossed += (x - x0) * dy < (y - y0) * dx
+        elif y1 <= y < y0:
+            crossed += not (x - x0) * dy < (y - y0) * dx
+    away = math.sqrt(min(each for each in squares if not math.isnan(each)))
+    return (away if crossed % 2 else -away) + 0.0
+
+
 def chain(holds: Callable[[float, float], bool]) -> Callable[..., float]:
     return lambda *xs: truth(all(holds(x, y) for x, y in pairwise(xs)))
 
@@ -97,6 +117,7 @@ PURE: dict[str, Callable[..., float]] = {
     "bearing": lambda x1, y1, x2, y2: angle(y2 - y1, x2 - x1),
     "wrap": wrapped,
     "clamp": clamped,
+    "edge-dist": edge_distance,
     "=": chain(operator.eq),
     "eq": chain(operator.eq),
     "/=": lambda *xs: truth(all(x != y for x, y in combinations(xs, 2))),

@@ -11,8 +11,8 @@ pytestmark = pytest.mark.usefixtures("rules_elsewhere")
 BLOCKS = blocks()
 FEWEST = 300
 TOPICS = {
-    "arithmetic", "assignment", "body", "boolean", "bounds", "buffers", "chance", "comparison", "control", "doubts",
-    "errors", "faults", "groups", "operators", "remembering", "rules", "speaking", "support", "units",
+    "areas", "arithmetic", "assignment", "body", "boolean", "bounds", "buffers", "chance", "comparison", "control",
+    "doubts", "errors", "faults", "groups", "operators", "remembering", "rules", "speaking", "support", "units",
 }  # fmt: skip
 
 

@@ -101,6 +101,7 @@ def test_the_static_cost_is_one_step_for_each_part_and_for_each_that_is_stored()
     for name, count in OPERATORS:
         robot.evaluate(f"(DEFUN {name} ({' '.join('pqs'[:count])}) 1)")
     texts = [text for text in written(1_000) if "warble" not in text and f"FORGET {OPERATORS[0][0][0]}" not in text]
+    texts = [text for text in texts if check(text, robot).program is not None]
     assert len(texts) > 500
     for text in texts:
         assert check(text, robot).cost == cost(written_out(read(text), lambda key: False)), text

@@ -8,13 +8,14 @@ shown is a `view`; `adapters/` puts things into that shape. The page of the Noma
 
 from sleepcast.console.network import SafetyOrder
 from sleepcast.console.server import DEFAULT_PORT, Address, PortError, serve, serve_backend, serve_fleet, serve_nomads
-from sleepcast.console.view import MapLabel, MindView, Outline, Pace, RuleView, Scene, SwarmView
+from sleepcast.console.view import MapLabel, MindView, NamedOutline, Outline, Pace, RuleView, Scene, SwarmView
 
 __all__ = [
     "DEFAULT_PORT",
     "Address",
     "MapLabel",
     "MindView",
+    "NamedOutline",
     "Outline",
     "Pace",
     "PortError",

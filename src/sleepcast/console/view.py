@@ -27,13 +27,21 @@ class MapLabel(msgspec.Struct, frozen=True):
 Outline = tuple[tuple[float, float], ...]
 
 
+class NamedOutline(msgspec.Struct, frozen=True):
+    """A named area by the corners of its outline, (x, y) in m."""
+
+    name: str
+    corners: Outline
+
+
 class Scene(msgspec.Struct, frozen=True):
     """What does not change while the swarm runs.
 
     noun: what the robots are called, in the plural. names: of the robots, by their index. area: least x, least y,
     greatest x, greatest y in m. unit: a length of `sleepcast.core.units`, in which people read the map. sizes: how many
     robots have bodies of which radius (m), in the order of their indices. lights: where they are, with their names.
-    obstacles: each is what lies inside an odd number of its closed outlines, lists of corners (x, y) in m.
+    areas: those that robots know by name from the start. obstacles: each is what lies inside an odd number of its
+    closed outlines, lists of corners (x, y) in m.
     """
 
     title: str
@@ -45,6 +53,7 @@ class Scene(msgspec.Struct, frozen=True):
     sizes: tuple[tuple[int, float], ...]
     places: tuple[MapLabel, ...] = ()
     lights: tuple[MapLabel, ...] = ()
+    areas: tuple[NamedOutline, ...] = ()
     obstacles: tuple[tuple[Outline, ...], ...] = ()
     commands: tuple[ReadyCommand, ...] = ()
 

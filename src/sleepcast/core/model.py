@@ -44,6 +44,19 @@ class Constant:
 
 
 @dataclass(frozen=True, slots=True)
+class NamedArea:
+    """An area that robots know by its name. sizes: x, y and radius of a disc, or x and y of each corner of a polygon,
+    m of the world's frame."""
+
+    name: str
+    sizes: tuple[float, ...]
+
+    @property
+    def is_disc(self) -> bool:
+        return len(self.sizes) == 3
+
+
+@dataclass(frozen=True, slots=True)
 class HostFunction:
     """A function of the robot's own software.
 

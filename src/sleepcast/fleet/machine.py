@@ -397,7 +397,7 @@ _HOW: dict[str, Callable[[Sweep, Part, Rows], Column]] = {
 # Plain parts: numbers, variables, functions of numbers and tests; without side effects or random numbers.
 
 _PLAIN = frozenset({"const", "var", "local", "absent", "pure", "and", "or", "known"})
-_COSTLY = frozenset({"^", "EXP", "LOG", "SIN", "COS", "TAN", "ATAN2", "BEARING"})
+_COSTLY = frozenset({"^", "EXP", "LOG", "SIN", "COS", "TAN", "ATAN2", "BEARING", "EDGE-DIST"})
 
 Local = Callable[[int, Rows], Column]
 Faults = Callable[[Part, Rows, Index, Sequence[str]], None]

@@ -136,6 +136,25 @@ def _distance(a: Sequence[Argument]) -> Argument:
     return found
 
 
+def _edge_distance(a: Sequence[Argument]) -> Argument:
+    px, py, x0, y0 = a[0], a[1], a[-2], a[-1]
+    nearest: Argument = math.inf
+    sign: Argument = -1.0
+    for x1, y1 in zip(a[2::2], a[3::2], strict=True):
+        across, up, from_x, from_y = x1 - x0, y1 - y0, px - x0, py - y0
+        square = across * across + up * up
+        t = (from_x * across + from_y * up) / np.where(np.equal(square, 0.0), 1.0, square)
+        t = np.where(t < 0.0, 0.0, np.where(t > 1.0, 1.0, t))
+        out_x, out_y = from_x - t * across, from_y - t * up
+        nearest = np.minimum(nearest, out_x * out_x + out_y * out_y)
+        between = np.less_equal(y0, py) != np.less_equal(y1, py)
+        west = np.less(from_x * up, from_y * across) == np.greater(up, 0.0)
+        sign = np.where(between & west, np.negative(sign), sign)
+        x0, y0 = x1, y1
+    found: Argument = sign * np.sqrt(nearest) + 0.0
+    return found
+
+
 def _angle(a: Sequence[Argument]) -> Argument:
     """See `language.numerics.angle`, step by step."""
     y, x = a
@@ -215,6 +234,7 @@ VECTOR: dict[str, Compute] = {
     "ROUND": lambda a: np.rint(a[0]) + 0.0,
     "DIST": _distance,
     "BEARING": lambda a: _angle((np.subtract(a[3], a[1]), np.subtract(a[2], a[0]))),
+    "EDGE-DIST": _edge_distance,
     "WRAP": _wrap,
     "CLAMP": _clamp,
     "=": _EQUAL,

@@ -38,7 +38,7 @@ from sleepcast.language.vocabulary import (
 )
 from sleepcast.mind.authority import Latch
 from sleepcast.mind.merging import Merging
-from sleepcast.mind.rules import Rule, RuleBase, running
+from sleepcast.mind.rules import Rule, RuleBase, learned_at_first, running
 
 Column: TypeAlias = NDArray[np.float64]
 """One number for each of some rows, in order."""
@@ -454,7 +454,7 @@ class Minds:
         self._minds: dict[int, Mind] = {}
         self._numbers: dict[tuple[object, ...], int] = {}
         self._next = 0
-        self.add(Mind({}, {}, {}))
+        self.add(Mind({}, *learned_at_first(vocabulary, self.library)))
 
     def __getitem__(self, number: int) -> Mind:
         return self._minds[number]

@@ -163,11 +163,11 @@ class Checker:
 
     def declare_all(self, form: Form) -> None:
         """Note the names that `form` itself declares, so that the rest of it may use them."""
-        sorts = {"defvar": "variable", "rule": "rule", "defun": "operator", "join": "group"}
+        sorts = {"defvar": "variable", "rule": "rule", "defun": "operator", "area": "operator", "join": "group"}
         for inside in walk(form):
             if isinstance(inside, List) and inside.head in sorts and len(inside.items) >= 2:
                 name = inside.items[1]
-                if isinstance(name, Symbol):
+                if isinstance(name, Symbol) and not (inside.head in WORDS and self.meaning(inside.head)):
                     self.pending.setdefault(name.key, sorts[inside.head])
                     if inside.head == "defun" and len(inside.items) > 2 and isinstance(inside.items[2], List):
                         self.pending_parameters[name.key] = len(inside.items[2].items)
@@ -368,14 +368,15 @@ class Checker:
         rest = self.parts(form.items[2:])
         return Part("host", form, rest, name=function.name.casefold(), data=Label(label.value, function))
 
+    def parameters(self, key: str) -> int:
+        """How many parameters an operator has or will have."""
+        found = self.names.declared(key)
+        return len(found.parameters) if isinstance(found, Operator) else self.pending_parameters.get(key, 0)
+
     def _operator(self, form: List, head: Symbol) -> Part:
-        found = self.names.declared(head.key)
-        if isinstance(found, Operator):
-            count = len(found.parameters)
-            usage = f"({' '.join((found.name, *found.parameters))})"
-        else:
-            count = self.pending_parameters.get(head.key, 0)
-            usage = f"({head.text} ...)"
+        found, count = self.names.declared(head.key), self.parameters(head.key)
+        parameters = (found.name, *found.parameters) if isinstance(found, Operator) else (head.text, "...")
+        usage = f"({' '.join(parameters)})"
         self.uses.add(head.key)
         if not self.counts(form, count, count, usage):
             return Part("const", form, number=nan)

@@ -16,6 +16,8 @@ from sleepcast.language.numerics import angle
 
 MANY = 100
 """Arguments of one call at most: the bound of the original interpreter (`eval numArgs > 100`)."""
+MAX_CORNERS = 48
+"""Corners of an area: as many as the arguments of one call have room for."""
 MAX_HOPS = 8
 """How often robots may hand on what one of them tells, at most: across a fleet and not for ever."""
 MAX_REPEATS = 1_000
@@ -121,6 +123,22 @@ def _distance(a: Sequence[float]) -> float:
     return math.sqrt(across * across + up * up)
 
 
+def _edge_distance(a: Sequence[float]) -> float:
+    px, py, x0, y0 = a[0], a[1], a[-2], a[-1]
+    nearest, sign = math.inf, -1.0
+    for x1, y1 in zip(a[2::2], a[3::2], strict=True):
+        across, up, from_x, from_y = x1 - x0, y1 - y0, px - x0, py - y0
+        t = (from_x * across + from_y * up) / (across * across + up * up or 1.0)
+        t = 0.0 if t < 0.0 else 1.0 if t > 1.0 else t
+        out_x, out_y = from_x - t * across, from_y - t * up
+        square = out_x * out_x + out_y * out_y
+        nearest = square if square < nearest else nearest
+        if (y0 <= py) != (y1 <= py) and (from_x * up < from_y * across) == (up > 0.0):
+            sign = -sign  # a ray to the east crosses this side
+        x0, y0 = x1, y1
+    return sign * math.sqrt(nearest) + 0.0
+
+
 def _wrap(a: Sequence[float]) -> float:
     turned = a[0] % TWO_PI
     return turned - TWO_PI if turned > math.pi else turned
@@ -193,6 +211,16 @@ _TABLE = (
         "ratio",
         "Direction from the first point to the second, -pi..pi, counter-clockwise from the x axis.",
         lambda a: angle(a[3] - a[1], a[2] - a[0]),
+    ),
+    Function(
+        "EDGE-DIST",
+        8,
+        2 + 2 * MAX_CORNERS,
+        "x y x1 y1 x2 y2 x3 y3 ...",
+        "pure",
+        "same",
+        "Distance of the point (x, y) to the edge of a polygon; negative outside.",
+        _edge_distance,
     ),
     Function("WRAP", 1, 1, "angle", "pure", "plain", "The same angle within -pi..pi (-pi itself is pi).", _wrap),
     Function("CLAMP", 3, 3, "x low high", "pure", "same", "x, but not below low nor above high.", _clamp),
@@ -339,6 +367,17 @@ _WORDS = (
     ),
     Function("AGE", 1, 1, "x", "special", "number", "Seconds since the value of x changed."),
     Function("SHARE", 2, 3, "variable MAX|MIN|NEWEST [step]", "special", "number", "A value that robots share."),
+    Function(
+        "AREA",
+        4,
+        1 + 2 * MAX_CORNERS,
+        "name x1 y1 x2 y2 x3 y3 ...",
+        "special",
+        "truth",
+        "Names an area: a polygon by its corners, or a disc by x, y and radius.",
+    ),
+    Function("INSIDE", 1, 1, "area", "special", "truth", "Whether this robot is in the area."),
+    Function("TO-EDGE", 1, 1, "area", "special", "number", "Distance to the edge of the area; negative outside."),
 )
 
 WORDS: dict[str, Function] = {function.name.casefold(): function for function in _WORDS}
@@ -371,6 +410,7 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     "ROUND": ("(ROUND 2.5)", "2"),
     "DIST": ("(DIST 0 0 3 4)", "5"),
     "BEARING": ("(BEARING 0 0 1 0)", "0"),
+    "EDGE-DIST": ("(EDGE-DIST 1 2 0 0 4 0 4 4 0 4)", "1"),
     "WRAP": ("(WRAP (* 2 PI))", "0"),
     "CLAMP": ("(CLAMP 12 0 10)", "10"),
     "=": ("(= 1km 1000m)", "1"),
@@ -409,6 +449,9 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     "WITHIN": ("(RULE first (IF (WITHIN 0s 5s) (MARK) (UNMARK)))", "1"),
     "AGE": ("(RULE old (WHEN (> (AGE marked) 60s) (UNMARK)))", "1"),
     "SHARE": ("(PROGN (DEFVAR leader id) (RULE elect (SHARE leader MAX)))", "1"),
+    "AREA": ("(PROGN (DEFVAR x 3) (DEFVAR y 1) (AREA yard 0m 0m 9m 0m 9m 4m 0m 4m) (TO-EDGE yard))", "1"),
+    "INSIDE": ("(PROGN (DEFVAR x 3) (DEFVAR y 4) (AREA pond 0m 0m 7m) (INSIDE pond))", "1"),
+    "TO-EDGE": ("(PROGN (DEFVAR x 3) (DEFVAR y 4) (AREA pond 0m 0m 7m) (TO-EDGE pond))", "2"),
     "DEFUN": ("(PROGN (DEFUN half (a) (/ a 2)) (half 10))", "5"),
     "JOIN": ("(PROGN (JOIN bravo) (IN bravo))", "1"),
     "LEAVE": ("(PROGN (JOIN bravo) (LEAVE bravo) (IN bravo))", "0"),

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from sleepcast.language import Form, List, Symbol, Vocabulary
 from sleepcast.language.program import build
 from sleepcast.language.reader import walk
-from sleepcast.language.symbols import Declared, Group, Operator, Stored, UserVariable
+from sleepcast.language.symbols import Declared, Group, Operator, Stored, UserVariable, given
 from sleepcast.language.vocabulary import buffer_number
 
 
@@ -16,7 +16,7 @@ class LearnedNames:
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         self.vocabulary = vocabulary
-        self._learned: dict[str, Declared] = {}
+        self._learned: dict[str, Declared] = given(vocabulary)
 
     def declared(self, key: str) -> Declared | None:
         """What was learned under this key."""
@@ -41,6 +41,8 @@ class LearnedNames:
         elif form.head == "defun" and len(form.items) > 3 and isinstance(form.items[2], List):
             parameters = tuple(p.text for p in form.items[2].items if isinstance(p, Symbol))
             self._learned[key] = Operator(name.text, parameters, self._uses(form.items[3:], parameters))
+        elif form.head == "area":
+            self._learned[key] = Operator(name.text, (), self._uses(form.items[2:], ()))
         elif form.head in ("rule", "setqq") and len(form.items) == 3:
             number = buffer_number(key)
             key = key if number is None else f"e{number}"

@@ -16,7 +16,7 @@ from sleepcast.core.units import LENGTH, NONE, Dimension, shown, to_si
 from sleepcast.language.checker import Checker, CheckError, Finding, Findings
 from sleepcast.language.parts import ACTING, Part, host_of, walk
 from sleepcast.language.program import Program, build
-from sleepcast.language.reader import Form, Number, brief, format_literal, read
+from sleepcast.language.reader import Form, List, Number, brief, format_literal, read
 from sleepcast.language.symbols import Names
 from sleepcast.language.vocabulary import Variable, VariableKind
 
@@ -115,6 +115,8 @@ class _Advice:
             return self._pure(part, inside)
         if part.op == "host":
             return self._host(part, inside)
+        if part.op == "call":
+            return LENGTH if isinstance(part.form, List) and part.form.head == "to-edge" else None
         if part.op in ("random", "gauss"):
             return self._same(part, inside)
         if part.op == "write" and isinstance(part.data, Variable):

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from math import nan
 
 from sleepcast.core.model import Constant, HostFunction
+from sleepcast.language import areas
 from sleepcast.language.checker import STORE_STEPS, Checker, Special
 from sleepcast.language.functions import FUNCTIONS, MAX_HOPS, MAX_REPEATS
 from sleepcast.language.parts import Defining, Label, Part, Storing, Template
@@ -263,6 +264,55 @@ def _defun(checker: Checker, form: List) -> Part:
     return Part("act", form, name="defun", number=steps, data=defining)
 
 
+# ---- areas
+
+
+@_special("edge-dist")
+def _edge_distance(checker: Checker, form: List) -> Part:
+    if len(form.items) % 2 == 0:
+        return checker.error(f"{len(form.items) - 1} numbers @@: wanted x and y of a point and of each corner", form)
+    return Part("pure", form, checker.parts(form.items[1:]), name="EDGE-DIST", data=FUNCTIONS["edge-dist"])
+
+
+@_special("area")
+def _area(checker: Checker, form: List) -> Part:
+    target, sizes = form.items[1], form.items[2:]
+    if not isinstance(target, Symbol):
+        checker.parts(sizes)
+        return checker.error("AREA @@ wants a name, then its corners", target)
+    if not _is_free_for(checker, target, "operator"):
+        return Part("const", form, number=nan)
+    if (wrong := areas.wrong(sizes)) is not None:
+        checker.parts(sizes)
+        return checker.error(*wrong)
+    body = areas.written_out(sizes, form)
+    steps = checker.stored(target.key, (body,), [], target)
+    return Part("act", form, name="defun", number=steps, data=Defining((), (body,)))
+
+
+@_special("inside", "to-edge")
+def _of_area(checker: Checker, form: List) -> Part:
+    head, target = form.items
+    if not isinstance(target, Symbol):
+        checker.part(target)
+        return checker.error(f"{(form.head or '').upper()} @@ wants the name of an area", target)
+    meaning = checker.meaning(target.key)
+    if meaning not in (None, "operator"):
+        article = "an" if meaning and meaning[0] in "aeiou" else "a"
+        return checker.error(f"{target.text} @@ is {article} {meaning}, not an area", target)
+    if meaning is None:
+        checker.unknown("area", target)
+    elif checker.parameters(target.key):
+        return checker.error(f"{target.text} @@ takes arguments, so it is not an area", target)
+    checker.uses.add(target.key)
+    distance = List((Symbol("TO-EDGE", head.start, head.end), target), form.start, form.end)
+    to_edge = Part("call", distance, name=target.key)
+    if form.head == "to-edge":
+        return to_edge
+    nothing = Part("const", Number(0.0, "m", "0m", form.start, form.end))
+    return Part("pure", form, (to_edge, nothing), name=">=", data=FUNCTIONS[">="])
+
+
 # ---- names of rules and groups
 
 
@@ -367,7 +417,7 @@ def _entered(form: Form) -> set[str]:
 
 
 _UNREAD = frozenset(
-    {QUOTE, UNQUOTE, "setqq", "rule", "defun", "activate", "deactivate", "forget", "join", "leave", "in"}
+    {QUOTE, UNQUOTE, "setqq", "rule", "defun", "area", "activate", "deactivate", "forget", "join", "leave", "in"}
 )
 """Forms whose names are kept, looked up or filled in, and not evaluated where they are heard."""
 _NAMING = frozenset({"setq", "defvar", "lease"})

@@ -87,19 +87,24 @@ class Names(Protocol):
         """Every learned name as written, for suggestions."""
 
 
+def given(vocabulary: Vocabulary) -> dict[str, Declared]:
+    """What robots of this vocabulary have learned from the start: their areas."""
+    return {area.name.casefold(): Operator(area.name, (), frozenset()) for area in vocabulary.areas}
+
+
 class FreshNames:
-    """The names of a robot that has learned nothing yet."""
+    """The names of a robot that has heard nothing yet."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
-        self.vocabulary = vocabulary
+        self.vocabulary, self._given = vocabulary, given(vocabulary)
 
     def declared(self, key: str) -> Declared | None:
-        """Nothing."""
-        return None
+        """What it has learned under this key from the start."""
+        return self._given.get(key)
 
     def heard(self) -> Iterable[str]:
-        """Nothing."""
-        return ()
+        """Every name that it has learned from the start."""
+        return [found.name for found in self._given.values()]
 
 
 def reaches(start: Iterable[str], goal: str, uses_of: Callable[[str], Iterable[str]]) -> tuple[str, ...] | None:

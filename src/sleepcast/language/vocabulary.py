@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from sleepcast.core.errors import MisuseError
-from sleepcast.core.model import Constant, HostFunction, Quantity
+from sleepcast.core.model import Constant, HostFunction, NamedArea, Quantity
 from sleepcast.core.units import NONE
 from sleepcast.language.functions import BUILT_IN, FUNCTIONS
 
@@ -95,7 +95,8 @@ def buffer_number(key: str) -> int | None:
 
 @dataclass(eq=False)
 class Vocabulary:
-    """The names of one type of robot; see the module. Sensors and actuators keep the order they are given in."""
+    """The names of one type of robot; see the module. Sensors and actuators keep the order they are given in. areas:
+    what its robots have learned from the start."""
 
     name: str = "robot"
     sensors: tuple[Quantity, ...] = ()
@@ -103,6 +104,7 @@ class Vocabulary:
     linked: frozenset[str] = frozenset()
     constants: tuple[Constant, ...] = ()
     functions: tuple[HostFunction, ...] = ()
+    areas: tuple[NamedArea, ...] = ()
     bindings: dict[str, Binding] = field(default_factory=dict, init=False)
     user_slots: dict[str, int] = field(default_factory=dict, init=False)
 
@@ -123,6 +125,8 @@ class Vocabulary:
         others: tuple[Binding, ...] = (*CONSTANTS, *self.constants, *self.functions)
         for binding in others:
             self._declare(binding)
+        for area in self.areas:
+            self._refuse_clash(area.name, "area")
         self._names = (*(each.name for each in self.bindings.values()), *(each.name for each in BUILT_IN.values()))
 
     @property
@@ -148,7 +152,12 @@ class Vocabulary:
         return self._names
 
     def _declare(self, binding: Binding) -> None:
-        key = binding.name.casefold()
+        self._refuse_clash(binding.name, describe(binding))
+        self.bindings[binding.name.casefold()] = binding
+
+    def _refuse_clash(self, name: str, what: str) -> None:
+        """Raise VocabularyError if something has this name already."""
+        key = name.casefold()
         if key in self.bindings or key in FUNCTIONS or buffer_number(key) is not None:
             other = (
                 f"the {describe(self.bindings[key])} {self.bindings[key].name}"
@@ -157,10 +166,7 @@ class Vocabulary:
                 if key in FUNCTIONS
                 else f"the buffer {key.upper()}"
             )
-            raise VocabularyError(
-                f"{self.name}: the {describe(binding)} {binding.name} has the same name as {other}; rename one"
-            )
-        self.bindings[key] = binding
+            raise VocabularyError(f"{self.name}: the {what} {name} has the same name as {other}; rename one")
 
 
 def describe(binding: Binding) -> str:

@@ -313,7 +313,14 @@ class Pace:
 def vocabulary_of(model: RobotModel) -> Vocabulary:
     """The vocabulary of robots of this model. Raises VocabularyError for clashing names."""
     constants = (Constant(c.name, c.value, UNITS[c.unit].dimension if c.unit else NONE, c.doc) for c in model.constants)
-    return Vocabulary(model.name, model.sensors, model.actuators, constants=tuple(constants), functions=model.functions)
+    return Vocabulary(
+        model.name,
+        model.sensors,
+        model.actuators,
+        constants=tuple(constants),
+        functions=model.functions,
+        areas=model.areas,
+    )
 
 
 def _readable(order: Order) -> Order:

@@ -9,13 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import HostFunction
+from sleepcast.language.areas import text_of
 from sleepcast.language.program import Library, Program
 from sleepcast.language.reader import MAX_TEXT, read_all
 from sleepcast.language.symbols import (
     Declared,
+    FreshNames,
     Group,
     Operator,
     Stored,
@@ -23,6 +26,7 @@ from sleepcast.language.symbols import (
     circle,
     clash,
     declared_in,
+    given,
     uses_in,
 )
 from sleepcast.language.vocabulary import (
@@ -77,6 +81,15 @@ def running(rules: Mapping[str, Rule]) -> list[Rule]:
     return sorted((rule for rule in in_order(rules) if rule.active), key=lambda rule: rule.priority)
 
 
+def learned_at_first(vocabulary: Vocabulary, library: Library) -> tuple[dict[str, Declared], dict[str, Program]]:
+    """Symbols and operators of a robot that has heard nothing yet: those of the areas that it knows."""
+    names, operators = FreshNames(vocabulary), dict[str, Program]()
+    for area in vocabulary.areas:
+        text = text_of(area)
+        operators[area.name.casefold()] = library.program(text, partial(read_all, text), names)
+    return given(vocabulary), operators
+
+
 class RuleBase:
     """What one mind has learned, by key in order of arrival; implements `Names`, so that texts are compiled in it.
     merging: which commands count; changing: called before the rules change."""
@@ -89,13 +102,13 @@ class RuleBase:
         changing: Callable[[], None],
         *,
         rules: Mapping[str, Rule] | None = None,
-        symbols: Mapping[str, Declared] | None = None,
-        operators: Mapping[str, Program] | None = None,
+        symbols: Mapping[str, Declared],
+        operators: Mapping[str, Program],
     ) -> None:
         self.vocabulary, self.library, self.merging, self.changing = vocabulary, library, merging, changing
         self.rules: dict[str, Rule] = dict(rules or {})
-        self.symbols: dict[str, Declared] = dict(symbols or {})
-        self.operators: dict[str, Program] = dict(operators or {})
+        self.symbols: dict[str, Declared] = dict(symbols)
+        self.operators: dict[str, Program] = dict(operators)
         self.effects: list[Effect] = []
 
     def declared(self, key: str) -> Declared | None:

@@ -75,7 +75,10 @@ class RobotMemory:
         self.values[MARKING] = 1.0
         self.values[ID], self.values[TIME_SLOT], self.values[TICK] = float(number), 0.0, 0.0
         self.groups: frozenset[str] = frozenset()
-        self.base = RuleBase(self.vocabulary, self.library, Merging(), self.changing)
+        symbols, operators = rules.learned_at_first(self.vocabulary, self.library)
+        self.base = RuleBase(
+            self.vocabulary, self.library, Merging(), self.changing, symbols=symbols, operators=operators
+        )
         """What it has learned."""
         self.records = RuleRecords(self.base, self.values)
         self.steps = self.depth = self.levels = 0

@@ -100,6 +100,9 @@ def _put_back(state: MindState, memory: RobotMemory, away: float) -> list[str]:
     for slot, value in enumerate(state.flags):
         if f"e{slot - ACTIVE0}" not in protected:
             memory.values[slot] = value
+    for key in list(memory.base.operators):  # what it knew from the start, it may have forgotten
+        del memory.base.operators[key]
+        memory.base.unlearn(key)
     _learn_names(state, memory)
     lost: list[str] = []
     for operator in state.operators:

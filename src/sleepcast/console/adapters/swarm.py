@@ -6,7 +6,8 @@ from array import array
 from dataclasses import replace
 from math import cos, pi, sin
 
-from sleepcast.console import MapLabel, Outline, Scene
+from sleepcast.console import MapLabel, NamedOutline, Outline, Scene
+from sleepcast.core.model import NamedArea
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Area, Circle, Scenario, Shape, Wall
@@ -79,10 +80,19 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
             for sort, part in zip(scenario.each_sort, slices(scenario.each_sort, len(names)), strict=True)
         ),
         places=tuple(MapLabel(place.title, place.x, place.y) for place in scenario.places),
+        areas=tuple(NamedOutline(area.name, _outline(area)) for area in scenario.areas),
         obstacles=tuple(outlines(shape) for shape in scenario.shapes),
         lights=tuple(MapLabel(light.title, light.x, light.y) for light in scenario.lights),
         commands=tuple(replace(each, text=each.text.strip()) for each in scenario.commands),
     )
+
+
+def _outline(area: NamedArea) -> Outline:
+    """The corners of an area; a disc has many."""
+    if area.is_disc:
+        x, y, radius = area.sizes
+        return outlines(Circle(x, y, radius))[0]
+    return tuple(zip(area.sizes[::2], area.sizes[1::2], strict=True))
 
 
 def outlines(shape: Shape) -> tuple[Outline, ...]:

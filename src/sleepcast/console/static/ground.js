@@ -1,4 +1,4 @@
-// What lies under the robots: the area, the grid with its unit, obstacles, lights. And, over them, the places' names.
+// What lies under the robots: the area, the grid with its unit, obstacles, named areas, lights. And, over them, the places' names.
 
 import { gridStep } from "./view.js";
 
@@ -25,7 +25,26 @@ export function drawGround(pen, view, scene, colours) {
     pen.fill("evenodd");
     pen.stroke();
   }
+  for (const named of scene.areas) drawArea(pen, view, named, colours);
   for (const light of scene.lights) drawLight(pen, view, light, colours);
+}
+
+// An area that robots know by name: its outline, and the name inside its upper left corner.
+function drawArea(pen, view, { name, corners }, colours) {
+  const xs = corners.map(([x]) => view.toScreenX(x));
+  const ys = corners.map(([, y]) => view.toScreenY(y));
+  pen.beginPath();
+  xs.forEach((x, corner) => pen.lineTo(x, ys[corner]));
+  pen.closePath();
+  pen.globalAlpha = 0.6;
+  pen.setLineDash([6, 5]);
+  pen.strokeStyle = colours.place;
+  pen.lineWidth = 1.2;
+  pen.stroke();
+  pen.setLineDash([]);
+  const highest = ys.indexOf(Math.min(...ys));
+  drawLabel(pen, view, name, xs[highest] + 6, ys[highest] + 12, colours.place, colours.area, "600 12px", []);
+  pen.globalAlpha = 1;
 }
 
 const GLOW = 70; // pixels

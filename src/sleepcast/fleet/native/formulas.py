@@ -204,6 +204,35 @@ def _clamp(a: Assembly, n: Sequence[str], mask: str) -> str:
     return a.select(a.compare("ogt", low, high), a.nan, found)
 
 
+def _edge_distance(a: Assembly, n: Sequence[str], mask: str) -> str:
+    """See `language.functions`, step by step."""
+
+    def of(operation: str, x: str, y: str) -> str:
+        return a.binary(f"f{operation}", a.real, x, y)
+
+    def sum_of_products(operation: str, x: str, y: str, z: str, w: str) -> str:
+        return of(operation, of("mul", x, y), of("mul", z, w))
+
+    px, py, x0, y0 = n[0], n[1], n[-2], n[-1]
+    nearest, sign = a.number(math.inf), a.number(-1.0)
+    for x1, y1 in zip(n[2::2], n[3::2], strict=True):
+        across, up, from_x, from_y = of("sub", x1, x0), of("sub", y1, y0), of("sub", px, x0), of("sub", py, y0)
+        square = sum_of_products("add", across, across, up, up)
+        along = sum_of_products("add", from_x, across, from_y, up)
+        t = of("div", along, a.select(a.compare("oeq", square, a.zero), a.one, square))
+        t = a.select(a.compare("olt", t, a.zero), a.zero, a.select(a.compare("ogt", t, a.one), a.one, t))
+        out_x, out_y = of("sub", from_x, of("mul", t, across)), of("sub", from_y, of("mul", t, up))
+        away = sum_of_products("add", out_x, out_x, out_y, out_y)
+        nearest = a.select(a.compare("olt", away, nearest), away, nearest)
+        west = sum_of_products("sub", from_x, up, from_y, across)
+        starts, ends = a.compare("ole", y0, py), a.compare("ole", y1, py)
+        rising = a.both(a.both(starts, a.neither(ends)), a.compare("olt", west, a.zero))
+        falling = a.both(a.both(ends, a.neither(starts)), a.neither(a.compare("olt", west, a.zero)))
+        sign = a.select(a.either(rising, falling), a.emit(f"fneg {a.real} {sign}"), sign)
+        x0, y0 = x1, y1
+    return of("add", of("mul", sign, a.intrinsic("sqrt", nearest)), a.zero)
+
+
 def _whole(name: str, a: Assembly, n: Sequence[str], mask: str) -> str:
     """Adding 0 turns -0 into 0, see `pure`."""
     return a.binary("fadd", a.real, a.intrinsic(name, n[0]), a.zero)
@@ -224,6 +253,7 @@ FORMULAS: dict[str, Formula] = {
     "DIST": _distance,
     "CLAMP": _clamp,
     "MOD": _mod,
+    "EDGE-DIST": _edge_distance,
     "WRAP": _wrap,
     "BEARING": _bearing,
     "ATAN2": _angle,

@@ -237,6 +237,7 @@ def model_of(
         limits=robots.limits,
         geometry=robots.geometry,
         constants=(*signal_constants(scenario.lights, scenario.pings), *scenario.constants),
+        areas=scenario.areas,
     )
 
 

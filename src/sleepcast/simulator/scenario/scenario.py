@@ -12,10 +12,11 @@ from pathlib import Path
 
 from sleepcast.channel.simulated_radio import RadioModel
 from sleepcast.core.errors import MisuseError, did_you_mean
-from sleepcast.core.model import ReadyCommand
+from sleepcast.core.model import NamedArea, ReadyCommand
 from sleepcast.core.settings import Table, checked_name, toml_document
 from sleepcast.core.units import LENGTH, SPEED, TIME
 from sleepcast.robot import BodyConstant
+from sleepcast.simulator.scenario.areas import read_areas
 from sleepcast.simulator.scenario.events import Event, read_events
 from sleepcast.simulator.scenario.groups import read_constants, read_groups, refuse_clashes
 from sleepcast.simulator.scenario.measures import MeasureSpec, read_measures
@@ -75,7 +76,7 @@ class Scenario:
     events: timed changes. fenced: whether robots turn back at the world's edge on their own; torus: whether it has no
     edge. constants: named
     numbers for rules. pings: how they are received, None if robots have none. neighbours: how robots sense each other,
-    None if they do not. measures: time series to record.
+    None if they do not. areas: what robots know by name from the start. measures: time series to record.
     robots: all robots together; sorts: each type of them with its count or proportion, empty if there is only one
     type. nomad: whether VM takes tenths of inches, as a Nomad's programs do.
     """
@@ -110,6 +111,7 @@ class Scenario:
     events: tuple[Event, ...] = ()
     sorts: tuple[RobotSpec, ...] = ()
     nomad: bool = False
+    areas: tuple[NamedArea, ...] = ()
 
     @property
     def each_sort(self) -> tuple[RobotSpec, ...]:
@@ -164,6 +166,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
         robots = replace(combined(tables, sorts), count=count())
         if robots.count > MAX_ROBOTS:
             raise root.error("robots", f"{robots.count} robots in all; at most {MAX_ROBOTS} fit")
+        areas = read_areas(root, size)
         refuse_clashes(root, tables, [*taken, *(store.name for store in robots.stores)], constants, groups)
         radio, telemetry = _radio(root, size)
         found = Scenario(
@@ -196,6 +199,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
             neighbours=read_neighbours(root),
             torus=world.torus,
             measures=read_measures(root, _points(places, lights), MAX_TIME),
+            areas=areas,
             nomad=root.text("vocabulary", "standard", choices=("standard", "nomad")) == "nomad",
         )
         if found.torus:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from sleepcast.core.model import HostFunction
 from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats
 from sleepcast.simulator.bodies.body import Body
+from sleepcast.simulator.bodies.voronoi import centroids
 from sleepcast.simulator.scenario.signals import NeighbourModel
 from sleepcast.simulator.simd.formulas import arc_tangent, sine_cosine, wrap
 from sleepcast.simulator.sonar.noise import deviates
@@ -40,10 +42,12 @@ class Pairs:
     """Robots that asked, each with what it senses of every neighbour: one entry for each pair.
 
     asked: indices of the robots; robot: the place among them of the one that senses; other: index of its neighbour;
-    across, up: vector to the neighbour in the robot's frame of reference, m; away: its length, m.
+    across, up: vector to the neighbour in the robot's frame of reference, m; away: its length, m. within: the radius
+    that each robot asked for, m.
     """
 
     asked: Whole
+    within: Floats
     robot: Whole
     other: Whole
     across: Floats
@@ -92,13 +96,15 @@ class Pairs:
         following = np.roll(direction, -1)
         following[last] = direction[first] + TURN
         gap = following - direction
-        widest = Pairs(self.asked, robot, robot, gap, gap, -gap)
+        widest = Pairs(self.asked, self.within, robot, robot, gap, gap, -gap)
         return widest.most(gap), widest.nearest(wrap(direction + gap / 2.0))
 
     def where(self, chosen: Flags) -> Pairs:
         """Some of the pairs."""
         floats = (self.across, self.up, self.away)
-        return Pairs(self.asked, self.robot[chosen], self.other[chosen], *(each[chosen] for each in floats))
+        return Pairs(
+            self.asked, self.within, self.robot[chosen], self.other[chosen], *(each[chosen] for each in floats)
+        )
 
 
 class _Asked(NamedTuple):
@@ -129,6 +135,8 @@ class RangeAndBearing:
         self._sorted: dict[float, tuple[Grid, Sorted, Images]] = {}
         """All bodies in cells as large as the greatest radius asked for, by that radius."""
         self._kept: list[tuple[_Asked, Pairs]] = []
+        self._measured: tuple[Pairs, tuple[Floats, Floats]] | None = None
+        """The cells that were measured last: rules ask for x and y of the same ones."""
         self.functions = (
             *(_sensing(self, *each) for each in _FORMULAS),
             _sharing(self, "COLOUR", "number", COLOUR, NONE),
@@ -140,6 +148,7 @@ class RangeAndBearing:
         self._shared[:] = self._set
         self._sorted.clear()
         self._kept.clear()
+        self._measured = None
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """The arrays that a run changes and that the next ticks depend on."""
@@ -168,6 +177,17 @@ class RangeAndBearing:
         self._bodies.sense(robots, sonars=False)
         frame: Floats = self._bodies.sensed[:3, robots]
         return frame
+
+    def cells(self, pairs: Pairs) -> tuple[Floats, Floats]:
+        """Centroid x, y of the Voronoi cell of each robot that asked, m, within half the radius that it asked for: what
+        is farther may be nearer to a robot that it does not sense."""
+        if self._measured is None or self._measured[0] is not pairs:
+            scenario = self._bodies.scenario
+            x, y, _ = self.own_frame(pairs.asked)
+            size = (inf, inf) if scenario.torus else (scenario.width, scenario.height)
+            found = centroids(pairs.robot, pairs.across, pairs.up, pairs.within / 2.0, x, y, size)
+            self._measured = pairs, found
+        return self._measured[1]
 
     def headings(self, pairs: Pairs) -> tuple[Floats, Floats]:
         """Cosine and sine of the heading of each neighbour, in the frame of reference of the robot that senses it."""
@@ -229,7 +249,7 @@ class RangeAndBearing:
         tokens = (other.astype(np.uint64) << np.uint64(32)) + first.astype(np.uint64)
         if model.loss:
             sensed &= uniform(key(bodies.seed, "neighbour lost", bodies.tick), tokens) >= model.loss
-        found = Pairs(asked.robots, robot, other, across, up, away).where(sensed)
+        found = Pairs(asked.robots, asked.radius, robot, other, across, up, away).where(sensed)
         across, up, away = found.across, found.up, found.away
         if model.noise:
             size = model.noise * away
@@ -237,7 +257,7 @@ class RangeAndBearing:
             up = up + size * self._normal("neighbour up", tokens[sensed])
             away = np.sqrt(across * across + up * up)
         across, up = self._turned(asked.robots, found.robot, across, up)
-        return Pairs(asked.robots, found.robot, found.other, across, up, away)
+        return Pairs(asked.robots, asked.radius, found.robot, found.other, across, up, away)
 
     def _normal(self, purpose: str, tokens: NDArray[np.uint64]) -> Floats:
         """Normal noise of this tick, one number for each token."""
@@ -294,6 +314,18 @@ _FORMULAS: tuple[tuple[str, Dimension, str, Formula], ...] = (
         LENGTH,
         "Distance of the farthest neighbour within r.",
         lambda near, pairs: pairs.most(pairs.away),
+    ),
+    (
+        "CELL_X",
+        LENGTH,
+        "x of the centroid of what is nearer to this robot than to its neighbours within r, up to r/2 away.",
+        lambda near, pairs: near.cells(pairs)[0],
+    ),
+    (
+        "CELL_Y",
+        LENGTH,
+        "y of that centroid.",
+        lambda near, pairs: near.cells(pairs)[1],
     ),
     (
         "GAP",

@@ -64,7 +64,7 @@ def drawing(swarm: Swarm, label: str) -> str:
         )
         if shapes:
             parts.append(f'<path d="{shapes}" fill="{_colour(code)}"/>')
-    places = [("&#9733;", place.title, place.x, place.y) for place in simulator.scenario.places]
+    places = [("&#9733;", place.title, place.x, place.y) for place in simulator.scenario.named_points]
     lights = [("&#9728;", light.title, light.x, light.y) for light in simulator.scenario.lights]
     parts += [
         '<text x="{:.1f}" y="{:.1f}" font-size="11" fill="currentColor" text-anchor="middle">'.format(
@@ -99,7 +99,9 @@ class _Frame(NamedTuple):
     def of(cls, swarm: Swarm) -> _Frame:
         """All of the world; or, where robots, places and lights are together in a small part of it, that part."""
         simulator, scenario = swarm.simulator, swarm.simulator.scenario
-        named = [(place.x, place.y) for place in scenario.places] + [(light.x, light.y) for light in scenario.lights]
+        named = [(place.x, place.y) for place in scenario.named_points] + [
+            (light.x, light.y) for light in scenario.lights
+        ]
         x, y = (
             np.append(own, others)
             for own, others in zip((simulator.x, simulator.y), np.array(named).reshape(-1, 2).T, strict=True)

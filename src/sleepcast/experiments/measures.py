@@ -4,6 +4,7 @@
     share (IN bravo)                       of all robots, for which it is true
     quantile 0.9 (DIST x y 0 0)
     largest_cluster 2m                     of the group as a whole; see `group_measures`
+    stock ore coal                         what is left of these stocks, added up, in SI
     analysis.spread                        the function `spread` of the module `analysis`, which takes the fleet
 
 A package adds measures by name with entry points in the group `sleepcast.measures`.
@@ -47,7 +48,7 @@ OF_TRUE: dict[str, Callable[[Values], float]] = {
     "share": lambda true: float(true.mean()) if true.size else nan,
 }
 """What is made of for whom it is true; unknown is not."""
-AGGREGATES = (*OF_KNOWN, *OF_TRUE, "quantile")
+AGGREGATES = (*OF_KNOWN, *OF_TRUE, "quantile", "stock")
 GROUP = "sleepcast.measures"
 
 _FUNCTION = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)[.:]([A-Za-z_]\w*)")
@@ -72,6 +73,8 @@ def read_measure(text: str) -> Measure:
         return lambda fleet: OF_TRUE[first](np.where(fleet[expression] > 0.0, 1.0, 0.0))
     if expression and first == "quantile":
         return _quantile(text, expression)
+    if expression and first == "stock":
+        return lambda fleet: _of_stocks(fleet, expression.split())
     if expression:
         raise MeasureError(
             f'measure "{text:.80}": there is no "{first:.40}"{did_you_mean(first, (*AGGREGATES, *NAMES))}: '
@@ -133,6 +136,17 @@ def _quantile(text: str, rest: str) -> Measure:
         raise MeasureError(f'measure "{text:.80}": wanted a share and an expression, such as quantile 0.9 fuel')
     expression = found[2]
     return lambda fleet: _of_known(fleet, expression, lambda values: float(np.quantile(values, share)))
+
+
+def _of_stocks(fleet: SimulatedFleet, names: list[str]) -> float:
+    left = fleet.swarm.simulator.stocks()
+    for name in names:
+        if name not in left:
+            known = (
+                f"{did_you_mean(name, left)}: wanted one of {', '.join(left)}" if left else ": this scenario has none"
+            )
+            raise MeasureError(f'no stock "{name:.80}"{known}')
+    return sum(left[name] for name in names)
 
 
 def _function(name: str) -> Measure:

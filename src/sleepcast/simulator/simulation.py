@@ -103,7 +103,8 @@ class Simulator:
         return self.bodies.said
 
     def step(self) -> None:
-        """One tick: apply the scenario's events, move all bodies, update lights, deliver the pings of the last tick."""
+        """One tick: apply the scenario's events, move all bodies, update lights, deliver the pings of the last tick,
+        settle stocks."""
         scenario, until = self.scenario, (self.tick + 1) * self.scenario.tick
         if scenario.events:
             apply_events(self.world, scenario.events, (*scenario.shapes, *scenario.absent), self.time, until)
@@ -180,6 +181,15 @@ class Simulator:
     def measured(self) -> dict[str, list[list[float]]]:
         """The scenario's own measures so far, each a list of [seconds, metres]."""
         return self.measuring.series()
+
+    def stocks(self) -> dict[str, float]:
+        """What is left of each stock, by name, in SI."""
+        stocks = self.senses.stocks
+        return (
+            dict(zip((each.name for each in self.scenario.stocks), stocks.level.tolist(), strict=True))
+            if stocks
+            else {}
+        )
 
     def state_hash(self) -> str:
         """SHA-256 of the state of all bodies, as hexadecimal digits."""
@@ -323,6 +333,7 @@ def step(bodies: Bodies) -> None:
     bodies.moved()
     if bodies.contact:
         slide(bodies, proposal, settled)
+    bodies.drain()
     bodies.tick += 1
     if bodies.sonars:
         bodies.sonars.fire(bodies.tick, bodies.time, (bodies.x, bodies.y, bodies.heading))

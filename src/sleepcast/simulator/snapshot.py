@@ -35,6 +35,7 @@ from sleepcast.simulator.scenario.robot_settings import (
 )
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.signals import MAX_LIGHTS, MAX_QUEUE, MAX_SHARES
+from sleepcast.simulator.scenario.stocks import MAX_STOCKS
 from sleepcast.simulator.scenario.world_settings import MAX_SEED
 from sleepcast.simulator.simulation import Simulator
 from sleepcast.simulator.sonar.firing import AT_ONCE, Firing
@@ -130,6 +131,9 @@ def _check(simulator: Simulator) -> None:
             within(columns["ping_next"], 0, columns["ping_by"].shape[1] - 1, "ping_next")
     if simulator.scenario.pings is not None:
         within(simulator.senses.arrays()["pings"], 0, simulator.scenario.pings.queue, "pings")
+    if simulator.senses.stocks is not None:
+        for name, values in simulator.senses.stocks.arrays().items():
+            within(values, 0.0, np.finfo(np.float64).max, name)
 
 
 def _check_firing(firing: Firing, sonars: int) -> None:
@@ -174,6 +178,10 @@ def _bounds(scenario: Scenario) -> Iterator[tuple[str, float, float, float]]:
     if scenario.neighbours is not None:
         yield "shared numbers", len(scenario.neighbours.shares), 0, MAX_SHARES
         yield "shared numbers of no known unit", len({*scenario.neighbours.shares.values()} - {"", *UNITS}), 0, 0
+    stores = {store.name for store in scenario.robots.stores} | {""}
+    yield "stocks", len(scenario.stocks), 0, MAX_STOCKS
+    yield "stocks of no known store", len({stock.store for stock in scenario.stocks} - stores), 0, 0
+    yield "stocks of no known unit", len({stock.unit for stock in scenario.stocks} - {"", *UNITS}), 0, 0
     for robots in (scenario.robots, *scenario.sorts):
         yield from _bounds_of(robots)
 

@@ -79,7 +79,7 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
             (part.stop - part.start, sort.geometry.radius)
             for sort, part in zip(scenario.each_sort, slices(scenario.each_sort, len(names)), strict=True)
         ),
-        places=tuple(MapLabel(place.title, place.x, place.y) for place in scenario.places),
+        places=tuple(MapLabel(each.title, each.x, each.y) for each in scenario.named_points),
         areas=tuple(NamedOutline(area.name, _outline(area)) for area in scenario.areas),
         obstacles=tuple(outlines(shape) for shape in scenario.shapes),
         lights=tuple(MapLabel(light.title, light.x, light.y) for light in scenario.lights),

@@ -87,7 +87,8 @@ class Bodies:
     from the body to what it touches, m, or 0. stores: shape (stores, count). mode: a `Mode`; wanted_speed,
     wanted_turn: command of DRIVE, m/s and rad/s; target_x, target_y: destination of GOTO, m. stopped, held: latched
     by STOP, held still. swing: remaining angle of a tumble, rad. roaming: turn rate of a wandering body, rad/s.
-    uses: what each store loses per metre, shape (stores,). added: sensors besides those of the scenario.
+    uses, drains: what each store loses per metre and per second, shape (stores,). added: sensors
+    besides those of the scenario.
     """
 
     def __init__(self, scenario: Scenario, seed: int, machine: Machine, added: tuple[Quantity, ...] = ()) -> None:
@@ -121,7 +122,7 @@ class Bodies:
         self.speed: Floats = self.known[3]
         self.stores: Floats = self.known[4 : 4 + len(robots.stores)]
         self.store_names = tuple(store.name.casefold() for store in robots.stores)
-        self.uses = self._uses()
+        self.uses, self.drains = self._uses()
         self.left, self.right, self.wanted_speed, self.wanted_turn = filled(0.0, np.float64, 4, self.count)
         self.hit_x, self.hit_y = np.zeros(self.count), np.zeros(self.count)
         names = [sensor.name for sensor in self.sensors]
@@ -161,7 +162,7 @@ class Bodies:
         part.count, part.parts = which.stop - which.start, [part]
         part.scenario = replace(self.scenario, robots=replace(sort, count=part.count), sorts=())
         part.limits, part.geometry, part.laws = sort.limits, sort.geometry, laws_of(part.scenario)
-        part.uses = part._uses()
+        part.uses, part.drains = part._uses()
         return part
 
     def moved(self) -> None:
@@ -234,10 +235,21 @@ class Bodies:
         """The state that motion changes."""
         return BodyColumns(*_COLUMNS(self))
 
-    def _uses(self) -> Floats:
-        """What each store loses per metre."""
-        uses = {store.name.casefold(): store.full / store.reach for store in self.scenario.robots.stores}
-        return np.array([uses.get(name, 0.0) for name in self.store_names])
+    def _uses(self) -> tuple[Floats, Floats]:
+        """What each store loses per metre and per second."""
+        stores = {store.name.casefold(): store for store in self.scenario.robots.stores}
+        found = [stores.get(name) for name in self.store_names]
+        return (
+            np.array([store.full / store.reach if store else 0.0 for store in found]),
+            np.array([store.full / store.lasts if store else 0.0 for store in found]),
+        )
+
+    def drain(self) -> None:
+        """Let stores lose what a tick takes of them, whatever the bodies do."""
+        for part in self.parts:
+            for row, drain in zip(part.stores, part.drains.tolist(), strict=True):
+                if drain:
+                    row[:] = np.maximum(row - drain * self.scenario.tick, 0.0)
 
     def forget(self) -> None:
         """Invalidate the spatial index and the sonar readings: bodies have moved."""

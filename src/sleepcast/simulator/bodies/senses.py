@@ -1,4 +1,4 @@
-"""What robots sense of lights, of pings and of their neighbours, tick by tick.
+"""What robots sense of lights, of pings, of their neighbours and of stocks, tick by tick.
 
 A ping sent in one tick is received in the next one, by every robot in reach except its sender; each of them may miss
 it at random. It is stored with its range and bearing of that moment in the receiver's queue; in each tick one ping
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sleepcast.core.counter_rng import key, uniform
 from sleepcast.simulator.bodies.bodies import Bodies, Floats
 from sleepcast.simulator.bodies.range_and_bearing import RangeAndBearing
+from sleepcast.simulator.bodies.stocks import Stocks
 from sleepcast.simulator.scenario.groups import seeing
 from sleepcast.simulator.scenario.signals import FRONT, LIGHT_NAMES, PING_NAMES, REAR, PingModel
 from sleepcast.simulator.simd.formulas import shortest
@@ -31,7 +32,7 @@ CELLS_IN_REACH = 2.0
 
 class Senses:
     """The senses of all `bodies`. Light sensors and ping receivers write into its table of sensor values; neighbours
-    are sensed by `functions` that expressions call."""
+    are sensed by `functions` that expressions call. stocks: None without any."""
 
     def __init__(self, bodies: Bodies) -> None:
         scenario = bodies.scenario
@@ -48,7 +49,9 @@ class Senses:
             self._pings = _PingReceiver(bodies, scenario.pings, bodies.known[first : first + len(PING_NAMES)])
 
         self._near = RangeAndBearing(bodies, scenario.neighbours) if scenario.neighbours else None
-        self.functions = self._near.functions if self._near else ()
+        self.stocks = Stocks(bodies) if scenario.stocks else None
+        parts = (self._near, self.stocks)
+        self.functions = tuple(function for part in parts if part for function in part.functions)
 
     def ping(self, robots: NDArray[np.intp], castes: Floats) -> None:
         """Send a ping from each of these robots, with its caste. Only the first ping of a body in a tick is
@@ -57,13 +60,15 @@ class Senses:
             self._pings.send(robots, castes)
 
     def step(self) -> None:
-        """Update light sensors, received pings and what neighbours show, after everything has moved."""
+        """Update light sensors, received pings, what neighbours show and stocks, after everything has moved."""
         if self._bodies.scenario.lights:
             self._look()
         if self._pings is not None:
             self._pings.step()
         if self._near is not None:
             self._near.step()
+        if self.stocks is not None:
+            self.stocks.step()
 
     def state(self) -> Iterator[NDArray[np.generic]]:
         """The arrays that the next ticks depend on besides those of the bodies, for the state hash."""
@@ -71,10 +76,13 @@ class Senses:
             yield from self._pings.state()
         if self._near is not None:
             yield from self._near.arrays().values()
+        if self.stocks is not None:
+            yield from self.stocks.arrays().values()
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """The arrays, by name, that a run changes and that the next ticks depend on, besides those of the bodies."""
-        return {name: each for sense in (self._pings, self._near) if sense for name, each in sense.arrays().items()}
+        senses = (self._pings, self._near, self.stocks)
+        return {name: each for sense in senses if sense for name, each in sense.arrays().items()}
 
     def _look(self) -> None:
         """Update flag, range and bearing of the nearest light in reach, for robots with a light sensor."""

@@ -52,7 +52,8 @@ class Supply:
     """A supply that robots carry: a variable `name` in SI, shown in `unit`.
 
     low, high: range of the uniform initial value, for the `share` of the robots that carry any. full: capacity.
-    reach: distance that a body drives on a full store, m; inf if driving uses none of it.
+    reach: distance that a body drives on a full store, m; inf if driving uses none of it. lasts: time after which a
+    full store is empty, whatever the body does, s; inf if time uses none of it.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Supply:
     full: float
     share: float = 1.0
     reach: float = inf
+    lasts: float = inf
     about: str = ""
 
     @property
@@ -313,6 +315,7 @@ def _store(table: Table, name: str) -> Supply:
         full=least,
         share=table.number("share", default=1.0, low=0.0, high=1.0),
         reach=table.number("reach", LENGTH, inf, low=LEAST),
+        lasts=table.number("lasts", TIME, inf, low=LEAST),
         about=table.text("about", ""),
     )
     return replace(store, full=table.number("full", store.dimension, least, low=least))

@@ -40,6 +40,7 @@ from sleepcast.simulator.scenario.signals import (
     read_neighbours,
     read_pings,
 )
+from sleepcast.simulator.scenario.stocks import Stock, read_stocks
 from sleepcast.simulator.scenario.world_settings import MAX_SEED, Changes, WorldSpec, read_world
 from sleepcast.simulator.world.torus import PLAIN, Around
 from sleepcast.simulator.world.world import Shape
@@ -76,7 +77,8 @@ class Scenario:
     events: timed changes. fenced: whether robots turn back at the world's edge on their own; torus: whether it has no
     edge. constants: named
     numbers for rules. pings: how they are received, None if robots have none. neighbours: how robots sense each other,
-    None if they do not. areas: what robots know by name from the start. measures: time series to record.
+    None if they do not. areas: what robots know by name from the start. stocks: what robots take from and add to.
+    measures: time series to record.
     robots: all robots together; sorts: each type of them with its count or proportion, empty if there is only one
     type. nomad: whether VM takes tenths of inches, as a Nomad's programs do.
     """
@@ -112,11 +114,17 @@ class Scenario:
     sorts: tuple[RobotSpec, ...] = ()
     nomad: bool = False
     areas: tuple[NamedArea, ...] = ()
+    stocks: tuple[Stock, ...] = ()
 
     @property
     def each_sort(self) -> tuple[RobotSpec, ...]:
         """The types of robots, also if there is only one."""
         return self.sorts or (self.robots,)
+
+    @property
+    def named_points(self) -> tuple[Place | Stock, ...]:
+        """What the map shows by its title: places and stocks."""
+        return (*self.places, *self.stocks)
 
     @property
     def around(self) -> Around:
@@ -167,7 +175,10 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
         if robots.count > MAX_ROBOTS:
             raise root.error("robots", f"{robots.count} robots in all; at most {MAX_ROBOTS} fit")
         areas = read_areas(root, size)
-        refuse_clashes(root, tables, [*taken, *(store.name for store in robots.stores)], constants, groups)
+        taken += [store.name for store in robots.stores]
+        stocks = read_stocks(root, size, robots.stores, taken)
+        taken += [name for stock in stocks for name in stock.names]
+        refuse_clashes(root, tables, taken, constants, groups)
         radio, telemetry = _radio(root, size)
         found = Scenario(
             name=name,
@@ -201,6 +212,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
             measures=read_measures(root, _points(places, lights), MAX_TIME),
             areas=areas,
             nomad=root.text("vocabulary", "standard", choices=("standard", "nomad")) == "nomad",
+            stocks=stocks,
         )
         if found.torus:
             _check_torus(root, found)

@@ -9,6 +9,7 @@ from sleepcast.simulator.scenario.groups import value_quantities
 from sleepcast.simulator.scenario.robot_settings import Ring, Supply
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.signals import signal_sensors
+from sleepcast.simulator.scenario.stocks import stock_sensors
 
 
 def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
@@ -31,6 +32,7 @@ def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
         *value_quantities(robots.groups),
         *(_bumper_sensor(robots.bumpers) if robots.bumpers else ()),
         *signal_sensors(scenario.lights, scenario.pings, length),
+        *stock_sensors(scenario.stocks, length),
     )
 
 

@@ -66,7 +66,7 @@ HOUSE = {
         "language channel robot nomad node fleet simulator loop station experiments",
         "starlette uvicorn msgspec numpy",
     ),
-    "experiments": room("language simulator api", "msgspec numpy", "distributed matplotlib pyarrow scipy"),
+    "experiments": room("language simulator api", "msgspec numpy", "distributed matplotlib optuna pyarrow scipy"),
     "gym": room("language api experiments", "gymnasium pettingzoo numpy"),
     "cli": room(
         "language channel robot mind nomad node fleet simulator bridges loop station api experiments console",

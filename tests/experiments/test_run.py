@@ -45,7 +45,7 @@ def count(folder: Path) -> int:
 
 def sweep(wanted: Experiment, folder: Path, workers: int = 2) -> None:
     with Results(folder, wanted) as results:
-        for _ in run_all(wanted, results, results.missing(), workers):
+        for _ in run_all(results, workers):
             pass
 
 
@@ -113,10 +113,8 @@ class TestManyRuns:
         wanted = experiment_of("crowd", over=["robots.count=5,10"], measures=["own_measures.scattered"], seeds=30)
         wanted = msgspec.structs.replace(wanted, seconds=0.1, precision=Precision("scattered", 3.0, 5))
         with Results(tmp_path / "results", wanted) as results:
-            while left := results.missing():
-                assert {run.seed for run in left} <= set(range(left[0].seed, left[0].seed + 5))
-                for _ in run_all(wanted, results, left, 2):
-                    pass
+            rounds = [(outcome.run.seed - 1) // 5 for outcome in run_all(results, 2)]
+        assert rounds == sorted(rounds), "one round after the other"
         table = table_of(tmp_path / "results")
         runs = {count: list(table["robots.count"]).count(count) for count in (5, 10)}
         assert runs[5] == 5, "all alike, so the first round was enough"

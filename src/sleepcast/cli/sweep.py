@@ -149,17 +149,15 @@ def _sweep(
     from sleepcast.experiments.run import run_all
 
     errors: dict[str, int] = {}
-    left = results.missing(retry=retry)
+    outcomes = run_all(results, workers, retry=retry)
     try:
-        while left:
-            outcomes = run_all(results.experiment, results, left, workers)
-            with closing(outcomes), closing(steps(len(left), "sweep", quiet=quiet)) as bar:
-                for _, outcome in zip(bar, outcomes, strict=False):
-                    if outcome.error:
-                        errors[outcome.error] = errors.get(outcome.error, 0) + 1
-                    if findings is not None:
-                        findings.add(outcome)
-            left = results.missing()
+        with closing(outcomes), closing(steps(results.left(retry=retry), "sweep", quiet=quiet)) as bar:
+            for outcome in outcomes:
+                next(bar, None)
+                if outcome.error:
+                    errors[outcome.error] = errors.get(outcome.error, 0) + 1
+                if findings is not None:
+                    findings.add(outcome)
     except KeyboardInterrupt:
         complain(f"interrupted; what is done is kept: go on with sleepcast sweep {results.folder}")
         raise
@@ -168,14 +166,19 @@ def _sweep(
 
 def _tell(folder: Path, table: Path | None, errors: dict[str, int], *, as_json: bool) -> int:
     """Write the table, and say what came of it; gives the exit status."""
-    from sleepcast.experiments.results import export, summary_of
+    from sleepcast.experiments.results import best_of, export, summary_of
 
     if table is not None:
         export(folder, table)
     summary = summary_of(folder)
     found = {"runs": summary.runs, "done": summary.done, "failed": summary.failed, "unknown": summary.unknown}
-    place = {"results": str(folder), "table": None if table is None else str(table)}
+    place: dict[str, object] = {"results": str(folder), "table": None if table is None else str(table)}
+    best = best_of(folder)
+    if best is not None:
+        place["best"] = {"measure": best.measure, "value": best.value, "point": best.point, "runs": best.runs}
     announce(json.dumps(found | place) if as_json else f"{summary.sentence()}: {table or folder}")
+    if best is not None and not as_json:
+        announce(best.sentence())
     for error, count in list(errors.items())[:SHOWN_ERRORS]:
         complain(f"{count:,} runs failed: {error}")
     return int(summary.failed > 0)

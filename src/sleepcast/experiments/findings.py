@@ -245,7 +245,7 @@ class Findings:
         every = self.experiment.every
         if every is None:
             return 1
-        seconds = self.experiment.seconds or self.experiment.scenario_at(next(self.experiment.runs()).point).seconds
+        seconds = self.experiment.seconds or self.experiment.scenario_at(self.experiment.first().point).seconds
         return max(1, -(-round(seconds / every) // (MOST_TIMES - 1)))
 
 

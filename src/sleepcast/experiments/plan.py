@@ -19,7 +19,9 @@
 
 With `[precision]`, `seeds` is the most: at each point there are no more runs than it takes until the mean of a measure
 is known well enough. With `sampling` as "latin" (a Latin hypercube) or "sobol", and a number of `points`, `over` has
-ranges instead: `radio.loss = { low = 0, high = 0.5 }`.
+ranges instead: `radio.loss = { low = 0, high = 0.5 }`, whole numbers from `{ low = 10, high = 50, whole = true }`, and
+a list is a choice. With "search", points are suggested on the way, so that a measure becomes as large or small as it
+can: `maximise = "charge"`; see `search`.
 """
 
 from __future__ import annotations
@@ -27,8 +29,9 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from importlib.util import find_spec
 from itertools import islice, product
-from math import isfinite, prod
+from math import floor, isfinite, prod
 from pathlib import Path
 
 import msgspec
@@ -40,7 +43,12 @@ from sleepcast.experiments.measures import name_of, read_measure, read_stop
 from sleepcast.simulator import Changes, Scenario, find_scenario, scenario_names
 from sleepcast.simulator.scenario.scenario import GALLERY
 
-SAMPLINGS = ("grid", "latin", "sobol")
+SEARCH = "search"
+SAMPLINGS = ("grid", "latin", "sobol", SEARCH)
+MAX_SEARCHED = 5_000
+"""Points of a search: each suggestion looks at all points before it."""
+MAX_TOGETHER = 100
+"""Points that a search suggests at a time: they know nothing of each other."""
 MAX_ROWS = 1_000_000
 MAX_SEED = 2**63 - 1
 MAX_VARIED, MAX_MEASURES, MAX_COMMANDS = 16, 64, 100
@@ -60,16 +68,27 @@ class PlanError(MisuseError):
 
 
 class Span(msgspec.Struct, frozen=True):
-    """From low to high, both with the same unit ("" for none)."""
+    """From low to high, both with the same unit ("" for none). whole: only whole numbers, both ends included."""
 
     low: float
     high: float
     unit: str = ""
+    whole: bool = False
 
     def at(self, share: float) -> Value:
         """The value so far along, as it stands in a scenario."""
-        value = self.low + share * (self.high - self.low)
+        if self.whole:
+            return self.written(min(floor(self.low + share * (self.high - self.low + 1)), int(self.high)))
+        return self.written(self.low + share * (self.high - self.low))
+
+    def written(self, value: float) -> Value:
+        """A value as it stands in a scenario."""
         return f"{value!r}{self.unit}" if self.unit else value
+
+    def number(self, written: Value) -> float:
+        """The number of a value that stands in a scenario."""
+        value = float(str(written).removesuffix(self.unit))
+        return int(value) if self.whole else value
 
 
 class TimedCommand(msgspec.Struct, frozen=True):
@@ -86,6 +105,15 @@ class Precision(msgspec.Struct, frozen=True):
     measure: str
     within: float
     least: int = 5
+
+
+class Goal(msgspec.Struct, frozen=True):
+    """What a search is for: the measure whose mean shall become as large as it can, or as small. together: points that
+    are suggested at a time; the next ones are only suggested when these are done."""
+
+    measure: str
+    largest: bool
+    together: int = 4
 
 
 class Run(msgspec.Struct, frozen=True):
@@ -118,13 +146,15 @@ class Experiment(msgspec.Struct, frozen=True):
     sampling: str = "grid"
     points: int = 0
     precision: Precision | None = None
+    goal: Goal | None = None
 
     def __len__(self) -> int:
         """How many runs there are; with a precision, at most."""
         return len(self.seeds) * (self.points or prod(len(_values(each)) for each in self.over.values()))
 
     def runs(self) -> Iterator[Run]:
-        """All of them, seed by seed, so that the first ones say something of every point."""
+        """All of them, seed by seed, so that the first ones say something of every point; none of a search, whose
+        points are known on the way only."""
         points = list(self._points())
         for number, (seed, point) in enumerate(product(self.seeds, points)):
             yield Run(number, point, seed)
@@ -137,13 +167,19 @@ class Experiment(msgspec.Struct, frozen=True):
 
     def _points(self) -> Iterator[dict[str, Value]]:
         keys = list(self.over)
+        if self.goal is not None:
+            return
         if not self.points:
             for values in product(*(_values(each) for each in self.over.values())):
                 yield dict(zip(keys, values, strict=True))
             return
-        spans = [each for each in self.over.values() if isinstance(each, Span)]
-        for shares in _drawn(self.sampling, len(spans), self.points):
-            yield {key: span.at(share) for key, span, share in zip(keys, spans, shares, strict=True)}
+        for shares in _drawn(self.sampling, len(keys), self.points):
+            yield {key: _at(self.over[key], share) for key, share in zip(keys, shares, strict=True)}
+
+    def first(self) -> Run:
+        """A run to try things out with."""
+        middle = {key: _at(setting, 0.5) for key, setting in self.over.items()}
+        return Run(0, next(self._points(), middle), self.seeds[0])
 
     def scenario_at(self, point: Mapping[str, Value], seed: int | None = None) -> Scenario:
         """The scenario with these settings. Raises what `find_scenario` raises."""
@@ -169,12 +205,24 @@ class Experiment(msgspec.Struct, frozen=True):
         if self.precision is not None and self.precision.measure not in self.measures:
             known = f"{did_you_mean(self.precision.measure, self.measures)}: wanted one of {', '.join(self.measures)}"
             raise PlanError(f'precision: nothing is measured as "{self.precision.measure:.80}"{known}')
-        first = next(self._points())
+        if self.goal is not None:
+            self._check_search(self.goal)
+        first = self.first().point
         for key, setting in self.over.items():
             for value in _values(setting):
                 self.scenario_at(first | {key: value})
         self.scenario_at(first)
         return self
+
+    def _check_search(self, goal: Goal) -> None:
+        key = "maximise" if goal.largest else "minimise"
+        if goal.measure not in self.measures:
+            known = f"{did_you_mean(goal.measure, self.measures)}: wanted one of {', '.join(self.measures)}"
+            raise PlanError(f'{key}: nothing is measured as "{goal.measure:.80}"{known}')
+        if self.precision is not None:
+            raise PlanError("precision: a search does every point with all seeds: leave one of them out")
+        if find_spec("optuna") is None:
+            raise PlanError('a search needs Optuna: install it with pip install "sleepcast[search]"')
 
     def to_toml(self) -> str:
         """The file that says the same; equal for equal experiments."""
@@ -187,6 +235,9 @@ class Experiment(msgspec.Struct, frozen=True):
         lines += [f"until = {_toml(self.until)}"] if self.until else []
         lines += [] if self.mission else ["mission = false"]
         lines += [f'sampling = "{self.sampling}"', f"points = {self.points}"] if self.points else []
+        if (goal := self.goal) is not None:
+            lines += [f"{'maximise' if goal.largest else 'minimise'} = {_toml(goal.measure)}"]
+            lines += [f"together = {goal.together}"]
         varied = [f"{_key(key)} = {_toml(each)}" for key, each in self.over.items()]
         lines += ["", "[over]", *varied] if varied else []
         lines += ["", "[measures]", *(f"{_key(name)} = {_toml(text)}" for name, text in self.measures.items())]
@@ -206,7 +257,8 @@ def read_experiment(path: Path, text: str | None = None) -> Experiment:
     """The experiment in the TOML file at `path`; text: what would stand in it. Raises SettingsError."""
     with toml_document(path, text).root() as root:
         sampling = root.text("sampling", "grid", choices=SAMPLINGS)
-        points = 0 if sampling == "grid" else root.whole("points", low=1, high=MAX_ROWS)
+        most = MAX_SEARCHED if sampling == SEARCH else MAX_ROWS
+        points = 0 if sampling == "grid" else root.whole("points", low=1, high=most)
         over = dict(_over(root, root.table("over"), sampled=sampling != "grid"))
         if sampling != "grid" and not over:
             raise root.error("over", f"wanted a range to draw from, since sampling is {sampling}")
@@ -228,6 +280,7 @@ def read_experiment(path: Path, text: str | None = None) -> Experiment:
             sampling=sampling,
             points=points,
             precision=_precision(root.table("precision")) if root.has("precision") else None,
+            goal=_goal(root) if sampling == SEARCH else None,
         )
 
 
@@ -266,6 +319,13 @@ def experiment_of(
     numbers = tuple(range(1, seeds + 1))
     name = _absolute(scenario, Path.cwd())
     return Experiment(name, numbers, named, varied, seconds, every, until, mission)
+
+
+def _at(setting: Setting | Span, share: float) -> Value:
+    """The value so far along a range, or in a list."""
+    if isinstance(setting, Span):
+        return setting.at(share)
+    return setting[min(int(share * len(setting)), len(setting) - 1)]
 
 
 def _values(setting: Setting | Span) -> Setting:
@@ -311,9 +371,9 @@ def _over(root: Table, table: Table, *, sampled: bool, above: str = "") -> Itera
         for name in table.names():
             key, value = f"{above}{name}", table.values[name]
             table.has(name)
-            if isinstance(value, dict) and not (sampled and value.keys() == {"low", "high"}):
+            if isinstance(value, dict) and not (sampled and {"low", "high"} <= value.keys()):
                 yield from _over(root, table.table(name), sampled=sampled, above=f"{key}.")
-            elif sampled:
+            elif sampled and not isinstance(value, list):
                 yield key, _span(table, name)
             elif isinstance(value, list) and value and all(isinstance(each, Value) for each in value):
                 yield key, tuple(value)
@@ -329,7 +389,20 @@ def _span(table: Table, name: str) -> Span:
     (low, unit), (high, other) = ((each[1], each[2]) for each in ends if each is not None)
     if unit != other or not (isfinite(float(low)) and isfinite(float(high)) and float(low) < float(high)):
         raise table.error(name, "wanted a range from the lower to the higher end, both with the same unit")
-    return Span(float(low), float(high), unit)
+    with table.table(name) as span:
+        span.has("low"), span.has("high")
+        whole = span.flag("whole", False)
+        if whole and not (float(low).is_integer() and float(high).is_integer()):
+            raise span.error("whole", "wanted whole numbers as ends, such as { low = 10, high = 50, whole = true }")
+    return Span(float(low), float(high), unit, whole)
+
+
+def _goal(root: Table) -> Goal:
+    if root.has("maximise") == root.has("minimise"):
+        raise root.error("sampling", 'a search has one goal: wanted maximise = "..." or minimise = "...", a measure')
+    largest = root.has("maximise")
+    measure = root.text("maximise" if largest else "minimise")
+    return Goal(measure, largest, root.whole("together", 4, low=1, high=MAX_TOGETHER))
 
 
 def _precision(root: Table) -> Precision:
@@ -376,5 +449,5 @@ def _toml(value: Value | Setting | Span) -> str:
     if isinstance(value, Span):
         ends = (f'"{each!r}{value.unit}"' if value.unit else repr(each) for each in (value.low, value.high))
         low, high = ends
-        return f"{{ low = {low}, high = {high} }}"
+        return f"{{ low = {low}, high = {high}{', whole = true' if value.whole else ''} }}"
     return repr(value)

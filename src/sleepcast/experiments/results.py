@@ -31,7 +31,8 @@ from sleepcast.core.files import lock_file, replace_file
 from sleepcast.core.settings import SettingsError
 from sleepcast.core.version import VERSION
 from sleepcast.experiments.drawing import band
-from sleepcast.experiments.plan import Experiment, Run, Value, read_experiment
+from sleepcast.experiments.plan import Experiment, Goal, Run, Value, read_experiment
+from sleepcast.experiments.search import Tried, suggest
 
 PLAN, ABOUT, RUNS, LOCK = "experiment.toml", "about.json", "runs.sqlite", ".lock"
 SCHEMA = """
@@ -101,9 +102,17 @@ class Results:
         found: int = self._connection.execute("SELECT count(*) FROM runs").fetchone()[0]
         return found
 
+    def left(self, *, retry: bool = False) -> int:
+        """How many runs are to be done yet, at most."""
+        condition = "WHERE error = ''" if retry else ""
+        found: int = self._connection.execute(f"SELECT count(*) FROM runs {condition}").fetchone()[0]
+        return len(self.experiment) - found
+
     def missing(self, *, retry: bool = False) -> list[Run]:
         """The runs that are to be done next; there may be more after these, if the experiment wants a precision. retry:
         also those that failed."""
+        if self.experiment.goal is not None:
+            return self._suggested(self.experiment.goal, retry=retry)
         found = self._connection.execute("SELECT key, error, samples FROM runs")
         done = {key: json.loads(samples) for key, error, samples in found if not (retry and error)}
         precise = self._precise_points(done)
@@ -111,6 +120,32 @@ class Results:
             left = [run for run in runs if run.key not in done and _point(run) not in precise]
             if left:
                 return left
+        return []
+
+    def _suggested(self, goal: Goal, *, retry: bool) -> list[Run]:
+        """The next runs of a search: of the first points that are not all done. Points of which a run is done already
+        stay as they are."""
+        done = list(outcomes_in(self.folder))
+        if retry and (failed := [each.run for each in done if each.error]):
+            return failed
+        seeds = self.experiment.seeds
+        points = points_of(self.experiment, done)
+        for start in range(0, self.experiment.points, goal.together):
+            some = range(start, min(start + goal.together, self.experiment.points))
+            left = [number for number in some if len(points.get(number, ())) < len(seeds)]
+            if not left:
+                continue
+            tried = [
+                Tried(points[number][0].run.point, value_of(self.experiment, points[number])) for number in range(start)
+            ]
+            suggested = dict(zip(some, suggest(self.experiment, tried, len(some)), strict=True))
+            runs = []
+            for number in left:
+                known = {each.run.seed: each.run for each in points.get(number, ())}
+                point = next(iter(known.values())).point if known else suggested[number]
+                missing = [place for place, seed in enumerate(seeds) if seed not in known]
+                runs += [Run(number * len(seeds) + place, point, seeds[place]) for place in missing]
+            return runs
         return []
 
     def _precise_points(self, done: Mapping[str, Sequence[Sequence[float | None]]]) -> set[str]:
@@ -128,11 +163,20 @@ class Results:
             point for point, found in values.items() if len(found) >= wanted.least and _spread(found) <= wanted.within
         }
 
+    def _key(self, run: Run) -> str:
+        """What names a row: the run; in a search, which may come to a point twice, with its number."""
+        return run.key if self.experiment.goal is None else f"{run.number} {run.key}"
+
     def keep(self, outcomes: Iterable[Outcome]) -> None:
         """Write finished runs, all or none of them. Raises ResultsLostError."""
         rows = [
             (
-                *(each.run.key, each.run.number, msgspec.json.encode(each.run).decode(), each.error[:MOST_ERROR]),
+                *(
+                    self._key(each.run),
+                    each.run.number,
+                    msgspec.json.encode(each.run).decode(),
+                    each.error[:MOST_ERROR],
+                ),
                 *(each.hash, each.wall, json.dumps(each.samples)),
             )
             for each in outcomes
@@ -143,6 +187,50 @@ class Results:
             self._connection.execute("COMMIT")
         except sqlite3.Error as error:
             raise _lost(self.folder, error) from error
+
+
+def points_of(experiment: Experiment, done: Iterable[Outcome]) -> dict[int, list[Outcome]]:
+    """The finished runs of each point of a search, by the number of the point."""
+    points: dict[int, list[Outcome]] = {}
+    for each in done:
+        points.setdefault(each.run.number // len(experiment.seeds), []).append(each)
+    return points
+
+
+def value_of(experiment: Experiment, runs: Iterable[Outcome]) -> float | None:
+    """The mean at the end of some runs of the measure that is searched for; None if it is known of none."""
+    assert experiment.goal is not None
+    place = 1 + list(experiment.measures).index(experiment.goal.measure)
+    known = [value for each in runs if each.samples and (value := each.samples[-1][place]) is not None]
+    return sum(known) / len(known) if known else None
+
+
+class Best(msgspec.Struct, frozen=True):
+    """The point at which a search has found most. value: the mean of the measure there, over so many runs."""
+
+    measure: str
+    value: float
+    point: dict[str, Value]
+    runs: int
+
+    def sentence(self) -> str:
+        """For a person."""
+        settings = ", ".join(f"{key} = {value}" for key, value in self.point.items())
+        return f"best {self.measure}: {self.value:.4g} at {settings}"
+
+
+def best_of(folder: Path) -> Best | None:
+    """What a search has found; None if it has found nothing, or the experiment is no search. Raises ResultsError."""
+    experiment = experiment_in(folder)
+    if experiment.goal is None:
+        return None
+    found = []
+    for runs in points_of(experiment, outcomes_in(folder)).values():
+        value = value_of(experiment, runs)
+        if value is not None:
+            found.append(Best(experiment.goal.measure, value, runs[0].run.point, len(runs)))
+    best = max if experiment.goal.largest else min
+    return best(found, key=lambda each: each.value) if found else None
 
 
 class Summary(msgspec.Struct, frozen=True):

@@ -95,25 +95,30 @@ def _done(experiment: Experiment, run: Run) -> tuple[tuple[tuple[float | None, .
         return (*samples[:-1], taken(measures)), fleet.hash
 
 
-def run_all(
-    experiment: Experiment, results: Results, runs: list[Run], workers: int | str
-) -> Generator[Outcome, None, None]:
-    """Do these runs, and write each one as it finishes; gives them in that order. workers: so many processes here, or
-    the address of a dask cluster. Raises ResultsLostError, and ClusterError where there is no cluster."""
-    with _pool(experiment, workers, len(runs)) as pool:
-        for finished in pool.map(runs):
-            results.keep(finished)
-            yield from finished
+def run_all(results: Results, workers: int | str, *, retry: bool = False) -> Generator[Outcome, None, None]:
+    """Do all runs that are missing, and write each one as it finishes; gives them in that order. workers: so many
+    processes here, or the address of a dask cluster. retry: also those that failed. Raises ResultsLostError, and
+    ClusterError where there is no cluster."""
+    experiment, left = results.experiment, results.missing(retry=retry)
+    if not left:
+        return
+    at_once = len(left) if experiment.goal is None else experiment.goal.together * len(experiment.seeds)
+    with _pool(experiment, workers, at_once) as pool:
+        while left:
+            for finished in pool.map(left):
+                results.keep(finished)
+                yield from finished
+            left = results.missing()
 
 
 def verify(folder: Path, workers: int | str, most: int | None = None) -> Generator[tuple[Outcome, bool], None, None]:
     """Do finished runs again, the first `most` of them; gives each, and whether it came out the same."""
     experiment = experiment_in(folder)
-    before = {each.run.key: each for each in list(outcomes_in(folder))[:most]}
+    before = {each.run.number: each for each in list(outcomes_in(folder))[:most]}
     with _pool(experiment, workers, len(before)) as pool:
         for finished in pool.map([each.run for each in before.values()]):
             for again in finished:
-                yield again, again.same_as(before[again.run.key])
+                yield again, again.same_as(before[again.run.number])
 
 
 def _pool(experiment: Experiment, workers: int | str, runs: int) -> Workers | Cluster:
@@ -251,7 +256,7 @@ def try_out(experiment: Experiment) -> None:
     """Check the experiment, open the first run, and take each measure once, so that a mistake is met before a thousand
     runs fail. What robots learn only on the way may still be unknown. Raises MisuseError, also for whatever a measure
     raises."""
-    run = next(experiment.checked().runs())
+    run = experiment.checked().first()
     with opened(experiment, run) as fleet:
         for name, text in experiment.measures.items():
             measure = read_measure(text)

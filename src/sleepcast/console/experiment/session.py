@@ -46,8 +46,16 @@ class ExperimentSession:
 
     def _hello(self) -> messages.Hello:
         experiment, views = self._findings.experiment, self._findings.views()
-        measures = experiment.measures
-        return messages.Hello(experiment.scenario, self._folder, views["x"], views["y"], views["by"], measures)
+        goal = experiment.goal
+        return messages.Hello(
+            experiment.scenario,
+            self._folder,
+            views["x"],
+            views["y"],
+            views["by"],
+            experiment.measures,
+            "" if goal is None else f"{'largest' if goal.largest else 'smallest'} {goal.measure}",
+        )
 
     async def _answer(self, message: messages.Incoming) -> None:
         views = self._findings.views()

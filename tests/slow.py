@@ -69,6 +69,7 @@ SLOW = {
     "loop/test_loop.py": 4,
     "clients/test_c_programs.py": 4,
     "scenarios/test_search.py": 4,
+    "scenarios/test_thresholds.py": 4,
     "scenarios/test_fireflies.py": 4,
     "examples/test_notebooks.py": 4,
     "simulator/sonar/test_firing.py": 3,

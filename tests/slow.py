@@ -71,6 +71,7 @@ SLOW = {
     "scenarios/test_search.py": 4,
     "scenarios/test_thresholds.py": 4,
     "scenarios/test_fireflies.py": 4,
+    "scenarios/test_election.py": 4,
     "examples/test_notebooks.py": 4,
     "simulator/sonar/test_firing.py": 3,
     "clients/test_c.py": 3,

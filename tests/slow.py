@@ -14,7 +14,7 @@ SLOW = {
     "console/test_page_late.py": 44,
     "network/test_proofs.py": 42,
     "fleet/test_native.py": 40,
-    "experiments/test_run.py": 38,
+    "experiments/test_run.py": 70,
     "cli/test_snapshots.py": 34,
     "loop/test_snapshots.py": 28,
     "cli/test_air.py": 28,

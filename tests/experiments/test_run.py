@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from math import isnan
+from multiprocessing import active_children
 from pathlib import Path
 
 import msgspec
@@ -23,6 +25,9 @@ from sleepcast.experiments.results import Results, ResultsError, export, outcome
 from sleepcast.experiments.run import ENDED, do, run_all, verify
 
 FEW = ("robots.count=10",)
+THOUSAND = ",".join(f"0.{number:03d}" for number in range(1000))
+MANY = f"radio.loss={THOUSAND},1"
+HUGE = tuple(word for key in ("loss", "duplication", "reordering") for word in ("--over", f"radio.{key}={THOUSAND}"))
 
 
 def experiment(**changes: object) -> Experiment:
@@ -138,6 +143,58 @@ class TestManyRuns:
         table = table_of(tmp_path / "results")
         assert isnan(float(table["odd"][1]))
 
+    @pytest.mark.parametrize(
+        ("value", "error"),
+        [
+            ("'abc'", "measure \"own_measures.odd\" gave 'abc', a str: wanted a number"),
+            ("'3.5'", "measure \"own_measures.odd\" gave '3.5', a str: wanted a number"),
+            ("None", 'measure "own_measures.odd" gave None, a NoneType: wanted a number'),
+            ("fleet.x", 'measure "own_measures.odd" gave a ndarray: wanted one number'),
+            ("__import__('sys').exit(3)", "SystemExit: 3"),
+        ],
+    )
+    def test_a_measure_that_gives_no_number_fails_its_run(
+        self, value: str, error: str, tmp_path: Path, measures: Path
+    ) -> None:
+        measures.write_text(f"def odd(fleet):\n    return {value} if fleet.swarm.simulator.seed == 2 else 1.0\n")
+        wanted = experiment(over=FEW, seeds=2, measures=["own_measures.odd"])
+        assert [do(wanted, run).error for run in wanted.runs()] == ["", error]
+
+    def test_nan_is_missing_and_counted(self, tmp_path: Path, measures: Path) -> None:
+        measures.write_text("def odd(fleet):\n    return float('nan') if fleet.swarm.simulator.seed == 2 else 1.0\n")
+        sweep(experiment(over=FEW, seeds=3, measures=["own_measures.odd"]), tmp_path / "results", 1)
+        assert summary_of(tmp_path / "results").sentence() == "3 of 3 runs done; 1 value unknown"
+        assert table_of(tmp_path / "results").to_dict()["odd"] == [1.0, None, 1.0]
+
+    def test_a_measure_that_never_ends_costs_its_run(self, tmp_path: Path, measures: Path) -> None:
+        measures.write_text(
+            "def odd(fleet):\n    while fleet.swarm.simulator.seed == 2:\n        pass\n    return 1.0\n"
+        )
+        wanted = experiment(over=FEW, seeds=4, measures=["own_measures.odd"])
+        with Results(tmp_path / "results", wanted) as results:
+            for _ in run_all(results, 2, limit=6.0):
+                pass
+        errors = [each.error for each in outcomes_in(tmp_path / "results")]
+        late = "it took longer than 6 s: does a measure never come to its end?"
+        assert errors[1] == late
+        assert set(errors) <= {"", late}, "the others may be late only on a busy machine"
+        assert len(errors) == 4
+        for process in active_children():
+            assert not process.is_alive()
+
+    def test_a_measure_that_never_ends_is_met_before_the_first_run(self, measures: Path) -> None:
+        measures.write_text("def odd(fleet):\n    while True:\n        pass\n")
+        command = [*(sys.executable, "-m", "sleepcast", "sweep", "crowd", "--measure", "own_measures.odd")]
+        done = subprocess.run(
+            [*command, "--timeout", "2s", "--out", "results"],
+            cwd=measures.parent,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 2
+        assert done.stderr == "the trial of the measures took longer than 2 s: does one never come to its end?\n"
+
     def test_a_worker_that_the_system_ends_costs_one_run(self, tmp_path: Path, measures: Path) -> None:
         measures.write_text(
             "import os, signal\n\n\n"
@@ -252,6 +309,48 @@ class TestResults:
         kept = list(outcomes_in(tmp_path / "results"))
         assert 0 < len(kept) < 400
         assert all(not each.error for each in kept)
+        assert main([*command, "--workers", "1"]) == 0, "there is room again"
+        again = list(outcomes_in(tmp_path / "results"))
+        assert len(again) == 400
+        assert again[: len(kept)] == kept
+
+    @pytest.mark.parametrize("place", ["/proc/nowhere", "file/results"])
+    def test_a_place_where_nothing_can_be_written_is_named(
+        self, place: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        (tmp_path / "file").touch()
+        (tmp_path / "experiment.toml").write_text(experiment().to_toml())
+        assert main(["sweep", str(tmp_path / "experiment.toml"), "--out", str(tmp_path / place)]) == 1
+        said = capsys.readouterr().err
+        assert f"{tmp_path / place}: cannot be written: " in said
+        assert "Traceback" not in said
+
+    def test_results_of_a_newer_format_are_refused(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        import sqlite3
+
+        sweep(experiment(seeds=1), tmp_path / "results")
+        with sqlite3.connect(tmp_path / "results" / "runs.sqlite") as connection:
+            assert connection.execute("PRAGMA user_version").fetchone() == (1,)
+            connection.execute("PRAGMA user_version = 2")
+        figure = ("--x", "seed", "--y", "mean_battery", "--out", str(tmp_path / "a.svg"))
+        for command in (["sweep"], ["sweep", "--verify"], ["plot", *figure]):
+            assert main([command[0], str(tmp_path / "results"), *command[1:]]) == 2
+            assert "have format 2, and this sleepcast knows formats up to 1" in capsys.readouterr().err
+
+    def test_the_folder_says_what_made_the_results(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        git = ("git", "-c", "user.name=a", "-c", "user.email=a@b.c")
+        for words in (("init", "-q"), ("commit", "-q", "--allow-empty", "-m", "begin")):
+            subprocess.run([*git, *words], check=True)
+        commit = subprocess.run(["git", "rev-parse", "HEAD"], capture_output=True, text=True, check=True).stdout.strip()
+        sweep(experiment(), tmp_path / "results", 1)
+        about = json.loads((tmp_path / "results" / "about.json").read_text())
+        assert about["git"] == commit
+        assert about["sleepcast"] == sc.__version__
+        assert {"python", "numpy", "machine", "cores", "began"} <= about.keys()
+        for each in outcomes_in(tmp_path / "results"):
+            assert len(each.hash) >= 16
+            assert each.run.seed in (1, 2)
 
     def test_damaged_results_are_named(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         sweep(experiment(seeds=1), tmp_path / "results")
@@ -324,6 +423,15 @@ class TestCommandLine:
             (("sweep", "crowd", "--out", "o"), "nothing is measured"),
             (("sweep", "crowd", "--measure", "mean xx", "--out", "o"), 'unknown name "xx"'),
             (("sweep", "crowd", "--measure", "math.sin", "--out", "o"), "math.sin. fails: TypeError"),
+            (("sweep", "crowd", "--measure", "mean x", "--over", "radio.los=0", "--out", "o"), "did you mean loss"),
+            (
+                ("sweep", "crowd", "--measure", "mean x", "--over", MANY, "--out", "o"),
+                "1,001 values: at most 1,000 fit",
+            ),
+            (("sweep", "crowd", "--measure", "mean x", *HUGE, "--out", "o"), "1,000,000,000 runs: at most 1,000,000"),
+            (("sweep", "crowd", "--measure", "mean x", "--port", "0", "--out", "o"), "add --page"),
+            (("sweep", "crowd", "--verify", "--page", "--out", "o"), "leave out --verify"),
+            (("sweep", "crowd", "--timeout", "5s", "--cluster", "tcp://x", "--out", "o"), "leave it out"),
             (("sweep", "nix.toml", "--out", "o"), "nix.toml: cannot be read"),
             (("sweep", "nix", "--verify", "--out", "o"), "o: no results|the results cannot be read"),
             (("plot", "nix", "--x", "a", "--y", "b", "--out", "a.svg"), "nix: no results of an experiment"),
@@ -339,8 +447,6 @@ class TestCommandLine:
         monkeypatch: pytest.MonkeyPatch,
         capsys: pytest.CaptureFixture[str],
     ) -> None:
-        import re
-
         monkeypatch.chdir(tmp_path)
         assert main(list(arguments)) == 2
         said = capsys.readouterr().err
@@ -349,7 +455,72 @@ class TestCommandLine:
         assert not list(tmp_path.iterdir()), "nothing is left behind"
 
 
+@pytest.mark.parametrize(
+    ("missing", "command"),
+    [
+        ("pyarrow", ("sweep", "o", "--out", "o.parquet")),
+        ("matplotlib", ("plot", "o", "--x", "seed", "--y", "mean_battery", "--out", "o.svg")),
+        ("scipy", ("sweep", "crowd", "--measure", "clusters 2m", "--out", "p")),
+        ("scipy.stats", ("sweep", "drawn.toml", "--out", "p")),
+        ("distributed", ("sweep", "crowd", "--measure", "mean x", "--cluster", "tcp://127.0.0.1:9", "--out", "p")),
+        ("optuna", ("sweep", "search.toml", "--out", "p")),
+    ],
+)
+def test_a_missing_library_gives_the_command_that_installs_it(
+    missing: str, command: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if "o" in command:
+        sweep(experiment(seeds=1, over=FEW), tmp_path / "o", 1)
+    drawn = (
+        'scenario = "crowd"\npoints = 2\n{}\n[over]\nradio.loss = {{ low = 0, high = 1 }}\n[measures]\na = "mean x"\n'
+    )
+    (tmp_path / "drawn.toml").write_text(drawn.format('sampling = "sobol"'))
+    (tmp_path / "search.toml").write_text(drawn.format('sampling = "search"\nmaximise = "a"'))
+    program = (
+        "import sys\n"
+        "class Nobody:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        f"        if (name + '.').startswith({missing + '.'!r}):\n"
+        "            raise ModuleNotFoundError(name)\n"
+        "import importlib.util\n"
+        "find, sys.meta_path = importlib.util.find_spec, [Nobody(), *sys.meta_path]\n"
+        f"importlib.util.find_spec = lambda name: None if name == {missing!r} else find(name)\n"
+        "from sleepcast.cli import main\n"
+        "sys.exit(main(sys.argv[1:]))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program, *command], capture_output=True, text=True, check=False)
+    assert done.returncode == 2, done.stderr
+    assert re.search(r'install it with pip install "sleepcast\[(experiments|cluster|search)\]"', done.stderr), (
+        done.stderr
+    )
+    assert "Traceback" not in done.stderr
+
+
 class TestCluster:
+    def test_a_local_cluster_does_for_a_trial(self, tmp_path: Path) -> None:
+        pytest.importorskip("distributed")
+        program = (
+            "import sys\n"
+            "from distributed import LocalCluster\n"
+            "from sleepcast.cli import main\n"
+            "if __name__ == '__main__':\n"
+            "    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:\n"
+            "        sys.exit(main([*sys.argv[1:], '--cluster', cluster.scheduler_address]))\n"
+        )
+        (tmp_path / "program.py").write_text(program)
+        (tmp_path / "experiment.toml").write_text(experiment().to_toml())
+        done = subprocess.run(
+            [*(sys.executable, "-W", "ignore", "program.py", "sweep", "experiment.toml", "--out", "there", "--quiet")],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        assert "4 of 4 runs done" in done.stdout
+        assert all(each.same_as(do(experiment(), each.run)) for each in outcomes_in(tmp_path / "there"))
+
     def test_the_workers_of_a_cluster_find_the_same(self, tmp_path: Path) -> None:
         pytest.importorskip("distributed")
         wanted = experiment(seeds=4)

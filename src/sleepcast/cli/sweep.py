@@ -40,6 +40,7 @@ SHOWN_ERRORS = 3
 @click.option("--no-mission", is_flag=True, help="Leave out the scenario's own commands.")
 @click.option("--out", metavar="RESULTS", type=click.Path(path_type=Path), help="Folder, or table beside its folder.")
 @click.option("--workers", metavar="N", type=click.IntRange(1, 1024), help="Processes (default: one per core).")
+@click.option("--timeout", metavar="TIME", type=SimulatedTime(), help="Longest time for a run (default: 1h).")
 @click.option("--cluster", metavar="ADDRESS", help="Instead: the workers of a dask cluster, as tcp://host:8786.")
 @click.option("--retry", is_flag=True, help="Do runs again that failed.")
 @click.option("--verify", is_flag=True, help="Do finished runs again, and compare.")
@@ -72,6 +73,8 @@ def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_jso
     sys.path.append(str(Path(what).parent if Path(what).suffix == ".toml" else Path.cwd()))  # for measures in Python
     if how["cluster"] and workers:
         raise MisuseError("--workers are processes here, --cluster others elsewhere: choose one of them")
+    if how["cluster"] and how["timeout"]:
+        raise MisuseError("--timeout ends processes here; those of a --cluster belong to others: leave it out")
     many = how["cluster"] or workers or cores()
     if not how["page"] and (how["port"] is not None or how["no_browser"]):
         raise MisuseError("--port and --no-browser are about a page: add --page")
@@ -81,14 +84,15 @@ def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_jso
         return _verify(folder, many, how["runs"], as_json=as_json, quiet=quiet)
     experiment = _experiment(what, folder, how)
     from sleepcast.experiments.results import Results
-    from sleepcast.experiments.run import try_out
+    from sleepcast.experiments.run import LONGEST_RUN, try_out
 
-    try_out(experiment)
+    limit = how["timeout"] or LONGEST_RUN
+    try_out(experiment, limit)
     with Results(folder, experiment) as results, ExitStack() as stack:
         if not quiet and (done := results.count()):
             announce(f"{done:,} of {len(experiment):,} runs are done already")
         findings = stack.enter_context(_page(results, how["port"], not how["no_browser"])) if how["page"] else None
-        errors = _sweep(results, many, findings, retry=how["retry"], quiet=quiet)
+        errors = _sweep(results, many, findings, limit, retry=how["retry"], quiet=quiet)
         status = _tell(folder, table, errors, as_json=as_json)
         if findings is not None:
             findings.finish()
@@ -142,14 +146,14 @@ def _page(results: Results, port: int | None, browser: bool) -> Iterator[Finding
 
 
 def _sweep(
-    results: Results, workers: int | str, findings: Findings | None, *, retry: bool, quiet: bool
+    results: Results, workers: int | str, findings: Findings | None, limit: float, *, retry: bool, quiet: bool
 ) -> dict[str, int]:
     """Do what is missing; gives the errors of failed runs, with their counts."""
     from sleepcast.api.progress import steps
     from sleepcast.experiments.run import run_all
 
     errors: dict[str, int] = {}
-    outcomes = run_all(results, workers, retry=retry)
+    outcomes = run_all(results, workers, retry=retry, limit=limit)
     try:
         with closing(outcomes), closing(steps(results.left(retry=retry), "sweep", quiet=quiet)) as bar:
             for outcome in outcomes:
@@ -180,7 +184,7 @@ def _tell(folder: Path, table: Path | None, errors: dict[str, int], *, as_json: 
     if best is not None and not as_json:
         announce(best.sentence())
     for error, count in list(errors.items())[:SHOWN_ERRORS]:
-        complain(f"{count:,} runs failed: {error}")
+        complain(f"{count:,} {'run' if count == 1 else 'runs'} failed: {error}")
     return int(summary.failed > 0)
 
 

@@ -104,10 +104,11 @@ def read_group_measure(text: str) -> Callable[[SimulatedFleet], float]:
 
 def _clusters(group: Group, near: float) -> NDArray[np.int32]:
     """The number of each robot's cluster, from 0."""
+    tree = _tree(group)  # says what is missing, if scipy is
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    pairs = _tree(group).query_pairs(near, output_type="ndarray")
+    pairs = tree.query_pairs(near, output_type="ndarray")
     count = group.x.size
     links = coo_array((np.ones(len(pairs), np.bool_), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     numbers: NDArray[np.int32] = connected_components(links, directed=False)[1]

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from math import isfinite, nan
 from operator import ge, gt, le, lt
-from typing import TypeAlias
+from typing import SupportsFloat, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,6 +149,17 @@ def _of_stocks(fleet: SimulatedFleet, names: list[str]) -> float:
     return sum(left[name] for name in names)
 
 
+def _number(name: str, value: object) -> float:
+    """What a function of somebody's own has given; NaN if it is not finite. Raises MeasureError if it is no number."""
+    if isinstance(value, str | bytes) or not isinstance(value, SupportsFloat):
+        raise MeasureError(f'measure "{name:.80}" gave {value!r:.40}, a {type(value).__name__}: wanted a number')
+    try:
+        number = float(value)
+    except TypeError as error:  # an array of many
+        raise MeasureError(f'measure "{name:.80}" gave a {type(value).__name__}: wanted one number') from error
+    return number if isfinite(number) else nan
+
+
 def _function(name: str) -> Measure:
     added = extensions(GROUP)
     try:
@@ -169,7 +180,6 @@ def _function(name: str) -> Measure:
         raise MeasureError(f'measure "{name:.80}" is no function')
 
     def measured(fleet: SimulatedFleet) -> float:
-        value = float(function(fleet))
-        return value if isfinite(value) else nan
+        return _number(name, function(fleet))
 
     return measured

@@ -51,6 +51,8 @@ MAX_TOGETHER = 100
 """Points that a search suggests at a time: they know nothing of each other."""
 MAX_ROWS = 1_000_000
 MAX_SEED = 2**63 - 1
+MAX_VALUES = 1_000
+"""Values of one key in a list: each is checked before the first run."""
 MAX_VARIED, MAX_MEASURES, MAX_COMMANDS = 16, 64, 100
 LONGEST = 1e7
 """Simulated seconds of a run: four months."""
@@ -194,6 +196,12 @@ class Experiment(msgspec.Struct, frozen=True):
             raise PlanError(f"{len(self):,} runs: at most {MAX_ROWS:,} fit into one experiment")
         if len(self.over) > MAX_VARIED:
             raise PlanError(f"{len(self.over)} keys are varied: at most {MAX_VARIED} fit")
+        for key, setting in self.over.items():
+            if len(_values(setting)) > MAX_VALUES:
+                raise PlanError(
+                    f"over {key:.80}: {len(_values(setting)):,} values: at most {MAX_VALUES:,} fit; to draw more of "
+                    'them from a range, write sampling = "sobol" into an experiment file'
+                )
         if not self.measures:
             raise PlanError("nothing is measured: wanted a measure, such as mean fuel")
         for name, text in self.measures.items():

@@ -41,6 +41,8 @@ CREATE TABLE IF NOT EXISTS runs (
     wall REAL NOT NULL, samples TEXT NOT NULL
 ) STRICT
 """
+FORMAT = 1
+"""Version of the file of runs, which is its `user_version`; those of a newer one are refused."""
 MOST_ERROR = 4_000
 """Characters of an error that are kept."""
 
@@ -79,7 +81,9 @@ class Results:
             self._lock = lock_file(folder / LOCK)
             self._connection = sqlite3.connect(folder / RUNS, isolation_level=None)
             self._connection.execute("PRAGMA journal_mode = WAL")  # others may read meanwhile
+            _check_format(folder, self._connection)
             self._connection.execute(SCHEMA)
+            self._connection.execute(f"PRAGMA user_version = {FORMAT}")
         except BlockingIOError:
             raise ResultsError(
                 f"{folder}: another sweep is writing here: wait for its end, or choose another folder"
@@ -245,7 +249,8 @@ class Summary(msgspec.Struct, frozen=True):
         """For a person."""
         said = f"{self.done:,} of {self.runs:,} runs done"
         said += f", {self.failed:,} of them failed" if self.failed else ""
-        return said + (f"; {self.unknown:,} values unknown" if self.unknown else "")
+        values = "value" if self.unknown == 1 else "values"
+        return said + (f"; {self.unknown:,} {values} unknown" if self.unknown else "")
 
 
 def experiment_in(folder: Path) -> Experiment:
@@ -263,6 +268,7 @@ def outcomes_in(folder: Path) -> Iterator[Outcome]:
     try:
         connection = sqlite3.connect(f"{(folder / RUNS).resolve().as_uri()}?mode=ro", uri=True, timeout=1.0)
         try:
+            _check_format(folder, connection)
             found = connection.execute("SELECT run, error, hash, wall, samples FROM runs ORDER BY number")
             for run, error, state, wall, samples in found:
                 rows = tuple(tuple(each) for each in json.loads(samples))
@@ -271,6 +277,16 @@ def outcomes_in(folder: Path) -> Iterator[Outcome]:
             connection.close()
     except (sqlite3.Error, ValueError) as error:
         raise ResultsError(f"{folder / RUNS}: the results cannot be read: {error}") from error
+
+
+def _check_format(folder: Path, connection: sqlite3.Connection) -> None:
+    """Raise ResultsError for results that this program does not know."""
+    found = connection.execute("PRAGMA user_version").fetchone()[0]
+    if found > FORMAT:
+        raise ResultsError(
+            f"{folder}: these results have format {found}, and this sleepcast knows formats up to {FORMAT}: "
+            "use a newer sleepcast"
+        )
 
 
 def summary_of(folder: Path) -> Summary:

@@ -17,6 +17,7 @@ from itertools import islice
 from math import isnan
 from multiprocessing import connection, get_context
 from pathlib import Path
+from threading import Thread
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,7 @@ from sleepcast.experiments.measures import Measure, if_known, read_measure, read
 from sleepcast.experiments.plan import Experiment, Run
 from sleepcast.experiments.results import Outcome, Results, experiment_in, outcomes_in
 from sleepcast.language import CheckError
+from sleepcast.simulator.scenario.groups import filled
 from sleepcast.simulator.scenario.mission import Order
 
 if TYPE_CHECKING:
@@ -36,6 +38,8 @@ LOOKS = 1.0
 """Simulated seconds between two looks at the stop condition where no samples are taken on the way."""
 CONNECTING = 10.0
 """Seconds in which a cluster answers."""
+LONGEST_RUN = 3_600.0
+"""Seconds that a run may take by the clock, unless something else is wanted."""
 AHEAD = 3
 """Runs that a cluster is given for each of its threads, so that none waits for us."""
 ENDED = "the system ended its worker process: perhaps there was not enough memory"
@@ -53,7 +57,7 @@ def do(experiment: Experiment, run: Run) -> Outcome:
     began = perf_counter()
     try:
         samples, state = _done(experiment, run)
-    except Exception as error:  # a measure of somebody's own may raise anything
+    except (Exception, SystemExit) as error:  # a measure of somebody's own may raise anything
         said = str(error) if isinstance(error, SleepcastError) else f"{type(error).__name__}: {error}"
         return Outcome(run, error=said or type(error).__name__, wall=perf_counter() - began)
     return Outcome(run, samples, "", state, perf_counter() - began)
@@ -63,6 +67,8 @@ def opened(experiment: Experiment, run: Run) -> SimulatedFleet:
     """The fleet at the start of a run. Raises what is wrong in the scenario or in a command."""
     scenario = experiment.scenario_at(run.point, run.seed)
     added = [Order(each.at, each.text, f"the experiment's command at {each.at:g} s") for each in experiment.commands]
+    if scenario.constants:
+        added = [replace(each, text=filled(each.text, scenario.constants, each.place)) for each in added]
     orders = sorted((*(scenario.mission if experiment.mission else ()), *added), key=lambda order: order.time)
     if experiment.scenario not in _warm:
         warm_up(scenario, 1)
@@ -95,15 +101,18 @@ def _done(experiment: Experiment, run: Run) -> tuple[tuple[tuple[float | None, .
         return (*samples[:-1], taken(measures)), fleet.hash
 
 
-def run_all(results: Results, workers: int | str, *, retry: bool = False) -> Generator[Outcome, None, None]:
+def run_all(
+    results: Results, workers: int | str, *, retry: bool = False, limit: float = LONGEST_RUN
+) -> Generator[Outcome, None, None]:
     """Do all runs that are missing, and write each one as it finishes; gives them in that order. workers: so many
-    processes here, or the address of a dask cluster. retry: also those that failed. Raises ResultsLostError, and
+    processes here, or the address of a dask cluster. retry: also those that failed. limit: s after which a run is
+    ended by force, and has failed; a cluster has none. Raises ResultsLostError, and
     ClusterError where there is no cluster."""
     experiment, left = results.experiment, results.missing(retry=retry)
     if not left:
         return
     at_once = len(left) if experiment.goal is None else experiment.goal.together * len(experiment.seeds)
-    with _pool(experiment, workers, at_once) as pool:
+    with _pool(experiment, workers, at_once, limit) as pool:
         while left:
             for finished in pool.map(left):
                 results.keep(finished)
@@ -121,15 +130,15 @@ def verify(folder: Path, workers: int | str, most: int | None = None) -> Generat
                 yield again, again.same_as(before[again.run.number])
 
 
-def _pool(experiment: Experiment, workers: int | str, runs: int) -> Workers | Cluster:
-    return Cluster(experiment, workers) if isinstance(workers, str) else Workers(experiment, min(workers, runs))
+def _pool(experiment: Experiment, workers: int | str, runs: int, limit: float = LONGEST_RUN) -> Workers | Cluster:
+    return Cluster(experiment, workers) if isinstance(workers, str) else Workers(experiment, min(workers, runs), limit)
 
 
 class Workers:
-    """Worker processes; leaving ends them, whatever they do."""
+    """Worker processes; leaving ends them, whatever they do. limit: s that a run may take."""
 
-    def __init__(self, experiment: Experiment, count: int) -> None:
-        self._experiment = experiment
+    def __init__(self, experiment: Experiment, count: int, limit: float = LONGEST_RUN) -> None:
+        self._experiment, self._limit = experiment, limit
         self._workers = [_Worker(experiment) for _ in range(count)]
 
     def __enter__(self) -> Workers:
@@ -149,9 +158,13 @@ class Workers:
                 busy[worker.pipe] = worker
         while busy:
             finished = []
-            for ready in connection.wait(list(busy)):
-                worker = busy.pop(ready)  # type: ignore[call-overload]  # we wait for pipes only
-                outcome = worker.outcome()
+            patience = max(0.0, self._limit - max(worker.taken for worker in busy.values()))
+            ready = connection.wait(list(busy), patience)
+            ended = [pipe for pipe in busy if pipe in ready]
+            late = [] if ended else [pipe for pipe, worker in busy.items() if worker.taken >= self._limit]
+            for pipe in (*ended, *late):
+                worker = busy.pop(pipe)
+                outcome = worker.give_up(self._limit) if late else worker.outcome()
                 finished.append(outcome)
                 if worker.ended:
                     self._workers[self._workers.index(worker)] = worker = _Worker(self._experiment)
@@ -169,15 +182,27 @@ class _Worker:
         self.pipe, theirs = context.Pipe()
         self.ended = False
         self._run: Run | None = None
+        self._began = 0.0
         self._process = context.Process(target=_serve, args=(theirs, experiment), daemon=True)
         self._process.start()
         theirs.close()
 
     def begin(self, run: Run) -> None:
         """Let it do a run."""
-        self._run = run
+        self._run, self._began = run, perf_counter()
         with suppress(OSError):  # if it is gone, its outcome says so
             self.pipe.send(run)
+
+    @property
+    def taken(self) -> float:
+        """s that its run has taken until now."""
+        return perf_counter() - self._began
+
+    def give_up(self, limit: float) -> Outcome:
+        """End the process, whose run takes too long."""
+        assert self._run is not None
+        self.end()
+        return Outcome(self._run, error=f"it took longer than {limit:g} s: does a measure never come to its end?")
 
     def outcome(self) -> Outcome:
         """Wait for the outcome of its run."""
@@ -252,7 +277,26 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def try_out(experiment: Experiment) -> None:
+def try_out(experiment: Experiment, limit: float = LONGEST_RUN) -> None:
+    """As `_try_out`, within so many seconds. Raises MisuseError."""
+    errors: list[BaseException] = []
+
+    def attempt() -> None:
+        try:
+            _try_out(experiment)
+        except BaseException as error:  # it belongs to who waits
+            errors.append(error)
+
+    trial = Thread(target=attempt, name="trial", daemon=True)
+    trial.start()
+    trial.join(limit)
+    if trial.is_alive():
+        raise MisuseError(f"the trial of the measures took longer than {limit:g} s: does one never come to its end?")
+    if errors:
+        raise errors[0]
+
+
+def _try_out(experiment: Experiment) -> None:
     """Check the experiment, open the first run, and take each measure once, so that a mistake is met before a thousand
     runs fail. What robots learn only on the way may still be unknown. Raises MisuseError, also for whatever a measure
     raises."""
@@ -267,7 +311,7 @@ def try_out(experiment: Experiment) -> None:
                     raise MisuseError(f'measure "{name}": {error}') from error
             except SleepcastError as error:
                 raise MisuseError(f'measure "{name}": {error}') from error
-            except Exception as error:  # a function of somebody's own may raise anything
+            except (Exception, SystemExit) as error:  # a function of somebody's own may raise anything
                 raise MisuseError(f'measure "{name}" ({text}) fails: {type(error).__name__}: {error}') from error
         if experiment.until:
             if_known(read_stop(experiment.until).holds)(fleet)

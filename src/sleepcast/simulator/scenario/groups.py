@@ -14,6 +14,7 @@ is unknown on robots whose group does not define it. Robots are numbered through
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import nan
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 
 from sleepcast.core.errors import did_you_mean
 from sleepcast.core.model import Quantity
-from sleepcast.core.settings import Measure, Table, checked_name
+from sleepcast.core.settings import Measure, SettingsError, Table, checked_name
 from sleepcast.core.units import UNITS
 from sleepcast.robot import BodyConstant
 
@@ -33,6 +34,7 @@ MAX_GROUPS = 16
 """Groups of robots in one world: more belong into a data table, not into a scenario."""
 MAX_VALUES = 16
 """Values of a group: each is one variable on every robot."""
+_PLACEHOLDER = re.compile(r"\{([A-Za-z_]\w*)\}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +58,22 @@ def read_constants(root: Table) -> tuple[BodyConstant, ...]:
             raise root.error("constants", f"{len(table.values)} of them; at most {MAX_CONSTANTS} fit")
         measures = {checked_name(table, name): table.measure(name, None) for name in table.values}
     return tuple(BodyConstant(name, found.value, found.unit, "of this scenario") for name, found in measures.items())
+
+
+def filled(text: str, constants: Sequence[BodyConstant], place: str) -> str:
+    """A text with each `{NAME}` replaced by the constant of that name, as a number with its unit. place: of the text,
+    for errors. Raises SettingsError for a name that there is not."""
+    known = {constant.name.casefold(): constant for constant in constants}
+
+    def value(found: re.Match[str]) -> str:
+        constant = known.get(found[1].casefold())
+        if constant is None:
+            near = did_you_mean(found[1], [each.name for each in constants])
+            raise SettingsError(f"{place}: there is no constant {found[1]:.40}{near}: write it into [constants]")
+        factor = UNITS[constant.unit].factor if constant.unit else 1.0
+        return f"{constant.value / factor:.15g}{constant.unit}"
+
+    return _PLACEHOLDER.sub(value, text)
 
 
 def read_groups(robots: Table, constants: Sequence[BodyConstant], most: int) -> tuple[RobotGroup, ...]:

@@ -3,6 +3,7 @@
     @10s   (WHEN (> fuel 50%) (JOIN bravo))   ; a comment
     @1min  (WHEN (IN bravo)                   ; an order continues on lines that begin with a blank
              (GOTO vessel_x vessel_y))
+    @{LATE} (WHEN (> fuel {ENOUGH}) (ST))     ; numbers from the scenario's [constants]
 
 Times are simulated time since the start of the run, in ascending order. Expressions are stored as text; the program
 that runs the mission checks them.
@@ -11,6 +12,7 @@ that runs the mission checks them.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -19,6 +21,8 @@ from textwrap import dedent
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.settings import SettingsError, read_text
 from sleepcast.core.units import TIME, UNITS, to_si
+from sleepcast.robot import BodyConstant
+from sleepcast.simulator.scenario.groups import filled
 
 MAX_BYTES = 1_048_576
 """Bytes of one script, comments included."""
@@ -41,13 +45,18 @@ class Order:
     place: str
 
 
-def read_mission(path: Path) -> tuple[Order, ...]:
-    """The orders of the script at `path`, in time order. Raises MissionError."""
+def read_mission(path: Path, constants: Sequence[BodyConstant] = ()) -> tuple[Order, ...]:
+    """The orders of the script at `path`, in time order, with the numbers of `constants` for their `{NAME}`. Raises
+    MissionError."""
     try:
         text = read_text(path, MAX_BYTES, "a mission")
     except SettingsError as error:
         raise MissionError(str(error)) from error
-    return parse_mission(text, str(path))
+    lines = []
+    for number, line in enumerate(text.split("\n"), 1):
+        said, semicolon, comment = line.partition(";")
+        lines.append(f"{filled(said, constants, f'{path}:{number}')}{semicolon}{comment}")
+    return parse_mission("\n".join(lines), str(path))
 
 
 def parse_mission(text: str, name: str) -> tuple[Order, ...]:

@@ -6,6 +6,7 @@ Errors are reported with their line and key. docs/scenarios.md explains the keys
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf, pi
 from pathlib import Path
@@ -18,7 +19,7 @@ from sleepcast.core.units import LENGTH, SPEED, TIME
 from sleepcast.robot import BodyConstant
 from sleepcast.simulator.scenario.areas import read_areas
 from sleepcast.simulator.scenario.events import Event, read_events
-from sleepcast.simulator.scenario.groups import read_constants, read_groups, refuse_clashes
+from sleepcast.simulator.scenario.groups import filled, read_constants, read_groups, refuse_clashes
 from sleepcast.simulator.scenario.measures import MeasureSpec, read_measures
 from sleepcast.simulator.scenario.mission import Order, read_mission
 from sleepcast.simulator.scenario.robot_settings import (
@@ -202,8 +203,8 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
             noise=_noise(root, robots),
             radio=radio,
             telemetry=telemetry,
-            commands=_commands(root),
-            mission=read_mission(root.file("mission")) if root.has("mission") else (),
+            commands=_commands(root, constants),
+            mission=read_mission(root.file("mission"), constants) if root.has("mission") else (),
             constants=constants,
             lights=lights,
             pings=read_pings(root),
@@ -308,11 +309,12 @@ def _noise(root: Table, robots: RobotSpec) -> dict[str, float]:
     return {name: deviation for name, deviation in found.items() if deviation}
 
 
-def _commands(root: Table) -> tuple[ReadyCommand, ...]:
+def _commands(root: Table, constants: Sequence[BodyConstant]) -> tuple[ReadyCommand, ...]:
     found = []
     for table in root.array("commands", most=MAX_COMMANDS):
         with table:
-            text = table.text("text", most=16_384)
+            with table.answering("text"):
+                text = filled(table.text("text", most=16_384), constants, "text")
             found.append(ReadyCommand(table.text("title", most=80), text, table.text("about", "")))
     return tuple(found)
 

@@ -9,7 +9,6 @@ import pytest
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.settings import SettingsError
 from sleepcast.experiments.exercises import SEEDS, attempt, exercise_names, find_exercise, read_answer
-from sleepcast.language import CheckError, ReadError
 from sleepcast.simulator import MissionError
 
 SOLUTIONS = Path(__file__).resolve().parents[2] / "examples" / "exercises"
@@ -102,8 +101,10 @@ def test_a_wrong_file_is_refused_with_its_place(tmp_path: Path, change: tuple[st
     [
         ("", MisuseError, "nothing to send"),
         ("; nothing", MisuseError, "nothing to send"),
-        ("(MARK", ReadError, "never closed"),
-        ("(MARK 5 6)", CheckError, "takes 0 arguments"),
+        ("(MARK", MisuseError, r"^answer.sleep: \( at 1:1 is never closed"),
+        ("(ST)\n; two\n(MARK 5 6)", MisuseError, r"^answer.sleep:3: .*takes 0 arguments"),
+        ("@1s (ST)\n@2s (MARK", MisuseError, r"^answer.sleep:2: .*never closed"),
+        ("@1s (ST)\n@9999h (MARK)", MisuseError, r"^answer.sleep:2: sent at .* s, but the exercise ends at"),
         ("@5 minutes (MARK)", MissionError, "wanted"),
         ("(WHEN (< id 5) (MARK))", MisuseError, "id is used: this exercise is to be done without it"),
     ],
@@ -111,6 +112,11 @@ def test_a_wrong_file_is_refused_with_its_place(tmp_path: Path, change: tuple[st
 def test_an_answer_that_cannot_be_sent_is_refused(answer: str, error: type[Exception], why: str) -> None:
     with pytest.raises(error, match=why):
         read_answer(find_exercise("gather"), answer, "answer.sleep")
+
+
+def test_warnings_say_where() -> None:
+    found = read_answer(find_exercise("gather"), "(ST)\n(FOO)", "answer.sleep")
+    assert [each.split("(did")[0] for each in found.warnings] == ['answer.sleep:2: unknown function "FOO" at 1:2 ']
 
 
 def test_no_such_exercise() -> None:

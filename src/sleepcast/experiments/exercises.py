@@ -16,7 +16,8 @@ A goal holds at the end; with `when = "always"` in every second, from `after` on
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import isnan
 from pathlib import Path
@@ -27,7 +28,7 @@ from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.settings import Table, toml_document
 from sleepcast.core.units import TIME
 from sleepcast.experiments.measures import StopCondition, read_stop
-from sleepcast.language import check, read_all
+from sleepcast.language import CheckError, ReadError, check, read_all
 from sleepcast.language.learned_names import LearnedNames
 from sleepcast.language.reader import Symbol, walk
 from sleepcast.simulator import Scenario, find_scenario, parse_mission, scenario_names
@@ -152,25 +153,46 @@ class Answer(NamedTuple):
 
 def read_answer(exercise: Exercise, text: str, name: str) -> Answer:
     """An answer: a mission script, or expressions that are all sent at the start. name: of the answer, for errors.
-    Raises ReadError, CheckError and MisuseError for what cannot be sent."""
+    Raises MisuseError for what cannot be sent, with its place."""
     if any(line.startswith("@") for line in text.split("\n")):
         orders = parse_mission(text, name)
     else:
-        orders = tuple(Order(0.0, text[form.start : form.end], name) for form in read_all(text))
+        with _answering(name):
+            forms = read_all(text)
+        lines = [1 + text.count("\n", 0, form.start) for form in forms]
+        places = [f"{name}:{line}" if "\n" in text.strip() else name for line in lines]
+        orders = tuple(
+            Order(0.0, text[form.start : form.end], place) for form, place in zip(forms, places, strict=True)
+        )
     if not orders:
         raise MisuseError(f"{name}: nothing to send: wanted an expression such as (MARK)")
     with open_fleet(exercise.scenario, threads=1) as fleet:
         names = LearnedNames(fleet.station.vocabulary)
     warnings: list[str] = []
     for order in orders:
-        checked = check(order.text, names)
-        form = checked.required().form
+        if order.time >= exercise.seconds:
+            raise MisuseError(
+                f"{order.place}: sent at {order.time:g} s, but the exercise ends at {exercise.seconds:g} s: choose an "
+                "earlier time"
+            )
+        with _answering(order.place):
+            checked = check(order.text, names)
+            form = checked.required().form
         for inside in walk(form):
             if isinstance(inside, Symbol) and inside.key in exercise.without:
-                raise MisuseError(f"{name}: {inside.text} is used: this exercise is to be done without it")
+                raise MisuseError(f"{order.place}: {inside.text} is used: this exercise is to be done without it")
         names.learn(form)
-        warnings += [finding.render(order.text) for finding in checked.warnings]
+        warnings += [f"{order.place}: {finding.render(order.text)}" for finding in checked.warnings]
     return Answer(orders, tuple(warnings))
+
+
+@contextmanager
+def _answering(place: str) -> Iterator[None]:
+    """What is wrong in an expression is said with the place where it stands."""
+    try:
+        yield
+    except (ReadError, CheckError) as error:
+        raise MisuseError(f"{place}: {error}") from error
 
 
 def attempt(exercise: Exercise, orders: Sequence[Order], seed: int) -> list[Miss]:

@@ -30,7 +30,7 @@ SLOW = {
     "cli/test_rotation.py": 18,
     "scenarios/test_stop_three_ways.py": 17,
     "cli/test_send.py": 17,
-    "test_howto.py": 15,
+    "test_howto.py": 40,
     "console/test_replay.py": 15,
     "cli/test_stop.py": 15,
     "cli/test_warm_up.py": 14,

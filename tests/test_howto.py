@@ -27,8 +27,9 @@ from channel.test_udp import free_port
 from sleepcast.cli import program
 from test_docs import ROOT, SHELL, blocks_of, write_files
 
-PAGES = {"on-the-air": 20, "run-experiments": 8, "use-from-python": 1}
+PAGES = {"first-study": 5, "on-the-air": 20, "run-experiments": 8, "use-from-python": 1}
 """Commands at least that each page shows."""
+FIGURE = "docs/pictures/first-study.svg"
 USUAL, GROUP = "239.255.83.76 47123", "239.255.83.79"
 SAID = "udp://239.255.83.76:47123?interface=lo"
 URI = f"udp://{GROUP}:{{}}?interface=lo"
@@ -111,3 +112,9 @@ def test_a_how_to_on_the_air_can_be_followed(reader: Reader, page: str) -> None:
                 reader.run(line, shown)
                 followed += 1
     assert followed >= PAGES[page]
+    if page == "first-study":
+        assert followed < 10
+        drawn, shown = ((folder / name).read_text() for folder, name in ((reader.folder, "apart.svg"), (ROOT, FIGURE)))
+        for figure in (drawn, shown):
+            assert "PolyCollection" in figure, "the band"
+            assert "constants.NEAR (m)" in figure

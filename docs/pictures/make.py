@@ -11,6 +11,8 @@ then the recording is shown on the page, and its last moment is photographed.
 
 nomads: two Scouts wander through a room, driven by programs, and what the page of their server shows is photographed.
 
+first-study: the figure of docs/howto/first-study.md, by its files and commands.
+
 stop: sixty runs of the scenario `stop`, without a page, and histograms of where its robots came to rest.
 
 gallery: a moment of each scenario, for docs/gallery.md; or of some, such as gallery:vicsek gallery:search.
@@ -220,6 +222,17 @@ def stop() -> None:
     stops.stop(FOLDER / "stop.svg")
 
 
+def first_study() -> None:
+    """Follow the page: write its files, sweep, plot, and keep the figure."""
+    page = (FOLDER.parent / "howto" / "first-study.md").read_text("utf-8")
+    with TemporaryDirectory() as folder:
+        for name, text in re.findall(r"^```\w+ (\S+)\n(.*?)^```$", page, re.MULTILINE | re.DOTALL):
+            Path(folder, name).write_text(text, "utf-8")
+        for command in re.findall(r"^\$ (sleepcast (?:sweep \.|plot) .+)$", page, re.MULTILINE):
+            subprocess.run([sys.executable, "-m", *shlex.split(command)], cwd=folder, check=True)
+        shutil.copy(Path(folder, "apart.svg"), FOLDER / "first-study.svg")
+
+
 SCENARIOS = FOLDER.parents[1] / "src" / "sleepcast" / "scenarios"
 
 
@@ -263,6 +276,7 @@ PICTURES: dict[str, Callable[[], None]] = {
     "maze": maze,
     "nomads": laboratory,
     "stop": stop,
+    "first-study": first_study,
     "gallery": gallery,
     **{f"gallery:{name}": partial(moment, name) for name in scenario_names()},
     **{file.parent.name: partial(figures, file.parent.name) for file in sorted(SCENARIOS.glob("*/experiment.toml"))},

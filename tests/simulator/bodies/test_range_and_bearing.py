@@ -26,6 +26,8 @@ ASKED = (
     "NEAREST_X",
     "NEAREST_DIST",
     "FARTHEST_DIST",
+    "OUTLIER_X",
+    "OUTLIER_Y",
     "GAP",
     "GAP_BEARING",
 )
@@ -81,6 +83,34 @@ class TestSensing:
         assert ask(sim, "GAP_BEARING", 10.0) == pytest.approx(-0.75 * pi)
         assert ask(sim, "GAP", 3.0) == pytest.approx(2 * pi)
         assert abs(ask(sim, "GAP_BEARING", 60.0)) == pytest.approx(pi)  # one more is south: the west is free
+
+    def test_the_outlier_is_farthest_from_the_mean_of_all_neighbours(self, tmp_path: Path) -> None:
+        sim = four(tmp_path)
+        assert (ask(sim, "OUTLIER_X", 60.0), ask(sim, "OUTLIER_Y", 60.0)) == (500.0, 450.0)
+        assert (ask(sim, "OUTLIER_X", 60.0, robot=3), ask(sim, "OUTLIER_Y", 60.0, robot=3)) == (500.0, 504.0)
+        assert ask(sim, "OUTLIER_X", 3.5) == 503.0, "the only one"
+
+    def test_distances_by_rank(self, tmp_path: Path) -> None:
+        sim = four(tmp_path)
+        assert [ask(sim, "RANK_DIST", rank, 60.0) for rank in (1, 1.9, 2, 3, 4, 1e9)] == [3, 3, 4, 50, 50, 50]
+        assert ask(sim, "RANK_DIST", 3, 10.0) == 4.0
+        assert all(isnan(ask(sim, "RANK_DIST", rank, 60.0)) for rank in (0, -1))
+        assert isnan(ask(sim, "RANK_DIST", 1, 2.0))
+        assert ask(sim, "MEAN_Y", ask(sim, "RANK_DIST", 2, 60.0)) == pytest.approx(502.0), "of the two nearest"
+        assert [ask_all(sim, "RANK_DIST", 2, 60.0)[robot] for robot in (0, 1)] == [4.0, 5.0]
+
+    def test_ranks_differ_from_robot_to_robot_and_hold_in_blocks(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        found = []
+        for most in (range_and_bearing.MAX_PAIRS, 1):
+            monkeypatch.setattr(range_and_bearing, "MAX_PAIRS", most)
+            sim = four(tmp_path)
+            (function,) = (each for each in sim.model.functions if each.name == "RANK_DIST")
+            assert function.many
+            found.append(function.many(sim.robots, np.array([1, 0, 2]), np.array([1.0, 2.0, 3.0]), np.full(3, 60.0)))
+        assert found[0] == pytest.approx([3.0, 4.0, 54.0])
+        assert np.array_equal(*found)
 
     def test_without_neighbours_only_the_count_is_known(self, tmp_path: Path) -> None:
         sim = four(tmp_path)

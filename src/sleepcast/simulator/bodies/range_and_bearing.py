@@ -85,6 +85,24 @@ class Pairs:
         found[self.robot[first]] = values[first]
         return found
 
+    def outlier(self, values: Floats) -> Floats:
+        """The one of `values` that belongs to the neighbour farthest from the mean position of all; NaN without
+        neighbours."""
+        across, up = self.across - self.mean(self.across)[self.robot], self.up - self.mean(self.up)[self.robot]
+        away = np.sqrt(across * across + up * up)
+        return Pairs(self.asked, self.within, self.robot, self.other, across, up, -away).nearest(values)
+
+    def distance_of(self, rank: Floats) -> Floats:
+        """Distance of the neighbour with this rank by distance, 1 for the nearest, m; rank: one for each robot that
+        asked. Of the farthest if there are fewer neighbours; NaN without neighbours, and for a rank below 1."""
+        count = self.count()
+        found = np.full(self.asked.size, np.nan)
+        known = np.flatnonzero((count > 0.0) & (rank >= 1.0))
+        first = np.cumsum(count) - count
+        place = (first + np.minimum(np.floor(rank), count) - 1.0)[known].astype(np.int64)
+        found[known] = self.away[np.lexsort((self.away, self.robot))][place]
+        return found
+
     def widest_gap(self) -> tuple[Floats, Floats]:
         """The widest angle that contains no neighbour, rad, and the direction of its middle, rad in -pi..pi; both NaN
         without neighbours."""
@@ -139,6 +157,7 @@ class RangeAndBearing:
         """The cells that were measured last: rules ask for x and y of the same ones."""
         self.functions = (
             *(_sensing(self, *each) for each in _FORMULAS),
+            _ranking(self),
             _sharing(self, "COLOUR", "number", COLOUR, NONE),
             *(each for row, share in enumerate(model.shares.items(), 1) for each in _of_share(self, row, *share)),
         )
@@ -316,6 +335,18 @@ _FORMULAS: tuple[tuple[str, Dimension, str, Formula], ...] = (
         lambda near, pairs: pairs.most(pairs.away),
     ),
     (
+        "OUTLIER_X",
+        LENGTH,
+        "x of the neighbour within r that is farthest from their mean position.",
+        lambda near, pairs: near.own_frame(pairs.asked)[0] + pairs.outlier(pairs.across),
+    ),
+    (
+        "OUTLIER_Y",
+        LENGTH,
+        "y of that neighbour.",
+        lambda near, pairs: near.own_frame(pairs.asked)[1] + pairs.outlier(pairs.up),
+    ),
+    (
         "CELL_X",
         LENGTH,
         "x of the centroid of what is nearer to this robot than to its neighbours within r, up to r/2 away.",
@@ -408,5 +439,30 @@ def _sensing(near: RangeAndBearing, name: str, dimension: Dimension, doc: str, f
         result=dimension,
         acts=False,
         doc=f"{doc} With a colour: of that colour only.",
+        many=many,
+    )
+
+
+def _ranking(near: RangeAndBearing) -> HostFunction:
+    """The function of a rank by distance, and of what the others take."""
+
+    def many(bodies: object, robots: Whole, rank: Floats, *columns: Floats) -> Floats:
+        ranks = np.full(int(robots.max(initial=0)) + 1, np.nan)
+        ranks[robots] = rank
+        return near.sense(lambda _, pairs: pairs.distance_of(ranks[pairs.asked]), robots, *columns)
+
+    def call(body: Body, *arguments: float) -> float:
+        return float(many(None, np.array([body.number]), *(np.array([each]) for each in arguments))[0])
+
+    return HostFunction(
+        "RANK_DIST",
+        call,
+        (NONE, LENGTH, NONE),
+        least=2,
+        arguments="n r [colour]",
+        result=LENGTH,
+        acts=False,
+        doc="Distance of the n-th nearest neighbour within r; of the farthest, if there are fewer. With a colour: of "
+        "that colour only.",
         many=many,
     )

@@ -70,6 +70,7 @@ SLOW = {
     "clients/test_c_programs.py": 4,
     "scenarios/test_search.py": 4,
     "scenarios/test_thresholds.py": 4,
+    "scenarios/test_energy.py": 4,
     "scenarios/test_fireflies.py": 4,
     "scenarios/test_election.py": 4,
     "examples/test_notebooks.py": 4,

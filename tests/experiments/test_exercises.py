@@ -119,6 +119,17 @@ def test_warnings_say_where() -> None:
     assert [each.split("(did")[0] for each in found.warnings] == ['answer.sleep:2: unknown function "FOO" at 1:2 ']
 
 
+def test_a_goal_that_cannot_be_measured_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "tired.toml"
+    file.write_text(
+        'title = "t"\ntask = "t"\nscenario = "bravo"\nseconds = "1s"\n[[goals]]\nholds = "mean fule > 1"\n',
+        encoding="utf-8",
+    )
+    exercise = find_exercise(str(file))
+    with pytest.raises(MisuseError, match=r"^tired, goal mean fule > 1: unknown name"):
+        attempt(exercise, read_answer(exercise, "(ST)", "answer").orders, 1)
+
+
 def test_no_such_exercise() -> None:
     with pytest.raises(MisuseError, match=r"did you mean mark\?"):
         find_exercise("mork")

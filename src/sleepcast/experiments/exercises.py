@@ -207,7 +207,8 @@ def attempt(exercise: Exercise, orders: Sequence[Order], seed: int) -> list[Miss
             for goal in exercise.goals:
                 if goal in met or (goal.when == "end" and not is_end) or fleet.time < goal.after - 1e-9:
                     continue
-                value = goal.holds.measure(fleet)
+                with _answering(f"{exercise.name}, goal {goal.holds.text}"):
+                    value = goal.holds.measure(fleet)
                 holds = goal.holds.compared(value, goal.holds.bound)
                 if holds and goal.when == "once":
                     met.add(goal)

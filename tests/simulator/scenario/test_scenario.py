@@ -9,8 +9,8 @@ import pytest
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.settings import key_lines
-from sleepcast.simulator import SettingsError, find_scenario, load, scenario_names
-from sleepcast.simulator.scenario.robot_settings import Wheels
+from sleepcast.simulator import Changes, SettingsError, find_scenario, load, scenario_names
+from sleepcast.simulator.scenario.robot_settings import MAX_ROBOTS, Wheels
 from sleepcast.simulator.world.world import Circle, Polygon
 from small_worlds import SMALL, small, write
 
@@ -263,3 +263,9 @@ class TestGallery:
     def test_an_unknown_name_is_refused_with_the_nearest(self) -> None:
         with pytest.raises(MisuseError, match=r'no scenario "brave" \(did you mean bravo\?\): wanted one of .*bravo, '):
             find_scenario("brave")
+
+
+@pytest.mark.parametrize("robots", [0, -1, MAX_ROBOTS + 1])
+def test_no_run_has_an_impossible_number_of_robots(robots: int) -> None:
+    with pytest.raises(MisuseError, match=f"^{robots} robots: wanted a whole number from 1 to"):
+        find_scenario("crowd", Changes(robots=robots))

@@ -146,6 +146,8 @@ def read_scenario(text: str, changes: Changes = Changes()) -> Scenario:  # noqa:
 
 
 def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> Scenario:
+    if changes.robots is not None and not 1 <= changes.robots <= MAX_ROBOTS:
+        raise MisuseError(f"{changes.robots} robots: wanted a whole number from 1 to {MAX_ROBOTS:,}")
     document = toml_document(file, text)
     for key, value in changes.over:
         document.change(key, value)

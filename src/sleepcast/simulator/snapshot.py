@@ -19,6 +19,7 @@ from sleepcast.core.serial import Arrays, SerialError, dump_arrays, load_arrays,
 from sleepcast.core.units import UNITS
 from sleepcast.simulator.bodies.bodies import MAX_SAYINGS, Mode, Saying
 from sleepcast.simulator.packing import pack, unpack
+from sleepcast.simulator.scenario.fields import ScalarField, bounds_of_fields
 from sleepcast.simulator.scenario.robot_settings import (
     LEAST,
     MAX_BUMPERS,
@@ -134,6 +135,12 @@ def _check(simulator: Simulator) -> None:
     if simulator.senses.stocks is not None:
         for name, values in simulator.senses.stocks.arrays().items():
             within(values, 0.0, np.finfo(np.float64).max, name)
+    for field in simulator.scenario.fields:
+        if isinstance(field, ScalarField) and (growth := field.growth):
+            columns = simulator.senses.arrays()
+            within(columns[f"amount of field {field.name}"], 0.0, growth.most, f"amount of field {field.name}")
+            within(columns[f"wanted of field {field.name}"], 0.0, np.finfo(np.float64).max, "wanted of a field")
+            within(columns[f"cells of field {field.name}"], 0, growth.columns * growth.rows - 1, "cells of a field")
 
 
 def _check_firing(firing: Firing, sonars: int) -> None:
@@ -182,6 +189,7 @@ def _bounds(scenario: Scenario) -> Iterator[tuple[str, float, float, float]]:
     yield "stocks", len(scenario.stocks), 0, MAX_STOCKS
     yield "stocks of no known store", len({stock.store for stock in scenario.stocks} - stores), 0, 0
     yield "stocks of no known unit", len({stock.unit for stock in scenario.stocks} - {"", *UNITS}), 0, 0
+    yield from bounds_of_fields(scenario.fields, (scenario.width, scenario.height), scenario.tick)
     for robots in (scenario.robots, *scenario.sorts):
         yield from _bounds_of(robots)
 

@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from sleepcast.simulator.simd.formulas import arc_tangent, either, sine_cosine, wrap
+from sleepcast.simulator.simd.formulas import arc_tangent, either, exponential, sine_cosine, wrap
 
 ANGLES = np.concatenate((np.linspace(-50.0, 50.0, 40_001), np.arange(-16, 17) * (pi / 4), [0.0, -0.0, 1e-300, 3000.0]))
 WAYS = np.random.default_rng(4).normal(size=(2, 40_000)) * np.random.default_rng(5).choice(
@@ -27,6 +27,12 @@ def test_angles_of_ways_are_right_to_a_few_last_places() -> None:
     assert np.abs(arc_tangent(up, across) - np.arctan2(up, across)).max() < 2e-15
     corners = np.array([(b, a) for a in (-1.0, 0.0, 1.0) for b in (-1.0, 0.0, 1.0)]).T
     assert np.abs(arc_tangent(*corners) - np.arctan2(*corners)).max() < 1e-15
+
+
+def test_exponentials_are_right_to_a_last_place() -> None:
+    power = np.concatenate((np.linspace(-60.0, 60.0, 40_001), [-0.0, 1e-300, -699.0, 699.0]))
+    assert np.abs(exponential(power) / np.exp(power) - 1.0).max() < 5e-16
+    assert exponential(np.array([0.0, -1e9, -np.inf])).tolist() == [1.0, 0.0, 0.0]
 
 
 def test_wrapped_angles_lie_within_half_a_turn_and_mean_the_same() -> None:

@@ -1,4 +1,4 @@
-"""What robots sense of lights, of pings, of their neighbours and of stocks, tick by tick.
+"""What robots sense of lights, of pings, of their neighbours, of stocks and of fields, tick by tick.
 
 A ping sent in one tick is received in the next one, by every robot in reach except its sender; each of them may miss
 it at random. It is stored with its range and bearing of that moment in the receiver's queue; in each tick one ping
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from sleepcast.core.counter_rng import key, uniform
 from sleepcast.simulator.bodies.bodies import Bodies, Floats
+from sleepcast.simulator.bodies.local_fields import LocalFields
 from sleepcast.simulator.bodies.range_and_bearing import RangeAndBearing
 from sleepcast.simulator.bodies.stocks import Stocks
 from sleepcast.simulator.scenario.groups import seeing
@@ -50,7 +51,8 @@ class Senses:
 
         self._near = RangeAndBearing(bodies, scenario.neighbours) if scenario.neighbours else None
         self.stocks = Stocks(bodies) if scenario.stocks else None
-        parts = (self._near, self.stocks)
+        self._fields = LocalFields(bodies) if scenario.fields else None
+        parts = (self._near, self.stocks, self._fields)
         self.functions = tuple(function for part in parts if part for function in part.functions)
 
     def ping(self, robots: NDArray[np.intp], castes: Floats) -> None:
@@ -60,7 +62,7 @@ class Senses:
             self._pings.send(robots, castes)
 
     def step(self) -> None:
-        """Update light sensors, received pings, what neighbours show and stocks, after everything has moved."""
+        """Update light sensors, received pings, what neighbours show, stocks and fields, after everything has moved."""
         if self._bodies.scenario.lights:
             self._look()
         if self._pings is not None:
@@ -69,6 +71,8 @@ class Senses:
             self._near.step()
         if self.stocks is not None:
             self.stocks.step()
+        if self._fields is not None:
+            self._fields.step()
 
     def state(self) -> Iterator[NDArray[np.generic]]:
         """The arrays that the next ticks depend on besides those of the bodies, for the state hash."""
@@ -78,10 +82,12 @@ class Senses:
             yield from self._near.arrays().values()
         if self.stocks is not None:
             yield from self.stocks.arrays().values()
+        if self._fields is not None:
+            yield from self._fields.arrays().values()
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """The arrays, by name, that a run changes and that the next ticks depend on, besides those of the bodies."""
-        senses = (self._pings, self._near, self.stocks)
+        senses = (self._pings, self._near, self.stocks, self._fields)
         return {name: each for sense in senses if sense for name, each in sense.arrays().items()}
 
     def _look(self) -> None:

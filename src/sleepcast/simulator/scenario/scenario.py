@@ -19,6 +19,7 @@ from sleepcast.core.units import LENGTH, SPEED, TIME
 from sleepcast.robot import BodyConstant
 from sleepcast.simulator.scenario.areas import read_areas
 from sleepcast.simulator.scenario.events import Event, read_events
+from sleepcast.simulator.scenario.fields import Field, field_sensors, read_fields
 from sleepcast.simulator.scenario.groups import filled, read_constants, read_groups, refuse_clashes
 from sleepcast.simulator.scenario.measures import MeasureSpec, read_measures
 from sleepcast.simulator.scenario.mission import Order, read_mission
@@ -79,7 +80,7 @@ class Scenario:
     edge. constants: named
     numbers for rules. pings: how they are received, None if robots have none. neighbours: how robots sense each other,
     None if they do not. areas: what robots know by name from the start. stocks: what robots take from and add to.
-    measures: time series to record.
+    fields: values that fill the world. measures: time series to record.
     robots: all robots together; sorts: each type of them with its count or proportion, empty if there is only one
     type. nomad: whether VM takes tenths of inches, as a Nomad's programs do.
     """
@@ -108,6 +109,7 @@ class Scenario:
     lights: tuple[Light, ...] = ()
     pings: PingModel | None = None
     neighbours: NeighbourModel | None = None
+    fields: tuple[Field, ...] = ()
     torus: bool = False
     measures: tuple[MeasureSpec, ...] = ()
     absent: tuple[Shape, ...] = ()
@@ -172,7 +174,10 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
         size = (world.width, world.height)
         places = _places(root, size)
         lights = read_lights(root, size, [place.name for place in places])
+        tick = root.number("tick", TIME, 0.1, low=0.001, high=60.0)
         taken = [*BODY_NAMES, *SIGNAL_NAMES, *(f"{place.name}_{axis}" for place in places for axis in "xy")]
+        local_fields = read_fields(root, size, tick, taken)
+        taken += [sensor.name for sensor in field_sensors(local_fields)]
         sorts = tuple(read_robots(*each, size, taken) for each in zip(tables, counts(), groups, strict=True))
         robots = replace(combined(tables, sorts), count=count())
         if robots.count > MAX_ROBOTS:
@@ -189,7 +194,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
             title=root.text("title"),
             about=root.text("about", "", most=2_000),
             seed=seed,
-            tick=root.number("tick", TIME, 0.1, low=0.001, high=60.0),
+            tick=tick,
             speed_up=root.number("speed_up", default=1.0, low=0.001, high=1e6),
             seconds=root.number("seconds", TIME, low=LEAST, high=MAX_TIME),
             width=world.width,
@@ -202,7 +207,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
             events=_events(root, world, changes),
             sorts=sorts if len(sorts) > 1 else (),
             places=places,
-            noise=_noise(root, robots),
+            noise=_noise(root, robots, local_fields),
             radio=radio,
             telemetry=telemetry,
             commands=_commands(root, constants),
@@ -211,6 +216,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
             lights=lights,
             pings=read_pings(root),
             neighbours=read_neighbours(root),
+            fields=local_fields,
             torus=world.torus,
             measures=read_measures(root, _points(places, lights), MAX_TIME),
             areas=areas,
@@ -298,7 +304,7 @@ def _radio(root: Table, size: tuple[float, float]) -> tuple[RadioModel, float]:
         return radio, table.number("telemetry", TIME, 1.0, low=LEAST, high=MAX_TIME)
 
 
-def _noise(root: Table, robots: RobotSpec) -> dict[str, float]:
+def _noise(root: Table, robots: RobotSpec, local_fields: tuple[Field, ...]) -> dict[str, float]:
     with root.table("noise") as table:
         found = {
             "x": table.number("x", LENGTH, 0.0, low=0.0),
@@ -308,6 +314,8 @@ def _noise(root: Table, robots: RobotSpec) -> dict[str, float]:
         }
         for store in robots.stores:
             found[store.name] = table.number(store.name, store.dimension, 0.0, low=0.0)
+        for sensor in field_sensors(local_fields):
+            found[sensor.name] = table.number(sensor.name, sensor.dimension, 0.0, low=0.0)
     return {name: deviation for name, deviation in found.items() if deviation}
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import inf, pi
 
 from sleepcast.core.model import Quantity
+from sleepcast.simulator.scenario.fields import field_sensors
 from sleepcast.simulator.scenario.groups import value_quantities
 from sleepcast.simulator.scenario.robot_settings import Ring, Supply
 from sleepcast.simulator.scenario.scenario import Scenario
@@ -33,6 +34,7 @@ def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
         *(_bumper_sensor(robots.bumpers) if robots.bumpers else ()),
         *signal_sensors(scenario.lights, scenario.pings, length),
         *stock_sensors(scenario.stocks, length),
+        *field_sensors(scenario.fields),
     )
 
 

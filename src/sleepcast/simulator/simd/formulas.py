@@ -65,6 +65,22 @@ def arc_tangent(up: Floats, across: Floats) -> Floats:
     return either(up < 0.0, -angle, angle)
 
 
+_LN2, _LN2_REST = 6.93147180369123816490e-01, 1.90821492927058770002e-10
+"""The logarithm of 2: 32 bits, so that multiples are exact, and the remainder."""
+
+
+def exponential(power: Floats) -> Floats:
+    """e to this power, to about one unit in the last place: the power of 2 taken out (Cody and Waite), then Taylor's
+    series; 0 below -700, where it is smaller than anything that is measured, and as for 700 above."""
+    bounded = np.clip(power, -700.0, 700.0)
+    twos = np.floor(bounded * (1.0 / (_LN2 + _LN2_REST)) + 0.5)
+    r = (bounded - twos * _LN2) - twos * _LN2_REST
+    found = np.ones_like(r)
+    for n in range(14, 0, -1):
+        found = 1.0 + found * (r / n)
+    return either(power < -700.0, 0.0, np.ldexp(found, twos.astype(np.int32)))
+
+
 def shortest(across: Floats, around: float) -> Floats:
     """The shortest way between two points that lie `across` from each other along one axis, m.
     around: the size of a torus, infinite for a plain world."""

@@ -90,7 +90,7 @@ def read_map(path: Path) -> RosMap:
     free = table.number("free_thresh", low=0.0, high=1.0)
     if free > occupied:
         raise table.error("free_thresh", f"{free:g} is more than occupied_thresh, {occupied:g}")
-    solid, unknown = _judged(*_picture(table.file("image")), mode, negate, occupied, free)
+    solid, unknown = _judged(*picture(table.file("image")), mode, negate, occupied, free)
     return RosMap(solid[::-1], unknown[::-1], resolution, x, y, yaw)
 
 
@@ -131,7 +131,7 @@ def _flag(table: Table, key: str) -> bool:
     return table.whole(key, low=0, high=1) == 1
 
 
-def _picture(path: Path) -> tuple[NDArray[np.uint32], int, int]:
+def picture(path: Path) -> tuple[NDArray[np.uint32], int, int]:
     """The channels of a PGM or PNG image, shape (rows, columns, channels), top row first; the value of white; and the
     number of colour channels."""
     try:
@@ -182,7 +182,7 @@ def _judged(
 
 def _missing(library: str) -> MisuseError:
     return MisuseError(
-        f"a map is read with {library}, which is not here: install sleepcast[maps] "
+        f"maps and pictures are read with {library}, which is not here: install sleepcast[maps] "
         "(in a clone: .venv/bin/pip install pyyaml pillow)"
     )
 

@@ -1,0 +1,112 @@
+"""A growing field: an amount in each cell of a grid, which grows, spreads, and is taken and added to by robots.
+
+What robots ask for in a tick is collected, with the cell in which each was at that moment, and resolved in the next
+one, all at once: first what is taken, then what is added. If a cell has less than is asked for, or less room, everybody
+there gets the same share of the wish; so no result depends on the order of the robots. Afterwards the field spreads and
+grows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.simulator.bodies.bodies import Floats, Whole
+from sleepcast.simulator.scenario.fields import Growth, spread
+from sleepcast.simulator.simd.formulas import exponential
+
+TAKE, ADD = 0, 1
+"""The rows of what robots ask for."""
+
+
+class GrowingField:
+    """size: of the world, m; torus: whether it has no edge; tick: s. start: the amounts at the start, shape (rows,
+    columns), bottom row first."""
+
+    def __init__(
+        self, growth: Growth, size: tuple[float, float], torus: bool, tick: float, robots: int, start: Floats
+    ) -> None:
+        self._growth, self._size, self._tick = growth, size, tick
+        self._around = "wrap" if torus else "edge"
+        self._across, self._up = spread(growth, size, tick)
+        self._factor = float(exponential(np.array([growth.rate * tick]))[0]) if growth.logistic else 1.0
+        self.amount: Floats = np.clip(start, 0.0, growth.most)
+        self._wanted: Floats = np.zeros((2, robots))
+        """What each robot asks for, and below the cell from which, row by row from the bottom."""
+        self._cells = np.zeros((2, robots), np.int64)
+
+    def cells(self, x: Floats, y: Floats) -> Whole:
+        """The cells that contain these points, m."""
+        growth = self._growth
+        column = np.clip(x * (growth.columns / self._size[0]), 0, growth.columns - 1).astype(np.int64)
+        row = np.clip(y * (growth.rows / self._size[1]), 0, growth.rows - 1).astype(np.int64)
+        cells: Whole = row * growth.columns + column
+        return cells
+
+    def ask(self, what: int, robots: Whole, amounts: Floats, x: Floats, y: Floats) -> None:
+        """Robots at these points want to TAKE or ADD these amounts; a second wish in a tick replaces the first, and
+        nobody can wish for more than a cell can have."""
+        self._wanted[what, robots] = np.clip(amounts, 0.0, self._growth.most)
+        self._cells[what, robots] = self.cells(x, y)
+
+    def step(self) -> Floats:
+        """One tick; gives what each robot got."""
+        amount = self.amount.reshape(-1)
+        taken, from_each = self._shares(TAKE, amount)
+        amount -= from_each
+        amount += self._shares(ADD, self._growth.most - amount)[1]
+        self._wanted[:] = 0.0
+        if self._growth.diffusion:
+            self._spread()
+        self._grow()
+        return taken
+
+    def read(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+        """The amounts in the cells at these points, and how they rise over a metre to the east and to the north: the
+        mean slope to the cells on both sides."""
+        growth, amount = self._growth, self.amount
+        row, column = np.divmod(self.cells(x, y), growth.columns)
+        east = self._slope(lambda place: amount[row, place], column, growth.columns, self._size[0])
+        north = self._slope(lambda place: amount[place, column], row, growth.rows, self._size[1])
+        return amount[row, column], east, north
+
+    def _slope(self, amount_at: Callable[[Whole], Floats], place: Whole, count: int, side: float) -> Floats:
+        """How the amount rises over a metre along one axis with so many cells. place: of the cells, along this axis;
+        side: of the world, m."""
+        if self._around == "wrap":
+            return (amount_at((place + 1) % count) - amount_at((place - 1) % count)) / (2.0 * side / count)
+        before, after = np.maximum(place - 1, 0), np.minimum(place + 1, count - 1)
+        slope: Floats = (amount_at(after) - amount_at(before)) / (np.maximum(after - before, 1) * (side / count))
+        return slope
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """The arrays that a run changes and that the next ticks depend on."""
+        return {"amount": self.amount, "wanted": self._wanted, "cells": self._cells}
+
+    def _shares(self, what: int, there: Floats) -> tuple[Floats, Floats]:
+        """What each robot gets of its wish, and what all get in each cell. there: the most that all can get there."""
+        wanted, cells = self._wanted[what], self._cells[what]
+        asked = np.bincount(cells, wanted, there.size)
+        given = np.minimum(asked, there)
+        with np.errstate(invalid="ignore"):
+            share = np.where(asked > 0.0, given / asked, 0.0)
+        return wanted * share[cells], given
+
+    def _spread(self) -> None:
+        """Diffusion, by the explicit scheme with the four cells around each; nothing leaves at the world's edge."""
+        old = np.pad(self.amount, 1, mode=self._around)  # type: ignore[call-overload]  # one of two modes
+        middle = old[1:-1, 1:-1]
+        self.amount += self._across * ((old[1:-1, :-2] - middle) + (old[1:-1, 2:] - middle))
+        self.amount += self._up * ((old[:-2, 1:-1] - middle) + (old[2:, 1:-1] - middle))
+        np.clip(self.amount, 0.0, self._growth.most, out=self.amount)
+
+    def _grow(self) -> None:
+        """Growth by the exact solution of the logistic equation over one tick, or by a constant."""
+        growth, amount = self._growth, self.amount
+        if growth.logistic:
+            amount *= self._factor / (1.0 + amount * ((self._factor - 1.0) / growth.most))
+        else:
+            amount += growth.rate * self._tick
+        np.clip(amount, 0.0, growth.most, out=amount)

@@ -21,6 +21,12 @@ def test_an_order_goes_on_over_lines_that_begin_with_a_blank() -> None:
     assert [order.text for order in orders] == ["(WHEN (IN a)\n  (ST))", "(ST)"]
 
 
+def test_an_order_with_several_times_is_sent_at_each() -> None:
+    orders = parse_mission('@0s,2s,.5min (ST)\n@1s (TK "a")\n@1s,3s\n  (WANDER)', "m.sleep")
+    sent = [(0.0, "(ST)"), (1.0, '(TK "a")'), (1.0, "(WANDER)"), (2.0, "(ST)"), (3.0, "(WANDER)"), (30.0, "(ST)")]
+    assert [(order.time, order.text) for order in orders] == sent
+
+
 def test_nothing_is_a_mission() -> None:
     assert parse_mission("; nothing\n", "m.sleep") == ()
 
@@ -35,6 +41,11 @@ def test_nothing_is_a_mission() -> None:
         ("@soon (ST)", "not @soon"),
         ("@-1s (ST)", "not @-1s"),
         ("\n@5s (ST)\n@4s (ST)", "m.sleep:3: 4 s comes before the order above it (5 s)"),
+        ("@1s,1s (ST)", "m.sleep:1: 1 s does not come after 1 s"),
+        ("@1s, 2s (ST)", "wanted a time with its unit, such as @12.5s or @2min, not @1s,"),
+        ("@1s,2 (ST)", "not @1s,2"),
+        ("@9s (ST)\n@1s,10s (ST)", "1 s comes before the order above it (9 s)"),
+        ("@1s,2s (ST)\n" * (MAX_ORDERS // 2 + 1), f"more than {MAX_ORDERS} orders"),
         ("@5s\n@6s (ST)", "m.sleep:1: a time without an expression"),
         ("@5s ; later", "m.sleep:1: a time without an expression"),
         ("@" + "9" * 400 + "h (ST)", "is too far away"),

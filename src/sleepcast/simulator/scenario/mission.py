@@ -5,15 +5,16 @@
              (GOTO vessel_x vessel_y))
     @{LATE} (WHEN (> fuel {ENOUGH}) (ST))     ; numbers from the scenario's [constants]
 
-Times are simulated time since the start of the run, in ascending order. Expressions are stored as text; the program
-that runs the mission checks them.
+Times are simulated time since the start of the run, in ascending order. An order may have several of them, `@0s,2s,4s`:
+it is sent again at each, since the radio of a swarm loses messages. Expressions are stored as text; the program that
+runs the mission checks them.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 from textwrap import dedent
@@ -29,7 +30,9 @@ MAX_BYTES = 1_048_576
 MAX_ORDERS = 1_000
 """Orders in one mission: what an operator types in a long day."""
 
-_TIME = re.compile(r"@(\d++(?:\.\d*+)?+|\.\d++)\s*([A-Za-z%/0-9]*)(?=\s|$)")
+_ONE = r"(\d++(?:\.\d*+)?+|\.\d++)\s*([A-Za-z%/0-9]*)"
+_TIME = re.compile(_ONE)
+_TIMES = re.compile(rf"@({_ONE}(?:,{_ONE})*)(?=\s|$)")
 
 
 class MissionError(MisuseError):
@@ -61,26 +64,31 @@ def read_mission(path: Path, constants: Sequence[BodyConstant] = ()) -> tuple[Or
 
 def parse_mission(text: str, name: str) -> tuple[Order, ...]:
     """The orders in `text`, in time order; errors show `name` as the file. Raises MissionError."""
-    orders: list[Order] = []
+    orders: list[tuple[tuple[float, ...], Order]] = []
+    count = 0
     for number, line in enumerate(text.split("\n"), 1):
         place = f"{name}:{number}"
         if not line.partition(";")[0].strip():
             continue
         if line.startswith("@"):
-            orders.append(_order(line, place, orders[-1].time if orders else 0.0))
+            times, rest = _times(line, place, orders[-1][1].time if orders else 0.0)
+            orders.append((times, Order(times[0], rest, place)))
+            count += len(times)
         elif line[0].isspace() and orders:
-            orders[-1] = Order(orders[-1].time, f"{orders[-1].text}\n{line.rstrip()}", orders[-1].place)
+            times, order = orders[-1]
+            orders[-1] = times, replace(order, text=f"{order.text}\n{line.rstrip()}")
         else:
             raise MissionError(
                 f"{place}: wanted an order such as @12.5s (ST), or a line of the order above that begins with a "
                 f"blank, not {line.strip()[:40]}"
             )
-        if len(orders) > MAX_ORDERS:
+        if count > MAX_ORDERS:
             raise MissionError(f"{place}: more than {MAX_ORDERS} orders in one mission")
-    for order in orders:
+    for _, order in orders:
         if not _bare(order.text):
             raise MissionError(f"{order.place}: a time without an expression after it")
-    return tuple(Order(order.time, dedent(order.text).strip(), order.place) for order in orders)
+    sent = [replace(order, time=time, text=dedent(order.text).strip()) for times, order in orders for time in times]
+    return tuple(sorted(sent, key=lambda order: order.time))
 
 
 def _bare(text: str) -> str:
@@ -88,14 +96,27 @@ def _bare(text: str) -> str:
     return "".join(line.partition(";")[0].strip() for line in text.split("\n"))
 
 
-def _order(line: str, place: str, before: float) -> Order:
-    match = _TIME.match(line)
-    unit = match[2].casefold() if match else ""
-    if match is None or unit not in UNITS or UNITS[unit].dimension != TIME:
-        raise MissionError(f"{place}: wanted a time with its unit, such as @12.5s or @2min, not {line.split()[0][:40]}")
-    time = to_si(float(match[1]), unit)
-    if not isfinite(time):
-        raise MissionError(f"{place}: {line.split()[0][:40]} is too far away")
-    if time < before:
-        raise MissionError(f"{place}: {time:g} s comes before the order above it ({before:g} s); sort them by time")
-    return Order(time, line[match.end() :].strip(), place)
+def _times(line: str, place: str, before: float) -> tuple[tuple[float, ...], str]:
+    """The times of an order, in s and ascending, and what follows them. before: of the order above."""
+    match = _TIMES.match(line)
+    if match is None:
+        raise _no_time(line, place)
+    found: list[float] = []
+    for number, unit in _TIME.findall(match[1]):
+        if unit.casefold() not in UNITS or UNITS[unit.casefold()].dimension != TIME:
+            raise _no_time(line, place)
+        time = to_si(float(number), unit.casefold())
+        if not isfinite(time):
+            raise MissionError(f"{place}: {line.split()[0][:40]} is too far away")
+        if found and time <= found[-1]:
+            raise MissionError(f"{place}: {time:g} s does not come after {found[-1]:g} s; sort an order's times")
+        if time < before:
+            raise MissionError(
+                f"{place}: {time:g} s comes before the order above it ({before:g} s); sort them by time"
+            )
+        found.append(time)
+    return tuple(found), line[match.end() :].strip()
+
+
+def _no_time(line: str, place: str) -> MissionError:
+    return MissionError(f"{place}: wanted a time with its unit, such as @12.5s or @2min, not {line.split()[0][:40]}")

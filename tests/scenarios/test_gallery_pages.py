@@ -87,4 +87,6 @@ def test_the_complete_example_has_every_key(tmp_path: Path) -> None:
         known = re.search(r"known here: (.*)", str(caught.value))
         assert known
         for key in known[1].split(", "):
-            assert re.search(rf"^(# |\[{{0,2}}((robots|world|fields\.\w+)\.(sonar\.)?)?)?{key}\b", example[1], re.MULTILINE), key
+            assert re.search(
+                rf"^(# |\[{{0,2}}((robots|world|fields\.\w+)\.(sonar\.)?)?)?{key}\b", example[1], re.MULTILINE
+            ), key

@@ -111,9 +111,7 @@ def _times(line: str, place: str, before: float) -> tuple[tuple[float, ...], str
         if found and time <= found[-1]:
             raise MissionError(f"{place}: {time:g} s does not come after {found[-1]:g} s; sort an order's times")
         if time < before:
-            raise MissionError(
-                f"{place}: {time:g} s comes before the order above it ({before:g} s); sort them by time"
-            )
+            raise MissionError(f"{place}: {time:g} s comes before the order above it ({before:g} s); sort them by time")
         found.append(time)
     return tuple(found), line[match.end() :].strip()
 

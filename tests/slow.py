@@ -43,6 +43,7 @@ SLOW = {
     "cli/test_key_changes.py": 9,
     "console/experiment/test_page.py": 9,
     "scenarios/test_bravo.py": 9,
+    "experiments/test_drawing.py": 3,
     "experiments/test_search.py": 12,
     "channel/test_flood.py": 8,
     "cli/test_store.py": 8,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -154,9 +155,29 @@ def test_the_sweep_benchmark_compares_with_the_bare_loop() -> None:
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
-    assert len(found["speeds"]) == 3
+    argos = found["speeds"].pop("ARGoS, a process a run")
+    assert argos is None or argos > 0.0
+    assert len(found["speeds"]) == 5
     assert all(speed > 1.0 for speed in found["speeds"].values())
-    assert found["bars"][0]["value"] > 0.0
+    assert [bar["wanted"] for bar in found["bars"]] == [0.8, 1.2]
+    assert all(bar["value"] > 0.0 for bar in found["bars"])
+
+
+def test_the_sweep_benchmark_times_argos_where_it_is_installed(tmp_path: Path) -> None:
+    program = tmp_path / "argos3"
+    program.write_text(f'#!/bin/sh\necho "$@" >> {tmp_path}/asked\n')
+    program.chmod(0o755)
+    asked = (
+        "import os, pathlib\n"
+        "from benchmarks.sweep import argos\n"
+        "print(argos(None, 3, 2), argos(pathlib.Path('x'), 3, 2) > 0)\n"
+    )
+    environment = {**os.environ, "PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
+    done = subprocess.run(
+        [sys.executable, "-c", asked], cwd=ROOT, env=environment, capture_output=True, text=True, check=False
+    )
+    assert (done.stdout, done.stderr) == ("None True\n", "")
+    assert (tmp_path / "asked").read_text().splitlines() == ["-c x/100.argos"] * 3
 
 
 def test_the_gym_benchmark_counts_steps() -> None:

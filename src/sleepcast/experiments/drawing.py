@@ -16,9 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 KINDS = ("line", "box", "heat")
-COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#000000", "#F0E442")
-"""Okabe and Ito's, which colour-blind people can tell apart: https://jfly.uni-koeln.de/color/"""
+COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#000000", "#999933")
+"""Okabe and Ito's, which colour-blind people can tell apart (https://jfly.uni-koeln.de/color/), but for their yellow,
+which is too light for a line on white."""
 MARKERS = "osD^vP*X"
+STYLES = ("-", "--", ":")
+"""Of lines: more than there are colours differ in these."""
+LETTERS = 60
+"""Letters of names below an axis that fit beside each other; more are written at a slant."""
 RESAMPLED, CONFIDENCE = 2_000, 0.95
 
 Floats = NDArray[np.float64]
@@ -75,10 +80,10 @@ def draw(
     figure = Figure(figsize=(6.4, 4.0), layout="constrained")
     axes = figure.add_subplot()
     across = numbers(table[x])
-    ticks = sorted(set(table[x])) if across is None else np.unique(across[0][~np.isnan(across[0])]).tolist()
-    places = np.array([ticks.index(each) for each in table[x]]) if across is None else across[0]
+    ticks = _sorted(table[x]) if across is None or kind == "box" else []
+    places = np.array([float(ticks.index(each)) for each in table[x]]) if ticks or across is None else across[0]
     found = {name: _measured(table, name) for name in y}
-    unit = "s" if x == "time" else "" if across is None else across[1]
+    unit = "s" if x == "time" else "" if across is None or ticks else across[1]
     axes.set(xlabel=_label(x, unit), ylabel=_label(", ".join(y), found[y[0]][1]), title=title)
     if kind == "heat":
         if by is None or len(y) > 1:
@@ -93,13 +98,14 @@ def draw(
             lines = [(group, np.where(of == group, found[y[0]][0], np.nan)) for group in _sorted(table[by])]
         for number, (name, heights) in enumerate(lines):
             known = ~np.isnan(heights)
-            look = (COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)])
+            style = STYLES[number // len(COLOURS) % len(STYLES)]
+            look = (COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)], style)
             if kind == "box":
                 _boxes(axes, places[known], heights[known], (number, len(lines)), look[0], name)
             else:
                 _line(axes, places[known], heights[known], look, name)
-        if across is None:
-            axes.set_xticks(range(len(ticks)), ticks)
+        if ticks:
+            _name_ticks(axes, ticks)
         if by is not None or len(y) > 1:
             figure.legend(title=by, frameon=False, loc="outside right upper")
         axes.grid(color="#dddddd", linewidth=0.6)
@@ -125,12 +131,12 @@ def _sorted(column: list[str]) -> list[str]:
     return sorted(different) if found is None else sorted(different, key=lambda each: numbers([each])[0][0])  # type: ignore[index]
 
 
-def _line(axes, places: Floats, heights: Floats, look: tuple[str, str], group: str) -> None:  # type: ignore[no-untyped-def]  # Matplotlib has no types
+def _line(axes, places: Floats, heights: Floats, look: tuple[str, str, str], group: str) -> None:  # type: ignore[no-untyped-def]  # Matplotlib has no types
     at = np.unique(places)
     bands = np.array([band(heights[places == each]) for each in at]).reshape(-1, 3)
-    colour, marker = look
+    colour, marker, style = look
     few = {"marker": marker, "markersize": 4} if len(at) <= 40 else {}
-    axes.plot(at, bands[:, 0], color=colour, label=group, linewidth=1.6, **few)
+    axes.plot(at, bands[:, 0], color=colour, label=group, linewidth=1.6, linestyle=style, **few)
     axes.fill_between(at, bands[:, 1], bands[:, 2], color=colour, alpha=0.2, linewidth=0)
 
 
@@ -151,7 +157,12 @@ def _boxes(axes, places: Floats, heights: Floats, which: tuple[int, int], colour
         flierprops={"markersize": 3},
     )
     axes.plot([], [], color=colour, linewidth=6, alpha=0.5, label=group)
-    axes.set_xticks(at)
+
+
+def _name_ticks(axes, names: list[str]) -> None:  # type: ignore[no-untyped-def]  # as above
+    """Write names below the axis, so that they do not run into each other."""
+    slant = sum(len(name) + 2 for name in names) > LETTERS
+    axes.set_xticks(range(len(names)), names, **({"rotation": 30, "ha": "right"} if slant else {}))
 
 
 def _heat(figure, axes, table: Table, names: tuple[str, str, str]) -> None:  # type: ignore[no-untyped-def]  # as above
@@ -164,7 +175,7 @@ def _heat(figure, axes, table: Table, names: tuple[str, str, str]) -> None:  # t
             counts[rows.index(row), columns.index(column)] += 1
     means = np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0)
     drawn = axes.imshow(means, cmap="cividis", origin="lower", aspect="auto")
-    axes.set_xticks(range(len(columns)), columns)
+    _name_ticks(axes, columns)
     axes.set_yticks(range(len(rows)), rows)
     axes.set_ylabel(names[1])
     figure.colorbar(drawn, ax=axes, label=_label(names[2], unit))

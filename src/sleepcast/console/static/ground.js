@@ -42,8 +42,9 @@ function drawArea(pen, view, { name, corners }, colours) {
   pen.lineWidth = 1.2;
   pen.stroke();
   pen.setLineDash([]);
-  const highest = ys.indexOf(Math.min(...ys));
-  drawLabel(pen, view, name, xs[highest] + 6, ys[highest] + 12, colours.place, colours.area, "600 12px", []);
+  const top = Math.min(...ys);
+  const left = Math.min(...xs.filter((_, corner) => ys[corner] - top < 1));
+  drawLabel(pen, view, name, left + 6, top + 12, colours.place, colours.area, "600 12px", []);
   pen.globalAlpha = 1;
 }
 

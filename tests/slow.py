@@ -70,6 +70,8 @@ SLOW = {
     "loop/test_loop.py": 4,
     "clients/test_c_programs.py": 4,
     "scenarios/test_search.py": 4,
+    "scenarios/test_barrier.py": 4,
+    "scenarios/test_line_sweep.py": 3,
     "scenarios/test_thresholds.py": 4,
     "scenarios/test_energy.py": 4,
     "scenarios/test_fireflies.py": 4,

@@ -189,6 +189,15 @@ def test_the_gym_benchmark_counts_steps() -> None:
     assert all(rate > 20.0 for rate in rates.values())
 
 
+def test_the_neighbours_benchmark_times_every_function_and_has_its_bar() -> None:
+    command = [sys.executable, "-m", "benchmarks.neighbours", "--robots", "100", "--quick", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert all(len(each) == 5 and min(each.values()) > 0.0 for each in found["ms"].values())
+    assert found["bar"]["value"] is None  # it is about ten thousand robots
+
+
 def test_one_command_s_way_is_no_longer_than_it_was() -> None:
     command = [sys.executable, "-m", "benchmarks.path", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

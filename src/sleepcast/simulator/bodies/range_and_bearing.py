@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from math import inf
+from math import ceil, inf
 from typing import NamedTuple
 
 import numpy as np
@@ -232,8 +232,10 @@ class RangeAndBearing:
         block = np.zeros(asked.robots.size, np.int64)
         if asked.robots.size > MAX_PAIRS // bodies.count:
             grid, points, found = self._cells(reach)
-            x, y = found.x[asked.robots], found.y[asked.robots]
-            block = np.cumsum(bodies.machine.candidates(grid, points, x, y, reach)) // MAX_PAIRS
+            around = (2 * ceil(reach / grid.size) + 1) ** 2
+            if asked.robots.size * around * int(np.diff(points.start).max()) > MAX_PAIRS:
+                x, y = found.x[asked.robots], found.y[asked.robots]
+                block = np.cumsum(bodies.machine.candidates(grid, points, x, y, reach)) // MAX_PAIRS
         ends = [0, *(np.flatnonzero(np.diff(block)) + 1).tolist(), asked.robots.size]
         blocks = [self._block(asked.part(slice(*each)), reach) for each in pairwise(ends)]
         if len(blocks) == 1:
@@ -263,17 +265,20 @@ class RangeAndBearing:
         away = np.sqrt(across * across + up * up)
         robot = place[first]
         sensed: Flags = away <= asked.radius[robot]
-        colour = asked.colour[robot]
-        sensed &= np.isnan(colour) | (colour == self._shared[COLOUR, other])
-        tokens = (other.astype(np.uint64) << np.uint64(32)) + first.astype(np.uint64)
+        if not np.isnan(asked.colour).all():
+            colour = asked.colour[robot]
+            sensed &= np.isnan(colour) | (colour == self._shared[COLOUR, other])
         if model.loss:
-            sensed &= uniform(key(bodies.seed, "neighbour lost", bodies.tick), tokens) >= model.loss
-        found = Pairs(asked.robots, asked.radius, robot, other, across, up, away).where(sensed)
+            drawn = uniform(key(bodies.seed, "neighbour lost", bodies.tick), _tokens(other, first))
+            sensed &= drawn >= model.loss
+        found = Pairs(asked.robots, asked.radius, robot, other, across, up, away)
+        if not sensed.all():
+            found, first = found.where(sensed), first[sensed]
         across, up, away = found.across, found.up, found.away
         if model.noise:
-            size = model.noise * away
-            across = across + size * self._normal("neighbour across", tokens[sensed])
-            up = up + size * self._normal("neighbour up", tokens[sensed])
+            size, tokens = model.noise * away, _tokens(found.other, first)
+            across = across + size * self._normal("neighbour across", tokens)
+            up = up + size * self._normal("neighbour up", tokens)
             away = np.sqrt(across * across + up * up)
         across, up = self._turned(asked.robots, found.robot, across, up)
         return Pairs(asked.robots, asked.radius, found.robot, found.other, across, up, away)
@@ -282,6 +287,11 @@ class RangeAndBearing:
         """Normal noise of this tick, one number for each token."""
         drawn = np.uint64(key(self._bodies.seed, purpose, self._bodies.tick))
         return deviates(mix(tokens * np.uint64(GOLDEN) + drawn))
+
+
+def _tokens(other: Whole, first: Whole) -> NDArray[np.uint64]:
+    """A number of its own for each pair, for what is drawn by chance."""
+    return (other.astype(np.uint64) << np.uint64(32)) + first.astype(np.uint64)
 
 
 # ---- the functions of expressions

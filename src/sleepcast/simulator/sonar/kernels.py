@@ -80,17 +80,21 @@ def candidates(x, y, start, size, across, up, reach, counts):
 @strict
 def pairs(x, y, order, start, size, across, up, reach, which, first, second):
     """See `grid.pairs`: writes the pairs of the points `which` into `first` and `second`, and returns their number."""
+    sorted_x, sorted_y = np.empty(order.shape[0]), np.empty(order.shape[0])
+    for k in range(order.shape[0]):
+        sorted_x[k], sorted_y[k] = x[U(order[k])], y[U(order[k])]
     found = 0
     for place in range(which.shape[0]):
         i = which[place]
-        lowest, last, left, right = cells_around(x[i], y[i], size, across, up, reach)
+        own_x, own_y = x[i], y[i]
+        lowest, last, left, right = cells_around(own_x, own_y, size, across, up, reach)
         for row in range(lowest, last):
             for k in range(start[row * across + left], start[row * across + right]):
-                j = order[k]
-                aside, above = x[i] - x[j], y[i] - y[j]
-                if aside * aside + above * above <= reach * reach and i != j:
-                    first[found], second[found] = i, j
-                    found += 1
+                aside, above = own_x - sorted_x[U(k)], own_y - sorted_y[U(k)]
+                j = order[U(k)]
+                # Written whether it counts or not, and then overwritten: faster than a branch that is hard to predict.
+                first[U(found)], second[U(found)] = i, j
+                found += (aside * aside + above * above <= reach * reach) & (i != j)
     return found
 
 

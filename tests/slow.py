@@ -72,6 +72,7 @@ SLOW = {
     "scenarios/test_search.py": 4,
     "scenarios/test_barrier.py": 4,
     "scenarios/test_recruit.py": 5,
+    "scenarios/test_rewrite_1000.py": 4,
     "scenarios/test_thresholds.py": 4,
     "scenarios/test_energy.py": 4,
     "scenarios/test_fireflies.py": 4,

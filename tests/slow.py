@@ -73,6 +73,8 @@ SLOW = {
     "scenarios/test_barrier.py": 4,
     "scenarios/test_recruit.py": 5,
     "scenarios/test_rewrite_1000.py": 4,
+    "scenarios/test_rooms.py": 4,
+    "scenarios/test_shepherding.py": 3,
     "scenarios/test_thresholds.py": 4,
     "scenarios/test_energy.py": 4,
     "scenarios/test_fireflies.py": 4,

@@ -74,3 +74,10 @@ def test_the_order_of_angles_is_the_length_of_their_mean() -> None:
         assert read_measure("order (* 180deg (MOD id 2))")(fleet) == pytest.approx(0.0, abs=1e-12)
         assert read_measure("order 60deg")(fleet) == pytest.approx(1.0)
         assert read_measure("order heading")(fleet) == pytest.approx(read_measure("polarization")(fleet))
+
+
+def test_the_gap_is_the_widest_between_neighbouring_values_that_are_known() -> None:
+    with sc.open("crowd", robots=5) as fleet:
+        assert read_measure("gap (* id id)")(fleet) == 25 - 16
+        assert read_measure("gap (IF (< id 4) (* id id) UNKNOWN)")(fleet) == 9 - 4
+        assert read_measure("gap 3")(fleet) == 0.0

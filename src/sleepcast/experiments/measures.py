@@ -39,9 +39,11 @@ OF_KNOWN: dict[str, Callable[[Values], float]] = {
     "max": lambda values: float(values.max()),
     "sum": lambda values: float(values.sum()),
     "std": lambda values: float(values.std()),
+    "gap": lambda values: float(np.diff(np.sort(values)).max(initial=0.0)),
     "order": lambda values: float(np.hypot(np.cos(values).mean(), np.sin(values).mean())),
 }
-"""What is made of the values of the robots that know one; NaN if none does. order: of angles, rad: the length of their
+"""What is made of the values of the robots that know one; NaN if none does. gap: the widest between two values next to
+each other: of the times at which robots did something, the longest wait. order: of angles, rad: the length of their
 mean direction (the order parameter of Kuramoto, 1975), 1 if all are equal, near 0 if they are spread evenly."""
 OF_TRUE: dict[str, Callable[[Values], float]] = {
     "count": lambda true: float(true.sum()),

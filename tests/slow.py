@@ -70,6 +70,7 @@ SLOW = {
     "loop/test_loop.py": 4,
     "clients/test_c_programs.py": 4,
     "scenarios/test_search.py": 4,
+    "scenarios/test_beeclust.py": 4,
     "scenarios/test_barrier.py": 4,
     "scenarios/test_recruit.py": 5,
     "scenarios/test_rewrite_1000.py": 4,

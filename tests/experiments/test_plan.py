@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from sleepcast.core.errors import MisuseError
-from sleepcast.experiments.plan import Experiment, Span, TimedCommand, experiment_of, read_experiment
+from sleepcast.experiments.plan import (
+    Experiment,
+    PlanError,
+    Span,
+    TimedCommand,
+    experiment_of,
+    experiment_of_scenario,
+    read_experiment,
+)
 
 WHOLE = """
 scenario = "crowd"
@@ -149,3 +158,24 @@ def test_what_is_wrong_is_said(wrong: str, sentence: str) -> None:
 def test_wrong_options_are_refused(options: dict[str, object], sentence: str) -> None:
     with pytest.raises(MisuseError, match=sentence):
         experiment_of("crowd", **{"measures": ["mean x"], **options}).checked()  # type: ignore[arg-type]
+
+
+class TestAnotherWay:
+    """An experiment of the gallery, with other settings."""
+
+    def test_it_measures_the_same(self) -> None:
+        own = experiment_of_scenario("gauci")
+        assert own is not None
+        other = own.varied(over=["constants.FAR=1m,2m"], seeds=3)
+        assert other.measures == own.measures
+        assert other.over == {"constants.FAR": ("1m", "2m")}
+        assert other.seeds == (1, 2, 3)
+        assert own.varied(seconds=5.0) == msgspec.structs.replace(own, seconds=5.0)
+
+    def test_drawn_points_are_not_replaced(self) -> None:
+        drawn = Experiment(
+            "bravo", (1,), {"a": "mean fuel"}, {"radio.loss": Span(0.0, 1.0)}, sampling="latin", points=2
+        )
+        assert drawn.varied(seeds=2).seeds == (1, 2)
+        with pytest.raises(PlanError, match="drawn"):
+            drawn.varied(over=["radio.loss=0"])

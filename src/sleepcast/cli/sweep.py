@@ -53,16 +53,17 @@ SHOWN_ERRORS = 3
 def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_json: bool, quiet: bool, **how) -> int:  # type: ignore[no-untyped-def]
     """Run SCENARIO at every point of what is varied, with every seed, and keep what was measured in a folder.
 
-    Without options, the experiment of the scenario's own folder is done, if there is one. A TOML file says the same as
-    the options (see docs/howto/run-experiments.md). Begun again, it goes on where it was
-    interrupted. --out coverage.csv keeps the results in the folder coverage and writes the table coverage.csv at the
-    end; .parquet likewise. --page shows in the browser how far it has come, with curves that grow; a click on a point
-    lists its runs, and each opens on a page of its own.
+    Without --measure, the experiment of the scenario's own folder is done, if there is one, with the settings and
+    seeds that you give. A TOML file says the same as the options (see docs/howto/run-experiments.md). Begun again,
+    it goes on where it was interrupted. --out coverage.csv keeps the results in the folder coverage and writes the
+    table coverage.csv at the end; .parquet likewise. --page shows in the browser how far it has come, with curves
+    that grow; a click on a point lists its runs, and each opens on a page of its own.
 
     \b
     Examples:
       sleepcast sweep crowd --over radio.loss=0,0.3 --seeds 5 --seconds 10s --measure 'mean battery' --out loss.csv
       sleepcast sweep search --out found
+      sleepcast sweep search --over constants.CHANCE=0.2,0.9 --out chances
       sleepcast sweep experiment.toml --out results
       sleepcast sweep results
       sleepcast sweep results --verify --runs 10
@@ -119,7 +120,8 @@ def _experiment(what: str, folder: Path, how: dict[str, object]) -> Experiment:
     said = {key: how[key] for key in ("over", "measures", "seeds", "seconds", "every", "until") if how[key]}
     given = [f"--{'measure' if key == 'measures' else key}" for key in said]
     given += ["--no-mission"] if how["no_mission"] else []
-    if not given and (own := experiment_of_scenario(what)) is not None:
+    own = experiment_of_scenario(what)
+    if own is not None and not given:
         return own
     path = Path(what)
     is_results = (path / "experiment.toml").is_file()
@@ -127,7 +129,9 @@ def _experiment(what: str, folder: Path, how: dict[str, object]) -> Experiment:
         if given:
             raise MisuseError(f"{what} says what is varied and measured: leave out {', '.join(given)}")
         return experiment_in(path) if is_results else read_experiment(path)
-    return experiment_of(what, mission=not how["no_mission"], **said)  # type: ignore[arg-type]  # click has checked them
+    if own is not None and "measures" not in said:
+        return own.varied(mission=not how["no_mission"], **said)  # type: ignore[arg-type]  # click has checked them
+    return experiment_of(what, mission=not how["no_mission"], **said)  # type: ignore[arg-type]  # as above
 
 
 @contextmanager

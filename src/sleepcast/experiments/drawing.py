@@ -22,6 +22,8 @@ which is too light for a line on white."""
 MARKERS = "osD^vP*X"
 STYLES = ("-", "--", ":")
 """Of lines: more than there are colours differ in these."""
+LONG = 36
+"""Letters that fit beside the axis: names of many measures stand in the legend only."""
 LETTERS = 60
 """Letters of names below an axis that fit beside each other; more are written at a slant."""
 RESAMPLED, CONFIDENCE = 2_000, 0.95
@@ -84,7 +86,8 @@ def draw(
     places = np.array([float(ticks.index(each)) for each in table[x]]) if ticks or across is None else across[0]
     found = {name: _measured(table, name) for name in y}
     unit = "s" if x == "time" else "" if across is None or ticks else across[1]
-    axes.set(xlabel=_label(x, unit), ylabel=_label(", ".join(y), found[y[0]][1]), title=title)
+    names = ", ".join(y)  # the legend names them as well
+    axes.set(xlabel=_label(x, unit), ylabel=_label(names if len(names) <= LONG else "", found[y[0]][1]), title=title)
     if kind == "heat":
         if by is None or len(y) > 1:
             raise ValueError("a heat map has two axes and one measure: say with --by what is on the other axis")

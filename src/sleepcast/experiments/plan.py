@@ -167,6 +167,29 @@ class Experiment(msgspec.Struct, frozen=True):
         size = len(runs) if self.precision is None else self.precision.least * (len(runs) // len(self.seeds))
         yield from (runs[start : start + size] for start in range(0, len(runs), size))
 
+    def varied(
+        self,
+        *,
+        over: Sequence[str] = (),
+        seeds: int = 0,
+        seconds: float | None = None,
+        every: float | None = None,
+        until: str = "",
+        mission: bool = True,
+    ) -> Experiment:
+        """The same, but for what is said here as in `experiment_of`. Raises PlanError."""
+        if self.points and over:
+            raise PlanError(f"over: the points of this experiment are drawn ({self.sampling}); change its file instead")
+        return msgspec.structs.replace(
+            self,
+            over=_varied(over) if over else self.over,
+            seeds=_numbers(seeds) if seeds else self.seeds,
+            seconds=seconds or self.seconds,
+            every=every or self.every,
+            until=until or self.until,
+            mission=mission and self.mission,
+        )
+
     def _points(self) -> Iterator[dict[str, Value]]:
         keys = list(self.over)
         if self.goal is not None:
@@ -311,22 +334,31 @@ def experiment_of(
 ) -> Experiment:
     """The experiment that a line of commands describes. over: each `KEY=VALUE,VALUE`; measures: each `NAME=MEASURE`, or
     a measure alone. Raises PlanError."""
-    varied: dict[str, Setting | Span] = {}
-    for each in over:
-        key, equals, values = each.partition("=")
-        if not equals or not key.strip() or not values.strip():
-            raise PlanError(f'over "{each:.80}": wanted a key and its values, such as radio.loss=0,0.1,0.3')
-        varied[key.strip()] = tuple(_value(value.strip()) for value in values.split(","))
     named = {}
     for each in measures:
         found = re.fullmatch(r"\s*([A-Za-z_]\w*)\s*=(?!=)(.+)", each, re.DOTALL)
         name, text = (found[1], found[2].strip()) if found else (name_of(each), each.strip())
         named[name] = text
+    name = _absolute(scenario, Path.cwd())
+    return Experiment(name, _numbers(seeds), named, _varied(over), seconds, every, until, mission)
+
+
+def _varied(said: Sequence[str]) -> dict[str, Setting | Span]:
+    """What options say is varied, each as `KEY=VALUE,VALUE`."""
+    varied: dict[str, Setting | Span] = {}
+    for each in said:
+        key, equals, values = each.partition("=")
+        if not equals or not key.strip() or not values.strip():
+            raise PlanError(f'over "{each:.80}": wanted a key and its values, such as radio.loss=0,0.1,0.3')
+        varied[key.strip()] = tuple(_value(value.strip()) for value in values.split(","))
+    return varied
+
+
+def _numbers(seeds: int) -> tuple[int, ...]:
+    """The first so many seeds."""
     if not 1 <= seeds <= MAX_ROWS:
         raise PlanError(f"seeds {seeds}: wanted a whole number from 1 to {MAX_ROWS}")
-    numbers = tuple(range(1, seeds + 1))
-    name = _absolute(scenario, Path.cwd())
-    return Experiment(name, numbers, named, varied, seconds, every, until, mission)
+    return tuple(range(1, seeds + 1))
 
 
 def _at(setting: Setting | Span, share: float) -> Value:

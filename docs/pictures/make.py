@@ -248,7 +248,17 @@ def figures(scenario: str) -> None:
 
 
 GALLERY = FOLDER / "gallery"
-MOMENTS = {"barrier": 156.0, "bravo": 120.0, "election": 20.0, "formations": 115.0, "line-sweep": 200.0, "search": 20.0}
+MOMENTS = {
+    "barrier": 156.0,
+    "bravo": 120.0,
+    "election": 20.0,
+    "formations": 115.0,
+    "leave-room": 15.0,
+    "line-sweep": 200.0,
+    "opening": 15.0,
+    "recruit": 50.0,
+    "search": 20.0,
+}
 """Simulated seconds until the moment of a scenario that is shown; else half of its run."""
 FRAMED = """<style>svg { color: #1c2733; background: #ffffff; font-family: system-ui, sans-serif }
 @media (prefers-color-scheme: dark) { svg { color: #dfe6ee; background: #12181f } }</style>"""

@@ -13,6 +13,8 @@ from sleepcast.loop import Swarm, vocabulary_of
 from sleepcast.simulator import Scenario, SettingsError, Simulator, find_scenario, load, parse_mission, scenario_names
 from sleepcast.simulator.scenario.scenario import GALLERY
 
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+
 
 @pytest.fixture(params=scenario_names())
 def scenario(request: pytest.FixtureRequest) -> Scenario:
@@ -53,6 +55,13 @@ def test_things_to_try_can_be_tried(scenario: Scenario) -> None:
     assert examples
     for text in (*(command.text for command in scenario.commands), *examples):
         assert not swarm.evaluate(swarm.simulator.names[0], text).faults, text
+
+
+def test_the_gallery_shows_it(scenario: Scenario) -> None:
+    gallery = (DOCS / "gallery.md").read_text(encoding="utf-8")
+    assert f"[**{scenario.name}**](../src/sleepcast/scenarios/{scenario.name}/README.md)" in gallery
+    assert f'<img src="pictures/gallery/{scenario.name}.svg" ' in gallery
+    assert (DOCS / "pictures" / "gallery" / f"{scenario.name}.svg").is_file(), "docs/pictures/make.py gallery draws it"
 
 
 def test_the_complete_example_loads(tmp_path: Path) -> None:

@@ -95,4 +95,6 @@ SLOW = {
     "clients/test_python.py": 2,
     "cli/test_prepare.py": 2,
     "cli/test_journal.py": 2,
+    "scenarios/test_best_of_n.py": 3,
+    "scenarios/test_society.py": 2,
 }

@@ -12,7 +12,7 @@ from sleepcast.experiments.measures import read_measure
 from sleepcast.experiments.plan import experiment_of_scenario
 
 
-def near(seeds: Sequence[int], *, wait: str = "60s", moments: int = 5) -> float:
+def near(seeds: Sequence[int], *, wait: str = "120s", moments: int = 5) -> float:
     """Mean share of the robots near the lamp, after five minutes and at so many moments 30 s apart."""
     experiment = experiment_of_scenario("beeclust")
     assert experiment

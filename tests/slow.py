@@ -41,7 +41,7 @@ SLOW = {
     "cli/test_looks.py": 10,
     "network/test_lab.py": 10,
     "cli/test_key_changes.py": 9,
-    "console/experiment/test_page.py": 9,
+    "experiment_page/test_page.py": 9,
     "scenarios/test_bravo.py": 9,
     "experiments/test_drawing.py": 3,
     "experiments/test_search.py": 12,

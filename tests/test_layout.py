@@ -61,15 +61,17 @@ HOUSE = {
     "bridges": room("nomad robot"),
     "loop": room("language channel mind node fleet simulator robot", "msgspec"),
     "station": room("language channel mind", "msgspec numpy"),
-    "api": room("language channel robot mind node fleet simulator loop station", "numpy", late="rich nanoarrow"),
     "console": room(
-        "language channel robot nomad node fleet simulator loop station experiments",
-        "starlette uvicorn msgspec numpy",
+        "language channel robot nomad node fleet simulator loop station", "starlette uvicorn msgspec numpy"
     ),
+    "notebook": room("loop station console", "anywidget traitlets msgspec"),
+    "api": room("language channel robot mind node fleet simulator loop station notebook", "numpy", "rich nanoarrow"),
     "experiments": room("language simulator api", "msgspec numpy", "distributed matplotlib optuna pyarrow scipy"),
+    "experiment_page": room("loop console experiments", "starlette msgspec"),
     "gym": room("language api experiments", "gymnasium pettingzoo numpy"),
     "cli": room(
-        "language channel robot mind nomad node fleet simulator bridges loop station api experiments console",
+        "language channel robot mind nomad node fleet simulator bridges loop station api experiments experiment_page "
+        "console",
         "click rich prompt_toolkit msgspec numpy",
     ),
     "__main__": room("cli"),

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from math import inf
 from threading import Event, Lock
-from typing import Concatenate, ParamSpec, Self, TypeVar
+from typing import TYPE_CHECKING, Concatenate, ParamSpec, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.language import Explanation
 from sleepcast.station import Account, Command, Preview, Station
 from sleepcast.station.validation import is_mere_test
+
+if TYPE_CHECKING:
+    from sleepcast.notebook import FleetWidget, NotebookDesk
 
 WAIT = 2.0
 """Seconds for which a command waits for answers: robots answer at once, and a lossy radio asks them again."""
@@ -174,6 +177,8 @@ class Fleet(ABC):
     def __init__(self, station: Station) -> None:
         self.station = station
         self._turns = Turns()
+        self._desk: NotebookDesk | None = None
+        """What lies behind the views, if there ever was one."""
 
     @contextmanager
     def _turn(self) -> Iterator[None]:
@@ -321,6 +326,32 @@ class Fleet(ABC):
         columns: dict[str, Texts | Numbers] = {each: self[each] for each in wanted}
         return DataTable({"robot": tuple(self.names)} | columns)
 
+    # ---- shown
+
+    def view(self) -> FleetWidget:
+        """Map and prompt of the operator's page, for a notebook (Jupyter, marimo, VS Code). It is the same fleet: what
+        is sent there is done here, and what happens here is seen there. Simulated time stands still until its button is
+        pressed; then it goes on while the view is on the screen and no cell is running. Raises MisuseError where
+        anywidget is not installed, and for more than 50,000 robots."""
+        from sleepcast.notebook import FleetWidget
+
+        if self._desk is None:
+            self._desk = self._make_desk()
+        return FleetWidget(self._desk, self._repr_html_, self.__repr__)
+
+    @abstractmethod
+    def _make_desk(self) -> NotebookDesk:
+        """What shall lie behind the views."""
+
+    @abstractmethod
+    def _repr_html_(self) -> str:
+        """The fleet as it is now, for notebooks."""
+
+    def _changed(self, *, soon: bool = False) -> None:
+        """Show it in the views. soon: there is more to come."""
+        if self._desk is not None:
+            self._desk.changed(soon=soon)
+
     # ---- what happens
 
     async def events(self, seconds: float = inf) -> AsyncGenerator[FleetEvent, None]:
@@ -341,6 +372,7 @@ class Fleet(ABC):
                 await to_thread(self._pass)
         finally:
             self.station.listeners.remove(queue.hear)
+            self._changed()
 
     @abstractmethod
     def _pass(self) -> None:

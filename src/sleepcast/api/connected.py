@@ -8,7 +8,7 @@ from contextlib import ExitStack, closing
 from math import ceil, inf, isfinite
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 from weakref import finalize
 
 import numpy as np
@@ -24,6 +24,9 @@ from sleepcast.station.asking import AHEAD, ask_first, ask_why, look_around, unk
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import TelemetryClient
 from sleepcast.station.validation import MAX_LISTED, UnknownNameError
+
+if TYPE_CHECKING:
+    from sleepcast.notebook import NotebookDesk
 
 TURN = 0.05
 """Seconds of hearing in one turn, after which another thread may have its own."""
@@ -64,6 +67,8 @@ class ConnectedFleet(Fleet):
             for turn in turns:
                 with self._turn():
                     self.station.wait(min(began + seconds, began + (turn + 1) * TURN) - self.station.now)
+                self._changed(soon=True)
+        self._changed()
         return self
 
     def _pass(self) -> None:
@@ -73,6 +78,7 @@ class ConnectedFleet(Fleet):
                 self._asked = self.station.now
                 self.telemetry.look()
             self.station.wait(TURN)
+        self._changed(soon=True)
 
     def _until(self, sent: Command, seconds: float) -> CommandResult:
         self._looked = -inf  # robots may have changed
@@ -80,6 +86,7 @@ class ConnectedFleet(Fleet):
         while (now := self.station.now) < until and self.station.awaits(sent):
             with self._turn():
                 self.station.wait(min(TURN / 2.0, until - now))
+        self._changed()
         return CommandResult(self, sent)
 
     # ---- the operator's desk
@@ -186,6 +193,11 @@ class ConnectedFleet(Fleet):
 
     def _repr_html_(self) -> str:
         return self.table()._repr_html_()
+
+    def _make_desk(self) -> NotebookDesk:
+        from sleepcast.notebook import connected_desk
+
+        return connected_desk(self.station, self.telemetry, self.channel, self._began, self._turn)
 
 
 def connect(

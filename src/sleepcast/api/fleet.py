@@ -26,6 +26,7 @@ from sleepcast.station import Command, Station
 
 if TYPE_CHECKING:
     from sleepcast.api.recording import RunRecording
+    from sleepcast.notebook import NotebookDesk
 
 
 class SimulatedFleet(Fleet):
@@ -56,6 +57,7 @@ class SimulatedFleet(Fleet):
         with closing(steps(count, self.swarm.simulator.scenario.name, quiet=quiet)) as ticks:
             for _ in ticks:
                 self._pass()
+        self._changed()
         return self
 
     def _step(self) -> None:
@@ -67,11 +69,13 @@ class SimulatedFleet(Fleet):
     def _pass(self) -> None:
         with self._turn():
             self._step()
+        self._changed(soon=True)
 
     def _until(self, sent: Command, seconds: float) -> CommandResult:
         until, result = self.time + seconds, CommandResult(self, sent)
         while self.time < until and not result.account.complete:
             self._pass()
+        self._changed()
         return result
 
     def _prepare(self, text: str, sure: bool) -> None:
@@ -208,6 +212,11 @@ class SimulatedFleet(Fleet):
 
     def _repr_html_(self) -> str:
         return picture(self.swarm, repr(self))
+
+    def _make_desk(self) -> NotebookDesk:
+        from sleepcast.notebook import simulated_desk
+
+        return simulated_desk(self.swarm, self.station, self._step, self._turn)
 
 
 def open(

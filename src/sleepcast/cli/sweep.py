@@ -139,7 +139,7 @@ def _page(results: Results, port: int | None, browser: bool) -> Iterator[Finding
     """What has been found, shown on a page for as long as this is entered. Raises what the console raises for the
     address."""
     from sleepcast.console import Address
-    from sleepcast.console.experiment.server import experiment_page
+    from sleepcast.experiment_page.server import experiment_page
     from sleepcast.experiments.findings import Findings
     from sleepcast.experiments.results import outcomes_in
 

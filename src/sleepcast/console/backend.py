@@ -169,6 +169,7 @@ class Backend:
 
     def _safety(self) -> outgoing.Safety:
         stop = self._ledger.stop()
+        self.driver.latched = stop is not None  # a program may have sent it past the page
         if stop is None:
             return outgoing.Safety(False, "")
         return outgoing.Safety(True, self._ledger.stop_sentence(stop, self.driver.pace.paused))

@@ -75,13 +75,18 @@ class Driver(FrameSource):
                 await self._wake.wait()
                 continue
             began = self._clock.now()
-            self.pace.keep_up(SLICE)
+            self.advance(SLICE)
             now = self._clock.now()
             if now >= self._frame_due:
                 self.wait_a_frame(now)
                 self.draw()
             busy = now - began >= SLICE
             await asyncio.sleep(0.0 if busy else self._frame_due - self._clock.now())
+
+    def advance(self, budget: float) -> bool:
+        """Let happen what is due, for at most about `budget` s; whether there may be anything new to see."""
+        self.pace.keep_up(budget)
+        return True
 
     def wait_a_frame(self, now: float) -> None:
         """The next frame is due a period after the one that is drawn at `now`."""

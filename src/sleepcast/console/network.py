@@ -118,13 +118,17 @@ class NetworkDriver(Driver):
         """Listen until cancelled. Raises what the channel raises."""
         news, drawn_at = True, -AT_LEAST_EVERY
         while True:
-            news = self._fleet.hear() or news
+            news = self.advance(0.0) or news
             now = self._clock.now()
             if now >= self._frame_due and (news or now - drawn_at >= AT_LEAST_EVERY):
                 self.draw()
                 news, drawn_at = False, now
                 self.wait_a_frame(now)
             await asyncio.sleep(LISTEN)
+
+    def advance(self, budget: float) -> bool:
+        """Hear what has come."""
+        return self._fleet.hear()
 
     def flags(self) -> bytes:
         """Those that other swarms have, and who is silent."""
@@ -158,7 +162,7 @@ class NetworkBackend(Backend):
         yield self.hello()
         yield from super().news(watched)
 
-    def why(self, serial: int, robot: int, command: str) -> Awaitable[outgoing.Explained]:
+    def why(self, serial: int, robot: int, command: str) -> outgoing.Explained | Awaitable[outgoing.Explained]:
         """The robot is asked."""
         return self._why(serial, self._fleet.ask_why(self._name(robot), command))
 

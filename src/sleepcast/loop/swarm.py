@@ -14,7 +14,7 @@ number of the tick, so a run repeats to the last bit at any speed.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict
 from math import isinf
 from typing import Protocol
@@ -268,12 +268,14 @@ class Pace:
     """Computes how many ticks are due so that a run goes `factor` times as fast as real time.
 
     factor: simulated seconds per second of `clock`; infinite for as fast as possible. paused: no tick is due; single
-    steps are still possible. A run that cannot keep up drops the missed ticks.
+    steps are still possible. A run that cannot keep up drops the missed ticks. step: makes a tick, None for
+    one of the swarm alone.
     """
 
-    def __init__(self, clock: Clock, swarm: Swarm, factor: float) -> None:
+    def __init__(self, clock: Clock, swarm: Swarm, factor: float, step: Callable[[], None] | None = None) -> None:
         self.factor, self.paused = factor, False
         self._clock, self._swarm, self._credit = clock, swarm, 0.0
+        self._step = swarm.step if step is None else step
         self._looked = clock.now()
         self._seen: deque[tuple[float, float]] = deque()
 
@@ -292,7 +294,7 @@ class Pace:
             self._credit = min(self._credit, max(1.0, LONGEST_CATCH_UP * self.factor / tick))
         made = 0
         while (flat_out or self._credit >= 1.0) and self._clock.now() - start <= budget:
-            step_swarm(self._swarm)
+            self._step()
             made += 1
             if not flat_out:
                 self._credit -= 1.0

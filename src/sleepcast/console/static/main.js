@@ -1,28 +1,34 @@
 // The page: puts the panes together. What a pane knows it is told here; panes do not know each other.
 
 import { Accounting, bytes } from "./accounting.js";
+import { Port } from "./port.js";
 import { picture, styleOf } from "./shapes.js";
 import { showLine } from "./line.js";
 import { Prompt } from "./prompt.js";
 import { RobotPane } from "./robot.js";
 import { Safety } from "./safety.js";
-import { theme } from "./theme.js";
+import { givenTheme, theme } from "./theme.js";
 import { Time } from "./time.js";
 import { Refusal, Wire } from "./wire.js";
 import { World } from "./world.js";
 
 const find = (id) => document.getElementById(id);
-const address = new URL("live", window.location.href);
-address.protocol = address.protocol.replace("http", "ws");
-address.search = window.location.search; // the session's token
+const embedded = document.body.classList.contains("embedded"); // in a notebook, whose widget carries the messages
 
-const wire = new Wire(address);
+const wire = new Wire(embedded ? () => new Port() : () => new WebSocket(address()), !embedded);
 const world = new World(document.querySelector(".world"));
 const prompt = new Prompt(document.querySelector(".desk"), wire);
 const accounting = new Accounting(document.querySelector(".accounting"), wire);
 const robot = new RobotPane(document.querySelector(".robot"), wire);
 new Safety(document, wire);
 const time = new Time(document, wire);
+
+function address() {
+  const found = new URL("live", window.location.href);
+  found.protocol = found.protocol.replace("http", "ws");
+  found.search = window.location.search; // the session's token
+  return found;
+}
 
 let begun = false; // whether the prompt was filled once
 let groups = []; // {name, count}, in the order of their codes in a frame
@@ -62,7 +68,7 @@ wire.addEventListener("commands", ({ detail }) => {
   prompt.markSent(detail.rows.map((row) => row.text));
   if (!begun) {
     begun = true;
-    if (!prompt.editor.text) prompt.set(prompt.next?.text ?? "");
+    if (!prompt.editor.text) prompt.set(prompt.next?.text ?? "", !embedded);
     world.refit(); // a long command leaves less room for it
   }
   if (robot.command === null && accounting.latest) robot.about(accounting.get(accounting.latest));
@@ -197,7 +203,7 @@ const toggleTrails = () => find("trails-on").setAttribute("aria-pressed", String
 find("trails-on").addEventListener("click", toggleTrails);
 world.addEventListener("trails", toggleTrails);
 
-theme(find("theme"), () => {
+(embedded ? givenTheme : theme)(find("theme"), () => {
   world.recolour();
   drawLegend();
 });

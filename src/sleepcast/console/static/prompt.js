@@ -60,10 +60,11 @@ export class Prompt extends EventTarget {
     this.editor.area.focus();
   }
 
-  set(text) {
+  // Put a text in. focus: whether the person who reads the page means to type now.
+  set(text, focus = true) {
     this.editor.set(text);
     this.completions.hide();
-    this.focus();
+    if (focus) this.focus();
   }
 
   // ---- ready-made commands

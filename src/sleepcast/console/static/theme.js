@@ -22,6 +22,16 @@ export function theme(button, changed) {
   set(kept() ?? (dark.matches ? "dark" : "light"));
 }
 
+// The same for a page in a notebook, whose widget says which it is; the button has nothing to do.
+export function givenTheme(button, changed) {
+  button.hidden = true;
+  window.addEventListener("message", ({ source, data }) => {
+    if (source !== window.parent || !data?.theme) return;
+    document.documentElement.dataset.theme = data.theme;
+    changed();
+  });
+}
+
 function kept() {
   try {
     return window.localStorage.getItem(KEY);

@@ -2,7 +2,8 @@
 //
 // Every question carries a serial number and gets a promise for its answer. A frame is answered for once it
 // has been drawn, and only then is the next one sent: a slow page skips frames and never queues them. A cable that
-// was cut closes no connection, so the station says every two seconds at least that it is there.
+// was cut closes no connection, so the station says every two seconds at least that it is there. In a notebook, a `Port`
+// stands for the WebSocket.
 
 const FIRST_WAIT = 500; // ms before the first attempt to connect again; doubles up to LONGEST_WAIT
 const LONGEST_WAIT = 8000;
@@ -20,14 +21,15 @@ export class Refusal extends Error {
 }
 
 export class Wire extends EventTarget {
-  constructor(address) {
+  // open: makes a new WebSocket. beats: whether the station speaks every two seconds.
+  constructor(open, beats = true) {
     super();
-    this.address = address;
+    this.make = open;
     this.waiting = new Map();
     this.serial = 0;
     this.wait = FIRST_WAIT;
     this.connect();
-    setInterval(() => this.look(), LOOK);
+    if (beats) setInterval(() => this.look(), LOOK);
   }
 
   get open() {
@@ -35,7 +37,7 @@ export class Wire extends EventTarget {
   }
 
   connect() {
-    this.socket = new WebSocket(this.address);
+    this.socket = this.make();
     this.socket.binaryType = "arraybuffer";
     this.silent = false;
     this.socket.onopen = () => {

@@ -20,7 +20,7 @@ const address = new URL("live", window.location.href);
 address.protocol = address.protocol.replace("http", "ws");
 address.search = window.location.search; // the session's token
 
-const wire = new Wire(address);
+const wire = new Wire(() => new WebSocket(address));
 const state = new State();
 const world = new World(document.querySelector(".world"), state);
 const own = new Own(document.querySelector(".robot"), state);

@@ -11,9 +11,9 @@ import asyncio
 from starlette.websockets import WebSocket
 
 from sleepcast.console.connection import PageConnection, encode
-from sleepcast.console.experiment import messages
 from sleepcast.console.outgoing import Refused
 from sleepcast.core.clock import Clock
+from sleepcast.experiment_page import messages
 from sleepcast.experiments.findings import Findings, View
 
 PERIOD = 0.4

@@ -20,11 +20,11 @@ from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Route
 from starlette.websockets import WebSocket
 
-from sleepcast.console.experiment.opened import OpenedRuns
-from sleepcast.console.experiment.session import ExperimentSession
 from sleepcast.console.server import REFUSED, Address, PageAccess, make_app, serve_pages
 from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import SleepcastError
+from sleepcast.experiment_page.opened import OpenedRuns
+from sleepcast.experiment_page.session import ExperimentSession
 from sleepcast.experiments.findings import Findings
 
 NUMBER = re.compile(r"[0-9]{1,9}")

@@ -1,0 +1,91 @@
+"""What an open page and its desk say to each other, whatever carries it: a WebSocket, or a notebook's messages."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Iterator
+from typing import TypeAlias
+
+import msgspec
+
+from sleepcast.console import incoming
+from sleepcast.console.backend import Backend
+from sleepcast.console.connection import encode
+from sleepcast.console.outgoing import Refused, Robot
+from sleepcast.console.replay import ReplayBackend
+from sleepcast.core.errors import SleepcastError
+from sleepcast.station.validation import CountNeededError, DoubtError
+
+Answer: TypeAlias = msgspec.Struct
+
+
+class Dialogue:
+    """One page's part: its questions, and what it has been told already."""
+
+    def __init__(self, desk: Backend | ReplayBackend) -> None:
+        self._desk = desk
+        self._watched = -1
+        self._sent: dict[str, bytes] = {}
+
+    def hello(self) -> str:
+        """The first words to a page, which knows nothing yet."""
+        hello = self._desk.hello()
+        data = encode(hello)
+        self._watched, self._sent = -1, {type(hello).__name__: data}
+        return data.decode()
+
+    def answer(self, message: incoming.Incoming) -> Answer | Awaitable[Answer] | None:
+        """Do what a message asks for; gives the answer or the refusal, None where there is nothing to say."""
+        serial: int | None = getattr(message, "serial", None)
+        try:
+            return self._answer(message)
+        except SleepcastError as error:
+            return refusal(error, serial)
+
+    def _answer(self, message: incoming.Incoming) -> Answer | Awaitable[Answer] | None:
+        desk = self._desk
+        match message:
+            case incoming.Stop():
+                desk.stop()
+            case incoming.Release():
+                desk.release()
+            case incoming.Watch(robot):
+                self._watched = robot
+                self._sent.pop(Robot.__name__, None)  # the page has forgotten what it was sent of it
+            case incoming.Pace(running, factor):
+                desk.driver.set_pace(running, factor)
+            case incoming.Seek(time):
+                desk.seek(time)
+            case incoming.Step():
+                desk.driver.step()
+            case incoming.Preview(serial, text):
+                return desk.preview(serial, text)
+            case incoming.Send(serial, text, everybody, sort, count, confirmed):
+                return desk.send(serial, text, everybody, sort, count, confirmed)
+            case incoming.Names(serial):
+                return desk.names(serial)
+            case incoming.Why(serial, robot, command):
+                return desk.why(serial, robot, command)
+            case incoming.Outcomes(serial, command):
+                return desk.outcomes(serial, command)
+            case incoming.Commands(serial):
+                return desk.commands(serial)
+        return None
+
+    def news(self) -> Iterator[str]:
+        """What has changed since the page was last told."""
+        for message in self._desk.news(self._watched):
+            data = encode(message)
+            kind = type(message).__name__
+            if self._sent.get(kind) != data:
+                self._sent[kind] = data
+                yield data.decode()
+
+
+def refusal(error: SleepcastError, serial: int | None = None) -> Refused:
+    """What a page is told that asked for what cannot be done, or must be confirmed first."""
+    if isinstance(error, CountNeededError):
+        why = error.why[:1].upper() + error.why[1:]
+        return Refused(f"{why}: {error.may} may obey. Type their number to send it.", serial, True)
+    if isinstance(error, DoubtError):
+        return Refused(f"{error.shown}\nPress Enter once more to send it as it stands.", serial, doubt=True)
+    return Refused(str(error), serial)

@@ -1,0 +1,64 @@
+"""The page as one text: its plain modules, its style and its markup, which a server sends as files elsewhere.
+
+Each module becomes a function that is called once, after those that it imports; what it exports is what the function
+gives. The page's modules keep to the two forms that are known here: `import { a, b } from "./x.js";` on a line of its
+own, and `export` before a class, a function or a constant.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from graphlib import TopologicalSorter
+
+from sleepcast.console.server import STATIC
+
+ENTRY = "main"
+"""The module with which the page begins."""
+
+_IMPORT = re.compile(r'^import \{ ([^}]+) \} from "\./(\w+)\.js";$', re.MULTILINE)
+_EXPORT = re.compile(r"^export (?=(?:async )?(?:class|function|const) (\w+))", re.MULTILINE)
+_OTHER = re.compile(r"^(?:import|export)\b.*$", re.MULTILINE)
+_STYLE = '<link rel="stylesheet" href="static/style.css">'
+_SCRIPT = '<script type="module" src="static/main.js"></script>'
+_ICON = re.compile(r"<link rel=\"icon\"[^>]*>\n")
+
+
+@cache
+def page() -> str:
+    """The markup of the page for a frame in a notebook; it asks for no other file."""
+    text = _ICON.sub("", (STATIC / "index.html").read_text(encoding="utf-8"))
+    style = (STATIC / "style.css").read_text(encoding="utf-8")
+    parts = {
+        _STYLE: f"<style>\n{style}</style>",
+        _SCRIPT: f'<script type="module">\n{bundle()}</script>',
+        "<body>": '<body class="embedded">',
+    }
+    for found, put in parts.items():
+        if text.count(found) != 1 or "</script" in put.removesuffix("</script>"):
+            raise ValueError(f"the page cannot be put together: {found} is not once in it")
+        text = text.replace(found, put)
+    return text
+
+
+def bundle() -> str:
+    """All modules of the page as one. Raises ValueError for one that is written in another way."""
+    texts: dict[str, str] = {}
+    needs: dict[str, set[str]] = {}
+    waiting = [ENTRY]
+    while waiting:
+        name = waiting.pop()
+        if name in texts:
+            continue
+        texts[name] = (STATIC / f"{name}.js").read_text(encoding="utf-8")
+        needs[name] = {other for _, other in _IMPORT.findall(texts[name])}
+        waiting += needs[name]
+    return "".join(_as_function(name, texts[name]) for name in TopologicalSorter(needs).static_order())
+
+
+def _as_function(name: str, text: str) -> str:
+    exported = ", ".join(_EXPORT.findall(text))
+    body = _EXPORT.sub("", _IMPORT.sub(r"const { \1 } = module_\2;", text))
+    if other := _OTHER.search(body):
+        raise ValueError(f"{name}.js: {other[0]!r} is not a form that can be put together")
+    return f"const module_{name} = (() => {{\n{body}\nreturn {{ {exported} }};\n}})();\n"

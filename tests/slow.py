@@ -97,4 +97,6 @@ SLOW = {
     "cli/test_journal.py": 2,
     "scenarios/test_best_of_n.py": 3,
     "scenarios/test_society.py": 2,
+    "notebook/test_view.py": 12,
+    "api/test_reference.py": 5,
 }

@@ -59,7 +59,10 @@ _MODULES = {
 
 def __getattr__(name: str) -> object:
     if name in _PARTS:
-        return import_module(_PARTS[name])
-    if name in _MODULES:
-        return getattr(import_module(_MODULES[name]), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        found: object = import_module(_PARTS[name])
+    elif name in _MODULES:
+        found = getattr(import_module(_MODULES[name]), name)
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = found
+    return found

@@ -21,7 +21,7 @@ from sleepcast.api.progress import steps
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import CheckError, Explanation
 from sleepcast.loop import Swarm, load, save, snapshot
-from sleepcast.simulator import Changes, Scenario, find_scenario, read_scenario
+from sleepcast.simulator import Changes, Scenario, World, find_scenario, read_scenario
 from sleepcast.station import Command, Station
 
 if TYPE_CHECKING:
@@ -89,6 +89,11 @@ class SimulatedFleet(Fleet):
     @property
     def names(self) -> Sequence[str]:
         return self.swarm.simulator.names
+
+    @property
+    def world(self) -> World:
+        """The obstacles. They may be added, moved and removed between two ticks; sonars and bumpers feel it at once."""
+        return self.swarm.simulator.world
 
     @property
     def x(self) -> NDArray[np.float64]:

@@ -61,6 +61,7 @@ class SimulatedBody:
 
     @property
     def y(self) -> Any:
+        """m"""
         return read_only(self._bodies.y)[self._which]
 
     @property

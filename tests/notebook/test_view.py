@@ -1,0 +1,154 @@
+"""`fleet.view()`: map and prompt of a fleet in a real JupyterLab, in a real Chromium; and what a notebook gets."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from socket import socket
+
+import nbformat
+import pytest
+from playwright.sync_api import BrowserContext, FrameLocator, Page, expect
+
+import sleepcast as sc
+from console.running import PATIENCE
+from sleepcast.notebook.page import page as page_text
+
+expect.set_options(timeout=1000 * PATIENCE)
+
+BEGIN = """
+import sleepcast as sc
+fleet = sc.open("bravo", robots=200, seed=7)
+fleet.run(2, quiet=True)
+fleet.view()
+"""
+ASK = 'print("members:", len(fleet.groups.get("bravo", ())), "after", fleet.time > 2)'
+TELL = 'fleet.send("(WHEN (> ordnance 90%) (JOIN charlie))"); print("sent")'
+
+
+def free_port() -> int:
+    with closing(socket()) as taken:
+        taken.bind(("127.0.0.1", 0))
+        return int(taken.getsockname()[1])
+
+
+@contextmanager
+def jupyter_lab(folder: Path) -> Iterator[str]:
+    """A JupyterLab on this folder that knows nothing of the user; gives its address up to the token."""
+    address = f"http://127.0.0.1:{(port := free_port())}"
+    places = {
+        "JUPYTER_CONFIG_DIR": "config",
+        "JUPYTER_DATA_DIR": "data",
+        "JUPYTER_RUNTIME_DIR": "runtime",
+        "IPYTHONDIR": "ipython",
+        "JUPYTERLAB_SETTINGS_DIR": "settings",
+        "JUPYTERLAB_WORKSPACES_DIR": "workspaces",
+    }
+    own = {name: str(folder / "jupyter" / place) for name, place in places.items()}
+    command = [
+        *(sys.executable, "-m", "jupyterlab", "--no-browser", "--ip=127.0.0.1", f"--port={port}", "--allow-root"),
+        *("--ServerApp.port_retries=0", "--IdentityProvider.token=secret", f"--ServerApp.root_dir={folder}"),
+        *("--LabApp.news_url=", "--LabApp.check_for_updates_class=jupyterlab.NeverCheckForUpdate"),
+    ]
+    with subprocess.Popen(
+        command, env={**os.environ, **own}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as process:
+        assert process.stdout is not None
+        said = ""
+        while "secret" not in said:
+            line = process.stdout.readline()
+            assert line, said
+            said += line
+        try:
+            yield address
+        finally:
+            process.terminate()
+            process.stdout.read()
+
+
+def run_cell(page: Page, number: int) -> None:
+    page.locator(".jp-Notebook .jp-CodeCell .cm-content").nth(number).click()
+    page.keyboard.press("Shift+Enter")
+
+
+@pytest.mark.browser
+def test_a_view_and_the_cells_command_the_same_fleet(context: BrowserContext, tmp_path: Path) -> None:
+    cells = [nbformat.v4.new_code_cell(text.strip()) for text in (BEGIN, ASK, TELL)]
+    kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}}
+    nbformat.write(nbformat.v4.new_notebook(cells=cells, metadata=kernel), tmp_path / "try.ipynb")
+    with jupyter_lab(tmp_path) as address:
+        page = context.new_page()
+        page.goto(f"{address}/lab/tree/try.ipynb?token=secret", timeout=1000 * PATIENCE)
+        expect(page.locator(".jp-Notebook .jp-CodeCell")).to_have_count(3)
+        run_cell(page, 0)
+        view = page.frame_locator("iframe[title='Map and prompt of the fleet']")
+        expect(view.locator("#legend")).to_contain_text("200 scouts")
+        expect(view.locator("#clock")).to_have_text("0:00:02")
+        assert drawn(view) > 200, "robots are on the map"
+        view.locator("#run").click()  # let time pass
+        text = view.locator("#text")
+        text.fill("(WHEN (> fuel 50%) (JOIN bravo))")
+        expect(view.locator("#yes")).to_have_text(re.compile(r"^(8|9|1[0-2])\d$"))  # about half of them
+        text.press("Enter")
+        row = view.locator("#commands tr").first
+        expect(row).to_contain_text("(JOIN bravo)")
+        expect(row.locator(".silent")).to_have_text("0")
+        matched = row.locator(".matched").inner_text()
+        view.locator("#run").click()
+        expect(view.locator("#achieved")).to_have_text("paused")
+        run_cell(page, 1)
+        expect(page.locator(".jp-OutputArea-output", has_text="members:")).to_have_text(
+            f"members: {matched} after True\n"
+        )
+        run_cell(page, 2)  # what a cell sends is seen in the view
+        expect(view.locator("#commands tr").first).to_contain_text("charlie")
+        page.close()
+
+
+def drawn(view: FrameLocator) -> int:
+    """Pixels of the robots' canvas that are not empty."""
+    found: int = view.locator("#robots").evaluate(
+        """(canvas) => {
+          const copy = Object.assign(document.createElement("canvas"), { width: canvas.width, height: canvas.height });
+          const pen = copy.getContext("2d");
+          pen.drawImage(canvas, 0, 0);
+          const { data } = pen.getImageData(0, 0, copy.width, copy.height);
+          let count = 0;
+          for (let i = 3; i < data.length; i += 4) count += data[i] > 0;
+          return count;
+        }"""
+    )
+    return found
+
+
+def test_the_page_asks_for_no_file() -> None:
+    text = page_text()
+    assert "static/" not in re.sub(r"//.*", "", text)
+    assert text.count("<script") == text.count("</script") == 1
+
+
+def test_where_no_browser_is_a_view_is_a_picture() -> None:
+    fleet = sc.open("bravo", robots=20, seed=7)
+    found = fleet.view()._repr_mimebundle_()
+    assert found is not None
+    data, _ = found
+    assert "<svg" in str(data["text/html"])
+    assert str(data["text/plain"]).startswith("view of bravo: 20 robots")
+
+
+def test_too_many_robots_are_refused() -> None:
+    with pytest.raises(sc.errors.MisuseError, match="too many for a view in a notebook"):
+        sc.open("bravo", robots=50_001, seed=7).view()
+
+
+def test_without_anywidget_a_sentence_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [name for name in sys.modules if name.startswith(("sleepcast.notebook", "anywidget"))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "anywidget", None)
+    with pytest.raises(sc.errors.MisuseError, match=r"sleepcast\[notebook\]"):
+        sc.open("bravo", robots=2, seed=7).view()

@@ -252,6 +252,7 @@ MOMENTS = {
     "barrier": 156.0,
     "bravo": 120.0,
     "election": 20.0,
+    "explore": 50.0,
     "formations": 115.0,
     "leave-room": 15.0,
     "line-sweep": 200.0,

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -196,6 +197,29 @@ def test_the_neighbours_benchmark_times_every_function_and_has_its_bar() -> None
     found = json.loads(done.stdout)
     assert all(len(each) == 5 and min(each.values()) > 0.0 for each in found["ms"].values())
     assert found["bar"]["value"] is None  # it is about ten thousand robots
+
+
+def test_the_sockets_benchmark_counts_what_a_broadcast_and_connections_take(tmp_path: Path) -> None:
+    picture = tmp_path / "sockets.svg"
+    options = ("--quick", "--json", "--robots", "3", "30", "--out", str(picture))
+    command = [sys.executable, "-m", "benchmarks.sockets", *options]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    rows = {(row["way"], row["robots"], row["loss"]): row for row in found["rows"]}
+    losses = (0.0,) if found["note"] else (0.0, 0.1)
+    assert rows.keys() == set(product(("broadcast", "sockets, in turn", "sockets, at once"), (3, 30), losses))
+    assert all(row["complete"] == row["trials"] == 1 and row["seconds"] > 0.0 for row in rows.values())
+    if not found["note"]:
+        order = found["order"]
+        assert {rows["broadcast", robots, loss]["bytes"] for robots in (3, 30) for loss in losses} == {
+            5 * (order + 28)
+        }, "five datagrams, for however many robots"
+        for robots, loss in product((3, 30), losses):
+            assert rows["sockets, in turn", robots, loss]["bytes"] >= robots * (order + 1 + 2 * 40)
+        assert rows["sockets, in turn", 30, 0.1]["seconds"] > rows["sockets, in turn", 30, 0.0]["seconds"]
+        assert rows["broadcast", 30, 0.1]["seconds"] >= 0.03, "somebody missed the first one"
+    assert "seconds until all have it" in picture.read_text()
 
 
 def test_one_command_s_way_is_no_longer_than_it_was() -> None:

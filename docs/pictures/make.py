@@ -15,6 +15,8 @@ first-study: the figure of docs/howto/first-study.md, by its files and commands.
 
 stop: sixty runs of the scenario `stop`, without a page, and histograms of where its robots came to rest.
 
+sockets: the benchmark of one broadcast beside many connections, and its figure.
+
 gallery: a moment of each scenario, for docs/gallery.md; or of some, such as gallery:vicsek gallery:search.
 
 The name of another scenario, such as search: the figures on its page, by the commands that stand there.
@@ -222,6 +224,11 @@ def stop() -> None:
     stops.stop(FOLDER / "stop.svg")
 
 
+def sockets() -> None:
+    command = [sys.executable, "-m", "benchmarks.sockets", "--out", str(FOLDER / "sockets.svg")]
+    subprocess.run(command, cwd=FOLDER.parents[1], check=True)
+
+
 def first_study() -> None:
     """Follow the page: write its files, sweep, plot, and keep the figure."""
     page = (FOLDER.parent / "howto" / "first-study.md").read_text("utf-8")
@@ -287,6 +294,7 @@ PICTURES: dict[str, Callable[[], None]] = {
     "maze": maze,
     "nomads": laboratory,
     "stop": stop,
+    "sockets": sockets,
     "first-study": first_study,
     "gallery": gallery,
     **{f"gallery:{name}": partial(moment, name) for name in scenario_names()},

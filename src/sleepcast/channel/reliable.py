@@ -44,7 +44,7 @@ from sleepcast.channel.sequencer import (
 )
 from sleepcast.core.clock import MADE
 
-_REPEATS = (0.03, 0.09, 0.21, 0.45)
+REPEATS = (0.03, 0.09, 0.21, 0.45)
 """Seconds after which a command is sent again, unasked: at 30 % loss two in a thousand receive none of the five."""
 _ASK_PARTS_AFTER = 0.21
 """Seconds after which the missing parts of a command are asked for: three repeats later."""
@@ -194,7 +194,7 @@ class ReliableDelivery:
                 self._keep()
         self._out += datagrams
         if kind in REPEATED:
-            for wait in _REPEATS:
+            for wait in REPEATS:
                 if now + wait <= message.deadline:
                     heappush(self._later, Repeat(now + wait, next(self._tie), datagrams))
         if kind is Kind.STOP:

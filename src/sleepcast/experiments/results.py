@@ -398,7 +398,7 @@ def _git() -> str | None:
     """The commit of the working folder, with "+" if something is changed; None where there is none."""
     try:
         done = subprocess.run(
-            ["git", "describe", "--always", "--abbrev=40", "--dirty=+", "--exclude=*"],
+            ["git", "--no-optional-locks", "describe", "--always", "--abbrev=40", "--dirty=+", "--exclude=*"],
             capture_output=True,
             text=True,
             timeout=10.0,

@@ -13,6 +13,8 @@ from sleepcast.loop import Swarm, vocabulary_of
 from sleepcast.simulator import Scenario, SettingsError, Simulator, find_scenario, load, parse_mission, scenario_names
 from sleepcast.simulator.scenario.scenario import GALLERY
 
+WITHOUT_FIGURE = ("bravo", "calibrate", "crowd", "flood", "maze", "stop")
+"""These show a command, or a crowd, rather than a law; that of stop is in docs/scenarios.md."""
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 
@@ -62,6 +64,16 @@ def test_the_gallery_shows_it(scenario: Scenario) -> None:
     assert f"[**{scenario.name}**](../src/sleepcast/scenarios/{scenario.name}/README.md)" in gallery
     assert f'<img src="pictures/gallery/{scenario.name}.svg" ' in gallery
     assert (DOCS / "pictures" / "gallery" / f"{scenario.name}.svg").is_file(), "docs/pictures/make.py gallery draws it"
+
+
+def test_each_figure_is_made_by_a_command_on_the_page(scenario: Scenario) -> None:
+    """docs/pictures/make.py follows these commands."""
+    text = page(scenario)
+    shown = set(re.findall(r"^!\[[^\]]*\]\((\w[\w-]*\.svg)\)", text, re.MULTILINE))
+    made = set(re.findall(r"^    sleepcast plot .*--out (\S+\.svg)$", text, re.MULTILINE))
+    assert shown == made
+    assert all((scenario.path.parent / name).is_file() for name in shown)
+    assert shown or scenario.name in WITHOUT_FIGURE
 
 
 def test_the_complete_example_loads(tmp_path: Path) -> None:

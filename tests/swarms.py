@@ -10,15 +10,15 @@ from sleepcast.station import Station
 ORDERS = {
     5: "(RULE shy (COND ((PROB 10%) (DRIVE 0.5 0.3)) (1 (DRIVE 1 0))))",
     8: '(WHEN (PROB 50%) (REPORT "here" x y))',
-    10: "(WHEN (PROB 40%) (JOIN half))",
+    10: "(WHEN (PROB 40%) (JOIN chosen_ones))",
     12: "(RULE gossip (WHEN (PROB 2%) (TELL (MARK))))",
     13: "(LEASE gossip 3s)",
     15: "(DEFUN offset (a) (+ a x))",
-    16: "(RULE there (offset 3))",
+    16: "(RULE onwards (offset 3))",
     18: "(DEFUN offset (a b) (+ a b))",
-    19: "(WHEN (IN half) (PING 3))",
+    19: "(WHEN (IN chosen_ones) (PING 3))",
     20: "(+ x nobody)",
-    23: "(WHEN (IN half) (RULE there (SETQ drive_speed (* 0.1 (MOD id 5)))))",
+    23: "(WHEN (IN chosen_ones) (RULE onwards (SETQ drive_speed (* 0.1 (MOD id 5)))))",
     26: "(DEFVAR seen (RANDOM 0 1))",
     27: "(ROLLBACK)",
     31: "(SETQ seen (* seen 2))",
@@ -62,7 +62,7 @@ def drive(swarm: Swarm, ticks: int) -> None:
 def seen(swarm: Swarm) -> dict[str, object]:
     """All that can be seen of a swarm and its desk, as plain data in which unknown equals unknown."""
     desk, simulator = desk_of(swarm), swarm.simulator
-    preview = desk.preview("(WHEN (AND (> x 5m) (NOT (IN half))) (MARK))")
+    preview = desk.preview("(WHEN (AND (> x 5m) (NOT (IN chosen_ones))) (MARK))")
     return {
         "state": simulator.state_hash(),
         "measures": swarm.measures(),

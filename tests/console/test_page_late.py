@@ -315,6 +315,7 @@ def test_the_page_works_where_nothing_may_be_kept(program: Program, blank: Page)
     blank.add_init_script(forbidden)
     blank.goto(program.address)
     expect(blank.locator("#title")).to_have_text("a small world")
+    expect(blank.locator("#yes")).not_to_have_text("–")  # the prompt has been filled, and will not be again
     for level in (51, 52):
         type_in(blank, f"(WHEN (> battery {level}%) (JOIN crew))")
         send(blank)

@@ -169,6 +169,7 @@ def bravo() -> None:
         camera = Camera(page)
         play(page, camera)
     camera.develop(FOLDER / "bravo.png")
+    figures("bravo")
 
 
 def maze() -> None:
@@ -290,6 +291,7 @@ def gallery() -> None:
 
 
 PICTURES: dict[str, Callable[[], None]] = {
+    **{file.parent.name: partial(figures, file.parent.name) for file in sorted(SCENARIOS.glob("*/experiment.toml"))},
     "bravo": bravo,
     "maze": maze,
     "nomads": laboratory,
@@ -298,7 +300,6 @@ PICTURES: dict[str, Callable[[], None]] = {
     "first-study": first_study,
     "gallery": gallery,
     **{f"gallery:{name}": partial(moment, name) for name in scenario_names()},
-    **{file.parent.name: partial(figures, file.parent.name) for file in sorted(SCENARIOS.glob("*/experiment.toml"))},
 }
 
 

@@ -13,7 +13,7 @@ from sleepcast.loop import Swarm, vocabulary_of
 from sleepcast.simulator import Scenario, SettingsError, Simulator, find_scenario, load, parse_mission, scenario_names
 from sleepcast.simulator.scenario.scenario import GALLERY
 
-WITHOUT_FIGURE = ("bravo", "calibrate", "crowd", "flood", "maze", "stop")
+WITHOUT_FIGURE = ("calibrate", "crowd", "flood", "maze", "stop")
 """These show a command, or a crowd, rather than a law; that of stop is in docs/scenarios.md."""
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 

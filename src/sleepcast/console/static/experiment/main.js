@@ -10,7 +10,7 @@ const address = new URL("live", window.location.href);
 address.protocol = address.protocol.replace("http", "ws");
 address.search = window.location.search; // the session's token
 
-const wire = new Wire(address);
+const wire = new Wire(() => new WebSocket(address));
 const chart = new Chart(find("chart"), find("tip"));
 let measures = {}; // what each name means
 let chosen = null; // the point whose runs are listed: {name, mark}

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -64,6 +65,10 @@ def jupyter_lab(folder: Path) -> Iterator[str]:
             line = process.stdout.readline()
             assert line, said
             said += line
+        deadline = time.monotonic() + PATIENCE
+        while not listening(port):  # it says its address before it listens
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
         try:
             yield address
         finally:
@@ -71,9 +76,19 @@ def jupyter_lab(folder: Path) -> Iterator[str]:
             process.stdout.read()
 
 
+def listening(port: int) -> bool:
+    with socket() as asked:
+        return asked.connect_ex(("127.0.0.1", port)) == 0
+
+
 def run_cell(page: Page, number: int) -> None:
-    page.locator(".jp-Notebook .jp-CodeCell .cm-content").nth(number).click()
+    """A notebook forgets a cell that is run before its kernel has come."""
+    cell = page.locator(".jp-Notebook .jp-CodeCell").nth(number)
+    expect(page.get_by_text(re.compile(r"Python 3.*\| Idle"))).to_be_visible()
+    cell.locator(".cm-content").click()
+    expect(cell).to_have_class(re.compile("jp-mod-active"))
     page.keyboard.press("Shift+Enter")
+    expect(cell.locator(".jp-InputPrompt")).to_have_text(re.compile(r"\[[\d*]+\]"))
 
 
 @pytest.mark.browser

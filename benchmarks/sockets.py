@@ -46,11 +46,18 @@ LOOPBACK = "127.0.0.1"
 LONGEST_TRIAL = 300.0
 TEXT = "(WHEN (AND (< (DIST x y vessel_x vessel_y) 5mi) (> fuel 50%) (> ordnance 70%)) (JOIN bravo))"
 COUNTER = """table inet bill {
- counter carried {}
- chain come { type filter hook input priority -10; meta l4proto { tcp, udp } counter name carried; }
- chain leave { type filter hook output priority -10; meta l4proto { tcp, udp } counter name carried; }
+ counter streams {}
+ counter datagrams {}
+ chain come { type filter hook input priority -10
+  meta l4proto tcp counter name streams
+  meta l4proto udp counter name datagrams
+ }
+ chain leave { type filter hook output priority -10
+  meta l4proto tcp counter name streams
+  meta l4proto udp counter name datagrams
+ }
 }"""
-"""Before the chain that drops."""
+"""Before the chain that drops. Each by itself: connections of the trial before may still be closing."""
 
 
 @dataclass(frozen=True)
@@ -88,10 +95,10 @@ def measured(lab: Lab | None, way: str, robots: int, loss: float, trials: int) -
         lose(lab, 0.0 if way == BROADCAST else loss)
         began, sizes = [], []
         for _ in range(trials):
-            carried(lab)
+            carried(lab, way)
             say(mouth, "go")
             began.append(float(answer(mouth)))
-            sizes.append(carried(lab))
+            sizes.append(carried(lab, way))
         lose(lab, 0.0)
         assert ears.stdin is not None
         ears.stdin.close()
@@ -154,12 +161,13 @@ def lose(lab: Lab | None, share: float) -> None:
             nft(lab, host, f"add rule inet radio ears meta l4proto tcp {drop}")
 
 
-def carried(lab: Lab | None) -> int | None:
-    """Bytes that the sender has sent and received since the last call."""
+def carried(lab: Lab | None, way: str) -> int | None:
+    """Bytes of this way that the sender has sent and received since the last call."""
     if lab is None:
         return None
     told = json.loads(nft(lab, DESK, "-j", "reset", "counters", "table", "inet", "bill"))["nftables"]
-    return next(int(each["counter"]["bytes"]) for each in told if "counter" in each)
+    counted = {each["counter"]["name"]: int(each["counter"]["bytes"]) for each in told if "counter" in each}
+    return counted["datagrams" if way == BROADCAST else "streams"]
 
 
 def draw(rows: Sequence[Row], path: Path) -> None:

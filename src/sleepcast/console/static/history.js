@@ -1,5 +1,7 @@
 // Earlier commands, kept in the browser between sessions.
 
+import { keep, kept } from "./kept.js";
+
 const MOST = 200; // commands kept
 
 export class History {
@@ -12,25 +14,17 @@ export class History {
   }
 
   load() {
-    try {
-      const found = JSON.parse(window.localStorage.getItem(this.key) ?? "[]");
-      return Array.isArray(found) ? found.filter((item) => typeof item === "string").slice(-MOST) : [];
-    } catch {
-      return []; // storage is forbidden, or something else wrote there: start anew
-    }
+    const found = kept(this.key, []);
+    return Array.isArray(found) ? found.filter((item) => typeof item === "string").slice(-MOST) : [];
   }
 
   add(text) {
-    const kept = this.load(); // with what other pages have added
-    const own = this.items.filter((item) => !kept.includes(item)); // nothing, unless it could not be kept
-    this.items = [...[...own, ...kept].filter((item) => item !== text), text].slice(-MOST);
+    const known = this.load(); // with what other pages have added
+    const own = this.items.filter((item) => !known.includes(item)); // nothing, unless it could not be kept
+    this.items = [...[...own, ...known].filter((item) => item !== text), text].slice(-MOST);
     this.at = this.items.length;
     this.draft = "";
-    try {
-      window.localStorage.setItem(this.key, JSON.stringify(this.items));
-    } catch {
-      // A full or forbidden storage only means that the history ends with this session.
-    }
+    keep(this.key, this.items);
   }
 
   // The text one step back (-1) or forth (+1) from `text`, or null at the end.

@@ -1,12 +1,14 @@
 // The page: puts the panes together. What a pane knows it is told here; panes do not know each other.
 
 import { Accounting, bytes } from "./accounting.js";
+import { Drawer } from "./drawer.js";
 import { Port } from "./port.js";
 import { picture, styleOf } from "./shapes.js";
 import { showLine } from "./line.js";
 import { Prompt } from "./prompt.js";
 import { RobotPane } from "./robot.js";
 import { Safety } from "./safety.js";
+import { splitter } from "./splitter.js";
 import { givenTheme, theme } from "./theme.js";
 import { Time } from "./time.js";
 import { Refusal, Wire } from "./wire.js";
@@ -22,6 +24,7 @@ const accounting = new Accounting(document.querySelector(".accounting"), wire);
 const robot = new RobotPane(document.querySelector(".robot"), wire);
 new Safety(document, wire);
 const time = new Time(document, wire);
+const drawer = new Drawer(document.querySelector(".drawer")); // panes are added below: drawer.add(...)
 
 function address() {
   const found = new URL("live", window.location.href);
@@ -190,6 +193,21 @@ function follow(on) {
 
 find("follow").addEventListener("click", () => follow(!world.following));
 world.addEventListener("moved", () => find("follow").setAttribute("aria-pressed", String(world.following)));
+
+// ---- the room that panes take
+
+const LEAST_SIDE = 280; // pixels
+const side = document.querySelector(".side");
+splitter(side.querySelector(".splitter"), {
+  name: "side-width",
+  vertical: false,
+  read: () => side.offsetWidth,
+  apply: (width) => {
+    const most = document.documentElement.clientWidth / 2;
+    document.documentElement.style.setProperty("--side", `${Math.max(LEAST_SIDE, Math.min(width, most))}px`);
+  },
+});
+drawer.addEventListener("change", () => world.refit());
 
 // ---- view, theme, guide
 

@@ -20,7 +20,7 @@ export class Prompt extends EventTarget {
     this.wire = wire;
     this.find = (id) => root.querySelector(`#${id}`);
     this.editor = new Editor(this.find("text"), this.find("backdrop"));
-    this.history = new History("sleepcast.history");
+    this.history = new History("history");
     this.names = [];
     this.namesAt = -Infinity;
     this.completions = new Listbox(this.find("completions"), this.editor.area);

@@ -1,6 +1,8 @@
 // Light or dark: as the system has it, until somebody presses the button; that is kept.
 
-const KEY = "sleepcast.theme";
+import { keep, kept } from "./kept.js";
+
+const KEY = "theme";
 
 // changed: called whenever the colours are other ones, and once at the start.
 export function theme(button, changed) {
@@ -12,14 +14,10 @@ export function theme(button, changed) {
   button.addEventListener("click", () => {
     const name = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
     set(name);
-    try {
-      window.localStorage.setItem(KEY, name);
-    } catch {
-      // Without storage the choice holds for this session.
-    }
+    keep(KEY, name);
   });
-  dark.addEventListener("change", () => kept() ?? set(dark.matches ? "dark" : "light"));
-  set(kept() ?? (dark.matches ? "dark" : "light"));
+  dark.addEventListener("change", () => chosen() ?? set(dark.matches ? "dark" : "light"));
+  set(chosen() ?? (dark.matches ? "dark" : "light"));
 }
 
 // The same for a page in a notebook, whose widget says which it is; the button has nothing to do.
@@ -32,10 +30,7 @@ export function givenTheme(button, changed) {
   });
 }
 
-function kept() {
-  try {
-    return window.localStorage.getItem(KEY);
-  } catch {
-    return null;
-  }
+function chosen() {
+  const name = kept(KEY, null);
+  return name === "dark" || name === "light" ? name : null;
 }

@@ -16,7 +16,7 @@ export class Orders {
     this.state = state;
     this.find = (id) => root.querySelector(`#${id}`);
     this.text = this.find("text");
-    this.history = new History("sleepcast.orders");
+    this.history = new History("orders");
     this.completions = new Listbox(this.find("completions"), this.text);
     this.table = new Map();
     this.form = null; // the order whose fields are shown

@@ -69,6 +69,17 @@ def test_what_nobody_has_asked_for_is_not_kept(fleet: Fleet) -> None:
     assert [*fleet.telemetry.state().values.columns] == [slot]
 
 
+def test_values_of_robots_that_have_not_told_are_unknown(fleet: Fleet) -> None:
+    tell(fleet)
+    tell(fleet, [1, 4])
+    names = FleetNames(fleet.vocabulary, fleet)
+    program = fleet.minds.library.program("(* 2 x)", lambda: [read("(* 2 x)")], names)
+    values, reason, reasons = fleet.telemetry.values(program, np.array(EVERYBODY, np.intp))
+    assert np.array_equal(values, [np.nan, 2.0, np.nan, np.nan, 8.0, np.nan], equal_nan=True)
+    assert reason.tolist() == [1, 0, 1, 1, 0, 1]
+    assert reasons == [NOT_YET]
+
+
 def test_from_then_on_it_stays_what_was_told(fleet: Fleet) -> None:
     tell(fleet)
     judged(fleet, "(> x 3.5)")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from math import inf
+from math import inf, nan
 
+import numpy as np
 import pytest
 
 from sleepcast.channel import Kind, Message
@@ -45,6 +46,32 @@ def test_check_speaks_the_names_of_the_fleet(fleet: Fleet) -> None:
 def test_names_that_robots_have_learned_are_suggested(fleet: Fleet) -> None:
     fleet.minds["s4"].evaluate("(DEFVAR patience 5)")
     assert "did you mean patience?" in fleet.station.check("(> patiense 5)").findings[0].message
+
+
+# ---- values
+
+
+def test_values_are_those_of_recent_telemetry(fleet: Fleet) -> None:
+    fleet.report(["s1", "s3"])
+    values, asked = fleet.station.values("(* 2 fuel)")
+    assert np.array_equal(values, [nan, 0.2, nan, 0.6, *[nan] * 6], equal_nan=True)
+    assert list(asked) == []
+    fleet.clock.advance(fleet.station.stale_after + 1.0)
+    assert np.isnan(fleet.station.values("(* 2 fuel)")[0]).all()
+
+
+def test_values_that_only_the_robots_know_must_be_asked_for(fleet: Fleet) -> None:
+    fleet.report(["s1", "s2"])
+    values, asked = fleet.station.values("(SONAR 1)")
+    assert np.isnan(values).all()
+    assert list(asked) == ["s1", "s2"]
+
+
+def test_values_of_what_acts_or_is_unknown_are_refused(fleet: Fleet) -> None:
+    with pytest.raises(MisuseError, match="without doing it"):
+        fleet.station.values("(MARK)")
+    with pytest.raises(CheckError, match="did you mean fuel"):
+        fleet.station.values("(> feul 1)")
 
 
 # ---- sending

@@ -212,13 +212,18 @@ class FleetTelemetry:
     def judge(self, test: Program, robots: Index) -> tuple[Mask, NDArray[np.uint8], list[str]]:
         """Evaluate a test on these robots' telemetry: where it holds; and for each robot that is undecided the index of
         the reason, from 1, in the list that follows (0: decided)."""
+        values, reason, reasons = self.values(test, robots)
+        return is_true(values), reason, reasons
+
+    def values(self, program: Program, robots: Index) -> tuple[Column, NDArray[np.uint8], list[str]]:
+        """The same with the values themselves, NaN for unknown and for robots that are undecided."""
         rows = Rows.of(robots)
         memory = QuietMemory(self._then, self._minds)
         if self._large:
-            memory.know(rows, self._ask(test, rows))
-        values = evaluate(memory, test, rows)
+            memory.know(rows, self._ask(program, rows))
+        values = evaluate(memory, program, rows)
         reason = memory.reason[rows.index]
-        return is_true(values) & (reason == 0), reason, memory.reasons
+        return np.where(reason == 0, values, nan), reason, memory.reasons
 
     def _ask(self, test: Program, rows: Rows) -> Mask:
         """Have these robots report everything that the test reads from now on; returns which of them already do."""

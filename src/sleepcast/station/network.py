@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections import OrderedDict, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import inf, nan
+from math import inf
 
 import msgspec
 import numpy as np
@@ -44,8 +44,7 @@ from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.session import MAX_SPREAD, ChannelSession
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.language import CheckError
-from sleepcast.language.parts import acts, rules
+from sleepcast.language.parts import rules
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.mind.authority import MAX_MARKS, Life, Mark, mark_of, marks_and_ages
@@ -353,22 +352,6 @@ class NetworkStation(Station):
                 if said[at] is not None:
                     codes[at] = YES if said[at] else NO
         return codes, places
-
-    def values(self, text: str) -> tuple[NDArray[np.float64], list[str]]:
-        """The value of an expression that only reads, by recent telemetry and by place on the roster, SI, NaN for
-        unknown; and the robots that would have to be asked. Raises ReadError, CheckError, and MisuseError for an
-        expression that would do something."""
-        checked = self.check(text)
-        program = checked.required()
-        if checked.unknown:
-            raise CheckError(checked.findings, text, checked.more)
-        if acts(program.root):
-            raise MisuseError(f"cannot say what {text} comes to without doing it")
-        count = len(self._roster)
-        found = np.full(count, nan)
-        fresh = np.flatnonzero(self.now - self._roster.reported[:count] <= self.stale_after)
-        found[fresh], reason, _ = self._rows.values(program, fresh)
-        return found, [self._roster.names[place] for place in fresh[reason > 0].tolist()]
 
     def stop(self) -> Command:
         """As every station: it leaves at once."""

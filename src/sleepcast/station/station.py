@@ -14,7 +14,7 @@ from __future__ import annotations
 import hashlib
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from math import inf
+from math import inf, nan
 from threading import RLock
 
 import numpy as np
@@ -27,6 +27,7 @@ from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.serial import SerialError, pack, room_for, unpack
 from sleepcast.language import Checked, CheckError, Explanation, check
+from sleepcast.language.parts import acts
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.account import Account, Command, SentCommands, account, answer_from
@@ -52,6 +53,7 @@ from sleepcast.station.validation import (
     SendPolicy,
     Telemetry,
     TelemetryRows,
+    TelemetryTable,
     UnknownNameError,
     Validated,
     preview,
@@ -177,8 +179,27 @@ class Station:
         return self._preview(self._program(text))
 
     def _preview(self, program: Program) -> Preview:
-        table = self._rows if self._fleet_telemetry is None else self._fleet_telemetry
-        return preview(program, self._roster, table, self._clock.now(), self.stale_after)
+        return preview(program, self._roster, self._table, self._clock.now(), self.stale_after)
+
+    @property
+    def _table(self) -> TelemetryTable:
+        return self._rows if self._fleet_telemetry is None else self._fleet_telemetry
+
+    def values(self, text: str) -> tuple[NDArray[np.float64], RobotNames]:
+        """The value of an expression that only reads, by recent telemetry and by place on the roster, SI, NaN for
+        unknown; and the robots that would have to be asked. Raises ReadError, CheckError, and MisuseError for an
+        expression that would do something."""
+        checked = self.check(text)
+        program = checked.required()
+        if checked.unknown:
+            raise CheckError(checked.findings, text, checked.more)
+        if acts(program.root):
+            raise MisuseError(f"cannot say what {text} comes to without doing it")
+        found = np.full(len(self._roster), nan)
+        times = self._roster.reported[: len(found)]
+        fresh = np.flatnonzero(self._clock.now() - times <= self.stale_after)
+        found[fresh], reason, _ = self._table.values(program, fresh)
+        return found, RobotNames(self._roster.names, fresh[reason > 0])
 
     def _program(self, text: str, *, sure: bool = True) -> Program:
         """The program of a text that may be sent. sure: whether its sender means it although it is doubted."""

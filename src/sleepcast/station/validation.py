@@ -284,6 +284,10 @@ class TelemetryTable(Protocol):
     def judge(self, test: Program, robots: Index) -> Judged:
         """The value of a test for these robots, all of which have sent telemetry."""
 
+    def values(self, program: Program, robots: Index) -> tuple[NDArray[np.float64], NDArray[np.uint8], list[str]]:
+        """What a program that does nothing comes to on these robots, NaN for unknown; and why it cannot be told, see
+        `Judged`."""
+
 
 class FleetTelemetry(TelemetryTable, Protocol):
     """Telemetry of minds that answer for many robots at once."""
@@ -498,8 +502,6 @@ class TelemetryRows:
         return (values < 0.0) | (values > 0.0), reason, reasons
 
     def values(self, program: Program, robots: Index) -> tuple[NDArray[np.float64], NDArray[np.uint8], list[str]]:
-        """What a program that does nothing comes to on robots by their places, NaN for unknown; and why it cannot be
-        told, see `Judged`."""
         memory = PreviewMemory()
         nameless = [part.name.casefold() for part in walk(program.root) if part.op in ("absent", "missing")]
         values, reason = np.full(len(robots), nan), np.zeros(len(robots), np.uint8)

@@ -2,6 +2,8 @@
 
 import { Accounting, bytes } from "./accounting.js";
 import { Drawer } from "./drawer.js";
+import { Finder } from "./finder.js";
+import { Link } from "./link.js";
 import { Port } from "./port.js";
 import { picture, styleOf } from "./shapes.js";
 import { showLine } from "./line.js";
@@ -61,7 +63,9 @@ wire.addEventListener("hello", ({ detail }) => {
 
 wire.addEventListener("frame", ({ detail }) => {
   if (!world.scene) return;
-  if (world.setFrame(detail)) time.show(world.frame);
+  if (!world.setFrame(detail)) return;
+  time.show(world.frame);
+  link?.follow();
 });
 
 world.addEventListener("drawn", ({ detail }) => wire.tell("drawn", { number: detail.number }));
@@ -208,6 +212,42 @@ splitter(side.querySelector(".splitter"), {
   },
 });
 drawer.addEventListener("change", () => world.refit());
+
+const link = embedded ? null : new Link(world, drawer, (index) => world.choose(index));
+
+// ---- the finder
+
+const press = (id) => find(id).click();
+const ACTIONS = [
+  ["Run or pause time", "Ctrl+Space", () => press("run")],
+  ["Advance one tick", "Ctrl+.", () => press("step")],
+  ["STOP every robot", "F9", () => press("stop")],
+  ["Release STOP", "", () => press("release")],
+  ["Show everything on the map", "F", () => press("fit")],
+  ["Trails on or off", "T", () => press("trails-on")],
+  ["Light or dark", "", () => press("theme")],
+  ["Keys and a short guide", "?", () => press("help")],
+];
+
+function goTo(x, y) {
+  follow(false);
+  world.look(x, y);
+}
+
+new Finder(find("finder"), [
+  () => prompt.ready.map(({ title, text }) => ({ kind: "command", title, hint: text, run: () => prompt.set(text) })),
+  () => ACTIONS.map(([title, hint, run]) => ({ kind: "action", title, hint, run })),
+  () => [...drawer.panes].map(([name, { tab }]) => ({ kind: "pane", title: tab.textContent, run: () => drawer.open(name) })),
+  () => groups.map(({ name, count }) => ({ kind: "group", title: name, hint: `${count.toLocaleString("en")} robots`, run: () => prompt.set(`(WHEN (IN ${name}) )`) })),
+  () => [...(world.scene?.places ?? []), ...(world.scene?.lights ?? [])].map(({ name, x, y }) => ({ kind: "place", title: name, run: () => goTo(x, y) })),
+  () => [...prompt.history.items].reverse().map((text) => ({ kind: "earlier", title: text.replace(/\s+/g, " "), run: () => prompt.set(text) })),
+  () => (world.scene?.names ?? []).map((name, index) => ({ kind: "robot", title: name, run: () => chooseAndCentre(index) })),
+]);
+
+function chooseAndCentre(index) {
+  world.choose(index);
+  world.centreChosen();
+}
 
 // ---- view, theme, guide
 

@@ -195,6 +195,14 @@ export class World extends EventTarget {
     this.moved();
   }
 
+  // Show what lies around a point (m); across: metres from the left edge of the map to the right one, as before if it is
+  // not given.
+  look(x, y, across) {
+    if (across) this.view.zoom(this.view.width / across / this.view.scale);
+    this.view.centre(x, y);
+    this.moved();
+  }
+
   moved(fitted = false) {
     this.fitted = fitted;
     this.repaint("ground", "trails", "robots");

@@ -1,0 +1,94 @@
+"""The room that panes take on the page, the finder, and links that open the same view.
+
+As in `test_page`, the browser must have had nothing to complain about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import BrowserContext, Page, expect
+
+from console.running import PATIENCE, Program
+from console.test_page import opened, until
+
+pytestmark = pytest.mark.browser
+
+expect.set_options(timeout=1000 * PATIENCE)
+
+
+@pytest.fixture
+def rovers(program: Program, context: BrowserContext) -> Iterator[Page]:
+    """The small world's page."""
+    yield from opened(program, context)
+
+
+def find(page: Page, text: str) -> None:
+    """Type into the finder, and take what it offers first."""
+    page.keyboard.press("Control+k")
+    page.locator("#finder input").press_sequentially(text)
+    page.keyboard.press("Enter")
+    expect(page.locator("#finder")).to_be_hidden()
+
+
+def length_of_scale(page: Page) -> float:
+    """Of the bar under the map, in pixels."""
+    return float(page.locator("#scale-bar").evaluate("bar => Number.parseFloat(bar.style.width)"))
+
+
+def test_the_finder_finds_robots_commands_and_actions(rovers: Page) -> None:
+    rovers.keyboard.press("Control+k")
+    rovers.locator("#finder input").press_sequentially("rover1")
+    names = rovers.locator("#finder-found .name")
+    expect(names.first).to_have_text("rover1")
+    assert set(rovers.locator("#finder-found .kind").all_inner_texts()) == {"robot"}
+    rovers.keyboard.press("ArrowDown")
+    second = names.nth(1).inner_text()
+    rovers.keyboard.press("Enter")
+    expect(rovers.locator("#robot-name")).to_have_text(second)
+
+    rovers.locator("#text").fill("")
+    find(rovers, "full crew")
+    expect(rovers.locator("#text")).to_have_value("(WHEN (> battery 60%) (JOIN crew))")
+    find(rovers, "light or dark")
+    assert rovers.evaluate("document.documentElement.dataset.theme") == "dark"
+
+    rovers.keyboard.press("Control+k")
+    rovers.locator("#finder input").press_sequentially("nothing is called this")
+    expect(rovers.locator("#finder-found")).to_be_hidden()
+    rovers.keyboard.press("Escape")
+    expect(rovers.locator("#finder")).to_be_hidden()
+
+
+def test_a_link_opens_the_same_view(rovers: Page, context: BrowserContext) -> None:
+    find(rovers, "rover3")
+    rovers.locator("#zoom-in").click()
+    until(rovers, lambda: "view=" in rovers.url and "robot=rover3" in rovers.url)
+    scale = length_of_scale(rovers)
+    other = context.new_page()
+    other.goto(rovers.url)
+    expect(other.locator("#robot-name")).to_have_text("rover3")
+    until(other, lambda: length_of_scale(other) == pytest.approx(scale, rel=1e-4))
+    other.close()
+
+
+def test_the_side_is_made_wider_by_hand_and_stays_so(rovers: Page) -> None:
+    bar, side = rovers.locator(".side > .splitter"), rovers.locator(".side")
+    before = side.evaluate("side => side.offsetWidth")
+    bar.focus()
+    rovers.keyboard.press("ArrowLeft")
+    rovers.keyboard.press("ArrowLeft")
+    wider = side.evaluate("side => side.offsetWidth")
+    assert wider == before + 48
+    box = bar.bounding_box()
+    assert box is not None
+    rovers.mouse.move(box["x"] + 4, box["y"] + 200)
+    rovers.mouse.down()
+    rovers.mouse.move(box["x"] + 104, box["y"] + 210, steps=3)
+    rovers.mouse.up()
+    narrower = side.evaluate("side => side.offsetWidth")
+    assert narrower == wider - 100
+    rovers.reload()
+    expect(rovers.locator("#scale-text")).not_to_be_empty()
+    assert side.evaluate("side => side.offsetWidth") == narrower

@@ -118,7 +118,7 @@ def moving(*scenario: str) -> Start:
 
     def start(environment: Mapping[str, str]) -> Time:
         begin = time.perf_counter()
-        with Program("demo", *scenario, environment=environment) as program:
+        with Program("demo", *scenario, "--run", environment=environment) as program:
             parts = urlsplit(program.address)
             address = f"ws://{parts.netloc}/live?{parts.query}"
             origin = Origin(f"http://{parts.netloc}")

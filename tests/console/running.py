@@ -25,10 +25,12 @@ PATIENCE = 120.0
 
 
 class Program:
-    """`sleepcast` with `arguments` and any free port; `with` stops it as Ctrl-C does. changes: of the environment."""
+    """`sleepcast` with `arguments` and any free port; `with` stops it as Ctrl-C does. waits: whether the time of a
+    simulated swarm waits for somebody to start it. changes: of the environment."""
 
-    def __init__(self, *arguments: str | Path, **changes: str) -> None:
-        command = [sys.executable, "-m", "sleepcast", *arguments, "--no-browser", "--port", "0"]
+    def __init__(self, *arguments: str | Path, waits: bool = False, **changes: str) -> None:
+        running = ["--run"] * (arguments[0] in ("demo", "run") and not waits)
+        command = [sys.executable, "-m", "sleepcast", *arguments, *running, "--no-browser", "--port", "0"]
         self.process = subprocess.Popen(
             command, env={**os.environ, **changes}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
         )

@@ -73,6 +73,8 @@ class RecordingWitness:
         self._answers: dict[str, int] = {}
         self._unmarked = True
         """Whether groups or flags may have changed since they were recorded."""
+        self._exhausted = b""
+        """Which robots had used up what they drive with when flags were looked at last."""
         self._seen = -1
         self._posted: list[tuple[int, Message]] = []
         self._world_version = -1
@@ -127,10 +129,12 @@ class RecordingWitness:
         simulator = self._swarm.simulator
         now, minds = self._swarm.now(), self._swarm.fleet
         self._recorder.poses(now, simulator.x, simulator.y, simulator.bodies.heading)
-        if self._unmarked:
+        exhausted = simulator.exhausted()
+        before, self._exhausted = self._exhausted, b"" if exhausted is None else exhausted.tobytes()
+        if self._unmarked or self._exhausted != before:
             self._unmarked = False
-            codes = self._groups.look(minds)
-            self._recorder.note(MARKS, now, MarksBody(simulator.tick, codes, flags_of(minds), self._groups.names))
+            codes, flags = self._groups.look(minds), flags_of(minds, exhausted)
+            self._recorder.note(MARKS, now, MarksBody(simulator.tick, codes, flags, self._groups.names))
 
         for command in self._station.commands():
             if self._answers.get(command.id) != len(command.answers):

@@ -45,6 +45,7 @@ class Options(TypedDict):
     as_json: bool
     quiet: bool
     speed: float | None
+    running: bool | None
     port: int
     host: str
     insecure: bool
@@ -76,6 +77,12 @@ _COMMON = (
     click.option("--quiet", is_flag=True, help="Headless: show no progress on standard error."),
     click.option(
         "--speed", metavar="X", type=click.FloatRange(SLOWEST, FASTEST), help="Page: speed, as a multiple of real time."
+    ),
+    click.option(
+        "--run/--wait",
+        "running",
+        default=None,
+        help="Page: let time run at once, or wait for Play or the first command (the default).",
     ),
     click.option(
         "--port",
@@ -213,6 +220,7 @@ def _show(
             address=address,
             say=announce,
             prepare=prepare,
+            waits=not options["running"],
             around=_kept(swarm, station, wanted, keeping),
         )
     except (KeyboardInterrupt, Terminated) as error:
@@ -308,6 +316,8 @@ def _refuse_contradictions(headless: bool, options: Options) -> None:
         raise MisuseError("--snapshot-at says when to take the snapshot of a headless run: add --snapshot FILE")
     if headless and options["speed"] is not None:
         raise MisuseError("--speed is for the page: without one, the run goes as fast as it can")
+    if headless and options["running"] is not None:
+        raise MisuseError("--run and --wait are for the page: without one, the run begins at once")
     _refuse_one_file_for_two(options)
     if seconds is not None and not (isfinite(seconds) and 0.0 < seconds <= MAX_TIME):
         raise MisuseError(f"--seconds must be more than 0 and at most {MAX_TIME:.0f}, not {seconds:g}")

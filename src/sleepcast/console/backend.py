@@ -108,10 +108,11 @@ class Backend:
     ) -> outgoing.Sent:
         """Broadcast `text`. count, confirmed: where the station asks for confirmation, see `Station.send`."""
         if sort == "ask":
-            return outgoing.Sent(serial, self._station.ask(text).id)
-        sent = self._station.send(
-            text, standing=sort == "standing", everybody=everybody, count=count, confirmed=confirmed
-        )
+            sent = self._station.ask(text)
+        else:
+            standing = sort == "standing"
+            sent = self._station.send(text, standing=standing, everybody=everybody, count=count, confirmed=confirmed)
+        self.driver.begin()
         return outgoing.Sent(serial, sent.id)
 
     def stop(self) -> None:
@@ -182,7 +183,7 @@ class Backend:
             index,
             self.driver.groups.code(mind.groups),
             [found.name if found is not None else key for found, key in declared],
-            self._states(mind),
+            [*self._states(mind), *self._lacks(index)],
             sorted(values, key=lambda value: _KINDS.index(value.kind)),
             [self._show_rule(rule) for rule in mind.rules()],
             self._reports(self._name(index)),
@@ -196,6 +197,12 @@ class Backend:
         """What the robot is, in words."""
         flags = ((FROZEN, "frozen"), (SLEEPING, "sleeping"), (MARKED, "marked"))
         return ["stopped"] * mind.stopped + [word for slot, word in flags if mind.values[slot] > 0.0]
+
+    def _lacks(self, index: int) -> list[str]:
+        """That the robot has used up what it drives with, in words."""
+        exhausted = self._swarm.exhausted()
+        there = exhausted is not None and bool(exhausted[index])
+        return [f"no {' or '.join(self._swarm.scene.supplies)} left"] * there
 
     def _show_rule(self, rule: RuleView) -> outgoing.ShownRule:
         value = "never ran" if isnan(rule.last_value) else format_value(rule.last_value)

@@ -49,11 +49,21 @@ class Driver(FrameSource):
     """See the module. groups: as of the latest picture.
 
     latched: whether STOP holds, for the picture. prepare: what has to be done, beside the server, before time can run;
-    it may take many seconds.
+    it may take many seconds. waits: whether time stands still until somebody lets it run, or sends a command.
     """
 
-    def __init__(self, swarm: SwarmView, pace: Pace, clock: Clock, prepare: Callable[[], None] | None = None) -> None:
+    def __init__(
+        self,
+        swarm: SwarmView,
+        pace: Pace,
+        clock: Clock,
+        prepare: Callable[[], None] | None = None,
+        *,
+        waits: bool = False,
+    ) -> None:
         super().__init__()
+        self._waits, self._first = waits, swarm.tick
+        pace.paused = pace.paused or waits
         self.swarm, self.pace = swarm, pace
         self._prepare, self._ready = prepare, prepare is None
         self.groups = Groups()
@@ -68,7 +78,8 @@ class Driver(FrameSource):
         if self._prepare is not None:
             await _aside(self._prepare)
             self._ready = True
-            self.draw()
+        self.swarm.introduce()
+        self.draw()
         while True:
             if self.pace.paused:
                 self._wake.clear()
@@ -82,6 +93,16 @@ class Driver(FrameSource):
                 self.draw()
             busy = now - began >= SLICE
             await asyncio.sleep(0.0 if busy else self._frame_due - self._clock.now())
+
+    @property
+    def waiting(self) -> bool:
+        """Whether time has not begun, and does with the first command."""
+        return self._waits and self.pace.paused and self.swarm.tick == self._first
+
+    def begin(self) -> None:
+        """A command went out: let time run, if it waits for that."""
+        if self.waiting:
+            self.set_pace(running=True)
 
     def advance(self, budget: float) -> bool:
         """Let happen what is due, for at most about `budget` s; whether there may be anything new to see."""
@@ -111,7 +132,7 @@ class Driver(FrameSource):
 
     def flags(self) -> bytes:
         """The flags of each robot."""
-        return flags_of(self.swarm.minds)
+        return flags_of(self.swarm.minds, self.swarm.exhausted())
 
     def draw(self) -> None:
         """Make a new frame of what there is now, and tell those who wait for one."""
@@ -122,7 +143,7 @@ class Driver(FrameSource):
             swarm.tick,
             swarm.now(),
             (pace.factor, pace.achieved),
-            (not pace.paused, self.latched, not self._ready),
+            (not pace.paused, self.latched, not self._ready, self.waiting),
             swarm.poses(),
             (self.groups.look(minds), self.flags()),
             swarm.pings(),

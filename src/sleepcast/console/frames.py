@@ -5,7 +5,7 @@ Everything is little endian. A frame of n robots has 32 + 14 n bytes, or 32 + 15
     offset   type        meaning
     0        u8          1, the version of this layout
     1        u8          state: bit 0 time runs, bit 1 STOP is latched, bit 2 time cannot run yet: what ticks take is
-                         being compiled
+                         being compiled, bit 3 time has not begun: it waits for the first command, or to be run
     2        u8          1 if pings follow, else 0
     3        u8          0
     4        u32         n
@@ -18,7 +18,7 @@ Everything is little endian. A frame of n robots has 32 + 14 n bytes, or 32 + 15
                          has no known position and stands aside
     32+12n   u8 x n      group: 0 for none, else the place of its newest group in the list of groups, from 1
     32+13n   u8 x n      flags: bit 0 stopped, 1 frozen, 2 sleeping, 3 marked and showing it,
-                         4 silent: its telemetry is stale
+                         4 silent: its telemetry is stale, 5 it has used up what it drives with
     32+14n   u8 x n      pings: 0 for who has not pinged since the frame before, else the caste + 1
 """
 

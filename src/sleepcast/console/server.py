@@ -86,13 +86,14 @@ def serve(
     address: Address,
     say: Callable[[str], None],
     prepare: Callable[[], None] | None = None,
+    waits: bool = False,
     around: AbstractContextManager[object] = NOTHING,
 ) -> None:
     """Serve the page and let the swarm run until Ctrl-C, which is raised on as KeyboardInterrupt after a clean stop.
 
-    prepare: see `Driver`. The rest is as for `serve_backend`.
+    prepare, waits: see `Driver`. The rest is as for `serve_backend`.
     """
-    driver = Driver(swarm, pace, clock, prepare)
+    driver = Driver(swarm, pace, clock, prepare, waits=waits)
     desk = Backend(swarm, station, driver, clock)
     serve_backend(desk, clock, address=address, say=say, around=around)
 

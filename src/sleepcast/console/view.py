@@ -9,6 +9,8 @@ from collections.abc import Iterable
 from typing import Protocol
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from sleepcast.core.model import ReadyCommand
 from sleepcast.fleet.marks import FleetMarks
@@ -40,8 +42,8 @@ class Scene(msgspec.Struct, frozen=True):
     noun: what the robots are called, in the plural. names: of the robots, by their index. area: least x, least y,
     greatest x, greatest y in m. unit: a length of `sleepcast.core.units`, in which people read the map. sizes: how many
     robots have bodies of which radius (m), in the order of their indices. lights: where they are, with their names.
-    areas: those that robots know by name from the start. obstacles: each is what lies inside an odd number of its
-    closed outlines, lists of corners (x, y) in m.
+    areas: those that robots know by name from the start. supplies: what robots use up when they drive, such as fuel.
+    obstacles: each is what lies inside an odd number of its closed outlines, lists of corners (x, y) in m.
     """
 
     title: str
@@ -56,6 +58,7 @@ class Scene(msgspec.Struct, frozen=True):
     areas: tuple[NamedOutline, ...] = ()
     obstacles: tuple[tuple[Outline, ...], ...] = ()
     commands: tuple[ReadyCommand, ...] = ()
+    supplies: tuple[str, ...] = ()
 
 
 class RuleView(Protocol):
@@ -108,6 +111,9 @@ class SwarmView(Protocol):
     def now(self) -> float:
         """Simulated seconds since the start."""
 
+    def introduce(self) -> None:
+        """Let the station know how robots are, if there has been no tick that would have."""
+
     def step(self) -> None:
         """One tick of everything: bodies, channel, minds, and the station's news of them."""
 
@@ -116,6 +122,9 @@ class SwarmView(Protocol):
 
     def pings(self) -> bytes:
         """Who has pinged since this was last asked: as in a frame, empty for nobody."""
+
+    def exhausted(self) -> NDArray[np.bool_] | None:
+        """Which robots have used up one of the scene's supplies, so that they stand; None where nobody knows."""
 
     def poses(self) -> bytes:
         """x (m), y (m) and heading (rad, counter-clockwise from x) of each robot in turn, float32, little endian."""

@@ -16,6 +16,8 @@ MAX_GROUPS = 255
 
 _BITS = ((FROZEN, 2), (SLEEPING, 4))
 _MARK = 8
+_EXHAUSTED = 32
+"""The bit between is that of silent robots, which only a desk knows."""
 
 
 class FleetMarks(Protocol):
@@ -37,13 +39,15 @@ class FleetMarks(Protocol):
         """What any robot has learned under this key."""
 
 
-def flags_of(minds: FleetMarks) -> bytes:
-    """The flags of each robot."""
+def flags_of(minds: FleetMarks, exhausted: NDArray[np.bool_] | None = None) -> bytes:
+    """The flags of each robot. exhausted: which bodies have used up what they drive with; None where nobody knows."""
     found = minds.stopped.astype(np.uint8)
     for slot, bit in _BITS:
         found |= np.where(minds.column(slot) > 0.0, np.uint8(bit), np.uint8(0))
     shown = (minds.column(MARKED) > 0.0) & (minds.column(MARKING) > 0.0)
     found |= np.where(shown, np.uint8(_MARK), np.uint8(0))
+    if exhausted is not None:
+        found |= np.where(exhausted, np.uint8(_EXHAUSTED), np.uint8(0))
     return found.tobytes()
 
 

@@ -159,6 +159,12 @@ class Swarm:
         self.simulator.sense(some, sonars)
         self.fleet.look(self.now(), robots)
 
+    def introduce(self) -> None:
+        """Sample telemetry now: before the first tick, the desk has heard of nobody. Changes nothing that a run depends
+        on."""
+        if self.desk is not None:
+            _sample(self, self.desk)
+
     def measures(self) -> dict[str, object]:
         """Counts of the run so far."""
         return {
@@ -258,10 +264,14 @@ def _report(swarm: Swarm) -> None:
         else:
             desk.hear_many(heard)
     if _is_sampled(swarm):
-        sampled = swarm.radio.samples()
-        swarm.sense(swarm.fleet.rows(sampled))
-        desk.observe_many(swarm.now(), sampled)
+        _sample(swarm, desk)
     desk.attend()
+
+
+def _sample(swarm: Swarm, desk: Desk) -> None:
+    sampled = swarm.radio.samples()
+    swarm.sense(swarm.fleet.rows(sampled))
+    desk.observe_many(swarm.now(), sampled)
 
 
 class Pace:

@@ -40,12 +40,15 @@ class SteppedSwarm(SwarmAdapter):
 
 
 def simulated_desk(swarm: Swarm, station: Station, step: Callable[[], None], turn: Turn) -> NotebookDesk:
-    """For a simulated fleet, whose time stands still until somebody lets it run. step: makes a tick."""
+    """For a simulated fleet, whose time stands still until somebody lets it run, or sends its first command. step:
+    makes a tick."""
     clock = WallClock()
     pace = Pace(clock, swarm, swarm.simulator.scenario.speed_up, step)
     pace.paused = True
     seen = SteppedSwarm(swarm, step)
-    return NotebookDesk(Backend(seen, station, Driver(seen, pace, clock), clock), clock, turn)
+    seen.introduce()
+    driver = Driver(seen, pace, clock, waits=seen.tick == 0)
+    return NotebookDesk(Backend(seen, station, driver, clock), clock, turn)
 
 
 class PatientBackend(NetworkBackend):

@@ -19,7 +19,7 @@ ENTRY = "main"
 _IMPORT = re.compile(r'^import \{ ([^}]+) \} from "\./(\w+)\.js";$', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:async )?(?:class|function|const) (\w+))", re.MULTILINE)
 _OTHER = re.compile(r"^(?:import|export)\b.*$", re.MULTILINE)
-_STYLE = '<link rel="stylesheet" href="static/style.css">'
+_STYLE = re.compile(r'<link rel="stylesheet" href="static/(\w+\.css)">')
 _SCRIPT = '<script type="module" src="static/main.js"></script>'
 _ICON = re.compile(r"<link rel=\"icon\"[^>]*>\n")
 
@@ -28,9 +28,8 @@ _ICON = re.compile(r"<link rel=\"icon\"[^>]*>\n")
 def page() -> str:
     """The markup of the page for a frame in a notebook; it asks for no other file."""
     text = _ICON.sub("", (STATIC / "index.html").read_text(encoding="utf-8"))
-    style = (STATIC / "style.css").read_text(encoding="utf-8")
+    text = _STYLE.sub(lambda found: f"<style>\n{(STATIC / found[1]).read_text(encoding='utf-8')}</style>", text)
     parts = {
-        _STYLE: f"<style>\n{style}</style>",
         _SCRIPT: f'<script type="module">\n{bundle()}</script>',
         "<body>": '<body class="embedded">',
     }

@@ -178,6 +178,10 @@ class Simulator:
         self._pinged.fill(0)
         return found
 
+    def exhausted(self) -> NDArray[np.bool_] | None:
+        """Which bodies have used up what they drive with, so that they stand still; None where no body can."""
+        return self.bodies.exhausted()
+
     def measured(self) -> dict[str, list[list[float]]]:
         """The scenario's own measures so far, each a list of [seconds, metres]."""
         return self.measuring.series()

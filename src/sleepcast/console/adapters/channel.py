@@ -202,6 +202,12 @@ class FleetAdapter:
         """What is solid stays as in the scene."""
         return None
 
+    def introduce(self) -> None:
+        """Robots tell of themselves when they are asked."""
+
+    def exhausted(self) -> None:
+        """Nobody knows what these robots drive with."""
+
     def pings(self) -> bytes:
         """Pings go from robot to robot; the desk does not hear them."""
         return b""

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from array import array
 from dataclasses import replace
-from math import cos, pi, sin
+from math import cos, inf, pi, sin
+
+import numpy as np
+from numpy.typing import NDArray
 
 from sleepcast.console import MapLabel, NamedOutline, Outline, Scene
 from sleepcast.core.model import NamedArea
@@ -40,6 +43,11 @@ class SwarmAdapter:
         """Simulated seconds since the start."""
         return self._swarm.now()
 
+    def introduce(self) -> None:
+        """Let the station know how robots are at the start."""
+        if self.tick == 0:
+            self._swarm.introduce()
+
     def step(self) -> None:
         """One tick of everything."""
         self._swarm.step()
@@ -60,6 +68,10 @@ class SwarmAdapter:
             self._world_version = world.version
             self._obstacles = tuple(outlines(shape) for shape in world.shapes.values())
         return self._obstacles
+
+    def exhausted(self) -> NDArray[np.bool_] | None:
+        """Which robots have used up one of the scene's supplies, so that they stand; None where no robot can."""
+        return self._swarm.simulator.exhausted()
 
     def pings(self) -> bytes:
         """Who has pinged since this was last asked, a byte for each robot; see `Simulator.pinged`."""
@@ -84,6 +96,7 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         obstacles=tuple(outlines(shape) for shape in scenario.shapes),
         lights=tuple(MapLabel(light.title, light.x, light.y) for light in scenario.lights),
         commands=tuple(replace(each, text=each.text.strip()) for each in scenario.commands),
+        supplies=tuple(store.name for store in scenario.robots.stores if store.reach < inf),
     )
 
 

@@ -1,12 +1,13 @@
 // Binary frames from the station, as console/frames.py lays them out (little endian).
 
-export const STILL = 1 | 2 | 4; // any of the flags that hold a body still
+export const EXHAUSTED = 32; // it has used up what it drives with
+export const STILL = 1 | 2 | 4 | EXHAUSTED; // any of the flags that hold a body still
 export const SILENT = 16; // what it told is old
 export const FLAG_NAMES = ["stopped", "frozen", "sleeping", "marked", "silent"]; // by bit
 
 const HEADER = 32;
 
-// One frame: {running, stopped, preparing, count, number, tick, time, wanted, achieved, poses, groups, flags, pings}
+// One frame: {running, stopped, preparing, waiting, count, number, tick, time, wanted, achieved, poses, groups, flags, pings}
 // with poses as x, y (m) and heading (rad) of every robot in turn, time in simulated seconds; pings is null where
 // nobody pinged, else a caste + 1 for each robot, 0 for who did not.
 export function decode(buffer) {
@@ -17,6 +18,7 @@ export function decode(buffer) {
     running: (state & 1) !== 0,
     stopped: (state & 2) !== 0,
     preparing: (state & 4) !== 0,
+    waiting: (state & 8) !== 0,
     count,
     number: view.getUint32(8, true),
     tick: view.getUint32(12, true),

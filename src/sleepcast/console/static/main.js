@@ -66,6 +66,8 @@ wire.addEventListener("frame", ({ detail }) => {
   if (!world.setFrame(detail)) return;
   time.show(world.frame);
   link?.follow();
+  document.body.classList.toggle("waiting", world.frame.waiting);
+  prompt.setWaiting(world.frame.waiting);
 });
 
 world.addEventListener("drawn", ({ detail }) => wire.tell("drawn", { number: detail.number }));

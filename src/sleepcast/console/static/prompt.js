@@ -11,6 +11,7 @@ const PAUSE = 120; // ms without a key before the text is checked
 const AGAIN = 1000; // ms after which the robots have moved enough to ask again who would obey
 const NAMES_AGE = 2000; // ms for which the ranges of values in the list of names are good enough
 const HINT = "Enter sends · Shift+Enter starts a new line · ↑ recalls earlier commands · Tab completes a name";
+const FIRST_HINT = "Time has not started: Enter sends this command and starts it · Shift+Enter starts a new line";
 const MOST_NAMES = 12; // names offered at once
 const MOST_CHARACTERS = 16384; // of a command, as console/incoming.py has it
 
@@ -29,6 +30,7 @@ export class Prompt extends EventTarget {
     this.refused = []; // why the station would not send it: until the text, or its sort, is another
     this.doubted = null; // the text that was doubted when it was sent: sent once more it is meant as it stands
     this.sending = false;
+    this.waiting = false; // whether time starts with the first command
     this.ready = [];
     this.sent = new Set(); // texts of commands that went out
     this.listen();
@@ -373,11 +375,17 @@ export class Prompt extends EventTarget {
     const call = callAt(this.editor.tokens, this.editor.caret)?.toLowerCase();
     const known = call && this.names.find((name) => name.usage && name.name.toLowerCase() === call);
     if (!known) {
-      this.find("usage").textContent = HINT;
+      this.find("usage").textContent = this.waiting ? FIRST_HINT : HINT;
       return;
     }
     const usage = Object.assign(document.createElement("code"), { textContent: known.usage });
     this.find("usage").replaceChildren(usage, ` ${known.doc}`);
+  }
+
+  setWaiting(waiting) {
+    if (waiting === this.waiting) return;
+    this.waiting = waiting;
+    this.showUsage();
   }
 
   setNames(names) {

@@ -69,13 +69,14 @@ export class Time {
     this.wanted = frame.wanted;
     this.running = frame.running;
     this.find("run").dataset.running = frame.running;
-    this.find("run").setAttribute("aria-label", frame.running ? "Pause" : "Run");
+    this.find("run").dataset.waiting = frame.waiting;
+    this.find("run").setAttribute("aria-label", frame.running ? "Pause" : frame.waiting ? "Start" : "Run");
     this.find("clock").textContent = clock(frame.time);
     const behind = frame.running && !frame.preparing && frame.wanted < FASTEST && frame.achieved < BEHIND * frame.wanted;
     const near = Math.abs(frame.achieved - frame.wanted) < NEAR * frame.wanted;
     const running = `running at ${factor(near ? frame.wanted : frame.achieved)}`;
     if (this.preparing) this.preparing.hidden = !frame.preparing;
-    this.find("achieved").textContent = frame.preparing ? "compiling" : frame.running ? running : "paused";
+    this.find("achieved").textContent = frame.preparing ? "compiling" : frame.running ? running : frame.waiting ? "not started" : "paused";
     this.find("achieved").classList.toggle("behind", behind);
   }
 

@@ -3,7 +3,7 @@
 // Nothing is drawn but in `draw`, at most once for each picture of the screen. The ground is drawn again only when the
 // view changes, the trails when there are new ones, the robots with every frame.
 
-import { decode, FLAG_NAMES } from "./frame.js";
+import { decode, EXHAUSTED, FLAG_NAMES } from "./frame.js";
 import { gestures } from "./gestures.js";
 import { drawGround, drawPlaces } from "./ground.js";
 import { Pings } from "./pings.js";
@@ -123,6 +123,7 @@ export class World extends EventTarget {
     FLAG_NAMES.forEach((name, bit) => {
       if (this.frame.flags[index] & (1 << bit)) words.push(name);
     });
+    if (this.frame.flags[index] & EXHAUSTED) words.push(`no ${this.scene.supplies.join(" or ")} left`);
     return words.join(" · ");
   }
 

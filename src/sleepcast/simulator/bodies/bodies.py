@@ -251,6 +251,17 @@ class Bodies:
                 if drain:
                     row[:] = np.maximum(row - drain * self.scenario.tick, 0.0)
 
+    def exhausted(self) -> NDArray[np.bool_] | None:
+        """Which bodies have used up something that they drive with; None where no body can."""
+        if not any(use for part in self.parts for use in part.uses):
+            return None
+        found = np.zeros(self.count, bool)
+        for part, which in zip(self.parts, self.of_each_sort, strict=True):
+            for row, use in zip(part.stores, part.uses, strict=True):
+                if use:
+                    found[which] |= row <= 0.0
+        return found
+
     def forget(self) -> None:
         """Invalidate the spatial index and the sonar readings: bodies have moved."""
         self.near.forget()

@@ -20,6 +20,7 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.core.version import VERSION
 from sleepcast.fleet.marks import Groups, flags_of
 from sleepcast.loop import Swarm, snapshot
+from sleepcast.loop.rerun import WorldLog
 from sleepcast.simulator import Scenario
 from sleepcast.simulator.recording.recorder import (
     ACCOUNTING,
@@ -77,9 +78,7 @@ class RecordingWitness:
         """Which robots had used up what they drive with when flags were looked at last."""
         self._seen = -1
         self._posted: list[tuple[int, Message]] = []
-        self._world_version = -1
-        self._solids = dict(enumerate(swarm.simulator.scenario.shapes, 1))
-        """The solid things that the recording knows, and which change of them was the last."""
+        self._world = WorldLog(swarm.simulator.world, dict(enumerate(swarm.simulator.scenario.shapes, 1)))
         self._changes: list[WorldChange] = []
         self.ticking()
         self.picture()
@@ -164,16 +163,10 @@ class RecordingWitness:
 
     def _look_at_world(self, tick: int, *, own: bool) -> None:
         """Record which solid things have come, moved or gone, as a `WorldChange`."""
-        world = self._swarm.simulator.world
-        if self._world_version == world.version:
-            return
-        self._world_version = world.version
-        before, self._solids = self._solids, dict(world.shapes)
-        put = {str(number): shape for number, shape in self._solids.items() if before.get(number) != shape}
-        gone = tuple(number for number in before if number not in self._solids)
-        if put or gone:
-            self._changes.append(WorldChange(tick, put, gone, own))
-            self._recorder.obstacles(self._swarm.now(), self._changes[-1])
+        found = self._world.look(tick, own=own)
+        if found is not None:
+            self._changes.append(found)
+            self._recorder.obstacles(self._swarm.now(), found)
 
     def look(self) -> None:
         """Record readings, rules and the hash of the state."""
@@ -194,7 +187,7 @@ class RecordingWitness:
             return
         if self._seen != simulator.tick:
             self.picture()
-            if self._world_version == simulator.world.version:  # else the state is already that of the tick to come
+            if not self._world.changed:  # else the state is already that of the tick to come
                 self.look()
 
     def _look_at_rules(self, index: int, now: float) -> None:
@@ -239,11 +232,11 @@ def recorded(
         first=first,
     ) as recorder:
         witness = RecordingWitness(recorder, swarm, station, wanted)
-        swarm.witness = witness
+        swarm.witnesses.append(witness)
         try:
             yield recorder
         finally:
-            swarm.witness = None
+            swarm.witnesses.remove(witness)
             witness.finish()
 
 
@@ -254,7 +247,7 @@ class RunRecording:
         for seconds in (wanted.pictures, wanted.readings):
             if seconds is not None and not (isfinite(seconds) and seconds > 0.0):
                 raise MisuseError(f"cannot record every {seconds} s: wanted a number of simulated seconds above 0")
-        if swarm.witness is not None:
+        if any(isinstance(witness, RecordingWitness) for witness in swarm.witnesses):
             raise MisuseError("this run is recorded already: close that recording first")
         with ExitStack() as ends:
             say = logging.getLogger("sleepcast").warning

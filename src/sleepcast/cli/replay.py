@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import deque
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,9 +18,7 @@ from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.loop import Swarm
-    from sleepcast.simulator.recording.recorder import WorldChange
     from sleepcast.simulator.recording.recording import Recording
-    from sleepcast.simulator.world.world import World
 
 
 @click.command("replay", short_help="Show a recording on the page, or check it.")
@@ -120,39 +117,28 @@ def _verify(interrupts: Interrupts, recording: Recording, *, quiet: bool) -> Ver
     """Run the recording again, up to the last state that it holds."""
     from sleepcast.api.assembly import warm_up
     from sleepcast.api.progress import steps
+    from sleepcast.console.adapters.recording import inputs_of
+    from sleepcast.loop.rerun import Rerun
     from sleepcast.simulator.recording.recording import alive
 
     with alive(recording):
         warm_up(recording.scenario, None)
-        swarm, first = _beginning(recording), recording.first
+        again = Rerun(_beginning(recording), inputs_of(recording))
     interrupts.defer()
-    posted, changes = deque(recording.posted), deque(change for change in recording.obstacles if not change.own)
     compared = 0
+    first = recording.first
     count = max(1, max(recording.states, default=first) + 1 - first)
     with closing(steps(count, recording.scenario.name, quiet=quiet)) as ticks:
         for tick in (first + step for step in ticks):
             interrupts.check()
             if tick > first:
-                while changes and changes[0].tick <= tick:
-                    _change(swarm.simulator.world, changes.popleft())
-                while posted and posted[0].tick <= tick:
-                    swarm.post(posted.popleft().message)
-                swarm.step()
-                swarm.radio.hear()  # where nobody sits at a desk, this would gather without end
+                again.step()
             wanted = recording.states.get(tick)
             if wanted is not None:
                 compared += 1
-                if swarm.simulator.state_hash() != wanted:
+                if again.swarm.simulator.state_hash() != wanted:
                     return Verdict(compared, tick)
     return Verdict(compared, None)
-
-
-def _change(world: World, change: WorldChange) -> None:
-    for number in change.gone:
-        if number in world.shapes:  # a snapshot that the run went on from may be without it already
-            world.remove(number)
-    for name, shape in change.put.items():
-        world.put(int(name), shape)
 
 
 def _beginning(recording: Recording) -> Swarm:
@@ -169,10 +155,7 @@ def _beginning(recording: Recording) -> Swarm:
         )
     from sleepcast.loop import resume
 
-    swarm = resume(recording.snapshot, name=f"the snapshot in {recording.file}")
-    swarm.mission.clear()
-    swarm.posted.clear()
-    return swarm
+    return resume(recording.snapshot, name=f"the snapshot in {recording.file}")
 
 
 def _to_dict(recording: Recording, verdict: Verdict | None) -> dict[str, object]:

@@ -113,9 +113,19 @@ def room_for(robots: int) -> int:
 
 def pack(body: msgspec.Struct, most: int) -> bytes:
     """A parcel as bytes. most: so many of them can be unpacked again. Raises SerialError for more."""
-    plain = msgspec.msgpack.encode(body)
-    if len(plain) > most:
-        raise SerialError(f"{len(plain)} bytes, at most {most} have room")
+    return compressed(plain(body, most))
+
+
+def plain(body: msgspec.Struct, most: int) -> bytes:
+    """A parcel before it is compressed: a copy of everything in it. Raises SerialError for more than `most` bytes."""
+    found = msgspec.msgpack.encode(body)
+    if len(found) > most:
+        raise SerialError(f"{len(found)} bytes, at most {most} have room")
+    return found
+
+
+def compressed(plain: bytes) -> bytes:
+    """A parcel as bytes. On any thread: others go on meanwhile."""
     return zlib.compress(plain, LEVEL)
 
 

@@ -10,7 +10,7 @@ A snapshot may come from anywhere. All of it is bounded and checked before a swa
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from sleepcast.channel import Message
 from sleepcast.channel.simulated_radio import RadioState
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.files import open_file, replace_file
-from sleepcast.core.serial import UNREADABLE, SerialError, pack, room_for, unpack
+from sleepcast.core.serial import UNREADABLE, SerialError, compressed, plain, room_for, unpack
 from sleepcast.core.version import VERSION
 from sleepcast.fleet import snapshot as fleets
 from sleepcast.fleet.schema import FleetSnapshot
@@ -82,8 +82,31 @@ class LoopState(msgspec.Struct):
 # ---- taking one
 
 
+class SwarmCopy:
+    """A copy of a swarm between two ticks, which takes little time; a snapshot is made of it afterwards."""
+
+    def __init__(self, robots: int, parts: Sequence[bytes], desk: bytes | None) -> None:
+        self._robots, self._parts, self._desk = robots, parts, desk
+
+    def packed(self) -> bytes:
+        """The snapshot. On any thread."""
+        with ThreadPoolExecutor(len(self._parts)) as pool:
+            simulator, fleet, radio, loop = pool.map(compressed, self._parts)
+        return msgspec.msgpack.encode(
+            SnapshotFile(KIND, FORMAT, VERSION, self._robots, simulator, fleet, radio, loop, self._desk)
+        )
+
+
 def snapshot(swarm: Swarm) -> bytes:
     """A snapshot of the swarm between two ticks, with its desk; the swarm is not changed.
+
+    Raises SnapshotLostError if the swarm's state is too large, or its last tick was interrupted.
+    """
+    return copy_of(swarm, desk=swarm.desk).packed()
+
+
+def copy_of(swarm: Swarm, *, desk: Desk | None = None) -> SwarmCopy:
+    """A copy of the swarm between two ticks, with what this desk knows; the swarm is not changed.
 
     Raises SnapshotLostError if the swarm's state is too large, or its last tick was interrupted.
     """
@@ -95,15 +118,11 @@ def snapshot(swarm: Swarm) -> bytes:
     robots = len(swarm.fleet)
     loop = LoopState([(order.time, order.text, order.place) for order in swarm.mission], list(swarm.posted))
     parts = (simulators.state_of(swarm.simulator), fleets.state_of(swarm.fleet), swarm.radio.state(), loop)
-    desk = None if swarm.desk is None else swarm.desk.state()
     try:
-        with ThreadPoolExecutor(len(parts)) as pool:
-            simulator, fleet, radio, rest = pool.map(lambda part: pack(part, room_for(robots)), parts)
+        copies = [plain(part, room_for(robots)) for part in parts]
+        return SwarmCopy(robots, copies, None if desk is None else desk.state())
     except SerialError as error:
         raise SnapshotLostError(f"the swarm does not fit into a snapshot: {error}") from None
-    return msgspec.msgpack.encode(
-        SnapshotFile(KIND, FORMAT, VERSION, robots, simulator, fleet, radio, rest, desk),
-    )
 
 
 def save(data: bytes, file: Path) -> None:

@@ -117,7 +117,8 @@ class Swarm:
         self.sonars = frozenset(self.vocabulary.first_sensor + row for row in simulator.sonar_rows)
         """The slots of variables that are measured only on request."""
         self.desk: Desk | None = None
-        self.witness: Witness | None = None
+        self.witnesses: list[Witness] = []
+        """They see each tick, in this order."""
         self.mission = deque(_readable(order) for order in mission)
         self.telemetry_ticks = max(1, round(scenario.telemetry / scenario.tick))
         """Telemetry period of a robot, in ticks."""
@@ -179,8 +180,8 @@ class Swarm:
 
 def step_swarm(swarm: Swarm) -> None:
     """One tick of the whole swarm: act, advance, deliver, sense, think, report."""
-    if swarm.witness is not None:
-        swarm.witness.ticking()
+    for witness in swarm.witnesses:
+        witness.ticking()
     swarm.whole = False
     _act(swarm)
     swarm.simulator.step()
@@ -188,8 +189,8 @@ def step_swarm(swarm: Swarm) -> None:
     _think(swarm)
     _report(swarm)
     swarm.whole = True
-    if swarm.witness is not None:
-        swarm.witness.ticked()
+    for witness in swarm.witnesses:
+        witness.ticked()
 
 
 def _act(swarm: Swarm) -> None:
@@ -207,8 +208,8 @@ def _deliver(swarm: Swarm) -> None:
     while swarm.posted:
         message = swarm.posted.popleft()
         swarm.air.send(message)
-        if swarm.witness is not None:
-            swarm.witness.posted(message)
+        for witness in swarm.witnesses:
+            witness.posted(message)
     for message, robots in swarm.radio.receive_all():
         swarm.fleet.receive(message, robots)
 
@@ -251,8 +252,8 @@ def _report(swarm: Swarm) -> None:
     """Send the robots' messages, let the desk receive what is due, and sample telemetry when it is due."""
     for batch in swarm.fleet.said():
         swarm.radio.send_all(batch)
-        if swarm.witness is not None:
-            swarm.witness.said(batch)
+        for witness in swarm.witnesses:
+            witness.said(batch)
     for robots, castes in swarm.fleet.pings():
         swarm.simulator.pings(robots, castes)
     desk = swarm.desk

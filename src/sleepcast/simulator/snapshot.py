@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from math import isnan
+from weakref import WeakKeyDictionary
 
 import msgspec
 import numpy as np
@@ -71,16 +72,32 @@ class Things:
 def state_of(simulator: Simulator) -> SimulatorState:
     """The state of the simulator between two ticks."""
     world = simulator.world
+    scenario, things = _packed(simulator)
     return SimulatorState(
-        pack(simulator.scenario),
+        scenario,
         simulator.seed,
         simulator.tick,
         dump_arrays(simulator.bodies.arrays() | simulator.senses.arrays()),
-        pack(Things(tuple(world.shapes), tuple(world.shapes.values()))),
+        things,
         world.following,
         [(saying.time, saying.robot, saying.text) for saying in simulator.said],
         simulator.measuring.state(),
     )
+
+
+_PACKED: WeakKeyDictionary[Simulator, tuple[int, bytes, bytes]] = WeakKeyDictionary()
+"""The version of a simulator's world, and its scenario and things as packed then: for a maze that takes longer than
+everything else, and hardly ever changes."""
+
+
+def _packed(simulator: Simulator) -> tuple[bytes, bytes]:
+    world = simulator.world
+    known = _PACKED.get(simulator)
+    if known is None or known[0] != world.version:
+        scenario = pack(simulator.scenario) if known is None else known[1]
+        known = (world.version, scenario, pack(Things(tuple(world.shapes), tuple(world.shapes.values()))))
+        _PACKED[simulator] = known
+    return known[1], known[2]
 
 
 def resume(state: SimulatorState, seed: int | None = None, threads: int | None = None) -> Simulator:

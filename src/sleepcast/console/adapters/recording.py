@@ -8,6 +8,7 @@ from sleepcast.console.account_table import CommandRow
 from sleepcast.console.adapters.swarm import outlines, scene_of
 from sleepcast.console.outgoing import ShownRule
 from sleepcast.console.replay import Marks, Timeline, Track, values_of
+from sleepcast.loop.rerun import Inputs
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.packing import unpack
 from sleepcast.simulator.recording.foxglove import read_log, read_poses
@@ -124,3 +125,9 @@ def load_timeline(recording: Recording) -> Timeline:
     if not maker.film.poses.times:
         raise NoRecordingError(f"{recording.file} holds no pictures")
     return maker.film
+
+
+def inputs_of(recording: Recording) -> Inputs:
+    """What the recorded run got from outside."""
+    posted = [(each.tick, each.message) for each in recording.posted]
+    return Inputs(posted, [change for change in recording.obstacles if not change.own])

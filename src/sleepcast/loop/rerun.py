@@ -1,0 +1,127 @@
+"""A run again: a swarm that gets, tick by tick, what another one got from outside, and so does the same bit for bit.
+
+What comes from outside are the operator's messages, and solid things that somebody adds, moves or removes. `InputLog`
+keeps both while a swarm runs; `Rerun` gives them to another swarm that begins in an earlier state of it.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from sleepcast.channel import Message
+from sleepcast.channel.message_batch import MessageBatch
+from sleepcast.loop.swarm import Swarm
+from sleepcast.simulator import World
+from sleepcast.simulator.recording.recorder import WorldChange
+from sleepcast.simulator.world.world import Shape
+
+
+@dataclass(slots=True)
+class Inputs:
+    """What came from outside, in order. posted: the operator's messages, each with the tick in which it was sent.
+    changes: of the solid things, those excepted that the scenario makes itself."""
+
+    posted: list[tuple[int, Message]] = field(default_factory=list)
+    changes: list[WorldChange] = field(default_factory=list)
+
+    def between(self, after: int, until: int) -> Inputs:
+        """What came after the tick `after`, up to that of `until`."""
+        (first, earliest), (end, latest) = self.places(after), self.places(until)
+        return Inputs(self.posted[first:end], self.changes[earliest:latest])
+
+    def places(self, tick: int) -> tuple[int, int]:
+        """How many messages and how many changes had come when this tick was over."""
+        posted = bisect_right(self.posted, tick, key=lambda each: each[0])
+        return posted, bisect_right(self.changes, tick, key=lambda each: each.tick)
+
+
+class WorldLog:
+    """Tells how a world has changed since it was looked at last."""
+
+    def __init__(self, world: World, known: Mapping[int, Shape]) -> None:
+        self._world, self._known, self._version = world, dict(known), -1
+
+    @property
+    def changed(self) -> bool:
+        """Whether it has changed since."""
+        return self._version != self._world.version
+
+    def look(self, tick: int, *, own: bool) -> WorldChange | None:
+        """The change, if there was any, as one that came before anything moved in `tick`."""
+        world = self._world
+        if not self.changed:
+            return None
+        self._version = world.version
+        before, self._known = self._known, dict(world.shapes)
+        put = {str(number): shape for number, shape in self._known.items() if before.get(number) != shape}
+        gone = tuple(number for number in before if number not in self._known)
+        return WorldChange(tick, put, gone, own) if put or gone else None
+
+
+class InputLog:
+    """Keeps what a swarm gets from outside, as one of its witnesses."""
+
+    def __init__(self, swarm: Swarm) -> None:
+        self.inputs = Inputs()
+        self._simulator = swarm.simulator
+        self._world = WorldLog(swarm.simulator.world, swarm.simulator.world.shapes)
+
+    def ticking(self) -> None:
+        """A tick begins. Changes in the world since the last one came from outside."""
+        found = self._world.look(self._simulator.tick + 1, own=False)
+        if found is not None:
+            self.inputs.changes.append(found)
+
+    def posted(self, message: Message) -> None:
+        """The operator's message goes on the air in this tick."""
+        self.inputs.posted.append((self._simulator.tick, message))
+
+    def said(self, batch: MessageBatch) -> None:
+        """Nothing: it comes from inside."""
+
+    def ticked(self) -> None:
+        """A tick is over. Changes in the world during it are the scenario's own."""
+        self._world.look(self._simulator.tick, own=True)
+
+
+class Rerun:
+    """Runs `swarm` again with these inputs, of which those of its past are left out. Nobody else may command it."""
+
+    def __init__(self, swarm: Swarm, inputs: Inputs) -> None:
+        self.swarm = swarm
+        swarm.mission.clear()  # what it brought is among the inputs
+        swarm.posted.clear()
+        self._inputs = inputs
+        self._posted, self._changes = inputs.places(self.tick)
+
+    @property
+    def tick(self) -> int:
+        """Ticks since the start of the run."""
+        return self.swarm.simulator.tick
+
+    def step(self) -> None:
+        """One tick."""
+        swarm, inputs, tick = self.swarm, self._inputs, self.tick + 1
+        while self._changes < len(inputs.changes) and inputs.changes[self._changes].tick <= tick:
+            _change(swarm.simulator.world, inputs.changes[self._changes])
+            self._changes += 1
+        while self._posted < len(inputs.posted) and inputs.posted[self._posted][0] <= tick:
+            swarm.post(inputs.posted[self._posted][1])
+            self._posted += 1
+        swarm.step()
+        if swarm.desk is None:
+            swarm.radio.hear()  # where nobody sits at a desk, this would gather without end
+
+    def add(self, inputs: Inputs) -> None:
+        """More inputs, which came after all that are known."""
+        self._inputs = Inputs(self._inputs.posted + inputs.posted, self._inputs.changes + inputs.changes)
+
+
+def _change(world: World, change: WorldChange) -> None:
+    for number in change.gone:
+        if number in world.shapes:  # a snapshot that the run went on from may be without it already
+            world.remove(number)
+    for name, shape in change.put.items():
+        world.put(int(name), shape)

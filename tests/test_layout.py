@@ -51,6 +51,7 @@ GROUND = frozenset({"core"})  # everybody may import it
 HOUSE = {
     "core": room(libraries="msgspec numpy"),
     "language": room(),
+    "sentences": room("language"),
     "channel": room(libraries="msgspec numpy cbor2 nacl zenoh"),
     "robot": room(),
     "nomad": room("robot"),
@@ -62,7 +63,8 @@ HOUSE = {
     "loop": room("language channel mind node fleet simulator robot", "msgspec"),
     "station": room("language channel mind", "msgspec numpy"),
     "console": room(
-        "language channel robot nomad node fleet simulator loop station", "starlette uvicorn msgspec numpy"
+        "language sentences channel robot nomad node fleet simulator loop station",
+        "starlette uvicorn msgspec numpy",
     ),
     "notebook": room("loop station console", "anywidget traitlets msgspec"),
     "api": room("language channel robot mind node fleet simulator loop station notebook", "numpy", "rich nanoarrow"),
@@ -70,8 +72,8 @@ HOUSE = {
     "experiment_page": room("loop console experiments", "starlette msgspec"),
     "gym": room("language api experiments", "gymnasium pettingzoo numpy"),
     "cli": room(
-        "language channel robot mind nomad node fleet simulator bridges loop station api experiments experiment_page "
-        "console",
+        "language sentences channel robot mind nomad node fleet simulator bridges loop station api experiments "
+        "experiment_page console",
         "click rich prompt_toolkit msgspec numpy",
     ),
     "__main__": room("cli"),

@@ -7,6 +7,8 @@ Fenced blocks are told apart by the word after the fence:
     explain    `:set` lines and an expression, a blank line, and the explanation of its evaluation
     bravo      commands of the tutorial, sent one after the other to that scenario's fleet: somebody obeys each, and
                nothing goes wrong (`bravo-fault`: it goes wrong afterwards, in a rule, which is deactivated)
+    sentence   sentences for the fleet of bravo, each with its expression behind `=>`, which says the sentence again in
+               the writer's words; or with the part that is not understood
     classic    the same as `sleep` for the classic dialect (`faithful`: in its other mode); see `run_classic`
     python     a program that runs, and prints what its comments `# prints: ...` say
     sh         command lines of sleepcast that its parser takes
@@ -37,6 +39,7 @@ import numpy as np
 import pytest
 
 from language.cases import NodeMachine, Setting, apply_setting, mismatch, read_case
+from sentences.lexicons import lexicon_of
 from sleepcast.cli import program
 from sleepcast.core.units import UNITS
 from sleepcast.language import List, ReadError, check, read
@@ -44,6 +47,7 @@ from sleepcast.language.classic import ClassicError, ClassicMachine
 from sleepcast.language.functions import BUILT_IN
 from sleepcast.language.reader import walk
 from sleepcast.loop import Swarm
+from sleepcast.sentences import from_sentence, to_sentence
 from sleepcast.simulator import Simulator, find_scenario
 from sleepcast.station import Station
 from test_layout import GROUND, HOUSE
@@ -152,6 +156,23 @@ def test_an_explanation_reads_as_it_is_shown(block: Block) -> None:
     for line in settings:
         apply_setting(setting, block.where, line)
     assert NodeMachine(setting).mind.evaluate(text).explanation.render() == tree.rstrip("\n")
+
+
+@each("sentence")
+def test_a_sentence_means_what_is_shown(block: Block) -> None:
+    lexicon = lexicon_of("bravo")
+    assert joined(block)
+    for where, line in joined(block):
+        sentence, _, meant = line.partition(" => ")
+        heard = from_sentence(sentence, lexicon)
+        if meant.startswith("not understood: "):
+            parts = " | ".join(sentence[part.start : part.end] for part in heard.unclear)
+            assert f"not understood: {parts}" == meant, where
+            continue
+        assert (heard.unclear, heard.form) == ((), read(meant)), where
+        again = to_sentence(read(meant), lexicon)
+        assert again is not None, where
+        assert from_sentence(again.text, lexicon).form == heard.form, where
 
 
 def test_the_commands_of_the_tutorial_are_obeyed() -> None:

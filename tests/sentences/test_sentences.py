@@ -8,28 +8,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sentences.lexicons import lexicon_of
 from sleepcast.language import Form, ReadError, Vocabulary, read, show
 from sleepcast.language.learned_names import LearnedNames
-from sleepcast.loop import vocabulary_of
 from sleepcast.sentences import MAX_SENTENCE, Lexicon, SentenceError, from_sentence, to_sentence
 from sleepcast.sentences.lexicon import RESERVED
-from sleepcast.simulator import Simulator, find_scenario
+from sleepcast.simulator import find_scenario
 from sleepcast.simulator.scenario.scenario import scenario_names
 
 LONGEST = 0.5
 """Seconds in which any sentence is read, on a machine with other work."""
 
 
-def lexicon_of(scenario: str) -> Lexicon:
-    found = find_scenario(scenario)
-    simulator = Simulator(found)
-    numbers = {name: number for number, name in enumerate(simulator.names, 1)}
-    titles = {place.name: place.title for place in found.named_points}
-    return Lexicon(vocabulary_of(simulator.model), f"{found.robots.type}s", titles, numbers.get)
-
-
 BRAVO = lexicon_of("bravo")
-FLOOD = lexicon_of("flood")
 
 NEAR = "(< (DIST x y vessel_x vessel_y) 5mi)"
 SAID = [

@@ -48,8 +48,9 @@ class Review:
 @click.argument("sources", metavar="TEXT|FILE|-...", nargs=-1, required=True)
 @click.option("--scenario", metavar="NAME", help="Check against the names that the robots of this scenario know.")
 @click.option("--strict", is_flag=True, help="Treat warnings as errors.")
+@click.option("--sentence", is_flag=True, help="Translate English sentences into expressions, and expressions back.")
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as one JSON object.")
-def check(sources: tuple[str, ...], scenario: str | None, strict: bool, as_json: bool) -> int:
+def check(sources: tuple[str, ...], scenario: str | None, strict: bool, sentence: bool, as_json: bool) -> int:
     """Check expressions without evaluating them: print every finding with its place, and the cost in steps.
 
     A source is an expression, a file of expressions, a mission script (.sleep), a file of cases (.cases), or - for
@@ -60,7 +61,12 @@ def check(sources: tuple[str, ...], scenario: str | None, strict: bool, as_json:
       sleepcast check '(COND ((< SONR3 10in) (ST)))'
       sleepcast check --scenario bravo '(WHEN (> fule 50%) (JOIN bravo))'
       sleepcast check --strict mission.sleep
+      sleepcast check --scenario bravo --sentence 'scouts within 5 miles of X join bravo'
     """
+    if sentence:
+        from sleepcast.cli.sentences import translate
+
+        return FAILED if translate(sources, scenario, as_json) else 0
     names = _names(scenario)
     reviews = [_review(each, names) for source in sources for each in _expressions(source)]
     errors, warnings = (sum(review.counts.get(sort, 0) for review in reviews) for sort in ("error", "warning"))

@@ -11,7 +11,7 @@ from typing import NoReturn
 from sleepcast.core.errors import did_you_mean
 from sleepcast.language import Form, List, ReadError, Symbol, read
 from sleepcast.language.reader import is_name
-from sleepcast.sentences.lexicon import COMPARATORS, GROUP_WORDS, OPENERS, PLURAL, RESERVED, ROBOTS, Lexicon
+from sleepcast.sentences.lexicon import GROUP_WORDS, OPENERS, PLURAL, RESERVED, ROBOTS, Lexicon
 from sleepcast.sentences.tokens import END, LABEL, MARK, NUMBER, ODD, WORD, Token, cut
 
 MAX_UNCLEAR = 8

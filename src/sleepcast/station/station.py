@@ -172,7 +172,12 @@ class Station:
 
     def check(self, text: str) -> Checked:
         """Everything that is wrong or doubtful in `text`, in the names of the fleet. Raises ReadError."""
-        return check(text, FleetNames(self.vocabulary, self._minds))
+        return check(text, self.learned)
+
+    @property
+    def learned(self) -> FleetNames:
+        """The names that the fleet knows, what robots have learned over the air among them."""
+        return FleetNames(self.vocabulary, self._minds)
 
     def preview(self, text: str) -> Preview:
         """Who would obey `text` now. Raises ReadError, and CheckError for a text that no robot could run."""

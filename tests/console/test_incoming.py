@@ -15,6 +15,8 @@ from sleepcast.console.incoming import MessageError, decode, serial_in
 
 GOOD = {
     "preview": {"serial": 1, "text": "(MARK)"},
+    "spread": {"serial": 1, "text": "(> fuel 50%)", "at": 8},
+    "pick": {"serial": 1, "marks": "Bw=="},
     "send": {"serial": 1, "text": "(MARK)", "everybody": True},
     "names": {"serial": 1},
     "why": {"serial": 1, "robot": 0, "command": "desk-1.1"},
@@ -34,7 +36,8 @@ GOOD = {
 def test_every_message_of_the_page_is_read(kind: str) -> None:
     found = decode(json.dumps({"type": kind, **GOOD[kind]}))
     assert type(found).__name__.lower() == kind
-    assert all(getattr(found, name) == value for name, value in GOOD[kind].items())
+    wanted = GOOD[kind] | ({"marks": b"\x07"} if kind == "pick" else {})
+    assert all(getattr(found, name) == value for name, value in wanted.items())
 
 
 def test_no_message_was_forgotten_here() -> None:

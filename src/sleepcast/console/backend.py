@@ -16,7 +16,9 @@ from sleepcast.console.account_table import AccountTable
 from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import show_why
+from sleepcast.console.histogram import Spread, spread
 from sleepcast.console.incoming import Sort
+from sleepcast.console.picking import Picked, picked
 from sleepcast.console.view import MindView, RuleView, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, and_more
@@ -94,6 +96,14 @@ class Backend:
     def names(self, serial: int) -> outgoing.Named:
         """The names that a text may use, with the ranges of their values."""
         return outgoing.Named(serial, names_of(self._swarm))
+
+    def spread(self, serial: int, text: str, at: int) -> Spread:
+        """How what the number at an offset is compared with is spread over the robots."""
+        return spread(self._station, serial, text, at)
+
+    def pick(self, serial: int, marks: bytes) -> Picked | Awaitable[Picked]:
+        """The test that holds for exactly the marked robots."""
+        return picked(self._station, serial, marks, len(self._swarm.scene.names))
 
     # ---- sending
 

@@ -59,6 +59,10 @@ class Dialogue:
                 desk.driver.step()
             case incoming.Preview(serial, text):
                 return desk.preview(serial, text)
+            case incoming.Spread(serial, text, at):
+                return desk.spread(serial, text, at)
+            case incoming.Pick(serial, marks):
+                return desk.pick(serial, marks)
             case incoming.Send(serial, text, everybody, sort, count, confirmed):
                 return desk.send(serial, text, everybody, sort, count, confirmed)
             case incoming.Names(serial):

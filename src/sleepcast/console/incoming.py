@@ -65,6 +65,21 @@ class Why(Message):
     command: Id
 
 
+class Spread(Message):
+    """How what a number is compared with is spread over the robots; at: where the number begins in the text."""
+
+    serial: Serial
+    text: Text
+    at: Annotated[int, Meta(ge=0, le=16_384)]
+
+
+class Pick(Message):
+    """Find the test that holds for exactly the marked robots. marks: a bit for each robot."""
+
+    serial: Serial
+    marks: Annotated[bytes, Meta(max_length=MAX_BYTES)]
+
+
 class Outcomes(Message):
     """What became of a command on each robot."""
 
@@ -115,7 +130,23 @@ class Drawn(Message):
     number: Annotated[int, Meta(ge=0, le=2**32 - 1)]
 
 
-Incoming = Preview | Send | Names | Why | Outcomes | Commands | Stop | Release | Pace | Seek | Step | Watch | Drawn
+Incoming = (
+    Preview
+    | Spread
+    | Pick
+    | Send
+    | Names
+    | Why
+    | Outcomes
+    | Commands
+    | Stop
+    | Release
+    | Pace
+    | Seek
+    | Step
+    | Watch
+    | Drawn
+)
 
 _DECODER: msgspec.json.Decoder[Incoming] = msgspec.json.Decoder(Incoming)
 

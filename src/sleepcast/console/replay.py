@@ -191,6 +191,14 @@ class ReplayBackend:
         """Refused."""
         self._refuse()
 
+    def spread(self, serial: int, text: str, at: int) -> NoReturn:
+        """Refused."""
+        self._refuse()
+
+    def pick(self, serial: int, marks: bytes) -> NoReturn:
+        """Refused."""
+        self._refuse()
+
     def send(self, serial: int, text: str, everybody: bool, sort: Sort, count: int | None, confirmed: bool) -> NoReturn:
         """Refused."""
         self._refuse()

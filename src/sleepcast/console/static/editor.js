@@ -33,11 +33,11 @@ export class Editor extends EventTarget {
     this.area.readOnly = locked;
   }
 
-  // Put another text in, the caret at its end.
-  set(text) {
+  // Put another text in.
+  set(text, caret = text.length) {
     if (this.area.readOnly) return;
     this.area.value = text;
-    this.area.setSelectionRange(text.length, text.length);
+    this.area.setSelectionRange(caret, caret);
     this.changed();
   }
 

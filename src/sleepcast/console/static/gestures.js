@@ -1,7 +1,7 @@
 // What hands do on a map: drag, click, pinch, turn the wheel. Pixels are of the map's own box.
 //
-// handlers: drag(dx, dy), click(x, y), hover(x, y) with null for both when the pointer is gone, zoom(factor, x, y).
-// Where things can be taken hold of, grab(x, y) gives {move(x, y), drop(moved)} for what lies there, or null; where two
+// handlers: drag(dx, dy), click(x, y, event), hover(x, y) with null for both when the pointer is gone, zoom(factor, x, y).
+// Where things can be taken hold of, grab(x, y, event) gives {move(x, y), drop(moved)} for what lies there, or null; where two
 // clicks may follow each other fast and mean no closer look, busy() says so.
 
 const DRAG = 4; // pixels: what moves less is a click
@@ -25,7 +25,7 @@ export function gestures(map, handlers) {
     pointers.set(event.pointerId, place(event));
     if (pointers.size === 1) {
       travelled = 0;
-      held = handlers.grab?.(...place(event)) ?? null;
+      held = handlers.grab?.(...place(event), event) ?? null;
     } else letGo(false); // a second finger means the map
   });
   map.addEventListener("pointermove", (event) => {
@@ -49,7 +49,7 @@ export function gestures(map, handlers) {
     if (!pointers.delete(event.pointerId)) return;
     const up = event.type === "pointerup";
     letGo(up && travelled > DRAG);
-    if (up && travelled <= DRAG) handlers.click(...place(event));
+    if (up && travelled <= DRAG) handlers.click(...place(event), event);
     map.classList.remove("dragging");
   };
   map.addEventListener("pointerup", release);

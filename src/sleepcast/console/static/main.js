@@ -10,6 +10,7 @@ import { showLine } from "./line.js";
 import { Prompt } from "./prompt.js";
 import { RobotPane } from "./robot.js";
 import { Safety } from "./safety.js";
+import { Selecting } from "./select.js";
 import { splitter } from "./splitter.js";
 import { givenTheme, theme } from "./theme.js";
 import { Time } from "./time.js";
@@ -106,6 +107,7 @@ find("refused-close").addEventListener("click", () => refused(""));
 
 function light(marks, caption) {
   world.setLit(marks);
+  find("select-lit").disabled = !marks;
   lit = marks ? { caption, count: marks.reduce((sum, mark) => sum + mark, 0) } : null;
   drawLegend();
 }
@@ -200,6 +202,17 @@ function follow(on) {
 find("follow").addEventListener("click", () => follow(!world.following));
 world.addEventListener("moved", () => find("follow").setAttribute("aria-pressed", String(world.following)));
 
+// ---- selecting robots by hand
+
+const selecting = new Selecting(world, wire, find("selection"), find("lasso"));
+selecting.addEventListener("use", ({ detail }) => prompt.set(`(WHEN ${detail} )`, true, `(WHEN ${detail} `.length));
+
+const selectLit = () => world.marks.lit && selecting.set(world.marks.lit);
+find("select-lit").addEventListener("click", selectLit);
+world.map.addEventListener("keydown", (event) => {
+  if (event.key.toLowerCase() === "s" && !event.ctrlKey && !event.metaKey && !event.altKey) selectLit();
+});
+
 // ---- the room that panes take
 
 const LEAST_SIDE = 280; // pixels
@@ -227,6 +240,8 @@ const ACTIONS = [
   ["Release STOP", "", () => press("release")],
   ["Show everything on the map", "F", () => press("fit")],
   ["Trails on or off", "T", () => press("trails-on")],
+  ["Select robots with a lasso", "L", () => press("lasso")],
+  ["Select the highlighted robots", "S", () => press("select-lit")],
   ["Light or dark", "", () => press("theme")],
   ["Keys and a short guide", "?", () => press("help")],
 ];

@@ -62,9 +62,9 @@ export class Prompt extends EventTarget {
     this.editor.area.focus();
   }
 
-  // Put a text in. focus: whether the person who reads the page means to type now.
-  set(text, focus = true) {
-    this.editor.set(text);
+  // Put a text in. focus: whether the person who reads the page means to type now. caret: where.
+  set(text, focus = true, caret = text.length) {
+    this.editor.set(text, caret);
     this.completions.hide();
     if (focus) this.focus();
   }

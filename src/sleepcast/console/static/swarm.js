@@ -4,7 +4,7 @@ import { SILENT, STILL } from "./frame.js";
 import { addRobot, styleOf, STYLES } from "./shapes.js";
 import { drawLabel } from "./ground.js";
 
-const MOST_SHAPES = 6000; // robots; more become points
+export const MOST_SHAPES = 6000; // robots; more become points
 const MOST_LABELS = 45; // robots on the screen; more names would only cover them
 const DIMMED = 0.5; // opacity of the robots outside the lit ones
 const FAINT = 0.35; // opacity of robots that may be elsewhere by now

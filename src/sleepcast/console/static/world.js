@@ -44,6 +44,7 @@ export class World extends EventTarget {
     this.waiting = false;
     new ResizeObserver(() => this.resize()).observe(this.map);
     window.addEventListener("resize", () => this.refit());
+    this.tools = []; // what else hands do here: {grab, click, draw}, see `listen` and `draw`
     this.listen();
   }
 
@@ -243,6 +244,7 @@ export class World extends EventTarget {
     const boxes = drawPlaces(pens.robots, view, scene.places, colours);
     drawSwarm(pens.robots, view, scene, frame, this.marks, colours, boxes, this.ratio);
     drawPlaces(pens.robots, view, scene.places, colours);
+    for (const tool of this.tools) tool.draw?.(pens.robots);
     if (this.pings.draw(pens.robots, view, frame, sizesOf(view, scene), colours, performance.now())) this.repaint("robots");
     if (frame === this.told) return;
     this.told = frame;
@@ -306,7 +308,9 @@ export class World extends EventTarget {
   listen() {
     gestures(this.map, {
       drag: (dx, dy) => this.pan(dx, dy),
-      click: (x, y) => this.choose(this.at(x, y)),
+      // A tool may take hold of the map, or want a click for itself.
+      grab: (x, y, event) => (this.frame && this.tools.map((tool) => tool.grab?.(x, y, event)).find(Boolean)) || null,
+      click: (x, y, event) => this.tools.some((tool) => tool.click?.(x, y, event)) || this.choose(this.at(x, y)),
       hover: (x, y) => this.point(x ?? -1e9, y ?? -1e9),
       zoom: (factor, x, y) => this.zoom(factor, x, y),
     });

@@ -1,0 +1,64 @@
+"""From robots that were selected on the map to the test that holds for exactly these."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.console.outgoing import Said
+from sleepcast.core.errors import MisuseError
+from sleepcast.station import Station
+from sleepcast.station.facts import facts_of
+from sleepcast.station.selection import MOST_CONDITIONS, MOST_LISTED, Selection, select
+
+AT_ONCE = 2_000
+"""Robots up to which the search takes a few milliseconds; with more it goes on beside the server."""
+
+
+class Picked(Said):
+    """The tests for the selected robots, the shortest first. listed: the one that names each robot, "" if there are too
+    many. sentence: what is to be said of it, "" for nothing."""
+
+    serial: int
+    count: int
+    tests: list[str]
+    listed: str
+    sentence: str
+
+
+def picked(station: Station, serial: int, marks: bytes, robots: int) -> Picked | Awaitable[Picked]:
+    """What the desk answers. marks: a bit for each robot, the first in the lowest bit of the first byte; robots: how
+    many are on the map. Raises MisuseError for marks of other robots, or of none."""
+    bits = np.unpackbits(np.frombuffer(marks, np.uint8), bitorder="little").astype(np.bool_)
+    if len(marks) != -(-robots // 8) or bits[robots:].any():
+        raise MisuseError(f"marks of {len(bits)} robots came, and there are {robots}: select them once more")
+    facts = facts_of(station)
+    chosen: NDArray[np.bool_] = np.zeros(len(facts), np.bool_)
+    chosen[:robots] = bits[:robots]
+    count = int(np.count_nonzero(chosen))
+    if len(facts) <= AT_ONCE:
+        return _shown(serial, count, select(facts, chosen))
+
+    async def later() -> Picked:
+        return _shown(serial, count, await asyncio.to_thread(select, facts, chosen))
+
+    return later()
+
+
+def _shown(serial: int, count: int, found: Selection) -> Picked:
+    if found.unknown:
+        which = "has" if found.unknown == 1 else "have"
+        said = f"{found.unknown} of these robots {which} sent no recent telemetry, so no test can be found for them."
+    elif not found.tests:
+        said = f"No {MOST_CONDITIONS} conditions together hold for exactly these robots. "
+        said += (
+            "They can be listed by their numbers."
+            if found.listed
+            else f"They are too many to be listed (more than {MOST_LISTED:,}): let them join a group in parts."
+        )
+    else:
+        said = ""
+    return Picked(serial, count, list(found.tests), found.listed, said)

@@ -152,6 +152,36 @@ def counted(air: Page, text: str, which: str, count: int) -> None:
         time.sleep(0.05)
 
 
+def matched(air: Page, text: str) -> list[int]:
+    """On how many robots each command with this text matched, the oldest first."""
+    return [row["matched"] for row in air.news["commands"]["rows"] if row["text"] == text]
+
+
+def test_in_stages_one_a_tenth_and_all(air: Page) -> None:
+    good, bad = "(WHEN (> id 0) (JOIN echo))", "(WHEN (> id 0) (PROGN (JOIN foxtrot) (/ 1 (- id id))))"
+    counted(air, good, "yes", 12)
+    assert air.ask("send", text=good, sort="stages")["count"], "their number has to be typed"
+    assert air.ask("send", text=good, sort="stages", count=12)["type"] == "sent"
+    done = air.until("operators", lambda news: news["staging"] and not news["active"])
+    assert done["staging"] == "In stages: all 3 stages are done, for 12 robots."
+    assert matched(air, good) == [1, 2, 9]
+    assert air.ask("send", text=bad, sort="stages", count=12)["type"] == "sent"
+    ended = air.until("operators", lambda news: "ended" in news["staging"])
+    assert ended["staging"] == "In stages: ended with stage 1 (faults: 1, silent: 0); the other robots were sent nothing."
+
+
+def test_a_group_obeys_who_holds_its_lease_and_others_are_heard(air: Page, channel: str) -> None:
+    assert air.ask("lease", deed="take", group="not a name", seconds=9)["type"] == "refused"
+    assert air.ask("lease", deed="take", group="echo", seconds=30)["type"] == "sent"
+    held = air.until("operators", lambda news: news["leases"] and news["leases"][0]["agreed"] >= 12)
+    assert (held["leases"][0]["group"], held["leases"][0]["refused"], held["role"]) == ("echo", "", "commander")
+    assert called("lease", "request", "echo", "--channel", channel).out
+    heard = air.until("operators", lambda news: any("asks for echo" in deed["text"] for deed in news["deeds"]))
+    assert any(other["at"] is not None for other in heard["others"])
+    assert air.ask("lease", deed="give", group="echo")["type"] == "sent"
+    air.until("operators", lambda news: not news["leases"])
+
+
 def test_a_stop_of_anybody_is_seen(air: Page, channel: str) -> None:
     air.tell("stop")
     own = air.until("safety", lambda news: "all 12 robots" in news["sentence"])

@@ -117,6 +117,8 @@ class Backend:
         confirmed: bool = False,
     ) -> outgoing.Sent:
         """Broadcast `text`. count, confirmed: where the station asks for confirmation, see `Station.send`."""
+        if sort == "stages":
+            raise MisuseError("Only what goes over the air can be sent in stages.")
         if sort == "ask":
             sent = self._station.ask(text)
         else:
@@ -124,6 +126,13 @@ class Backend:
             sent = self._station.send(text, standing=standing, everybody=everybody, count=count, confirmed=confirmed)
         self.driver.begin()
         return outgoing.Sent(serial, sent.id)
+
+    def halt(self) -> None:
+        """Nothing goes out in stages here."""
+
+    def lease(self, serial: int, deed: str, group: str, seconds: float, to: str) -> outgoing.Sent:
+        """Refused: one desk commands this swarm."""
+        raise MisuseError("Leases are for robots on the air, which several operators command.")
 
     def stop(self) -> None:
         """Stop every body. While a STOP holds that was given a moment ago, one more changes nothing."""

@@ -48,6 +48,10 @@ class Dialogue:
                 desk.stop()
             case incoming.Release():
                 desk.release()
+            case incoming.Halt():
+                desk.halt()
+            case incoming.Lease(serial, deed, group, seconds, to):
+                return desk.lease(serial, deed, group, seconds, to)
             case incoming.Watch(robot):
                 self._watched = robot
                 self._sent.pop(Robot.__name__, None)  # the page has forgotten what it was sent of it

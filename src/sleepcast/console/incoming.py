@@ -22,7 +22,8 @@ MIN_FACTOR = 0.01
 Serial = Annotated[int, Meta(ge=1, le=2**53 - 1)]
 Text = Annotated[str, Meta(max_length=16_384)]
 Id = Annotated[str, Meta(max_length=160)]
-Sort = Literal["once", "standing", "ask"]
+Sort = Literal["once", "standing", "ask", "stages"]
+Deed = Literal["take", "give", "request", "grant", "force"]
 T = TypeVar("T")
 Index = Annotated[int, Meta(ge=-1, le=10_000_000)]
 
@@ -40,7 +41,8 @@ class Preview(Message):
 
 class Send(Message):
     """Broadcast a text. everybody: the sender has said that all robots are meant. sort: to be done once and soon,
-    without a deadline, or a question, to which each robot answers with the value. count: how many robots may obey.
+    without a deadline, a question, to which each robot answers with the value, or in stages: to one robot, to a tenth,
+    to all. count: how many robots may obey.
     confirmed: it is meant as it stands, whatever is doubted."""
 
     serial: Serial
@@ -49,6 +51,20 @@ class Send(Message):
     sort: Sort = "once"
     count: Annotated[int, Meta(ge=0, le=10_000_000)] | None = None
     confirmed: bool = False
+
+
+class Halt(Message):
+    """Send no further stage of what goes out in stages."""
+
+
+class Lease(Message):
+    """Ask robots that a group (by its name) obeys one operator only, for so many s. to: the operator for a grant."""
+
+    serial: Serial
+    deed: Deed
+    group: Annotated[str, Meta(min_length=1, max_length=64)]
+    seconds: Annotated[float, Meta(ge=1.0, le=3_600.0)] = 60.0
+    to: Annotated[str, Meta(max_length=64)] = ""
 
 
 class Names(Message):
@@ -135,6 +151,8 @@ Incoming = (
     | Spread
     | Pick
     | Send
+    | Halt
+    | Lease
     | Names
     | Why
     | Outcomes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -15,12 +15,15 @@ from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import show_why
 from sleepcast.console.frames import SILENT
+from sleepcast.console.incoming import Sort
+from sleepcast.console.operators import OperatorsDesk
 from sleepcast.console.view import MindView, RuleView, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.language import Explanation
-from sleepcast.station import Station
+from sleepcast.station.network import NetworkStation
 from sleepcast.station.roster import of_robots
+from sleepcast.station.validation import Draft
 
 LISTEN = 0.02
 """Seconds between two looks at the air: a robot's answer is on the page before anybody could say it is late."""
@@ -108,11 +111,11 @@ class RealPace:
 
 
 class NetworkDriver(Driver):
-    """Listens to the air, and draws what robots tell."""
+    """Listens to the air, and draws what robots tell. attend: called time and again."""
 
-    def __init__(self, fleet: Fleet, clock: Clock) -> None:
+    def __init__(self, fleet: Fleet, clock: Clock, attend: Callable[[], None]) -> None:
         super().__init__(fleet, RealPace(fleet), clock)
-        self._fleet = fleet
+        self._fleet, self._attend = fleet, attend
 
     async def run(self) -> None:
         """Listen until cancelled. Raises what the channel raises."""
@@ -128,6 +131,7 @@ class NetworkDriver(Driver):
 
     def advance(self, budget: float) -> bool:
         """Hear what has come."""
+        self._attend()
         return self._fleet.hear()
 
     def flags(self) -> bytes:
@@ -143,8 +147,9 @@ class NetworkDriver(Driver):
 class NetworkBackend(Backend):
     """See the module. Its times are those of the fleet, which begin with the page."""
 
-    def __init__(self, fleet: Fleet, station: Station, driver: Driver, clock: Clock, began: float) -> None:
-        super().__init__(fleet, station, driver, clock, began=began)
+    def __init__(self, fleet: Fleet, station: NetworkStation, clock: Clock, began: float) -> None:
+        self._operators = OperatorsDesk(station, began)
+        super().__init__(fleet, station, NetworkDriver(fleet, clock, self._operators.attend), clock, began=began)
         self._fleet = fleet
         self._greeting: outgoing.Hello | None = None
 
@@ -161,6 +166,30 @@ class NetworkBackend(Backend):
         """Everything that may have changed; the scene, too."""
         yield self.hello()
         yield from super().news(watched)
+        yield self._operators.shown()
+
+    def send(
+        self,
+        serial: int,
+        text: str,
+        everybody: bool,
+        sort: Sort = "once",
+        count: int | None = None,
+        confirmed: bool = False,
+    ) -> outgoing.Sent:
+        """As every desk; or in stages."""
+        if sort != "stages":
+            return super().send(serial, text, everybody, sort, count, confirmed)
+        draft = Draft(text, everybody=everybody, count=count, confirmed=confirmed)
+        return outgoing.Sent(serial, self._operators.send_in_stages(draft).id)
+
+    def halt(self) -> None:
+        """Send no further stage."""
+        self._operators.halt()
+
+    def lease(self, serial: int, deed: str, group: str, seconds: float, to: str) -> outgoing.Sent:
+        """Ask robots about the lease of a group."""
+        return outgoing.Sent(serial, self._operators.lease(deed, group, seconds, to).id)
 
     def why(self, serial: int, robot: int, command: str) -> outgoing.Explained | Awaitable[outgoing.Explained]:
         """The robot is asked."""

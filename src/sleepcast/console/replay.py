@@ -203,6 +203,14 @@ class ReplayBackend:
         """Refused."""
         self._refuse()
 
+    def halt(self) -> NoReturn:
+        """Refused."""
+        self._refuse()
+
+    def lease(self, serial: int, deed: str, group: str, seconds: float, to: str) -> NoReturn:
+        """Refused."""
+        self._refuse()
+
     def why(self, serial: int, robot: int, command: str) -> NoReturn:
         """Refused: explanations are made by living minds."""
         raise MisuseError("A recording stores each command's outcome, not its explanation.")

@@ -36,7 +36,7 @@ from starlette.websockets import WebSocket
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
 from sleepcast.console.incoming import MAX_BYTES
-from sleepcast.console.network import Fleet, NetworkBackend, NetworkDriver
+from sleepcast.console.network import Fleet, NetworkBackend
 from sleepcast.console.nomads.backend import NomadsBackend
 from sleepcast.console.nomads.session import NomadSession
 from sleepcast.console.nomads.view import Nomads
@@ -46,6 +46,7 @@ from sleepcast.console.view import Pace, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.station import Station
+from sleepcast.station.network import NetworkStation
 
 DEFAULT_PORT = 8317
 """The port unless another is wanted: always the same, so that the browser finds the history of last time."""
@@ -100,7 +101,7 @@ def serve(
 
 def serve_fleet(
     fleet: Fleet,
-    station: Station,
+    station: NetworkStation,
     clock: Clock,
     began: float,
     *,
@@ -111,7 +112,7 @@ def serve_fleet(
 
     The rest is as for `serve_backend`.
     """
-    desk = NetworkBackend(fleet, station, NetworkDriver(fleet, clock), clock, began)
+    desk = NetworkBackend(fleet, station, clock, began)
     serve_backend(desk, clock, address=address, say=say)
 
 

@@ -11,7 +11,7 @@ from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import show_why
-from sleepcast.console.network import NetworkBackend, NetworkDriver
+from sleepcast.console.network import NetworkBackend
 from sleepcast.console.view import Scene
 from sleepcast.core.clock import WallClock
 from sleepcast.loop import Pace, Swarm
@@ -56,7 +56,7 @@ class PatientBackend(NetworkBackend):
 
     def __init__(self, fleet: FleetAdapter, station: NetworkStation, telemetry: TelemetryClient, began: float) -> None:
         clock = WallClock()
-        super().__init__(fleet, station, NetworkDriver(fleet, clock), clock, began)
+        super().__init__(fleet, station, clock, began)
         self._asked, self._telemetry = station, telemetry
 
     def why(self, serial: int, robot: int, command: str) -> outgoing.Explained:

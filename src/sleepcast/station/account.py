@@ -25,6 +25,7 @@ from sleepcast.core.errors import MisuseError, did_you_mean, printable
 from sleepcast.core.serial import Array, SerialError, within
 from sleepcast.core.units import shown_value
 from sleepcast.language.vocabulary import Vocabulary, unit_of
+from sleepcast.station.leases import in_words
 from sleepcast.station.roster import Index, Seconds, of_robots
 from sleepcast.station.serialized import CommandAnswersState, CommandState
 
@@ -274,8 +275,8 @@ class Command:
 
     @property
     def text(self) -> str:
-        """The expression; `STOP` or `RELEASE` for these two."""
-        return self.message.text or self.message.kind.name
+        """The expression; else what it is in capitals: `STOP`, `RELEASE`, `LEASE take bravo`."""
+        return self.message.text or in_words(self.message.body) or self.message.kind.name
 
     @property
     def predicted(self) -> frozenset[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from sleepcast.channel import Message
 from sleepcast.channel.message import DO, GROUP, LEASE, MAX_NAME, SECONDS, TO, LeaseAction
 from sleepcast.core.errors import MisuseError
@@ -28,6 +30,14 @@ def lease_body(deed: LeaseAction, group: str, seconds: float, to: str = "") -> d
     if deed is LeaseAction.GRANT and not to:
         raise LeaseError(f"say to whom {group} is granted (--to NAME)")
     return {LEASE: {DO: deed.value, GROUP: group, SECONDS: seconds, TO: to}}
+
+
+def in_words(body: Mapping[str, object]) -> str:
+    """What a message of our own says of a lease: `LEASE take bravo`; "" if it says nothing of any."""
+    match body.get(LEASE):
+        case {"do": str() as deed, "group": str() as group}:
+            return f"LEASE {deed} {group}"
+    return ""
 
 
 def describe_request(message: Message) -> str:

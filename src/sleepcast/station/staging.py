@@ -63,6 +63,37 @@ class Stages:
         )
 
 
+class StagedSending:
+    """A command that goes out in stages, for an owner who has other things to do: it calls `attend` time and again.
+    patience: s for which answers are waited for beyond their time. Raises what `NetworkStation.send` raises, before
+    anything is sent.
+    """
+
+    def __init__(self, station: NetworkStation, draft: Draft, patience: float) -> None:
+        self._station, self._stages, self._patience = station, Stages(station, draft), patience
+        self.done: list[Stage] = []
+        self.current: Command | None = self._stages.send()
+        """The one whose answers are awaited, None once all is over."""
+        self.first = self.current
+
+    def attend(self) -> None:
+        """Go on to the next stage if this one is over and good."""
+        sent, station = self.current, self._station
+        if sent is None:
+            return
+        if station.awaits(sent) and station.now < station.answered(sent) + self._patience:
+            return
+        stage = Stage(sent, station.accounting(sent.id), self._stages.over)
+        self.done.append(stage)
+        self.current = self._stages.send() if stage.good and not stage.last else None
+
+    def halt(self) -> None:
+        """Send no further stage; what was sent, was sent."""
+        if self.current is not None:
+            self.done.append(Stage(self.current, self._station.accounting(self.current.id), self._stages.over))
+            self.current = None
+
+
 def staged(station: NetworkStation, draft: Draft, patience: float) -> Iterator[Stage]:
     """Send in stages, and give each when it is over; it ends after the first that is not good. patience: s for which
     answers are waited for beyond their time. Raises what `NetworkStation.send` raises, before anything is sent."""

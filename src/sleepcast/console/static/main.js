@@ -4,6 +4,7 @@ import { Accounting, bytes } from "./accounting.js";
 import { Drawer } from "./drawer.js";
 import { Finder } from "./finder.js";
 import { Link } from "./link.js";
+import { Operators } from "./operators.js";
 import { Port } from "./port.js";
 import { picture, styleOf } from "./shapes.js";
 import { showLine } from "./line.js";
@@ -49,6 +50,7 @@ wire.addEventListener("hello", ({ detail }) => {
   const scene = { ...detail.scene, count: detail.count, unheard: detail.unheard, groups };
   document.body.classList.toggle("replay", detail.recorded > 0);
   document.body.classList.toggle("air", detail.air);
+  if (detail.air) offerAir();
   find("recorded").hidden = detail.recorded === 0;
   find("recorded").textContent = detail.part ? `recording, part ${detail.part}` : "recording";
   time.setRecorded(detail.began, detail.recorded);
@@ -61,6 +63,14 @@ wire.addEventListener("hello", ({ detail }) => {
   if (robot.index >= 0) wire.tell("watch", { robot: robot.index });
   drawLegend();
 });
+
+// What only robots on the air need: who commands them, and sending in stages.
+function offerAir() {
+  if (drawer.panes.has("operators")) return;
+  const operators = new Operators(wire, find("staging"));
+  drawer.add({ name: "operators", title: "Operators", element: operators.root });
+  find("sort").append(new Option("in stages", "stages"));
+}
 
 wire.addEventListener("frame", ({ detail }) => {
   if (!world.scene) return;

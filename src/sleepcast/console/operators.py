@@ -1,0 +1,195 @@
+"""Who commands: this desk's own role, the other operators that are heard, leases of groups, and sending in stages.
+
+Only robots know who holds a lease; the desk shows what it asked for and what they said, and what other operators were
+heard to do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import msgspec
+
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.message import LeaseAction, Role
+from sleepcast.console.outgoing import Said
+from sleepcast.core.errors import MisuseError, SleepcastError, printable
+from sleepcast.station import Command
+from sleepcast.station.leases import describe_request, lease_body
+from sleepcast.station.network import NetworkStation
+from sleepcast.station.staging import StagedSending
+from sleepcast.station.validation import Draft
+
+GRACE = 1.0
+"""Seconds after the time for answers for which those to a stage are still taken."""
+RENEWALS = 3.0
+"""A lease that is kept is renewed so often within its time, so that losing one message does not end it."""
+MOST_SAID = 20
+"""Things that other operators did, which a page shows."""
+LONGEST = 120
+"""Characters of a command of theirs that are shown."""
+
+
+class ShownOperator(msgspec.Struct, frozen=True):
+    """Another operator, by name. role: of the key that we trust, "" if there is none. at: when last heard, s of the
+    page's time, None if never."""
+
+    name: str
+    role: str
+    at: float | None = None
+
+
+class ShownLease(msgspec.Struct, frozen=True):
+    """A lease that this desk asked for. until: s of the page's time. refused: a reason that a robot gave, or "".
+    agreed: robots that answered and did not refuse."""
+
+    group: str
+    until: float
+    agreed: int
+    refused: str = ""
+
+
+class ShownDeed(msgspec.Struct, frozen=True):
+    """What another operator did, at: s of the page's time."""
+
+    at: float
+    text: str
+
+
+class Operators(Said):
+    """Who commands. may: what this desk's role allows, in words. staging: how far a staged sending has come, "" if
+    there was none; active: whether it goes on."""
+
+    name: str
+    role: str
+    may: str
+    others: list[ShownOperator]
+    leases: list[ShownLease]
+    deeds: list[ShownDeed]
+    staging: str = ""
+    active: bool = False
+
+
+MAY = {
+    Role.OBSERVER: "may ask and STOP",
+    Role.OPERATOR: "may command, ask and STOP",
+    Role.COMMANDER: "may command, change rules, take leases by force, ask and STOP",
+    Role.ROBOT: "speaks as a robot",
+}
+
+
+@dataclass(slots=True)
+class _Kept:
+    """A lease of ours. seconds: for which it was asked; sent: when it was asked for last; command: that did."""
+
+    group: str
+    seconds: float
+    sent: float
+    command: Command
+
+
+class OperatorsDesk:
+    """See the module. began: s of the station's clock with which the page's time begins. `attend` is called time and
+    again."""
+
+    def __init__(self, station: NetworkStation, began: float) -> None:
+        self._station, self._began = station, began
+        self._leases: dict[str, _Kept] = {}
+        self._staged: StagedSending | None = None
+
+    # ---- in stages
+
+    def send_in_stages(self, draft: Draft) -> Command:
+        """Send to one robot, then to a tenth, then to all; gives the first command. Raises what sending raises, and
+        MisuseError while another one is under way."""
+        if self._staged is not None and self._staged.current is not None:
+            raise MisuseError("Another command is being sent in stages: wait for its end, or stop it there.")
+        self._staged = StagedSending(self._station, draft, GRACE)
+        return self._staged.first
+
+    def halt(self) -> None:
+        """Send no further stage."""
+        if self._staged is not None:
+            self._staged.halt()
+
+    def _staging(self) -> tuple[str, bool]:
+        """How far it has come, and whether it goes on."""
+        staged = self._staged
+        if staged is None:
+            return "", False
+        asked = [stage.account.asked for stage in staged.done]
+        if staged.current is not None:
+            return f"In stages: stage {len(asked) + 1} is sent, and its answers are awaited.", True
+        last = staged.done[-1]
+        if last.last and last.good:
+            return f"In stages: all {len(asked)} stages are done, for {sum(asked):,} robots.", False
+        found = last.account
+        why = f"faults: {found.n_fault:,}, silent: {found.n_silent:,}" if not last.good else "you stopped it"
+        return f"In stages: ended with stage {len(asked)} ({why}); the other robots were sent nothing.", False
+
+    # ---- leases
+
+    def lease(self, deed: str, group: str, seconds: float, to: str) -> Command:
+        """Ask robots about the lease of a group; one that was taken is renewed until it is given back. Raises
+        LeaseError, and RoleError for what our key may not do."""
+        action, key = LeaseAction(deed), group.casefold()
+        sent = self._station.post(Kind.COMMAND, body=lease_body(action, group, seconds, to))
+        if action in (LeaseAction.GIVE, LeaseAction.GRANT):
+            self._leases.pop(key, None)
+        else:
+            self._leases[key] = _Kept(group, seconds, self._station.now, sent)
+        return sent
+
+    def attend(self) -> None:
+        """Go on with what goes out in stages, and renew leases in time."""
+        if self._staged is not None:
+            try:
+                self._staged.attend()
+            except SleepcastError:  # the next stage was refused, and the journal says why
+                self._staged.halt()
+        now = self._station.now
+        for kept in self._leases.values():
+            if now - kept.sent >= kept.seconds / RENEWALS:
+                body = lease_body(LeaseAction.TAKE, kept.group, kept.seconds)
+                kept.sent, kept.command = now, self._station.post(Kind.COMMAND, body=body)
+
+    # ---- what a page shows
+
+    def shown(self) -> Operators:
+        """Who commands, as it is now."""
+        station, role = self._station, self._station.session.delivery.role
+        staging, active = self._staging()
+        return Operators(
+            station.operator,
+            role.value,
+            MAY[role],
+            self._others(),
+            [self._lease(kept) for kept in self._leases.values()],
+            [ShownDeed(message.issued - self._began, _said(message)) for message in self._latest()],
+            staging,
+            active,
+        )
+
+    def _latest(self) -> list[Message]:
+        return list(reversed(self._station.news))[:MOST_SAID]
+
+    def _others(self) -> list[ShownOperator]:
+        heard: dict[str, float] = {message.sender: message.issued - self._began for message in self._station.news}
+        trusted = {key.owner: key.role.value for key in self._station.session.delivery.admission.trust.keys}
+        roles = {name: role for name, role in trusted.items() if role != Role.ROBOT and name != self._station.operator}
+        return [
+            ShownOperator(printable(name), roles.get(name, ""), heard.get(name)) for name in sorted({*roles, *heard})
+        ]
+
+    def _lease(self, kept: _Kept) -> ShownLease:
+        found = self._station.accounting(kept.command.id)
+        refused = next(iter(found.faults.values()), "")
+        agreed = len(kept.command.answers) - found.n_fault
+        return ShownLease(kept.group, kept.sent - self._began + kept.seconds, agreed, printable(refused))
+
+
+def _said(message: Message) -> str:
+    """What another operator did, in one line."""
+    text = describe_request(message) or f"{message.sender}: {message.text or message.kind.name}"
+    line = printable(" ".join(text.split()))
+    return line if len(line) <= LONGEST else f"{line[: LONGEST - 1]}…"

@@ -1,4 +1,4 @@
-"""What the page's hands ask the desk: the test for selected robots, and how what a number is compared with is spread."""
+"""What the page asks the desk: the test for selected robots, and how the quantity beside a number is spread."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ COMPARISONS = frozenset({"<", "<=", ">", ">=", "=", "/=", "eq"})
 
 class Spread(Said):
     """How a quantity is spread, in the unit of the number it is compared with. low, high: the ends of the columns;
-    every, deciding: robots in each. whole: whether it has whole values only. unknown: robots of which it is not known."""
+    every, deciding: robots in each. whole: whether it has whole values only. unknown: robots that do not know it."""
 
     serial: int
     quantity: str

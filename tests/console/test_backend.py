@@ -249,7 +249,7 @@ class TestWatchedRobot:
             stand.desk.send(1, order, True)
         stand.run()
         (robot,) = [each for each in stand.desk.news(4) if type(each).__name__ == "Robot"]
-        assert (robot.robot, robot.groups, robot.state, robot.group) == (4, ["Crew"], ["frozen"], 1)
+        assert (robot.robot, robot.groups, robot.state) == (4, ["Crew"], ["frozen"])
         values = {value.name: value for value in robot.values}
         assert values["battery"].shown == f"{100 * stand.level('rover5'):.4g} %"
         assert (values["battery"].kind, values["drive_speed"].kind) == ("sensor", "actuator")

@@ -19,16 +19,23 @@ def test_a_frame_is_laid_out_as_its_docstring_says() -> None:
     poses = struct.pack("<6f", 1.5, -2.0, 0.25, 1e6, 3.0, -3.0)
     frame = pack(7, 2**32 + 5, 12.25, (30.0, 29.5), (True, True), poses, (b"\x00\x02", b"\x01\x08"))
     assert len(frame) == 32 + 14 * 2
-    assert struct.unpack_from("<BBBBIIId2f", frame) == (1, 3, 0, 0, 2, 7, 5, 12.25, 30.0, 29.5)
+    assert struct.unpack_from("<BBBBIIId2f", frame) == (2, 3, 0, 0, 2, 7, 5, 12.25, 30.0, 29.5)
     assert struct.unpack_from("<6f", frame, 32) == (1.5, -2.0, 0.25, 1e6, 3.0, -3.0)
     assert frame[56:] == b"\x00\x02\x01\x08"
     preparing = pack(7, 5, 12.25, (30.0, 29.5), (True, False, True), poses, (b"\x00\x02", b"\x01\x08"))
     assert preparing[1] == 5
     still = pack(7, 5, 12.25, (30.0, 29.5), (False, False), poses, (b"\x00\x02", b"\x01\x08"))
     assert still[1] == 0
-    pinged = pack(7, 5, 12.25, (30.0, 29.5), (True, True), poses, (b"\x00\x02", b"\x01\x08"), b"\x00\x05")
+
+
+def test_columns_follow_a_frame_only_where_there_is_something_in_them() -> None:
+    poses, marks, speeds = bytes(24), (b"\x00\x02", b"\x01\x08"), (30.0, 29.5)
+    pinged = pack(7, 5, 12.25, speeds, (True, True), poses, marks, (b"\x00\x05", b"", b""))
     assert pinged[2] == 1
     assert pinged[56:] == b"\x00\x02\x01\x08\x00\x05"
+    coloured = pack(7, 5, 12.25, speeds, (True, True), poses, marks, (b"", b"\x00\x01", b"\x09\xff"))
+    assert coloured[2] == 6
+    assert coloured[56:] == b"\x00\x02\x01\x08\x00\x01\x09\xff"
 
 
 def test_flags_tell_stopped_frozen_sleeping_and_marked() -> None:
@@ -44,13 +51,19 @@ def test_a_robot_is_shown_in_its_newest_group_and_counted_in_all() -> None:
     groups = Groups()
     minds.evaluate("(JOIN Bravo)", [0])
     assert list(groups.look(minds)) == [1, 0, 0]
+    assert groups.second == b""
     minds.evaluate("(JOIN delta)", [0, 1])
     assert list(groups.look(minds)) == [2, 2, 0]
     assert (groups.names, groups.counts, groups.shown) == (["Bravo", "delta"], [1, 2], [0, 2])
+    assert groups.second == b"\x01\x00\x00"
+    assert [groups.members(minds, code).tolist() for code in (1, 2, 3)] == [
+        [True, False, False],
+        [True, True, False],
+        [False] * 3,
+    ]
     minds.evaluate("(LEAVE delta)", [0])
     assert list(groups.look(minds)) == [1, 2, 0]
     assert (groups.counts, groups.shown) == ([1, 1], [1, 1])
-    assert groups.code({"bravo", "delta"}) == 2
 
 
 def test_more_groups_than_a_byte_can_tell_apart_are_shown_as_none() -> None:

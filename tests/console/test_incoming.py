@@ -21,6 +21,7 @@ GOOD = {
     "names": {"serial": 1},
     "why": {"serial": 1, "robot": 0, "command": "desk-1.1"},
     "outcomes": {"serial": 1, "command": "desk-1.1"},
+    "members": {"serial": 1, "group": 3},
     "commands": {"serial": 1},
     "stop": {},
     "release": {},

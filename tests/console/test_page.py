@@ -677,11 +677,12 @@ def test_each_sort_of_robots_is_drawn_in_its_own_size(context: BrowserContext, t
         page = context.new_page()
         page.goto(program.address)
         expect(page.locator("#legend")).to_contain_text("3 robots")
-        found = pixels_seen(page, "--robot-0")
         middle = sum(page.locator("#map").bounding_box()[side] / part for side, part in (("x", 1), ("width", 2)))
-        small = [each for each in found if each[0] < middle]
-        large = [each for each in found if each[0] > middle]
-        assert len(large) == pytest.approx(2 * len(small), rel=0.25)  # four times the area of each of the two
+        small, large = pixels_seen(page, "--robot-0"), pixels_seen(page, "--robot-8")
+        assert all(x < middle for x, _ in small)
+        assert all(x > middle for x, _ in large)
+        # Twice as long as each of the two, and its shape has twice the area for its length.
+        assert 3.5 < len(large) / len(small) < 7.0
         page.mouse.click(*large[len(large) // 2])
         expect(page.locator("#robot-name")).to_have_text("large1")
 

@@ -14,9 +14,14 @@ import pytest
 from playwright.sync_api import BrowserContext, expect
 from playwright.sync_api import Page as Screen
 
+import sleepcast as sc
 from console.running import PATIENCE, Page, Program, number, open_page
 from console.test_page import until
 from sleepcast.console.account_table import MOST_ROWS
+from sleepcast.console.adapters.recording import load_timeline
+from sleepcast.console.outgoing import Groups, ShownGroup
+from sleepcast.console.replay import ReplayBackend, ReplayDriver
+from sleepcast.core.clock import ManualClock
 from sleepcast.simulator.recording.foxglove import read_poses
 from sleepcast.simulator.recording.recording import entries, load_recording
 from small_worlds import write
@@ -102,6 +107,25 @@ def test_groups_accounts_and_a_robot_are_as_they_were_then(page: Page) -> None:
     assert {value["name"] for value in told["values"]} >= {"x", "y", "battery"}
     at(page, 3.0)
     page.wait_for("robot", lambda found: found["groups"] == [] and found["rules"] == [] and found["said"] == [])
+
+
+def test_second_groups_and_colours_are_recorded(tmp_path: Path) -> None:
+    file = tmp_path / "run.mcap"
+    with sc.open("shepherding", seed=1) as fleet, fleet.record(file, pictures=1.0):
+        fleet.send("(WHEN (<= id 2) (JOIN a) (COLOUR 5))")
+        fleet.send("(WHEN (= id 1) (JOIN b))")
+        fleet.run(5)
+    film = load_timeline(load_recording(file))
+    desk = ReplayBackend(film, ReplayDriver(film, ManualClock()))
+    desk.seek(film.seconds)
+    marks = film.marks_at(film.seconds)
+    assert (marks.groups[:3], marks.second[:3], marks.colours[:3]) == (b"\2\1\0", b"\1\0\0", b"\5\5\0")
+    assert desk.driver.frame[2] == 6  # both columns are in the frame
+    assert desk.driver.frame.endswith(marks.second + marks.colours)
+    assert [desk.members(1, code).members[:3] for code in (1, 2, 3)] == [b"\1\1\0", b"\1\0\0", b"\0\0\0"]
+    told = {type(said).__name__: said for said in desk.news(0)}
+    assert told["Groups"] == Groups([ShownGroup("a", 2, 1), ShownGroup("b", 1, 1)])
+    assert told["Robot"].groups == ["a", "b"]  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
@@ -230,7 +254,8 @@ def test_a_legend_of_many_groups_stays_on_the_map(many: Program, context: Browse
     page.goto(many.address)
     page.locator("#scrub").focus()
     page.keyboard.press("End")
-    expect(page.locator("#legend li")).to_have_count(17)
+    expect(page.locator("#legend li")).to_have_count(27)
+    page.locator("#legend-fold").click()
     legend, scale = page.locator("#legend").bounding_box(), page.locator("#scale-text").bounding_box()
     assert legend is not None
     assert scale is not None

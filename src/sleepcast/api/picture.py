@@ -1,18 +1,15 @@
-"""A picture of a swarm, as SVG and for notebooks: world, places, lights, robots by their groups, and a legend.
-
-Groups differ by colour and by shape, so that neither has to be told by the other alone. The colours are told apart on
-light and on dark pages.
-"""
+"""A picture of a swarm, as SVG and for notebooks: world, places, lights, robots as `looks` has them, and a legend."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.api.looks import INKS, LOOKS, NONE, SORTS, body, looks_of, ring
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Area, Circle, Polygon, Shape, Wall
 
@@ -25,13 +22,11 @@ SMALLEST = 4.0
 SMALL, ROOM = 8, 10
 """Robots that need less than this part of the world's width and height are drawn closer, with so many radii of a body
 around them."""
-NO_GROUP, GROUPS = "#7a8b9c", ("#d9622b", "#3b7de0", "#1f9d78", "#c04fb7", "#a07a12", "#7d63e0", "#d23f66")
 
 
 def picture(swarm: Swarm, caption: str) -> str:
     """The swarm as it is now, as HTML. caption: stands below."""
-    _, groups = _groups(swarm)
-    legend = _legend(groups)
+    legend = [_entry(*each) for each in looks_of(swarm).entries]
     count = len(swarm.simulator.names)
     if count > MOST:
         legend.append(f"<span>{len(_shown(count)):,} of {count:,} robots are drawn</span>")
@@ -49,21 +44,19 @@ def drawing(swarm: Swarm, label: str) -> str:
     frame = _Frame.of(swarm)
     size = max(SMALLEST, simulator.scenario.robots.geometry.radius * frame.scale)
     shown = _shown(len(simulator.names))
-    codes, groups = _groups(swarm)
+    looks = looks_of(swarm)
     parts = [_ground(shape, frame) for shape in simulator.world.shapes.values()]
-    for code in range(len(groups) + 1):
-        of_code = shown[codes[shown] == code]
-        shapes = "".join(
-            _robot(code, *frame.pixel(x, y), size, -heading)
-            for x, y, heading in zip(
-                simulator.x[of_code].tolist(),
-                simulator.y[of_code].tolist(),
-                simulator.bodies.heading[of_code].tolist(),
-                strict=True,
-            )
-        )
-        if shapes:
-            parts.append(f'<path d="{shapes}" fill="{_colour(code)}"/>')
+    pixels = [frame.pixel(x, y) for x, y in zip(simulator.x[shown].tolist(), simulator.y[shown].tolist(), strict=True)]
+    headings = (-simulator.bodies.heading[shown]).tolist()
+    bodies, rings = dict[int, list[str]](), dict[int, list[str]]()
+    for look, around, place, heading in zip(
+        looks.bodies[shown].tolist(), looks.rings[shown].tolist(), pixels, headings, strict=True
+    ):
+        bodies.setdefault(look, []).append(body(look, *place, size, heading))
+        if around != NONE:
+            rings.setdefault(around, []).append(ring(around, *place, size))
+    parts += [f'<path d="{"".join(bodies[look])}" fill="{_ink(look)}"/>' for look in sorted(bodies)]
+    parts += [f'<path d="{"".join(rings[look])}" fill="none" stroke="{_ink(look)}"/>' for look in sorted(rings)]
     places = [("&#9733;", place.title, place.x, place.y) for place in simulator.scenario.named_points]
     lights = [("&#9728;", light.title, light.x, light.y) for light in simulator.scenario.lights]
     parts += [
@@ -118,27 +111,17 @@ class _Frame(NamedTuple):
         return (x - self.left) * self.scale, (self.top - y) * self.scale
 
 
-def _groups(swarm: Swarm) -> tuple[NDArray[np.intp], dict[str, int]]:
-    """The number of each robot's newest group, from 1 (0: none), and the groups in turn, with how many are in each."""
-    codes, groups = np.zeros(len(swarm.fleet), np.intp), dict[str, int]()
-    for key, members in swarm.fleet.groups.items():
-        if members.any():
-            declared = swarm.fleet.declared(key)
-            groups[key if declared is None else declared.name] = int(members.sum())
-            codes[members] = len(groups)
-    return codes, groups
+def _ink(look: int) -> str:
+    return INKS[LOOKS[look].ink]
 
 
-def _colour(code: int) -> str:
-    return GROUPS[(code - 1) % len(GROUPS)] if code else NO_GROUP
-
-
-def _legend(groups: Mapping[str, int]) -> list[str]:
-    return [
-        f'<span><svg width="14" height="14" viewBox="-7 -7 14 14"><path d="{_robot(code, 0.0, 0.0, 4.5, 0.0)}" '
-        f'fill="{_colour(code)}"/></svg> {escape(name)}: {count:,}</span>'
-        for code, (name, count) in enumerate(groups.items(), 1)
-    ]
+def _entry(look: int, name: str, count: int) -> str:
+    """A line of the legend."""
+    heading = -np.pi / 2 if look < SORTS else 0.0
+    return (
+        f'<span><svg width="14" height="14" viewBox="-7 -7 14 14"><path d="{body(look, 0.0, 0.0, 4.5, heading)}" '
+        f'fill="{_ink(look)}"/></svg> {escape(name)}: {count:,}</span>'
+    )
 
 
 def _ground(shape: Shape, frame: _Frame) -> str:
@@ -161,30 +144,3 @@ def _ground(shape: Shape, frame: _Frame) -> str:
             return f'<path d="{outlines}" fill="currentColor" fill-rule="evenodd" opacity="0.3"/>'
         case Wall():
             return f'<polyline points="{points(shape.points)}" fill="none" stroke="currentColor" opacity="0.6"/>'
-
-
-def _polygon(count: int, first: float, size: float) -> list[tuple[float, float]]:
-    """The corners of a regular polygon, the first at an angle (rad)."""
-    angles = first + np.arange(count) * 2.0 * np.pi / count
-    return list(zip((size * np.cos(angles)).tolist(), (size * np.sin(angles)).tolist(), strict=True))
-
-
-_ARROW = ((1.35, 0.0), (-0.9, 0.8), (-0.45, 0.0), (-0.9, -0.8))
-_BODIES = (
-    _polygon(4, 0.0, 1.35),
-    _polygon(4, np.pi / 4, 1.3),
-    _polygon(12, 0.0, 1.05),
-    _polygon(5, -np.pi / 2, 1.3),
-    _polygon(3, -np.pi / 2, 1.45),
-    _polygon(6, 0.0, 1.25),
-    _polygon(3, np.pi / 2, 1.45),
-)
-"""Corners of a robot that looks along x, and of robots in groups, which do not turn."""
-
-
-def _robot(code: int, x: float, y: float, size: float, heading: float) -> str:
-    """The outline of a robot as a path. heading: rad, clockwise, as pixels are counted downwards."""
-    cos, sin = (size * np.cos(heading), size * np.sin(heading)) if code == 0 else (size, 0.0)
-    body = _BODIES[(code - 1) % len(_BODIES)] if code else _ARROW
-    corners = (f"{x + a * cos - b * sin:.1f} {y + a * sin + b * cos:.1f}" for a, b in body)
-    return f"M{'L'.join(corners)}Z"

@@ -132,8 +132,9 @@ class RecordingWitness:
         before, self._exhausted = self._exhausted, b"" if exhausted is None else exhausted.tobytes()
         if self._unmarked or self._exhausted != before:
             self._unmarked = False
-            codes, flags = self._groups.look(minds), flags_of(minds, exhausted)
-            self._recorder.note(MARKS, now, MarksBody(simulator.tick, codes, flags, self._groups.names))
+            codes, flags, groups = self._groups.look(minds), flags_of(minds, exhausted), self._groups
+            body = MarksBody(simulator.tick, codes, flags, groups.names, groups.second, simulator.colours())
+            self._recorder.note(MARKS, now, body)
 
         for command in self._station.commands():
             if self._answers.get(command.id) != len(command.answers):

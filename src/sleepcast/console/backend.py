@@ -162,6 +162,10 @@ class Backend:
         """What became of a command on each robot."""
         return outgoing.Answered(serial, self._ledger.outcomes(command))
 
+    def members(self, serial: int, group: int) -> outgoing.Joined:
+        """Who is in the group with this code."""
+        return outgoing.Joined(serial, self.driver.groups.members(self._swarm.minds, group).tobytes())
+
     def commands(self, serial: int | None = None) -> outgoing.Commands:
         """The account of every command."""
         return outgoing.Commands(self._ledger.rows(), serial)
@@ -200,7 +204,6 @@ class Backend:
         values = [self._show_value(name, value) for name, value in mind.variables() if name not in _LEFT_OUT]
         return outgoing.Robot(
             index,
-            self.driver.groups.code(mind.groups),
             [found.name if found is not None else key for found, key in declared],
             [*self._states(mind), *self._lacks(index)],
             sorted(values, key=lambda value: _KINDS.index(value.kind)),

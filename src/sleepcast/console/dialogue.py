@@ -75,6 +75,8 @@ class Dialogue:
                 return desk.why(serial, robot, command)
             case incoming.Outcomes(serial, command):
                 return desk.outcomes(serial, command)
+            case incoming.Members(serial, group):
+                return desk.members(serial, group)
             case incoming.Commands(serial):
                 return desk.commands(serial)
         return None

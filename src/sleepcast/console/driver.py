@@ -146,7 +146,7 @@ class Driver(FrameSource):
             (not pace.paused, self.latched, not self._ready, self.waiting),
             swarm.poses(),
             (self.groups.look(minds), self.flags()),
-            swarm.pings(),
+            (swarm.pings(), self.groups.second, swarm.colours()),
         )
         self.show(frame)
 

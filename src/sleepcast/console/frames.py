@@ -1,12 +1,13 @@
 """Frames: the picture of the moving swarm, as bytes for the page. `static/frame.js` reads them.
 
-Everything is little endian. A frame of n robots has 32 + 14 n bytes, or 32 + 15 n if any of them has pinged:
+Everything is little endian. A frame of n robots has 32 + 14 n bytes, and n more for each optional column that it holds:
 
     offset   type        meaning
-    0        u8          1, the version of this layout
+    0        u8          2, the version of this layout
     1        u8          state: bit 0 time runs, bit 1 STOP is latched, bit 2 time cannot run yet: what ticks take is
                          being compiled, bit 3 time has not begun: it waits for the first command, or to be run
-    2        u8          1 if pings follow, else 0
+    2        u8          which columns follow after the flags, in this order: bit 0 pings, bit 1 second groups,
+                         bit 2 colours
     3        u8          0
     4        u32         n
     8        u32         number of the frame; the page sends it back once the frame is drawn
@@ -19,14 +20,16 @@ Everything is little endian. A frame of n robots has 32 + 14 n bytes, or 32 + 15
     32+12n   u8 x n      group: 0 for none, else the place of its newest group in the list of groups, from 1
     32+13n   u8 x n      flags: bit 0 stopped, 1 frozen, 2 sleeping, 3 marked and showing it,
                          4 silent: its telemetry is stale, 5 it has used up what it drives with
-    32+14n   u8 x n      pings: 0 for who has not pinged since the frame before, else the caste + 1
+    ...      u8 x n      pings: 0 for who has not pinged since the frame before, else the caste + 1
+    ...      u8 x n      second group: as group, of who is in two or more
+    ...      u8 x n      colour that it shows with COLOUR: 0 for none, 255 for what is no whole number from 1 to 254
 """
 
 from __future__ import annotations
 
 import struct
 
-VERSION = 1
+VERSION = 2
 
 _HEADER = struct.Struct("<BBBxIIIdff")
 SILENT = 16
@@ -40,10 +43,11 @@ def pack(
     state: tuple[bool, ...],
     poses: bytes,
     marks: tuple[bytes, bytes],
-    pings: bytes = b"",
+    columns: tuple[bytes, bytes, bytes] = (b"", b"", b""),
 ) -> bytes:
-    """A frame. speeds: wanted, reached. state: its bits in turn. marks: group and flags of each robot. pings:
-    empty if there were none."""
+    """A frame. speeds: wanted, reached. state: its bits in turn. marks: group and flags of each robot. columns: pings,
+    second groups, colours; each empty where there is none."""
     bits = sum(bit << place for place, bit in enumerate(state))
-    header = _HEADER.pack(VERSION, bits, bool(pings), len(marks[0]), number, tick & 0xFFFFFFFF, time, *speeds)
-    return b"".join((header, poses, *marks, pings))
+    follow = sum(bool(column) << place for place, column in enumerate(columns))
+    header = _HEADER.pack(VERSION, bits, follow, len(marks[0]), number, tick & 0xFFFFFFFF, time, *speeds)
+    return b"".join((header, poses, *marks, *columns))

@@ -103,6 +103,13 @@ class Outcomes(Message):
     command: Id
 
 
+class Members(Message):
+    """Who is in a group, by its code in a frame."""
+
+    serial: Serial
+    group: Annotated[int, Meta(ge=1, le=255)]
+
+
 class Commands(Message):
     """The account of every command, at once."""
 
@@ -156,6 +163,7 @@ Incoming = (
     | Names
     | Why
     | Outcomes
+    | Members
     | Commands
     | Stop
     | Release

@@ -106,6 +106,13 @@ class Answered(Said):
     outcomes: bytes
 
 
+class Joined(Said):
+    """Who is in a group: a byte for each robot, 1 for its members."""
+
+    serial: int
+    members: bytes
+
+
 class Commands(Said):
     """The account of every command; serial: of the question, if it was asked for."""
 
@@ -160,13 +167,12 @@ class ShownReport(msgspec.Struct, frozen=True):
 
 
 class Robot(Said):
-    """News of the watched robot. group: its code in a frame. state: stopped, frozen and the like, in words.
+    """News of the watched robot. groups: the names of all of them. state: stopped, frozen and the like, in words.
 
     said: its latest reports, the youngest first.
     """
 
     robot: int
-    group: int
     groups: list[str]
     state: list[str]
     values: list[ShownValue]

@@ -14,6 +14,7 @@ from itertools import islice
 from typing import Generic, NoReturn, TypeVar
 
 import msgspec
+import numpy as np
 
 from sleepcast.console import outgoing
 from sleepcast.console.account_table import MOST_ROWS, CommandRow
@@ -59,11 +60,14 @@ class Track(Generic[Kind]):
 
 @dataclass(frozen=True, slots=True)
 class Marks:
-    """Groups and flags: a byte for each robot, as in a frame; names: of the groups by code, from 1."""
+    """Groups and flags, and where there are any the second groups and the colours: a byte for each robot, as in a
+    frame; names: of the groups by code, from 1."""
 
     groups: bytes
     flags: bytes
     names: tuple[str, ...]
+    second: bytes = b""
+    colours: bytes = b""
 
 
 @dataclass(slots=True)
@@ -158,7 +162,8 @@ class ReplayDriver(FrameSource):
         marks = film.marks_at(time)
         speeds = (self._factor, self._factor if self._running else 0.0)
         state = (self._running, film.latched_at(time))
-        self.show(pack(self.number + 1, tick, time, speeds, state, poses, (marks.groups, marks.flags)))
+        columns = (b"", marks.second, marks.colours)
+        self.show(pack(self.number + 1, tick, time, speeds, state, poses, (marks.groups, marks.flags), columns))
 
 
 class ReplayBackend:
@@ -215,6 +220,12 @@ class ReplayBackend:
         """Refused: explanations are made by living minds."""
         raise MisuseError("A recording stores each command's outcome, not its explanation.")
 
+    def members(self, serial: int, group: int) -> outgoing.Joined:
+        """Who is in a group, of those whose newest or second newest group it is."""
+        marks = self._film.marks_at(self.driver.time)
+        newest, second = (np.frombuffer(codes, np.uint8) == group for codes in (marks.groups, marks.second))
+        return outgoing.Joined(serial, (newest | second if marks.second else newest).tobytes())
+
     def outcomes(self, serial: int, command: str) -> NoReturn:
         """Refused: answers are recorded as counts."""
         raise MisuseError("A recording stores how many robots obeyed a command, not which ones.")
@@ -242,13 +253,12 @@ class ReplayBackend:
     def _robot(self, index: int) -> outgoing.Robot:
         film, time = self._film, self.driver.time
         name, marks = film.scene.names[index], film.marks_at(time)
-        code = marks.groups[index]
+        codes = [each[index] for each in (marks.second, marks.groups) if each]
         states = [word for bit, word in enumerate(STATES) if marks.flags[index] & 1 << bit]
         rules, said = film.rules.get(name), film.said.get(name)
         return outgoing.Robot(
             index,
-            code,
-            [marks.names[code - 1]] if 0 < code <= len(marks.names) else [],
+            [marks.names[each - 1] for each in codes if 0 < each <= len(marks.names)],
             states,
             self._values(index),
             (rules.at(time) if rules is not None else None) or [],
@@ -272,9 +282,11 @@ class ReplayBackend:
 
 
 def _counted(marks: Marks) -> list[outgoing.ShownGroup]:
-    """The groups; of each, the robots whose newest it is."""
-    counts = [marks.groups.count(code) for code in range(1, len(marks.names) + 1)]
-    return [outgoing.ShownGroup(name, count, count) for name, count in zip(marks.names, counts, strict=True)]
+    """The groups; of each, the robots whose newest or second newest it is."""
+    codes = range(1, len(marks.names) + 1)
+    shown = [marks.groups.count(code) for code in codes]
+    counts = [count + marks.second.count(code) for code, count in zip(codes, shown, strict=True)]
+    return [outgoing.ShownGroup(*group) for group in zip(marks.names, counts, shown, strict=True)]
 
 
 def _lines(said: Track[str], time: float) -> list[outgoing.ShownReport]:

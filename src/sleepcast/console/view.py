@@ -41,9 +41,10 @@ class Scene(msgspec.Struct, frozen=True):
 
     noun: what the robots are called, in the plural. names: of the robots, by their index. area: least x, least y,
     greatest x, greatest y in m. unit: a length of `sleepcast.core.units`, in which people read the map. sizes: how many
-    robots have bodies of which radius (m), in the order of their indices. lights: where they are, with their names.
-    areas: those that robots know by name from the start. supplies: what robots use up when they drive, such as fuel.
-    obstacles: each is what lies inside an odd number of its closed outlines, lists of corners (x, y) in m.
+    robots have bodies of which radius (m), in the order of their indices. sorts: what those of each size are called,
+    empty where all are of one sort. lights: where they are, with their names. areas: those that robots know by name
+    from the start. supplies: what robots use up when they drive, such as fuel. obstacles: each is what lies inside an
+    odd number of its closed outlines, lists of corners (x, y) in m.
     """
 
     title: str
@@ -53,6 +54,7 @@ class Scene(msgspec.Struct, frozen=True):
     area: tuple[float, float, float, float]
     unit: str
     sizes: tuple[tuple[int, float], ...]
+    sorts: tuple[str, ...] = ()
     places: tuple[MapLabel, ...] = ()
     lights: tuple[MapLabel, ...] = ()
     areas: tuple[NamedOutline, ...] = ()
@@ -125,6 +127,9 @@ class SwarmView(Protocol):
 
     def exhausted(self) -> NDArray[np.bool_] | None:
         """Which robots have used up one of the scene's supplies, so that they stand; None where nobody knows."""
+
+    def colours(self) -> bytes:
+        """The colour that each robot shows: as in a frame, empty for none."""
 
     def poses(self) -> bytes:
         """x (m), y (m) and heading (rad, counter-clockwise from x) of each robot in turn, float32, little endian."""

@@ -1,8 +1,8 @@
-"""What a picture of a fleet marks robots with, one byte each: each robot's newest group, and its flags."""
+"""What a picture of a fleet marks robots with, one byte each: each robot's two newest groups, and its flags."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
@@ -55,18 +55,20 @@ class Groups:
     """The groups of a fleet, numbered from 1 in the order in which they were first seen.
 
     names: as written in the first message that named each. counts: members of each. shown: members whose newest
-    group it is, as the map shows them.
+    group it is, as the map shows them. second: the number of each robot's second newest group (0: none); empty if no
+    robot is in two.
     """
 
     def __init__(self) -> None:
         self.names: list[str] = []
         self.counts: list[int] = []
         self.shown: list[int] = []
+        self.second = b""
         self._codes: dict[str, int] = {}
 
     def look(self, minds: FleetMarks) -> bytes:
-        """The number of each robot's newest group (0: none); updates the counts."""
-        codes = np.zeros(len(minds), np.uint8)
+        """The number of each robot's newest group (0: none); updates the rest."""
+        codes, second = np.zeros((2, len(minds)), np.uint8)
         counts = [0] * MAX_GROUPS
         for key, members in minds.groups.items():
             count = int(np.count_nonzero(members))
@@ -78,11 +80,16 @@ class Groups:
                 counts[self._codes[key] - 1] = count
         for key, code in self._codes.items():
             if counts[code - 1]:
-                codes[minds.groups[key]] = code
+                members = minds.groups[key]
+                second[members] = codes[members]
+                codes[members] = code
         self.counts = counts[: len(self.names)]
         self.shown = np.bincount(codes, minlength=len(self.names) + 1)[1:].tolist()
+        self.second = second.tobytes() if second.any() else b""
         return codes.tobytes()
 
-    def code(self, groups: Iterable[str]) -> int:
-        """The number of the newest of these groups, 0 if there are none."""
-        return max((self._codes.get(key, 0) for key in groups), default=0)
+    def members(self, minds: FleetMarks, code: int) -> NDArray[np.bool_]:
+        """Who is in the group with this number now: nobody if there is none."""
+        key = next((key for key, known in self._codes.items() if known == code), "")
+        found = minds.groups.get(key)
+        return np.zeros(len(minds), np.bool_) if found is None else found

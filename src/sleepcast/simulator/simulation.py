@@ -31,6 +31,8 @@ FEW = 1_000
 """Robots below which NumPy finds their neighbours soon enough."""
 MOST_CASTE = 254
 """`pinged` gives one byte per robot; castes above this are reported as this one."""
+OTHER_COLOUR = 255
+"""`colours` gives one byte per robot; this one stands for colours that have no byte of their own."""
 
 
 class Simulator:
@@ -181,6 +183,15 @@ class Simulator:
     def exhausted(self) -> NDArray[np.bool_] | None:
         """Which bodies have used up what they drive with, so that they stand still; None where no body can."""
         return self.bodies.exhausted()
+
+    def colours(self) -> bytes:
+        """The colours that robots show with `COLOUR`, for display: one byte per robot, 0 for none, `OTHER_COLOUR` for
+        what is no whole number from 1 to 254; empty if no robot shows one."""
+        shown = np.nan_to_num(self.senses.colours())
+        if not shown.any():
+            return b""
+        plain = (shown >= 0.0) & (shown < OTHER_COLOUR) & (shown == np.trunc(shown))
+        return np.where(plain, shown, OTHER_COLOUR).astype(np.uint8).tobytes()
 
     def measured(self) -> dict[str, list[list[float]]]:
         """The scenario's own measures so far, each a list of [seconds, metres]."""

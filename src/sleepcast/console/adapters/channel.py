@@ -212,6 +212,10 @@ class FleetAdapter:
         """Pings go from robot to robot; the desk does not hear them."""
         return b""
 
+    def colours(self) -> bytes:
+        """Colours are shown from robot to robot; the desk does not see them."""
+        return b""
+
     def poses(self) -> bytes:
         """x (m), y (m) and heading (rad, counter-clockwise from x; NaN: it stands aside) of each robot in turn,
         float32, little endian."""

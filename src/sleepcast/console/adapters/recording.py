@@ -74,9 +74,10 @@ class TimelineBuilder:
             film.poses.add(time, (round(time / self._tick), read_poses(data, self._count).astype("<f4").tobytes()))
         elif entry.topic == MARKS:
             marks = decoded(MarksBody, data)
-            if not len(marks.groups) == len(marks.flags) == self._count:
-                raise ValueError(f"marks of {len(marks.groups)} robots, wanted those of {self._count}")
-            film.marks.add(time, Marks(marks.groups, marks.flags, tuple(marks.names)))
+            for each in (marks.groups, marks.flags, marks.second or marks.groups, marks.colours or marks.groups):
+                if len(each) != self._count:
+                    raise ValueError(f"marks of {len(each)} robots, wanted those of {self._count}")
+            film.marks.add(time, Marks(marks.groups, marks.flags, tuple(marks.names), marks.second, marks.colours))
         elif entry.topic == READINGS:
             values_of(data)
             film.values.add(time, data)

@@ -77,6 +77,10 @@ class SwarmAdapter:
         """Who has pinged since this was last asked, a byte for each robot; see `Simulator.pinged`."""
         return self._swarm.simulator.pinged()
 
+    def colours(self) -> bytes:
+        """The colour that each robot shows, a byte for each; see `Simulator.colours`."""
+        return self._swarm.simulator.colours()
+
 
 def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
     """What the page draws under the robots, which have these names."""
@@ -91,6 +95,7 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
             (part.stop - part.start, sort.geometry.radius)
             for sort, part in zip(scenario.each_sort, slices(scenario.each_sort, len(names)), strict=True)
         ),
+        sorts=tuple(sort.type for sort in scenario.each_sort) if len(scenario.each_sort) > 1 else (),
         places=tuple(MapLabel(each.title, each.x, each.y) for each in scenario.named_points),
         areas=tuple(NamedOutline(area.name, _outline(area)) for area in scenario.areas),
         obstacles=tuple(outlines(shape) for shape in scenario.shapes),

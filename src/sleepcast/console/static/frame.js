@@ -5,15 +5,22 @@ export const STILL = 1 | 2 | 4 | EXHAUSTED; // any of the flags that hold a body
 export const SILENT = 16; // what it told is old
 export const FLAG_NAMES = ["stopped", "frozen", "sleeping", "marked", "silent"]; // by bit
 
+
+// What people call a colour by its number in a frame.
+export const colourName = (number) => (number === 255 ? "another colour" : `colour ${number}`);
+
 const HEADER = 32;
 
-// One frame: {running, stopped, preparing, waiting, count, number, tick, time, wanted, achieved, poses, groups, flags, pings}
-// with poses as x, y (m) and heading (rad) of every robot in turn, time in simulated seconds; pings is null where
-// nobody pinged, else a caste + 1 for each robot, 0 for who did not.
+// One frame: {running, stopped, preparing, waiting, count, number, tick, time, wanted, achieved, poses, groups, flags, pings,
+// second, colours} with poses as x, y (m) and heading (rad) of every robot in turn, time in simulated seconds. The last three are
+// null where nobody has one, else they hold for each robot: its caste + 1 or 0, its second group or 0, its colour or 0.
 export function decode(buffer) {
   const view = new DataView(buffer);
   const state = view.getUint8(1);
   const count = view.getUint32(4, true);
+  const follow = view.getUint8(2);
+  let end = HEADER + 14 * count;
+  const column = (bit) => (follow & bit ? new Uint8Array(buffer, (end += count) - count, count) : null);
   return {
     running: (state & 1) !== 0,
     stopped: (state & 2) !== 0,
@@ -28,6 +35,8 @@ export function decode(buffer) {
     poses: new Float32Array(buffer, HEADER, 3 * count),
     groups: new Uint8Array(buffer, HEADER + 12 * count, count),
     flags: new Uint8Array(buffer, HEADER + 13 * count, count),
-    pings: view.getUint8(2) ? new Uint8Array(buffer, HEADER + 14 * count, count) : null,
+    pings: column(1),
+    second: column(2),
+    colours: column(4),
   };
 }

@@ -5,8 +5,8 @@ import { Drawer } from "./drawer.js";
 import { Finder } from "./finder.js";
 import { Link } from "./link.js";
 import { Operators } from "./operators.js";
+import { Legend } from "./legend.js";
 import { Port } from "./port.js";
-import { picture, styleOf } from "./shapes.js";
 import { showLine } from "./line.js";
 import { Prompt } from "./prompt.js";
 import { RobotPane } from "./robot.js";
@@ -23,6 +23,7 @@ const embedded = document.body.classList.contains("embedded"); // in a notebook,
 
 const wire = new Wire(embedded ? () => new Port() : () => new WebSocket(address()), !embedded);
 const world = new World(document.querySelector(".world"));
+const legend = new Legend(find("legend"), wire, world);
 const prompt = new Prompt(document.querySelector(".desk"), wire);
 const accounting = new Accounting(document.querySelector(".accounting"), wire);
 const robot = new RobotPane(document.querySelector(".robot"), wire);
@@ -38,7 +39,7 @@ function address() {
 }
 
 let begun = false; // whether the prompt was filled once
-let groups = []; // {name, count}, in the order of their codes in a frame
+let groups = []; // {name, count, shown}, in the order of their codes in a frame
 let lit = null; // {caption, count}: what the lit robots are
 let foretelling = false; // whether they are those that would obey what is typed, not those of the chosen command
 
@@ -76,6 +77,7 @@ wire.addEventListener("frame", ({ detail }) => {
   if (!world.scene) return;
   if (!world.setFrame(detail)) return;
   time.show(world.frame);
+  legend.tick(performance.now());
   link?.follow();
   document.body.classList.toggle("waiting", world.frame.waiting);
   prompt.setWaiting(world.frame.waiting);
@@ -96,13 +98,14 @@ wire.addEventListener("commands", ({ detail }) => {
 
 wire.addEventListener("groups", ({ detail }) => {
   groups = detail.groups;
+  legend.setGroups(groups);
   if (world.scene) world.scene.groups = groups;
   drawLegend();
 });
 
 wire.addEventListener("obstacles", ({ detail }) => world.setObstacles(detail.obstacles));
 
-wire.addEventListener("robot", ({ detail }) => robot.show(detail));
+wire.addEventListener("robot", ({ detail }) => robot.show(detail, world.frame ? world.lookOf(detail.robot) : null));
 wire.addEventListener("refused", ({ detail }) => refused(detail.reason));
 
 // What was asked for without a question, such as STOP, and not done.
@@ -115,19 +118,22 @@ find("refused-close").addEventListener("click", () => refused(""));
 
 // ---- who is lit
 
+// caption: what they are; "" for those of a line of the legend, which says so itself.
 function light(marks, caption) {
   world.setLit(marks);
   find("select-lit").disabled = !marks;
-  lit = marks ? { caption, count: marks.reduce((sum, mark) => sum + mark, 0) } : null;
+  lit = marks && caption ? { caption, count: marks.reduce((sum, mark) => sum + mark, 0) } : null;
   drawLegend();
 }
 
-// What was touched last says who is lit: the text, or the account.
+// What was touched last says who is lit: the text, the account, or the legend.
 prompt.addEventListener("typed", () => {
+  legend.forget();
   foretelling = prompt.editor.text.trim() !== "";
 });
 
 prompt.addEventListener("preview", ({ detail }) => {
+  if (legend.chosen) return;
   if (detail === null) lightChosen();
   else if (foretelling) light(detail.counted ? Uint8Array.from(bytes(detail.lit), (code) => (code === 1 ? 1 : 0)) : null, "would obey");
 });
@@ -144,6 +150,7 @@ prompt.addEventListener("sent", async ({ detail }) => {
 });
 
 accounting.addEventListener("choose", ({ detail }) => {
+  legend.forget();
   robot.about(detail ?? accounting.get(accounting.latest) ?? null);
   foretelling = !detail && prompt.editor.text.trim() !== "";
   if (foretelling) prompt.tellPreview();
@@ -152,7 +159,7 @@ accounting.addEventListener("choose", ({ detail }) => {
 
 accounting.addEventListener("counted", ({ detail }) => {
   robot.about(detail);
-  if (!foretelling) lightChosen();
+  if (!foretelling && !legend.chosen) lightChosen();
 });
 
 async function lightChosen() {
@@ -164,7 +171,7 @@ async function lightChosen() {
   try {
     const marks = await accounting.lit();
     const row = accounting.get(id);
-    if (id === accounting.chosen && row) light(marks, { stop: "stopped", release: "released", ask: "answered" }[row.kind] ?? "matched");
+    if (id === accounting.chosen && row && !legend.chosen) light(marks, { stop: "stopped", release: "released", ask: "answered" }[row.kind] ?? "matched");
   } catch (refusal) {
     if (!(refusal instanceof Refusal)) throw refusal;
     if (id === accounting.chosen) light(null); // nobody knows whom it matched
@@ -172,29 +179,22 @@ async function lightChosen() {
 }
 
 function drawLegend() {
-  const { colours, scene } = world;
-  if (!scene) return;
-  const members = groups.reduce((sum, group) => sum + group.shown, 0);
-  const line = (icon, count, text) => {
-    const item = document.createElement("li");
-    const number = Object.assign(document.createElement("b"), { textContent: count.toLocaleString("en") });
-    item.append(icon, number, ` ${text}`);
-    return item;
-  };
-  const lines = [line(picture(0, colours.robots[0]), scene.count - members, members ? "in no group" : scene.noun)];
-  groups.forEach((group, index) => {
-    const style = styleOf(index + 1);
-    if (group.count) lines.push(line(picture(style, colours.robots[style]), group.count, group.name));
-  });
-  if (scene.unheard) lines.push(line(document.createElement("span"), scene.unheard, "never heard"));
-  if (lit) {
-    const glow = Object.assign(document.createElement("span"), { className: "glow" });
-    const last = line(glow, lit.count, lit.caption);
-    last.className = "lit";
-    lines.push(last);
-  }
-  find("legend").replaceChildren(...lines);
+  if (world.scene) legend.draw(lit);
 }
+
+legend.addEventListener("light", ({ detail }) => {
+  if (detail) {
+    foretelling = false;
+    light(detail.marks, "");
+    if (legend.following) world.followAll(detail.marks);
+    return;
+  }
+  foretelling = prompt.editor.text.trim() !== "";
+  if (foretelling) prompt.tellPreview();
+  else lightChosen();
+});
+
+legend.addEventListener("follow", ({ detail }) => world.followAll(detail ? world.marks.lit : null));
 
 // ---- the chosen robot
 
@@ -210,7 +210,10 @@ function follow(on) {
 }
 
 find("follow").addEventListener("click", () => follow(!world.following));
-world.addEventListener("moved", () => find("follow").setAttribute("aria-pressed", String(world.following)));
+world.addEventListener("moved", () => {
+  find("follow").setAttribute("aria-pressed", String(world.following));
+  legend.followed(world.flock !== null);
+});
 
 // ---- selecting robots by hand
 
@@ -290,6 +293,7 @@ world.addEventListener("trails", toggleTrails);
 
 (embedded ? givenTheme : theme)(find("theme"), () => {
   world.recolour();
+  robot.recolour(world.colours);
   drawLegend();
 });
 

@@ -1,7 +1,7 @@
 // Pings: round each robot that has just pinged a ring that widens and fades, in the colour of its caste and with the
 // caste's number beside it. Who has asked for less motion sees none.
 
-import { styleOf } from "./shapes.js";
+import { inkOf, lookOfGroup } from "./shapes.js";
 
 const LASTS = 800; // ms that a ring is seen
 const AGAIN = 400; // ms for which a robot that goes on pinging keeps its ring
@@ -39,7 +39,7 @@ export class Pings {
       if (x < -GROWS || y < -GROWS || x > view.width + GROWS || y > view.height + GROWS) continue;
       const radius = sizes(robot) + 3 + GROWS * Math.sqrt(Math.max(0, age));
       pen.globalAlpha = 1 - age;
-      pen.strokeStyle = colours.robots[styleOf(caste + 1)];
+      pen.strokeStyle = colours.robots[inkOf(lookOfGroup(caste + 1))];
       pen.beginPath();
       pen.arc(x, y, radius, 0, 2 * Math.PI);
       pen.stroke();

@@ -1,7 +1,7 @@
 // The robot pane: why the chosen robot obeyed a command or did not, what it knows, and the rules it runs.
 
 import { clock } from "./accounting.js";
-import { picture, palette, styleOf } from "./shapes.js";
+import { picture } from "./shapes.js";
 import { drawWhy } from "./why.js";
 import { Refusal } from "./wire.js";
 
@@ -66,13 +66,12 @@ export class RobotPane {
     }
   }
 
-  // News of the chosen robot: {robot, group, groups, state, values, rules}.
-  show(news) {
+  // News of the chosen robot: {robot, groups, state, values, rules, said}. look: how the map shows it, as `picture` takes it;
+  // null while there is no map.
+  show(news, look) {
     if (news.robot !== this.index) return;
-    const state = this.find("robot-state");
-    state.replaceChildren();
-    const style = styleOf(news.group);
-    state.append(picture(style, palette().robots[style]), [...news.groups, ...news.state].join(" · "));
+    this.look = look;
+    this.find("robot-state").replaceChildren(...(look ? [picture(...look)] : []), [...news.groups, ...news.state].join(" · "));
     fill(this.find("pane-values"), ["Name", "Value", "Kind"], news.values, (value) => [value.name, value.shown, value.kind], "No values yet.");
     fill(
       this.find("pane-rules"),
@@ -88,6 +87,14 @@ export class RobotPane {
       (said) => [clock(said.at), said.text],
       'No reports yet. (REPORT "fuel" fuel) makes robots report their fuel.',
     );
+  }
+
+  // The page has another theme.
+  recolour(colours) {
+    const icon = this.find("robot-state").querySelector("canvas");
+    if (!icon) return;
+    this.look[1] = colours;
+    icon.replaceWith(picture(...this.look));
   }
 
   open(name) {

@@ -1,6 +1,91 @@
-// How a robot looks: one shape and one colour for each group, so that neither has to be told by the other alone.
+// How robots look: a body of some shape and some colour, perhaps with a spot, and perhaps a ring around it.
+//
+// Groups take the seven shapes and the seven colours in turn; after each round the colours are shifted by one, and every
+// other round has a spot, so that no two of 49 look alike and 14 differ without any colour. What robots show with COLOUR
+// takes the same shapes and colours in another order, and with the spot where groups have none. A robot without either
+// looks like its sort, and points along its heading. api/looks.py has the same for pictures without a page.
 
 const TURN = 2 * Math.PI;
+const SHAPES = 7;
+const ROUNDS = 7; // of all shapes, until the first look comes again
+export const SORTS = 8; // looks of sorts of robots; those of groups follow, then those of colours
+const PAIRS = ROUNDS * SHAPES;
+const SECOND_NEUTRAL = 8; // the colour of every other sort; 0 is that of the rest, 1 to 7 are those of groups
+export const LOOKS = SORTS + 2 * PAIRS;
+export const NONE = 255; // no ring
+
+// Bodies of sorts: corners as parts of the size, forwards and to the left.
+const ARROW = [[1.35, 0], [-0.9, 0.8], [-0.45, 0], [-0.9, -0.8]];
+const HOUSE = [[1.35, 0], [0.35, 0.8], [-1, 0.8], [-1, -0.8], [0.35, -0.8]];
+const TEE = [[1.3, 0.3], [-0.2, 0.3], [-0.2, 1.1], [-0.9, 1.1], [-0.9, -1.1], [-0.2, -1.1], [-0.2, -0.3], [1.3, -0.3]];
+const CHEVRON = [[1.2, 0], [-0.6, 1.15], [-1.2, 0.75], [-0.1, 0], [-1.2, -0.75], [-0.6, -1.15]];
+
+// Bodies of groups: how many corners they have (0: a disc), the first corner's angle, and their size.
+const BODIES = [
+  [4, 0, 1.35], // diamond
+  [4, TURN / 8, 1.3], // square
+  [0, 0, 1.05],
+  [5, TURN / 4, 1.3],
+  [3, TURN / 4, 1.45], // triangle, point up
+  [6, 0, 1.25],
+  [3, -TURN / 4, 1.45], // triangle, point down
+];
+const SPOT = 0.5; // the radius of the spot, as a part of the size
+
+function ofSort(sort) {
+  const shape = sort % 4;
+  return { corners: [ARROW, HOUSE, TEE, CHEVRON][shape], ink: (sort + Math.floor(sort / 4)) % 2 ? SECOND_NEUTRAL : 0 };
+}
+
+function ofPair(number, shift, spot) {
+  const shape = number % SHAPES;
+  return { shape, ink: 1 + ((shape + shift) % SHAPES), spot };
+}
+
+const round = (number) => Math.floor(number / SHAPES);
+const all = [
+  ...Array.from({ length: SORTS }, (_, sort) => ofSort(sort)),
+  ...Array.from({ length: PAIRS }, (_, n) => ofPair(n, round(n), round(n) % 2 === 1)),
+  ...Array.from({ length: PAIRS }, (_, n) => ofPair(n, ROUNDS - 1 - round(n), round(n) % 2 === 0)),
+];
+
+export const lookOfSort = (sort) => sort % SORTS;
+export const lookOfGroup = (code) => SORTS + ((code - 1) % PAIRS); // codes are counted from 1
+export const lookOfColour = (number) => SORTS + PAIRS + ((number - 1) % PAIRS);
+export const inkOf = (look) => all[look].ink;
+
+// The same by number, for many robots: 0 is no group, and no colour.
+const GROUPS = Uint8Array.from({ length: 256 }, (_, code) => (code ? lookOfGroup(code) : 0));
+const COLOURS = Uint8Array.from({ length: 256 }, (_, number) => (number ? lookOfColour(number) : 0));
+const INKS = Uint8Array.from(all, ({ ink }) => ink);
+
+// The sort of each robot, as a look. sizes: how many robots each sort has, as in a scene.
+export function sortsOf(sizes, count) {
+  const found = new Uint8Array(count);
+  let first = 0;
+  sizes.forEach(([robots], sort) => {
+    found.fill(lookOfSort(sort), first, (first += robots));
+  });
+  return found;
+}
+
+// The looks of all robots: their bodies, and their rings (NONE for who has none) or null where nobody has one. The body is that
+// of the newest group, else of the colour, else of the sort; the ring is that of the second group, else of the colour of who
+// is in a group.
+export function looksOf({ count, groups, second, colours }, sorts) {
+  const bodies = new Uint8Array(count);
+  const rings = second || colours ? new Uint8Array(count).fill(NONE) : null;
+  for (let i = 0; i < count; i += 1) {
+    const shown = colours ? COLOURS[colours[i]] : 0;
+    bodies[i] = GROUPS[groups[i]] || shown || sorts[i];
+    if (!rings || !groups[i]) continue;
+    rings[i] = (second && GROUPS[second[i]]) || shown || NONE;
+  }
+  return { bodies, rings };
+}
+
+// The colours of these looks, as places in the palette's `robots`.
+export const inksOf = (looks) => looks.map((look) => INKS[look]);
 
 function polygon(path, x, y, size, angle, corners) {
   for (let i = 0; i < corners; i += 1) {
@@ -13,23 +98,28 @@ function polygon(path, x, y, size, angle, corners) {
   path.closePath();
 }
 
-// An arrowhead along the heading: a robot in no group.
-function arrow(path, x, y, size, heading) {
+function pointed(path, x, y, size, heading, corners) {
   const c = Math.cos(heading) * size;
   const s = Math.sin(heading) * size;
-  path.moveTo(x + 1.35 * c, y - 1.35 * s);
-  path.lineTo(x - 0.9 * c - 0.8 * s, y + 0.9 * s - 0.8 * c);
-  path.lineTo(x - 0.45 * c, y + 0.45 * s);
-  path.lineTo(x - 0.9 * c + 0.8 * s, y + 0.9 * s + 0.8 * c);
+  corners.forEach(([a, b], i) => {
+    const px = x + a * c - b * s;
+    const py = y - a * s - b * c;
+    if (i === 0) path.moveTo(px, py);
+    else path.lineTo(px, py);
+  });
   path.closePath();
 }
 
-function disc(path, x, y, size) {
-  path.moveTo(x + size, y);
-  path.arc(x, y, size, 0, TURN);
+function outline(path, shape, x, y, size) {
+  const [corners, angle, part] = BODIES[shape];
+  if (corners) polygon(path, x, y, part * size, angle, corners);
+  else {
+    path.moveTo(x + part * size, y);
+    path.arc(x, y, part * size, 0, TURN, true); // the other way round than the spot, which is left out of it
+  }
 }
 
-// The nose of a shape that does not itself point along the heading.
+// The nose of a body that does not itself point along the heading.
 function nose(path, x, y, size, heading) {
   const c = Math.cos(heading) * size;
   const s = Math.sin(heading) * size;
@@ -37,31 +127,28 @@ function nose(path, x, y, size, heading) {
   path.lineTo(x + 2.1 * c, y - 2.1 * s);
 }
 
-const BODIES = [
-  arrow,
-  (path, x, y, size) => polygon(path, x, y, 1.35 * size, 0, 4), // diamond
-  (path, x, y, size) => polygon(path, x, y, 1.3 * size, TURN / 8, 4), // square
-  (path, x, y, size) => disc(path, x, y, 1.05 * size),
-  (path, x, y, size) => polygon(path, x, y, 1.3 * size, TURN / 4, 5), // pentagon
-  (path, x, y, size) => polygon(path, x, y, 1.45 * size, TURN / 4, 3), // triangle, point up
-  (path, x, y, size) => polygon(path, x, y, 1.25 * size, 0, 6), // hexagon
-  (path, x, y, size) => polygon(path, x, y, 1.45 * size, -TURN / 4, 3), // triangle, point down
-];
-export const STYLES = BODIES.length;
-
-// Styles 1..7 serve the groups in turn; 0 is a robot in no group.
-export function styleOf(group) {
-  return group === 0 ? 0 : ((group - 1) % (STYLES - 1)) + 1;
+// Add a robot of this look to the path of bodies and, if it needs one, its nose to the other path.
+export function addRobot(bodies, noses, look, x, y, size, heading) {
+  const { corners, shape, spot } = all[look];
+  if (corners) {
+    pointed(bodies, x, y, size, heading, corners);
+    return;
+  }
+  outline(bodies, shape, x, y, size);
+  if (spot) {
+    bodies.moveTo(x + SPOT * size, y);
+    bodies.arc(x, y, SPOT * size, 0, TURN);
+  }
+  nose(noses, x, y, size, heading);
 }
 
-// Add a robot of this style to the path of bodies and, if its shape needs one, its nose to the other path.
-export function addRobot(bodies, noses, style, x, y, size, heading) {
-  BODIES[style](bodies, x, y, size, heading);
-  if (style !== 0) nose(noses, x, y, size, heading);
+// Add the ring around a robot: the outline of the look's body, wider than any body.
+export function addRing(path, look, x, y, size) {
+  outline(path, all[look].shape, x, y, 1.6 * size + 1.8);
 }
 
-// A small picture of the style, for legends and lists.
-export function picture(style, colour, hollow = false) {
+// A small picture of the look, for legends and lists. ring: the look of the ring, if there is one.
+export function picture(look, colours, ring = NONE) {
   const canvas = document.createElement("canvas");
   const ratio = Math.min(3, window.devicePixelRatio || 1);
   canvas.width = canvas.height = 18 * ratio;
@@ -69,12 +156,16 @@ export function picture(style, colour, hollow = false) {
   canvas.setAttribute("aria-hidden", "true");
   const pen = canvas.getContext("2d");
   pen.scale(ratio, ratio);
-  pen.fillStyle = pen.strokeStyle = colour;
-  pen.lineWidth = 1.4;
+  pen.fillStyle = colours.robots[inkOf(look)];
   const bodies = new Path2D();
-  BODIES[style](bodies, 9, 9.5, 5.2, TURN / 4);
-  if (hollow) pen.stroke(bodies);
-  else pen.fill(bodies);
+  addRobot(bodies, new Path2D(), look, 9, 9.5, ring === NONE ? 5.2 : 3, TURN / 4);
+  pen.fill(bodies);
+  if (ring === NONE) return canvas;
+  pen.strokeStyle = colours.robots[inkOf(ring)];
+  pen.lineWidth = 1.4;
+  const around = new Path2D();
+  addRing(around, ring, 9, 9.5, 3);
+  pen.stroke(around);
   return canvas;
 }
 
@@ -95,6 +186,6 @@ export function palette() {
     chosen: colour("--chosen"),
     place: colour("--place"),
     light: colour("--light"),
-    robots: Array.from({ length: STYLES }, (_, style) => colour(`--robot-${style}`)),
+    robots: Array.from({ length: SECOND_NEUTRAL + 1 }, (_, ink) => colour(`--robot-${ink}`)),
   };
 }

@@ -1,10 +1,11 @@
-// The robots on the map, in one batch: shapes while they are few enough to tell apart, else points in one image.
+// The robots on the map, in one batch: shapes while those in sight are few enough to tell apart, else points in one image.
 
 import { SILENT, STILL } from "./frame.js";
-import { addRobot, styleOf, STYLES } from "./shapes.js";
+import { addRing, addRobot, inkOf, LOOKS, NONE, SORTS } from "./shapes.js";
 import { drawLabel } from "./ground.js";
 
-export const MOST_SHAPES = 6000; // robots; more become points
+export const MOST_SHAPES = 6000; // robots in sight; more become points
+const OUTSIDE = 30; // pixels beside the map in which a robot may still be seen in part
 const MOST_LABELS = 45; // robots on the screen; more names would only cover them
 const DIMMED = 0.5; // opacity of the robots outside the lit ones
 const FAINT = 0.35; // opacity of robots that may be elsewhere by now
@@ -26,10 +27,23 @@ export function sizesOf(view, scene) {
   return (robot) => (sorts.find(({ end }) => robot < end) ?? sorts.at(-1)).size;
 }
 
-// marks: {lit: Uint8Array with 1 for each robot that is lit, or null; chosen, pointed: indices or -1}
-export function drawSwarm(pen, view, scene, frame, marks, colours, boxes, ratio) {
-  if (frame.count > MOST_SHAPES) drawPoints(pen, view, scene, frame, marks, colours, ratio);
-  else drawShapes(pen, view, scene, frame, marks, colours);
+// Whether at most so many robots are on the screen.
+function few(view, { poses, count }, most) {
+  if (count <= most) return true;
+  const [left, top] = view.toWorld(-OUTSIDE, -OUTSIDE);
+  const [right, bottom] = view.toWorld(view.width + OUTSIDE, view.height + OUTSIDE);
+  let seen = 0;
+  for (let i = 0; i < 3 * count; i += 3) {
+    if (poses[i] < left || poses[i] > right || poses[i + 1] > top || poses[i + 1] < bottom) continue;
+    if ((seen += 1) > most) return false;
+  }
+  return true;
+}
+
+// looks: as of shapes.js. marks: {lit: Uint8Array with 1 for each robot that is lit, or null; chosen, pointed: indices or -1}
+export function drawSwarm(pen, view, scene, frame, looks, marks, colours, boxes, ratio) {
+  if (few(view, frame, MOST_SHAPES)) drawShapes(pen, view, scene, frame, looks, marks, colours);
+  else drawPoints(pen, view, scene, frame, looks, marks, colours, ratio);
   const sizes = sizesOf(view, scene);
   for (const [index, width] of [[marks.pointed, 1.5], [marks.chosen, 2.6]]) {
     if (index < 0 || index >= frame.count) continue;
@@ -42,46 +56,56 @@ export function drawSwarm(pen, view, scene, frame, marks, colours, boxes, ratio)
   drawNames(pen, view, scene, frame, marks, colours, boxes, sizes);
 }
 
-function drawShapes(pen, view, scene, frame, marks, colours) {
+function drawShapes(pen, view, scene, frame, looks, marks, colours) {
   const sizes = sizesOf(view, scene);
   const halos = new Path2D();
   const buckets = new Map();
+  const rings = new Map(); // by look
   for (let i = 0; i < frame.count; i += 1) {
     const x = view.toScreenX(frame.poses[3 * i]);
     const y = view.toScreenY(frame.poses[3 * i + 1]);
-    if (x < -30 || y < -30 || x > view.width + 30 || y > view.height + 30) continue;
+    if (x < -OUTSIDE || y < -OUTSIDE || x > view.width + OUTSIDE || y > view.height + OUTSIDE) continue;
     const size = sizes(i);
     const lit = marks.lit?.[i] === 1;
     if (lit) {
       halos.moveTo(x + size + 4.5, y);
       halos.arc(x, y, size + 4.5, 0, 2 * Math.PI);
     }
-    const style = styleOf(frame.groups[i]);
+    const look = looks.bodies[i];
     const flags = frame.flags[i];
-    const key = style + STYLES * ((flags & STILL ? 1 : 0) + (lit ? 2 : 0) + (flags & SILENT ? 4 : 0));
+    const key = look + LOOKS * ((flags & STILL ? 1 : 0) + (lit ? 2 : 0) + (flags & SILENT ? 4 : 0));
     let bucket = buckets.get(key);
     if (!bucket) buckets.set(key, (bucket = { bodies: new Path2D(), noses: new Path2D() }));
-    addRobot(bucket.bodies, bucket.noses, style, x, y, size, frame.poses[3 * i + 2] || 0); // NaN: it stands aside
+    addRobot(bucket.bodies, bucket.noses, look, x, y, size, frame.poses[3 * i + 2] || 0); // NaN: it stands aside
+    const ring = looks.rings ? looks.rings[i] : NONE;
+    if (ring === NONE) continue;
+    if (!rings.has(ring)) rings.set(ring, new Path2D());
+    addRing(rings.get(ring), ring, x, y, size);
   }
   drawHalos(pen, halos, colours.lit);
   for (const key of [...buckets.keys()].sort((a, b) => a - b)) {
     const { bodies, noses } = buckets.get(key);
-    const style = key % STYLES;
-    const how = Math.floor(key / STYLES);
+    const ink = inkOf(key % LOOKS);
+    const how = Math.floor(key / LOOKS);
     const lit = (how & 2) !== 0;
-    pen.globalAlpha = how & 4 ? FAINT : marks.lit && !lit && style === 0 ? DIMMED : 1;
-    pen.strokeStyle = pen.fillStyle = lit && style === 0 ? colours.ink : colours.robots[style];
+    pen.globalAlpha = how & 4 ? FAINT : marks.lit && !lit && ink === 0 ? DIMMED : 1;
+    pen.strokeStyle = pen.fillStyle = lit && ink === 0 ? colours.ink : colours.robots[ink];
     pen.lineWidth = 1.4;
     pen.stroke(noses);
     if (how & 1) pen.stroke(bodies);
     else pen.fill(bodies);
   }
   pen.globalAlpha = 1;
+  pen.lineWidth = 1.1;
+  for (const [look, path] of rings) {
+    pen.strokeStyle = colours.robots[inkOf(look)];
+    pen.stroke(path);
+  }
 }
 
 function drawHalos(pen, halos, colour) {
   pen.fillStyle = pen.strokeStyle = colour;
-  pen.globalAlpha = 0.45;
+  pen.globalAlpha = 0.3;
   pen.fill(halos);
   pen.globalAlpha = 1;
   pen.lineWidth = 1.8;
@@ -97,12 +121,12 @@ function pointSize(view, scene, count, ratio) {
 
 let image = null; // kept between frames: a screenful of pixels
 
-function drawPoints(pen, view, scene, frame, marks, colours, ratio) {
+function drawPoints(pen, view, scene, frame, looks, marks, colours, ratio) {
   const { width, height } = pen.canvas;
   if (image?.width !== width || image.height !== height) image = pen.createImageData(width, height);
   const pixels = new Uint32Array(image.data.buffer);
   pixels.fill(0);
-  const inks = colours.robots.map((colour) => packed(pen, colour));
+  const inks = Array.from({ length: LOOKS }, (_, look) => packed(pen, colours.robots[inkOf(look)]));
   const dot = (i, side, ink) => {
     const x = Math.round(view.toScreenX(frame.poses[3 * i]) * ratio);
     const y = Math.round(view.toScreenY(frame.poses[3 * i + 1]) * ratio);
@@ -110,8 +134,9 @@ function drawPoints(pen, view, scene, frame, marks, colours, ratio) {
     for (let row = y * width + x; row < (y + side) * width + x; row += width) pixels.fill(ink, row, row + side);
   };
   const size = pointSize(view, scene, frame.count, ratio);
-  const sizes = [Math.min(2, size), size]; // of robots in no group and in one
-  for (let i = 0; i < frame.count; i += 1) dot(i, sizes[frame.groups[i] ? 1 : 0], inks[styleOf(frame.groups[i])]);
+  const { bodies } = looks;
+  const plain = Math.min(2, size); // of robots that look like their sort
+  for (let i = 0; i < frame.count; i += 1) dot(i, bodies[i] < SORTS ? plain : size, inks[bodies[i]]);
   if (marks.lit) {
     const bright = packed(pen, colours.lit);
     for (let i = 0; i < frame.count; i += 1) if (marks.lit[i] === 1) dot(i, size + 1, bright);

@@ -36,8 +36,9 @@ export class Trails {
     return frame.tick < latest.tick || frame.time - latest.time > most;
   }
 
-  // Draw all trails; each band of age and each style is one stroke. area: the world's left, bottom, right and top.
-  draw(pen, view, styles, colours, area) {
+  // Draw all trails; each band of age and each colour is one stroke. inks: the place of each robot's colour among `colours`.
+  // area: the world's left, bottom, right and top.
+  draw(pen, view, inks, colours, area) {
     pen.lineWidth = 1.1;
     pen.lineJoin = "round";
     const perBand = Math.ceil(DEPTH / BANDS.length);
@@ -45,8 +46,8 @@ export class Trails {
       const run = this.samples.slice(band * perBand, (band + 1) * perBand + 1);
       if (run.length < 2) continue;
       pen.globalAlpha = BANDS[band];
-      colours.forEach((colour, style) => {
-        const path = this.path(run, view, styles, style, area);
+      colours.forEach((colour, ink) => {
+        const path = this.path(run, view, inks, ink, area);
         if (!path) return;
         pen.strokeStyle = colour;
         pen.stroke(path);
@@ -55,10 +56,10 @@ export class Trails {
     pen.globalAlpha = 1;
   }
 
-  path(run, view, styles, style, [left, bottom, right, top]) {
+  path(run, view, inks, ink, [left, bottom, right, top]) {
     let path = null;
-    for (let i = 0; i < styles.length; i += 1) {
-      if (styles[i] !== style) continue;
+    for (let i = 0; i < inks.length; i += 1) {
+      if (inks[i] !== ink) continue;
       const x = view.toScreenX(run[0].xy[2 * i]);
       const y = view.toScreenY(run[0].xy[2 * i + 1]);
       if (x < -50 || y < -50 || x > view.width + 50 || y > view.height + 50) continue;

@@ -3,11 +3,11 @@
 // Nothing is drawn but in `draw`, at most once for each picture of the screen. The ground is drawn again only when the
 // view changes, the trails when there are new ones, the robots with every frame.
 
-import { decode, EXHAUSTED, FLAG_NAMES } from "./frame.js";
+import { colourName, decode, EXHAUSTED, FLAG_NAMES } from "./frame.js";
 import { gestures } from "./gestures.js";
 import { drawGround, drawPlaces } from "./ground.js";
 import { Pings } from "./pings.js";
-import { palette, styleOf } from "./shapes.js";
+import { inksOf, looksOf, NONE, palette, sortsOf } from "./shapes.js";
 import { drawSwarm, sizesOf } from "./swarm.js";
 import { Trails } from "./trails.js";
 import { gridStep, UNITS, View } from "./view.js";
@@ -35,7 +35,8 @@ export class World extends EventTarget {
     this.scene = null;
     this.frame = null;
     this.marks = { lit: null, chosen: -1, pointed: -1 };
-    this.following = false;
+    this.following = false; // whether the chosen robot is kept in the middle
+    this.flock = null; // robots whose middle is kept there instead
     this.fitted = true;
     this.close = false; // whether only the part of the world is fitted in which robots are
     this.begun = false; // whether there was a frame of this scene
@@ -56,6 +57,7 @@ export class World extends EventTarget {
     const others = another || this.scene.count !== scene.count;
     const elsewhere = another || this.scene.area.join() !== scene.area.join();
     this.scene = scene;
+    this.sorts = sortsOf(scene.sizes, scene.count);
     if (others) this.trails = new Trails();
     if (another || this.marks.chosen >= scene.count) this.choose(-1);
     if (another) this.resize();
@@ -86,10 +88,11 @@ export class World extends EventTarget {
     this.frame = frame;
     if (this.fitted && (!this.begun || (this.close && !this.view.contains(this.crowd(0))))) this.show(true);
     this.begun = true;
-    this.styles = Uint8Array.from(this.frame.groups, styleOf);
+    this.looks = looksOf(this.frame, this.sorts);
     if (this.trails.sample(this.frame, performance.now())) this.repaint("trails");
     this.pings.take(this.frame, performance.now());
     if (this.following && this.marks.chosen >= 0) this.centreChosen();
+    if (this.flock) this.centreFlock();
     this.repaint("robots");
     return true;
   }
@@ -108,7 +111,16 @@ export class World extends EventTarget {
 
   follow(on) {
     this.following = on;
+    if (on) this.flock = null;
     if (on) this.centreChosen();
+  }
+
+  // Keep the middle of these robots in the middle: a byte for each robot, 1 for those that are followed; null for none.
+  followAll(marks) {
+    this.flock = marks;
+    if (!marks) return;
+    this.following = false;
+    this.centreFlock();
   }
 
   recolour() {
@@ -116,11 +128,21 @@ export class World extends EventTarget {
     this.repaint("ground", "trails", "robots");
   }
 
-  // What a robot is, in words: its name, then what flags say.
+  // How a robot looks, as `picture` takes it: [body, colours, ring].
+  lookOf(index) {
+    const { bodies, rings } = this.looks;
+    return [bodies[index], this.colours, rings ? rings[index] : NONE];
+  }
+
+  // What a robot is, in words: its name, its groups and its colour, then what flags say.
   describe(index) {
-    const words = [this.scene.names[index]];
-    const group = this.scene.groups?.[this.frame.groups[index] - 1];
-    if (group) words.push(group.name);
+    const { scene, frame } = this;
+    const words = [scene.names[index]];
+    for (const codes of [frame.second, frame.groups]) {
+      const group = codes && scene.groups?.[codes[index] - 1];
+      if (group) words.push(group.name);
+    }
+    if (frame.colours?.[index]) words.push(colourName(frame.colours[index]));
     FLAG_NAMES.forEach((name, bit) => {
       if (this.frame.flags[index] & (1 << bit)) words.push(name);
     });
@@ -145,6 +167,8 @@ export class World extends EventTarget {
 
   // Show the robots if they are together in a small part of the world, and the second time all of the world.
   fit() {
+    this.following = false;
+    this.flock = null;
     if (this.scene) this.show(!(this.fitted && this.close));
   }
 
@@ -186,6 +210,7 @@ export class World extends EventTarget {
 
   pan(dx, dy) {
     this.following = false;
+    this.flock = null;
     this.view.pan(dx, dy);
     this.moved();
   }
@@ -202,6 +227,20 @@ export class World extends EventTarget {
   look(x, y, across) {
     if (across) this.view.zoom(this.view.width / across / this.view.scale);
     this.view.centre(x, y);
+    this.moved();
+  }
+
+  centreFlock() {
+    const { poses, count } = this.frame;
+    let [x, y, number] = [0, 0, 0];
+    for (let i = 0; i < Math.min(count, this.flock.length); i += 1) {
+      if (!this.flock[i] || Number.isNaN(poses[3 * i + 2])) continue; // NaN: nobody knows where it is
+      x += poses[3 * i];
+      y += poses[3 * i + 1];
+      number += 1;
+    }
+    if (!number) return;
+    this.view.centre(x / number, y / number);
     this.moved();
   }
 
@@ -238,11 +277,11 @@ export class World extends EventTarget {
     if (!frame) return;
     if (stale.has("trails")) {
       pens.trails.clearRect(0, 0, view.width, view.height);
-      if (this.showTrails) this.trails.draw(pens.trails, view, this.styles, colours.robots, this.scene.area);
+      if (this.showTrails) this.trails.draw(pens.trails, view, inksOf(this.looks.bodies), colours.robots, this.scene.area);
     }
     pens.robots.clearRect(0, 0, view.width, view.height);
     const boxes = drawPlaces(pens.robots, view, scene.places, colours);
-    drawSwarm(pens.robots, view, scene, frame, this.marks, colours, boxes, this.ratio);
+    drawSwarm(pens.robots, view, scene, frame, this.looks, this.marks, colours, boxes, this.ratio);
     drawPlaces(pens.robots, view, scene.places, colours);
     for (const tool of this.tools) tool.draw?.(pens.robots);
     if (this.pings.draw(pens.robots, view, frame, sizesOf(view, scene), colours, performance.now())) this.repaint("robots");

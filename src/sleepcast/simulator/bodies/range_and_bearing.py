@@ -178,6 +178,11 @@ class RangeAndBearing:
         that is shared."""
         self._set[row, robots] = values
 
+    def colours(self) -> Floats:
+        """The colour that each robot shows from the next tick on."""
+        colours: Floats = self._set[COLOUR]
+        return colours
+
     def seen(self, row: int, others: Whole) -> Floats:
         """What these robots show."""
         seen: Floats = self._shared[row, others]

@@ -61,6 +61,10 @@ class Senses:
         if self._pings is not None:
             self._pings.send(robots, castes)
 
+    def colours(self) -> NDArray[np.float64]:
+        """The colour that each robot shows to its neighbours; of none where nobody senses neighbours."""
+        return np.zeros(0) if self._near is None else self._near.colours()
+
     def step(self) -> None:
         """Update light sensors, received pings, what neighbours show, stocks and fields, after everything has moved."""
         if self._bodies.scenario.lights:

@@ -127,13 +127,16 @@ class RecordingError(SleepcastError):
     """A recording that cannot be written or read."""
 
 
-class MarksBody(msgspec.Struct):
-    """Groups and flags after a tick: one byte per robot; names: of the groups by code, from 1."""
+class MarksBody(msgspec.Struct, omit_defaults=True):
+    """Groups and flags after a tick: one byte per robot; names: of the groups by code, from 1. second, colours: second
+    groups and colours, one byte per robot, empty if no robot has one."""
 
     tick: int
     groups: bytes
     flags: bytes
     names: list[str]
+    second: bytes = b""
+    colours: bytes = b""
 
 
 class AccountBody(msgspec.Struct, omit_defaults=True):

@@ -1,0 +1,89 @@
+"""The legend in a real Chromium: its lines light and follow robots; and the looks of the map are those of pictures."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, expect
+
+from console.running import PATIENCE, Program
+from console.test_page import pause, pixels, send, type_in, until
+from sleepcast.api.looks import LOOKS, of_colour, of_group
+
+pytestmark = pytest.mark.browser
+
+expect.set_options(timeout=1000 * PATIENCE)
+
+
+@pytest.fixture(scope="module")
+def flock() -> Iterator[Program]:
+    with Program("demo", "shepherding") as started:
+        yield started
+
+
+@pytest.fixture
+def page(flock: Program, context: BrowserContext) -> Page:
+    found = context.new_page()
+    found.goto(flock.address)
+    expect(found.locator("#legend li")).not_to_have_count(0)
+    return found
+
+
+def test_a_line_lights_its_robots_and_follows_them(page: Page, chromium: Browser, flock: Program) -> None:
+    lines = page.locator("#legend-lines button:first-child")
+    expect(lines).to_have_text(["20 sheep", "1 dog"])
+    for text in ("(WHEN (<= id 3) (JOIN a))", "(WHEN (<= id 2) (JOIN b))", "(WHEN (= id 21) (COLOUR 7))"):
+        type_in(page, text)
+        send(page)
+    expect(lines).to_have_text(["17 sheep", "3 a", "2 b", "1 colour 7"])
+    pause(page)
+    page.keyboard.press("Escape")
+    until(page, lambda: pixels(page, "--lit"))
+
+    group = lines.nth(1)
+    group.click()
+    expect(group).to_have_attribute("aria-pressed", "true")
+    expect(page.locator("#legend .lit")).to_have_count(0)
+    page.locator(".legend-follow").click()
+    page.locator("#zoom-in").click()
+    box = page.locator("#map").bounding_box()
+    assert box is not None
+    middle = [box["x"] + box["width"] / 2, box["y"] + box["height"] / 2]
+    # The three of them are together, and the middle of the map is that of all three.
+    found = until(page, lambda: pixels(page, "--lit"))
+    mean = [sum(axis) / len(found) for axis in zip(*found, strict=True)]
+    assert abs(mean[0] - middle[0]) < 80
+    assert abs(mean[1] - middle[1]) < 80
+    page.locator("#map").press("Shift+ArrowLeft")
+    expect(page.locator(".legend-follow")).to_have_attribute("aria-pressed", "false")
+    lines.nth(3).click()
+    expect(group).to_have_attribute("aria-pressed", "false")
+    lines.nth(3).click()
+    expect(page.locator("#legend .lit")).to_be_visible()  # those that the last command matched
+
+    # Another visitor, with a phone: one line until it is tapped, and robots beside it.
+    with chromium.new_context(viewport={"width": 390, "height": 844}, has_touch=True, color_scheme="dark") as small:
+        phone = small.new_page()
+        phone.goto(flock.address)
+        fold = phone.locator("#legend-fold")
+        expect(fold).to_have_text(re.compile("21 robots · 2 groups"))
+        expect(phone.locator("#legend-lines li").first).to_be_hidden()
+        fold.tap()
+        expect(phone.locator("#legend-lines button:first-child")).to_have_text(["17 sheep", "3 a", "2 b", "1 colour 7"])
+        fold.tap()
+        expect(phone.locator("#legend-lines li").first).to_be_hidden()
+
+
+def test_the_map_and_pictures_agree_on_looks(page: Page) -> None:
+    found = page.evaluate(
+        """async () => {
+          const { inkOf, LOOKS, lookOfColour, lookOfGroup } = await import("./static/shapes.js");
+          const numbers = Array.from({ length: 255 }, (_, number) => number + 1);
+          const inks = Array.from({ length: LOOKS }, (_, look) => inkOf(look));
+          return [inks, numbers.map(lookOfGroup), numbers.map(lookOfColour)];
+        }"""
+    )
+    assert found[0] == [look.ink for look in LOOKS]
+    assert found[1:] == [[of_group(code) for code in range(1, 256)], [of_colour(code) for code in range(1, 256)]]

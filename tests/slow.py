@@ -68,6 +68,8 @@ SLOW = {
     "simulator/world/test_ros_map.py": 5,
     "simulator/recording/test_recording.py": 4,
     "console/test_wire.py": 4,
+    "console/test_sentences.py": 6,
+    "sentences/test_sentences.py": 5,
     "node/test_integrity.py": 4,
     "loop/test_loop.py": 4,
     "clients/test_c_programs.py": 4,

@@ -19,6 +19,7 @@ from sleepcast.console.explanation import show_why
 from sleepcast.console.histogram import Spread, spread
 from sleepcast.console.incoming import Sort
 from sleepcast.console.picking import Picked, picked
+from sleepcast.console.sentences import Interpreter, Phrased, Understood
 from sleepcast.console.view import MindView, RuleView, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, and_more
@@ -48,6 +49,7 @@ class Backend:
         self._swarm, self._station, self._clock = swarm, station, clock
         self._began = began
         self._ledger = AccountTable(station, swarm, began)
+        self._interpreter = Interpreter(swarm)
         self._stopped_at = -STOP_AGAIN
 
     def hello(self) -> outgoing.Hello:
@@ -104,6 +106,14 @@ class Backend:
     def pick(self, serial: int, marks: bytes) -> Picked | Awaitable[Picked]:
         """The test that holds for exactly the marked robots."""
         return picked(self._station, serial, marks, len(self._swarm.scene.names))
+
+    def phrase(self, serial: int, text: str) -> Phrased:
+        """What an expression says, as a sentence."""
+        return self._interpreter.phrase(serial, text)
+
+    def understand(self, serial: int, text: str) -> Understood:
+        """The expression that a sentence means."""
+        return self._interpreter.understand(serial, text)
 
     # ---- sending
 

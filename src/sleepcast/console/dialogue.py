@@ -71,6 +71,10 @@ class Dialogue:
                 return desk.send(serial, text, everybody, sort, count, confirmed)
             case incoming.Names(serial):
                 return desk.names(serial)
+            case incoming.Phrase(serial, text):
+                return desk.phrase(serial, text)
+            case incoming.Understand(serial, text):
+                return desk.understand(serial, text)
             case incoming.Why(serial, robot, command):
                 return desk.why(serial, robot, command)
             case incoming.Outcomes(serial, command):

@@ -73,6 +73,20 @@ class Names(Message):
     serial: Serial
 
 
+class Phrase(Message):
+    """What an expression says, as a sentence."""
+
+    serial: Serial
+    text: Text
+
+
+class Understand(Message):
+    """The expression that a sentence means."""
+
+    serial: Serial
+    text: Text
+
+
 class Why(Message):
     """How a robot (by its index) evaluated a command (by its id)."""
 
@@ -164,6 +178,8 @@ Incoming = (
     | Why
     | Outcomes
     | Members
+    | Phrase
+    | Understand
     | Commands
     | Stop
     | Release

@@ -204,6 +204,14 @@ class ReplayBackend:
         """Refused."""
         self._refuse()
 
+    def phrase(self, serial: int, text: str) -> NoReturn:
+        """Refused."""
+        self._refuse()
+
+    def understand(self, serial: int, text: str) -> NoReturn:
+        """Refused."""
+        self._refuse()
+
     def send(self, serial: int, text: str, everybody: bool, sort: Sort, count: int | None, confirmed: bool) -> NoReturn:
         """Refused."""
         self._refuse()

@@ -19,11 +19,13 @@ from sleepcast.station import Mind
 
 
 class MapLabel(msgspec.Struct, frozen=True):
-    """A named point; x, y in m of the world's frame."""
+    """A named point; x, y in m of the world's frame. key: robots know it as the variables KEY_x and KEY_y; "" if they
+    do not."""
 
     name: str
     x: float
     y: float
+    key: str = ""
 
 
 Outline = tuple[tuple[float, float], ...]

@@ -96,7 +96,7 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
             for sort, part in zip(scenario.each_sort, slices(scenario.each_sort, len(names)), strict=True)
         ),
         sorts=tuple(sort.type for sort in scenario.each_sort) if len(scenario.each_sort) > 1 else (),
-        places=tuple(MapLabel(each.title, each.x, each.y) for each in scenario.named_points),
+        places=tuple(MapLabel(each.title, each.x, each.y, each.name) for each in scenario.named_points),
         areas=tuple(NamedOutline(area.name, _outline(area)) for area in scenario.areas),
         obstacles=tuple(outlines(shape) for shape in scenario.shapes),
         lights=tuple(MapLabel(light.title, light.x, light.y) for light in scenario.lights),

@@ -4,8 +4,10 @@
 import { partners, tokens } from "./lisp.js";
 
 export class Editor extends EventTarget {
-  constructor(area, backdrop) {
+  // cut: finds the tokens of a text.
+  constructor(area, backdrop, cut = tokens) {
     super();
+    this.cut = cut;
     this.area = area;
     this.backdrop = backdrop;
     this.findings = [];
@@ -82,7 +84,7 @@ export class Editor extends EventTarget {
   }
 
   changed() {
-    this.tokens = tokens(this.text);
+    this.tokens = this.cut(this.text);
     this.pairs = partners(this.tokens);
     this.findings = [];
     this.paint();

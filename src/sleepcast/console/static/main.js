@@ -12,6 +12,7 @@ import { Prompt } from "./prompt.js";
 import { RobotPane } from "./robot.js";
 import { Safety } from "./safety.js";
 import { Selecting } from "./select.js";
+import { Sentence } from "./sentence.js";
 import { splitter } from "./splitter.js";
 import { givenTheme, theme } from "./theme.js";
 import { Time } from "./time.js";
@@ -25,6 +26,7 @@ const wire = new Wire(embedded ? () => new Port() : () => new WebSocket(address(
 const world = new World(document.querySelector(".world"));
 const legend = new Legend(find("legend"), wire, world);
 const prompt = new Prompt(document.querySelector(".desk"), wire);
+const sentence = new Sentence(document.querySelector(".desk"), wire);
 const accounting = new Accounting(document.querySelector(".accounting"), wire);
 const robot = new RobotPane(document.querySelector(".robot"), wire);
 new Safety(document, wire);
@@ -61,6 +63,7 @@ wire.addEventListener("hello", ({ detail }) => {
   prompt.setReady(scene.commands);
   world.setScene(scene);
   prompt.setNames(detail.names);
+  sentence.setNoun(scene.noun);
   if (robot.index >= 0) wire.tell("watch", { robot: robot.index });
   drawLegend();
 });
@@ -115,6 +118,21 @@ function refused(reason) {
 }
 
 find("refused-close").addEventListener("click", () => refused(""));
+
+// ---- the sentence beside the expression
+
+prompt.addEventListener("typed", () => sentence.setLisp(prompt.editor.text));
+document.addEventListener("selectionchange", () => {
+  sentence.setCaret(document.activeElement === prompt.editor.area ? prompt.editor.caret : -1);
+});
+sentence.addEventListener("understood", ({ detail }) => prompt.set(detail, false));
+sentence.addEventListener("send", () => prompt.send());
+sentence.addEventListener("lisp", () => prompt.focus());
+window.addEventListener("keydown", (event) => {
+  if (event.key !== ";" || !event.ctrlKey || event.altKey || event.metaKey || document.body.classList.contains("replay")) return;
+  event.preventDefault();
+  sentence.toggle();
+});
 
 // ---- who is lit
 

@@ -89,8 +89,11 @@ class HostFunction:
 
 @dataclass(frozen=True, slots=True)
 class ReadyCommand:
-    """A command that a scenario offers on its page, with the words that a person would say."""
+    """A command that a scenario offers on its page, with the words that a person would say. blank: its text with the
+    names of numbers in braces; "" where there are none. needs: which one of them, from 1, is sent before; 0 for none."""
 
     title: str
     text: str
     about: str = ""
+    blank: str = ""
+    needs: int = 0

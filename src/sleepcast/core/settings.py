@@ -64,7 +64,7 @@ class Document:
         Raises SettingsError for a key that is none, or in something that is no table."""
         if not _SHOWN_KEY.fullmatch(key):
             raise SettingsError(f'over "{key:.80}": wanted a key such as radio.loss or commands[0].title')
-        where: Path_ = tuple(int(part[1:-1]) if part[0] == "[" else part for part in _SHOWN_PART.findall(key))
+        where = _parts(key)
         here: object = self.values
         for depth, part in enumerate(where, 1):
             self._changed |= {where[:depth]} - self.lines.keys() | {where}
@@ -76,6 +76,23 @@ class Document:
             else:
                 raise self.error(where[:depth], "there is no such place to be changed")
             here = inside
+
+    def measure(self, key: str) -> Measure:
+        """The number at a key, as `shown_key` writes it, in SI with its unit. Raises MisuseError if there is none."""
+        here: object = self.values
+        for part in _parts(key) if _SHOWN_KEY.fullmatch(key) else ():
+            if isinstance(part, str) and isinstance(here, dict):
+                here = here.get(part)
+            else:
+                here = here[part] if isinstance(part, int) and isinstance(here, list) and part < len(here) else None
+        found = _as_measure(here)
+        if found is None or (found.unit and found.unit not in UNITS):
+            raise MisuseError(f"this file has no number at {key:.80}")
+        return found
+
+    def is_changed(self, key: str) -> bool:
+        """Whether `change` has had this key say something else."""
+        return _parts(key) in self._changed
 
     def error(self, where: Path_, sentence: str) -> SettingsError:
         """An error at the key `where`, or at the nearest table around it that has a line of its own."""
@@ -139,6 +156,11 @@ def key_lines(text: str) -> dict[Path_, int]:
         elif key := _KEY.match(line):
             found.setdefault((*table, *_path(key[1])), number)
     return found
+
+
+def _parts(key: str) -> Path_:
+    """What a key consists of, as `shown_key` writes it."""
+    return tuple(int(part[1:-1]) if part[0] == "[" else part for part in _SHOWN_PART.findall(key))
 
 
 def _path(written: str) -> Path_:

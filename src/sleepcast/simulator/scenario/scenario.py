@@ -42,6 +42,7 @@ from sleepcast.simulator.scenario.signals import (
     read_neighbours,
     read_pings,
 )
+from sleepcast.simulator.scenario.sliders import Slider, blanks_of, read_sliders
 from sleepcast.simulator.scenario.stocks import Stock, read_stocks
 from sleepcast.simulator.scenario.world_settings import MAX_SEED, Changes, WorldSpec, read_world
 from sleepcast.simulator.world.torus import PLAIN, Around
@@ -82,7 +83,8 @@ class Scenario:
     None if they do not. areas: what robots know by name from the start. stocks: what robots take from and add to.
     fields: values that fill the world. measures: time series to record.
     robots: all robots together; sorts: each type of them with its count or proportion, empty if there is only one
-    type. nomad: whether VM takes tenths of inches, as a Nomad's programs do.
+    type. nomad: whether VM takes tenths of inches, as a Nomad's programs do. sliders: numbers that people are invited
+    to change.
     """
 
     name: str
@@ -118,6 +120,7 @@ class Scenario:
     nomad: bool = False
     areas: tuple[NamedArea, ...] = ()
     stocks: tuple[Stock, ...] = ()
+    sliders: tuple[Slider, ...] = ()
 
     @property
     def each_sort(self) -> tuple[RobotSpec, ...]:
@@ -157,6 +160,8 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
         _check_format(root)
         root.has("nomad")  # read by `sites`
         constants = read_constants(root)
+        sliders = read_sliders(root, document, constants)
+        numbers = (*constants, *blanks_of(sliders))
         tables = robot_tables(root)
         groups = [read_groups(table, constants, MAX_ROBOTS) for table in tables]
 
@@ -210,8 +215,8 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
             noise=_noise(root, robots, local_fields),
             radio=radio,
             telemetry=telemetry,
-            commands=_commands(root, constants),
-            mission=read_mission(root.file("mission"), constants) if root.has("mission") else (),
+            commands=_commands(root, numbers),
+            mission=read_mission(root.file("mission"), numbers) if root.has("mission") else (),
             constants=constants,
             lights=lights,
             pings=read_pings(root),
@@ -222,6 +227,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
             areas=areas,
             nomad=root.text("vocabulary", "standard", choices=("standard", "nomad")) == "nomad",
             stocks=stocks,
+            sliders=sliders,
         )
         if found.torus:
             _check_torus(root, found)
@@ -319,13 +325,17 @@ def _noise(root: Table, robots: RobotSpec, local_fields: tuple[Field, ...]) -> d
     return {name: deviation for name, deviation in found.items() if deviation}
 
 
-def _commands(root: Table, constants: Sequence[BodyConstant]) -> tuple[ReadyCommand, ...]:
+def _commands(root: Table, numbers: Sequence[BodyConstant]) -> tuple[ReadyCommand, ...]:
+    """numbers: those that commands may name in braces."""
     found = []
     for table in root.array("commands", most=MAX_COMMANDS):
         with table:
+            blank = table.text("text", most=16_384)
             with table.answering("text"):
-                text = filled(table.text("text", most=16_384), constants, "text")
-            found.append(ReadyCommand(table.text("title", most=80), text, table.text("about", "")))
+                text = filled(blank, numbers, "text")
+            blank = "" if blank == text else blank
+            needs = table.whole("needs", 0, low=0, high=len(found))
+            found.append(ReadyCommand(table.text("title", most=80), text, table.text("about", ""), blank, needs))
     return tuple(found)
 
 

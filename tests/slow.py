@@ -17,6 +17,7 @@ SLOW = {
     "fleet/test_native.py": 40,
     "experiments/test_run.py": 70,
     "cli/test_snapshots.py": 34,
+    "console/test_renewal.py": 8,
     "loop/test_snapshots.py": 28,
     "cli/test_air.py": 28,
     "cli/test_record.py": 25,

@@ -34,6 +34,9 @@ GOOD = {
     "step": {},
     "watch": {"robot": -1},
     "drawn": {"number": 7},
+    "scenarios": {"serial": 1},
+    "setup": {"serial": 1, "scenario": "bravo"},
+    "renew": {"serial": 1, "scenario": "bravo", "seed": "9", "robots": 200, "values": {"near": 5.0}},
 }
 
 
@@ -76,6 +79,10 @@ def test_no_message_was_forgotten_here() -> None:
         '{"type": "watch", "robot": -2}',
         '{"type": "drawn", "number": 4294967296}',
         '{"type": "why", "serial": 1, "robot": 0, "command": "' + "x" * 161 + '"}',
+        '{"type": "renew", "serial": 1, "seed": "-1"}',
+        '{"type": "renew", "serial": 1, "seed": "12345678901234567890"}',
+        '{"type": "renew", "serial": 1, "robots": 0}',
+        '{"type": "setup", "serial": 1, "scenario": "' + "x" * 501 + '"}',
         b"\xff\xfe",
         b"\x00" * 40,
         "[" * 100_000,

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict, TypeVar, Unpack
@@ -21,7 +20,6 @@ from sleepcast.core.errors import MisuseError
 if TYPE_CHECKING:
     from sleepcast.api.recording import RecordingPlan
     from sleepcast.cli.headless import SnapshotPlan
-    from sleepcast.console import Address
     from sleepcast.loop import Swarm
     from sleepcast.simulator import Changes
     from sleepcast.station import Journal, Station
@@ -167,19 +165,13 @@ def _start_within(interrupts: Interrupts, name: str | None, headless: bool, opti
     _refuse_contradictions(headless, options)
     if not options["quiet"]:
         advise()
-    begin = _beginning(name, options, headless)
     wanted, keeping = _wanted(options), _keeping(options)
     if not headless:
-        from sleepcast.console import Address
-
-        browser, allow = not options["no_browser"], options["allow"]
-        address = Address(options["host"], options["port"], options["insecure"], browser, allow)
-        swarm, station = begin()
-        interrupts.release()  # the server has a way of its own to end in good order
-        _show(swarm, station, options, address, wanted, keeping)
+        _show(interrupts, name, options, wanted, keeping)
         return 0
     from sleepcast.cli.headless import run_headless
 
+    begin = _beginning(name, options)
     outcome = run_headless(
         interrupts, begin, options["seconds"], quiet=options["quiet"], wanted=wanted, keeping=keeping
     )
@@ -188,93 +180,74 @@ def _start_within(interrupts: Interrupts, name: str | None, headless: bool, opti
 
 
 def _show(
-    swarm: Swarm,
-    station: Station,
+    interrupts: Interrupts,
+    name: str | None,
     options: Options,
-    address: Address,
     wanted: RecordingPlan | None,
     keeping: SnapshotPlan | None,
 ) -> None:
     """Serve the page of a swarm until Ctrl-C, which is raised as KeyboardInterrupt. The kernels are compiled while the
     page is served already. Raises what the console raises for the address, and what Recorder raises."""
-    from threading import Event
-
-    from sleepcast.api.assembly import warm_up
-    from sleepcast.console import serve
-    from sleepcast.console.adapters.swarm import SwarmAdapter
+    from sleepcast.cli.page_runs import Beginning, PageRuns
+    from sleepcast.console import Address, serve_runs
+    from sleepcast.console.renewal import Runs
     from sleepcast.core.clock import WallClock
-    from sleepcast.loop import Pace
 
-    clock, scenario, warm, speed = WallClock(), swarm.simulator.scenario, Event(), options["speed"]
-
-    def prepare() -> None:
-        warm_up(scenario, options["threads"])
-        warm.set()
-
+    _check_beginning(name, options)
+    changes = _changes(options)
+    beginning = Beginning(
+        name, options["from_"], changes, options["seed"], options["threads"], options["speed"], _journal(options)
+    )
+    clock = WallClock()
+    maker = PageRuns(beginning, wanted, keeping, clock)
+    first = maker.make(maker.current, lambda _: None)
+    interrupts.release()  # the server has a way of its own to end in good order
+    browser, allow = not options["no_browser"], options["allow"]
+    address = Address(options["host"], options["port"], options["insecure"], browser, allow)
     try:
-        serve(
-            SwarmAdapter(swarm),
-            station,
-            Pace(clock, swarm, scenario.speed_up if speed is None else speed),
-            clock,
-            address=address,
-            say=announce,
-            prepare=prepare,
-            waits=not options["running"],
-            around=_kept(swarm, station, wanted, keeping),
-        )
+        serve_runs(Runs(first, maker, clock, waits=not options["running"]), clock, address=address, say=announce)
     except (KeyboardInterrupt, Terminated) as error:
-        if not warm.is_set():
+        if not maker.warm:
             end_now(TERMINATED if isinstance(error, Terminated) else INTERRUPTED)
         raise
 
 
-@contextmanager
-def _kept(swarm: Swarm, station: Station, wanted: RecordingPlan | None, keeping: SnapshotPlan | None) -> Iterator[None]:
-    """Record what happens inside, and take the snapshot at the end. A page that could not be opened does neither: it
-    would leave an empty recording, and replace a good snapshot by one of the start."""
-    with ExitStack() as stack:
-        if keeping is not None:
-            stack.callback(keeping.take, swarm)
-        if wanted is not None:
-            from sleepcast.api.recording import recorded
-            from sleepcast.cli.streams import complain
-
-            stack.enter_context(recorded(swarm, station, wanted, complain))
-        yield
-
-
-def _beginning(name: str | None, options: Options, headless: bool) -> Callable[[], tuple[Swarm, Station]]:
-    """What assembles the swarm: of a scenario from its start, or from a snapshot. headless: whether it warms up before,
-    which a page does while it is served, and whether the scenario's own orders are given; those that are left in a
-    snapshot are."""
-    from sleepcast.api.assembly import assemble, assemble_from, warm_up
-    from sleepcast.loop import load
-
-    seed, threads, file = options["seed"], options["threads"], options["from_"]
-    journal = _journal(options)
-    if file is None:
+def _check_beginning(name: str | None, options: Options) -> None:
+    """Raise MisuseError unless there is either a scenario or a snapshot to begin with."""
+    if options["from_"] is None:
         if name is None:
             raise MisuseError("no scenario given: give its name or path, or --from and a snapshot")
-        from sleepcast.simulator import find_scenario
-
-        scenario = find_scenario(name, _changes(options))
-
-        def begin() -> tuple[Swarm, Station]:
-            if headless:
-                warm_up(scenario, threads)
-            return assemble(scenario, seed, mission=headless, threads=threads, journal=journal)
-
-        return begin
+        return
     if name is not None:
         raise MisuseError(f"a snapshot has its own scenario: leave out either {name} or --from")
     if options["robots"] is not None or options["density"] is not None or options["no_walls"]:
         raise MisuseError("--robots, --density and --no-walls change how a scenario starts: a snapshot has started")
 
+
+def _beginning(name: str | None, options: Options) -> Callable[[], tuple[Swarm, Station]]:
+    """What assembles the swarm of a headless run: of a scenario from its start, with its own orders, or from a
+    snapshot, with those that are left in it. It warms up before."""
+    from sleepcast.api.assembly import assemble, assemble_from, warm_up
+    from sleepcast.loop import load
+
+    _check_beginning(name, options)
+    seed, threads, file = options["seed"], options["threads"], options["from_"]
+    journal = _journal(options)
+    if name is not None:
+        from sleepcast.simulator import find_scenario
+
+        scenario = find_scenario(name, _changes(options))
+
+        def begin() -> tuple[Swarm, Station]:
+            warm_up(scenario, threads)
+            return assemble(scenario, seed, mission=True, threads=threads, journal=journal)
+
+        return begin
+    assert file is not None
+
     def go_on() -> tuple[Swarm, Station]:
         swarm, station = assemble_from(load(file), seed, threads, journal, name=str(file))
-        if headless:
-            warm_up(swarm.simulator.scenario, threads)
+        warm_up(swarm.simulator.scenario, threads)
         return swarm, station
 
     return go_on

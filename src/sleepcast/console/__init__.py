@@ -2,12 +2,22 @@
 
 `server` owns the port, `app` the routes and who may use them, `session` one open page, `incoming` and `outgoing` the
 messages from and to it, `backend` answers them (`replay`: for a recording, `network`: for robots on the air), `driver`
-lets swarm and server take turns, `frames` draws the moving picture; `static/` is the page, served as written. What is
-shown is a `view`; `adapters/` puts things into that shape. The page of the Nomads, `nomads/`, has the same server.
+lets swarm and server take turns, `frames` draws the moving picture, `renewal` puts another run in the place of the one
+that is shown; `static/` is the page, served as written. What is shown is a `view`; `adapters/` puts things into that
+shape. The page of the Nomads, `nomads/`, has the same server.
 """
 
 from sleepcast.console.network import SafetyOrder
-from sleepcast.console.server import DEFAULT_PORT, Address, PortError, serve, serve_backend, serve_fleet, serve_nomads
+from sleepcast.console.server import (
+    DEFAULT_PORT,
+    Address,
+    PortError,
+    serve,
+    serve_backend,
+    serve_fleet,
+    serve_nomads,
+    serve_runs,
+)
 from sleepcast.console.view import MapLabel, MindView, NamedOutline, Outline, Pace, RuleView, Scene, SwarmView
 
 __all__ = [
@@ -27,4 +37,5 @@ __all__ = [
     "serve_backend",
     "serve_fleet",
     "serve_nomads",
+    "serve_runs",
 ]

@@ -11,8 +11,9 @@ from sleepcast.console import incoming
 from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
 from sleepcast.console.outgoing import Refused, Robot
+from sleepcast.console.renewal import NOT_HERE, RenewableBackend
 from sleepcast.console.replay import ReplayBackend
-from sleepcast.core.errors import SleepcastError
+from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.station.validation import CountNeededError, DoubtError
 
 Answer: TypeAlias = msgspec.Struct
@@ -83,6 +84,10 @@ class Dialogue:
                 return desk.members(serial, group)
             case incoming.Commands(serial):
                 return desk.commands(serial)
+            case incoming.Scenarios() | incoming.Setup() | incoming.Renew():
+                if not isinstance(desk, RenewableBackend):
+                    raise MisuseError(NOT_HERE)
+                return desk.renewal(message)
         return None
 
     def news(self) -> Iterator[str]:

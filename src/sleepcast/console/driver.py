@@ -12,6 +12,7 @@ import asyncio
 from collections.abc import Callable
 from concurrent.futures import Future
 from threading import Thread
+from typing import TypeVar
 
 from sleepcast.console.frames import pack
 from sleepcast.console.view import Pace, SwarmView
@@ -22,6 +23,8 @@ SLICE = 0.004
 """Seconds for which ticks may run before the server is served: unnoticed by people, long against a switch."""
 FRAME_PERIOD = 1.0 / 30.0
 """Seconds between two frames at least."""
+
+T = TypeVar("T")
 
 
 class FrameSource:
@@ -76,7 +79,7 @@ class Driver(FrameSource):
         """Let time pass until cancelled."""
         self.draw()
         if self._prepare is not None:
-            await _aside(self._prepare)
+            await aside(self._prepare)
             self._ready = True
         self.swarm.introduce()
         self.draw()
@@ -151,18 +154,18 @@ class Driver(FrameSource):
         self.show(frame)
 
 
-async def _aside(work: Callable[[], None]) -> None:
-    """Wait until `work` is done by a thread of its own, which is left behind by who gives up waiting."""
-    done: Future[None] = Future()
+async def aside(work: Callable[[], T]) -> T:
+    """What `work` gives, which is done by a thread of its own; that is left behind by who gives up waiting."""
+    done: Future[T] = Future()
     done.set_running_or_notify_cancel()
 
     def run() -> None:
         try:
-            work()
+            found = work()
         except BaseException as error:
             done.set_exception(error)
         else:
-            done.set_result(None)
+            done.set_result(found)
 
-    Thread(target=run, name="prepare", daemon=True).start()
-    await asyncio.wrap_future(done)
+    Thread(target=run, name="aside", daemon=True).start()
+    return await asyncio.wrap_future(done)

@@ -19,6 +19,9 @@ MAX_FACTOR = 10_000.0
 MIN_FACTOR = 0.01
 """The slowest motion in which anything is still seen to move."""
 
+MOST_VALUES = 24
+"""Numbers of a scenario that a page may change at once: as many as it may have sliders."""
+
 Serial = Annotated[int, Meta(ge=1, le=2**53 - 1)]
 Text = Annotated[str, Meta(max_length=16_384)]
 Id = Annotated[str, Meta(max_length=160)]
@@ -26,6 +29,10 @@ Sort = Literal["once", "standing", "ask", "stages"]
 Deed = Literal["take", "give", "request", "grant", "force"]
 T = TypeVar("T")
 Index = Annotated[int, Meta(ge=-1, le=10_000_000)]
+ScenarioName = Annotated[str, Meta(max_length=500)]
+SliderName = Annotated[str, Meta(max_length=32)]
+Seed = Annotated[str, Meta(pattern=r"\A[0-9]{1,19}\Z")]
+"""As text: JavaScript's numbers are not exact that far."""
 
 
 class Message(msgspec.Struct, forbid_unknown_fields=True, tag_field="type", tag=str.lower):
@@ -167,6 +174,30 @@ class Drawn(Message):
     number: Annotated[int, Meta(ge=0, le=2**32 - 1)]
 
 
+class Scenarios(Message):
+    """Which scenarios there are, and what the run on the page was made of."""
+
+    serial: Serial
+
+
+class Setup(Message):
+    """What may be changed of a scenario."""
+
+    serial: Serial
+    scenario: ScenarioName
+
+
+class Renew(Message):
+    """Start another run. scenario: "" for the run on the page as it was at its start; the rest is left out then. seed,
+    robots: None for the scenario's own. values: by the names of sliders, each in the slider's unit."""
+
+    serial: Serial
+    scenario: ScenarioName = ""
+    seed: Seed | None = None
+    robots: Annotated[int, Meta(ge=1, le=10_000_000)] | None = None
+    values: Annotated[dict[SliderName, float], Meta(max_length=MOST_VALUES)] = {}
+
+
 Incoming = (
     Preview
     | Spread
@@ -188,6 +219,9 @@ Incoming = (
     | Step
     | Watch
     | Drawn
+    | Scenarios
+    | Setup
+    | Renew
 )
 
 _DECODER: msgspec.json.Decoder[Incoming] = msgspec.json.Decoder(Incoming)

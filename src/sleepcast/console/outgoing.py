@@ -20,7 +20,8 @@ class Said(msgspec.Struct, tag_field="type", tag=str.lower):
 class Hello(Said):
     """The first words: what there is to see, and the names that a text may use. began, recorded: the time at which a
     recording begins and ends, s; 0 where the swarm lives. part: of a recording in several files, from 1; 0 if there is
-    one. air: whether the robots are on the air, where time is real. unheard: how many others are expected there."""
+    one. air: whether the robots are on the air, where time is real. unheard: how many others are expected there. run:
+    the number of this run on the page, from 1; 0 where no other can follow."""
 
     scene: Scene
     count: int
@@ -30,6 +31,7 @@ class Hello(Said):
     part: int = 0
     air: bool = False
     unheard: int = 0
+    run: int = 0
 
 
 class Refused(Said):

@@ -40,6 +40,7 @@ from sleepcast.console.network import Fleet, NetworkBackend
 from sleepcast.console.nomads.backend import NomadsBackend
 from sleepcast.console.nomads.session import NomadSession
 from sleepcast.console.nomads.view import Nomads
+from sleepcast.console.renewal import Runs
 from sleepcast.console.replay import ReplayBackend
 from sleepcast.console.session import Session
 from sleepcast.console.view import Pace, SwarmView
@@ -86,17 +87,26 @@ def serve(
     *,
     address: Address,
     say: Callable[[str], None],
-    prepare: Callable[[], None] | None = None,
-    waits: bool = False,
     around: AbstractContextManager[object] = NOTHING,
 ) -> None:
     """Serve the page and let the swarm run until Ctrl-C, which is raised on as KeyboardInterrupt after a clean stop.
 
-    prepare, waits: see `Driver`. The rest is as for `serve_backend`.
+    The rest is as for `serve_backend`.
     """
-    driver = Driver(swarm, pace, clock, prepare, waits=waits)
-    desk = Backend(swarm, station, driver, clock)
+    desk = Backend(swarm, station, Driver(swarm, pace, clock), clock)
     serve_backend(desk, clock, address=address, say=say, around=around)
+
+
+def serve_runs(runs: Runs, clock: Clock, *, address: Address, say: Callable[[str], None]) -> None:
+    """The same for a run that others may follow.
+
+    The rest is as for `serve_backend`.
+    """
+
+    def app(door: PageAccess) -> Starlette:
+        return make_app("index.html", door, lambda socket: Session(socket, runs.desk, clock).run())
+
+    asyncio.run(serve_pages(app, runs.live, address=address, say=say, around=runs))
 
 
 def serve_fleet(

@@ -90,7 +90,8 @@ class HostFunction:
 @dataclass(frozen=True, slots=True)
 class ReadyCommand:
     """A command that a scenario offers on its page, with the words that a person would say. blank: its text with the
-    names of numbers in braces; "" where there are none. needs: which one of them, from 1, is sent before; 0 for none."""
+    names of numbers in braces; "" where there are none. needs: the number of the one to be sent before,
+    from 1; 0 for none."""
 
     title: str
     text: str

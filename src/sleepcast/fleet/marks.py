@@ -51,6 +51,11 @@ def flags_of(minds: FleetMarks, exhausted: NDArray[np.bool_] | None = None) -> b
     return found.tobytes()
 
 
+def is_frozen(minds: FleetMarks) -> NDArray[np.bool_]:
+    """Which robots are frozen."""
+    return minds.column(FROZEN) > 0.0
+
+
 class Groups:
     """The groups of a fleet, numbered from 1 in the order in which they were first seen.
 

@@ -6,6 +6,7 @@ import { Finder } from "./finder.js";
 import { Link } from "./link.js";
 import { Operators } from "./operators.js";
 import { Legend } from "./legend.js";
+import { NewRun } from "./newrun.js";
 import { Port } from "./port.js";
 import { showLine } from "./line.js";
 import { Prompt } from "./prompt.js";
@@ -30,6 +31,7 @@ const sentence = new Sentence(document.querySelector(".desk"), wire);
 const accounting = new Accounting(document.querySelector(".accounting"), wire);
 const robot = new RobotPane(document.querySelector(".robot"), wire);
 new Safety(document, wire);
+new NewRun(document, wire);
 const time = new Time(document, wire);
 const drawer = new Drawer(document.querySelector(".drawer")); // panes are added below: drawer.add(...)
 

@@ -327,7 +327,7 @@ def _noise(root: Table, robots: RobotSpec, local_fields: tuple[Field, ...]) -> d
 
 def _commands(root: Table, numbers: Sequence[BodyConstant]) -> tuple[ReadyCommand, ...]:
     """numbers: those that commands may name in braces."""
-    found = []
+    found: list[ReadyCommand] = []
     for table in root.array("commands", most=MAX_COMMANDS):
         with table:
             blank = table.text("text", most=16_384)

@@ -1,0 +1,195 @@
+"""The runs of the operator's page: the one that the command line asks for, and those that are chosen on the page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from threading import Event
+from typing import TYPE_CHECKING
+
+from sleepcast.api.assembly import assemble, assemble_from, warm_up
+from sleepcast.cli.streams import complain
+from sleepcast.console.adapters.swarm import SwarmAdapter
+from sleepcast.console.renewal import Choices, Run, ShownScenario, ShownSlider, Wish
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.settings import toml_document
+from sleepcast.loop import MAX_MINDS, Pace, Swarm, load
+from sleepcast.simulator import Changes, Scenario, added_scenarios, find_scenario, scenario_names
+from sleepcast.simulator.scenario.scenario import FILE, GALLERY
+from sleepcast.simulator.scenario.world_settings import MAX_SEED
+from sleepcast.station import Journal, Station
+
+if TYPE_CHECKING:
+    from sleepcast.api.recording import RecordingPlan
+    from sleepcast.cli.headless import SnapshotPlan
+
+
+@dataclass(frozen=True, slots=True)
+class Beginning:
+    """What the command line asks for: a scenario (by name or path) with changes, or a snapshot; seed, threads and speed
+    are None where it says nothing."""
+
+    name: str | None
+    snapshot: Path | None
+    changes: Changes
+    seed: int | None
+    threads: int | None
+    speed: float | None
+    journal: Journal | None
+
+    @property
+    def home(self) -> str:
+        """By what the page calls it."""
+        return self.name if self.name is not None else f"the snapshot {self.snapshot}"
+
+
+class PageRuns:
+    """Makes the runs of a page (a `RunMaker`). Each is recorded into a file of its own; the snapshot is of the last."""
+
+    def __init__(
+        self, beginning: Beginning, wanted: RecordingPlan | None, keeping: SnapshotPlan | None, clock: Clock
+    ) -> None:
+        self._beginning, self._wanted, self._keeping, self._clock = beginning, wanted, keeping, clock
+        self._made = 0
+        self.swarm: Swarm | None = None
+        """The swarm on the page."""
+        self._warm = Event()
+        self._current = Wish(beginning.home, beginning.seed)
+
+    @property
+    def current(self) -> Wish:
+        """What the run on the page was made of."""
+        return self._current
+
+    @property
+    def warm(self) -> bool:
+        """Whether nothing is being compiled for the run on the page."""
+        return self._warm.is_set()
+
+    def scenarios(self) -> list[ShownScenario]:
+        """The gallery, the scenarios of installed packages, and what the command line asked for."""
+        home, names = self._beginning.home, [*scenario_names(), *added_scenarios()]
+        found = [] if home in names else [ShownScenario(home, self._title(home))]
+        for name in names:
+            try:
+                found.append(ShownScenario(name, self._title(name)))
+            except SleepcastError:  # a mistake of somebody else's hides no other scenario
+                continue
+        return found
+
+    def _title(self, name: str) -> str:
+        if name == self._beginning.home and self._beginning.name is None:
+            return name
+        if name in scenario_names():  # much faster than all of it
+            return toml_document(GALLERY / name / FILE).root().text("title")
+        return find_scenario(name).title
+
+    def choices(self, scenario: str) -> Choices:
+        """What may be changed of one; with the values of the run on the page, if it is of this one."""
+        wish = self._current if self._current.scenario == scenario else Wish(scenario)
+        if self._is_snapshot(scenario):
+            assert self.swarm is not None
+            simulator = self.swarm.simulator
+            return Choices(str(simulator.seed), len(simulator.names), True, [])
+        found = self._scenario(wish)
+        seed = found.seed if wish.seed is None else wish.seed
+        sliders = [ShownSlider(s.name, s.title, s.unit, s.value, s.low, s.high, s.step) for s in found.sliders]
+        return Choices(str(seed), found.robots.count, False, sliders)
+
+    def _is_snapshot(self, scenario: str) -> bool:
+        return self._beginning.name is None and scenario == self._beginning.home
+
+    def _scenario(self, wish: Wish) -> Scenario:
+        """The scenario as wished. Raises SleepcastError for one that is not offered."""
+        name, changes = wish.scenario, Changes()
+        if name == self._beginning.home:
+            changes = self._beginning.changes
+        elif name not in scenario_names() and name not in added_scenarios():
+            raise MisuseError(f'there is no scenario "{name:.80}" to choose')
+        found = find_scenario(name, changes)
+        over = _over(found, wish.values)
+        if over:
+            changes = replace(changes, over=(*changes.over, *over))
+            found = find_scenario(name, changes)
+        if wish.robots is None or wish.robots == found.robots.count:
+            return found
+        if wish.robots > MAX_MINDS:
+            raise MisuseError(f"{wish.robots:,} robots are too many: at most {MAX_MINDS:,} fit into one run")
+        return find_scenario(name, replace(changes, robots=wish.robots))
+
+    def make(self, wish: Wish, tell: Callable[[str], None]) -> Run:
+        """A run as wished."""
+        beginning = self._beginning
+        if wish.seed is not None and wish.seed > MAX_SEED:
+            raise MisuseError(f"seed {wish.seed}: wanted a whole number from 0 to {MAX_SEED}")
+        if self._is_snapshot(wish.scenario):
+            assert beginning.snapshot is not None
+            tell("Reading the snapshot")
+            data, name = load(beginning.snapshot), str(beginning.snapshot)
+            swarm, station = assemble_from(data, wish.seed, beginning.threads, beginning.journal, name=name)
+        else:
+            tell("Reading the scenario")
+            scenario = self._scenario(wish)
+            tell(f"Placing {scenario.robots.count:,} robots")
+            swarm, station = assemble(
+                scenario, wish.seed, mission=False, threads=beginning.threads, journal=beginning.journal
+            )
+        tell("Opening the page")
+        speed = beginning.speed if wish.scenario == beginning.home else None
+        scenario, warm = swarm.simulator.scenario, Event()
+
+        def prepare() -> None:
+            warm_up(scenario, beginning.threads)
+            warm.set()
+
+        pace = Pace(self._clock, swarm, scenario.speed_up if speed is None else speed)
+        return Run(SwarmAdapter(swarm), station, pace, prepare, self._shown_as(swarm, station, wish, warm))
+
+    @contextmanager
+    def _shown_as(self, swarm: Swarm, station: Station, wish: Wish, warm: Event) -> Iterator[None]:
+        """Record what happens while a run is on the page, and take the snapshot if it is still there at the end. A page
+        that could not be opened does neither: it would leave an empty recording, and replace a good snapshot by one of
+        the start."""
+        try:
+            with self._recorded(swarm, station, self._made + 1):
+                self._made += 1
+                self.swarm, self._current, self._warm = swarm, wish, warm
+                yield
+        finally:
+            if self._keeping is not None and self.swarm is swarm:
+                self._keeping.take(swarm)
+
+    @contextmanager
+    def _recorded(self, swarm: Swarm, station: Station, number: int) -> Iterator[None]:
+        if self._wanted is None:
+            yield
+            return
+        from sleepcast.api.recording import recorded
+
+        with recorded(swarm, station, replace(self._wanted, file=run_file(self._wanted.file, number)), complain):
+            yield
+
+
+def _over(scenario: Scenario, values: Mapping[str, float]) -> list[tuple[str, object]]:
+    """What sliders change of a scenario's file: those that stand elsewhere than the file has them."""
+    sliders, over = {slider.name: slider for slider in scenario.sliders}, list[tuple[str, object]]()
+    for name, value in values.items():
+        slider = sliders.get(name)
+        if slider is None:
+            raise MisuseError(f'{scenario.name} has no slider "{name:.40}"')
+        if not slider.low <= value <= slider.high:
+            unit = slider.unit
+            raise MisuseError(
+                f"{slider.title}: wanted {slider.low:g}{unit} to {slider.high:g}{unit}, not {value:g}{unit}"
+            )
+        if value != slider.value:
+            over.append((slider.key, slider.written(value)))
+    return over
+
+
+def run_file(first: Path, number: int) -> Path:
+    """The file into which run `number` of a page is recorded, from 1."""
+    return first if number == 1 else first.with_name(f"{first.stem}-run{number}{first.suffix}")

@@ -1,0 +1,293 @@
+"""Another run on the same page: which scenarios there are, what may be changed of each, and the change from one run to
+the next.
+
+A run that is to follow is built beside the server, while time stands still in the old one. Then all pages are told to
+load themselves again at the same address, so that nothing of the old run is left on them. The new run is another world:
+it waits at its start, and no STOP holds in it. So a run whose STOP is not confirmed is not left, and a STOP that is
+pressed while the next one is built keeps the old one.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Protocol, Self
+
+import msgspec
+import numpy as np
+
+from sleepcast.console.backend import Backend
+from sleepcast.console.driver import Driver, aside
+from sleepcast.console.incoming import Renew, Scenarios, Setup
+from sleepcast.console.outgoing import Hello, Said
+from sleepcast.console.view import Pace, SwarmView
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import MisuseError
+from sleepcast.fleet.marks import is_frozen
+from sleepcast.station import Station
+
+NOT_HERE = "This run cannot be followed by another one from its page: start it again where it was started."
+
+
+# ---- what a page is told
+
+
+class ShownScenario(msgspec.Struct, frozen=True):
+    """A scenario that may be run. name: by which it is asked for."""
+
+    name: str
+    title: str
+
+
+class ShownSlider(msgspec.Struct, frozen=True):
+    """A number that may be changed, between `low` and `high` in steps, all in `unit`."""
+
+    name: str
+    title: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    step: float
+
+
+class Offered(Said):
+    """The scenarios; current: that of the run on the page."""
+
+    serial: int
+    scenarios: list[ShownScenario]
+    current: str
+
+
+class Choices(msgspec.Struct, frozen=True):
+    """What may be changed of a scenario, with the values of the run on the page, if that is of this scenario. fixed:
+    whether its robots are as many as they are."""
+
+    seed: str
+    robots: int
+    fixed: bool
+    sliders: list[ShownSlider]
+
+
+class SetUp(Said):
+    """The answer to `Setup`."""
+
+    serial: int
+    choices: Choices
+
+
+class Building(Said):
+    """Another run is being built: what is done now; "" for nothing."""
+
+    step: str
+
+
+class Renewed(Said):
+    """There is another run: load the page again. serial: of the question, if there was one."""
+
+    serial: int | None = None
+
+
+class Note(Said):
+    """What a person should know of this run, "" for nothing. restart: whether to offer to start it again."""
+
+    text: str
+    restart: bool = False
+
+
+# ---- runs
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A swarm that a page can show, with its desk. prepare: see `Driver`. around: entered when the run is shown, and
+    left when another one is, or the program ends."""
+
+    swarm: SwarmView
+    station: Station
+    pace: Pace
+    prepare: Callable[[], None] | None
+    around: AbstractContextManager[object]
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """The run that somebody wants; see `Renew`."""
+
+    scenario: str
+    seed: int | None = None
+    robots: int | None = None
+    values: dict[str, float] = field(default_factory=dict)
+
+
+class RunMaker(Protocol):
+    """Makes runs. All of it may take long, and is done by a thread beside the server."""
+
+    @property
+    def current(self) -> Wish:
+        """What the run on the page was made of."""
+
+    def scenarios(self) -> list[ShownScenario]:
+        """Those that may be run."""
+
+    def choices(self, scenario: str) -> Choices:
+        """What may be changed of one. Raises SleepcastError for one that is not offered."""
+
+    def make(self, wish: Wish, tell: Callable[[str], None]) -> Run:
+        """A run as wished. tell: told what is done, as it begins; what it raises ends the work. Raises SleepcastError
+        for what cannot be had."""
+
+
+class GivenUpError(MisuseError):
+    """The run that was being built is not wanted any more."""
+
+
+class Runs:
+    """The run on the page and those after it. A context, within which runs are shown."""
+
+    def __init__(self, first: Run, maker: RunMaker, clock: Clock, *, waits: bool) -> None:
+        self.number = 1
+        self.step = ""
+        """What is being done to build another run."""
+        self._maker, self._clock, self._first = maker, clock, first
+        self._around = ExitStack()
+        self._changed = asyncio.Event()
+        self._given_up = ""
+        self.desk = self._desk(first, waits)
+
+    def _desk(self, run: Run, waits: bool) -> RenewableBackend:
+        driver = Driver(run.swarm, run.pace, self._clock, run.prepare, waits=waits)
+        return RenewableBackend(run.swarm, run.station, driver, self._clock, self)
+
+    def __enter__(self) -> Self:
+        self._around.enter_context(self._first.around)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> bool:
+        return bool(self._around.__exit__(kind, error, trace))
+
+    async def live(self) -> None:
+        """Let the run on the page live, and the next one when there is one, until cancelled."""
+        while True:
+            running = asyncio.ensure_future(self.desk.driver.run())
+            changed = asyncio.ensure_future(self._changed.wait())
+            try:
+                await asyncio.wait({running, changed}, return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                running.cancel()
+                changed.cancel()
+                await asyncio.wait({running, changed})
+            if not running.cancelled():
+                running.result()
+                return
+            self._changed.clear()
+
+    async def scenarios(self, serial: int) -> Offered:
+        return Offered(serial, await aside(self._maker.scenarios), self._maker.current.scenario)
+
+    async def choices(self, serial: int, scenario: str) -> SetUp:
+        return SetUp(serial, await aside(lambda: self._maker.choices(scenario)))
+
+    async def renew(self, serial: int, wish: Wish | None) -> Renewed:
+        """Show another run, as wished or (None) as the one on the page was at its start. Raises SleepcastError; then
+        the one on the page goes on."""
+        if self.step:
+            raise MisuseError("Another run is being built already.")
+        old = self.desk
+        paused = old.driver.pace.paused
+        old.driver.set_pace(running=False)
+        self.step, self._given_up = "Reading the scenario", ""
+        try:
+            run = await aside(lambda: self._maker.make(wish or self._maker.current, self._tell))
+            self._tell(self.step)  # given up at the last moment
+            around = ExitStack()
+            around.enter_context(run.around)
+        except BaseException:
+            old.driver.set_pace(running=not paused)
+            raise
+        finally:
+            self.step = ""
+        self._around.close()
+        self._around = around
+        self.number += 1
+        self.desk = self._desk(run, waits=True)
+        old.over = True
+        self._changed.set()
+        return Renewed(serial)
+
+    def _tell(self, step: str) -> None:
+        """Called by the thread that builds."""
+        if self._given_up:
+            raise GivenUpError(self._given_up)
+        self.step = step
+
+    def give_up(self, why: str) -> None:
+        """Go on with the run on the page, whatever is being built."""
+        self._given_up = why
+
+
+class RenewableBackend(Backend):
+    """The desk of a run that another one may follow. over: whether one has."""
+
+    def __init__(self, swarm: SwarmView, station: Station, driver: Driver, clock: Clock, runs: Runs) -> None:
+        super().__init__(swarm, station, driver, clock)
+        self.over = False
+        self._runs, self._number = runs, runs.number
+
+    def hello(self) -> Hello:
+        """What a page needs first. Pages of another run load themselves again."""
+        return msgspec.structs.replace(super().hello(), run=self._number)
+
+    def stop(self) -> None:
+        super().stop()
+        self._runs.give_up("STOP was pressed: the new run was not started, and STOP holds in this one.")
+
+    async def renewal(self, message: Scenarios | Setup | Renew) -> Said:
+        """The answer to what a page asks about other runs. Raises SleepcastError."""
+        match message:
+            case Scenarios(serial):
+                return await self._runs.scenarios(serial)
+            case Setup(serial, scenario):
+                return await self._runs.choices(serial, scenario)
+        self._refuse_doubt()
+        seed = None if message.seed is None else int(message.seed)
+        same = not message.scenario
+        wish = None if same else Wish(message.scenario, seed, message.robots, message.values)
+        return await self._runs.renew(message.serial, wish)
+
+    def _refuse_doubt(self) -> None:
+        """Raise MisuseError while it is not clear whether STOP is obeyed."""
+        stop = self._ledger.stop()
+        if stop is not None and not self._station.accounting(stop.id).complete:
+            raise MisuseError(
+                "STOP was sent, and not all robots have confirmed it yet. Let time run until they have, "
+                "or release STOP; then start the new run."
+            )
+
+    def news(self, watched: int) -> Iterator[Said]:
+        """Everything that may have changed."""
+        if self.over:
+            yield Renewed()
+            return
+        yield Building(self._runs.step)
+        yield self._note()
+        yield from super().news(watched)
+
+    def _note(self) -> Note:
+        if self._number > 1 and self.driver.waiting:
+            return Note("This is a new run, another world: nothing that was sent before holds in it, STOP neither.")
+        exhausted = self._swarm.exhausted()
+        if exhausted is None or not exhausted.any():
+            return Note("")
+        frozen = is_frozen(self._swarm.minds)
+        if not (exhausted | frozen).all():
+            return Note("")
+        empty, others = int(exhausted.sum()), int(np.count_nonzero(frozen & ~exhausted))
+        supplies = " or ".join(self._swarm.scene.supplies)
+        rest = f", and {others:,} are frozen" if others else ""
+        return Note(f"No robot can move any more: {empty:,} have no {supplies} left{rest}.", restart=True)

@@ -1,0 +1,232 @@
+"""Another run on the same page."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import BrowserContext, expect
+
+from console.running import PATIENCE, Page, Program, open_page
+from sleepcast.api.assembly import assemble
+from sleepcast.cli.page_runs import Beginning, PageRuns, run_file
+from sleepcast.console.adapters.swarm import SwarmAdapter
+from sleepcast.console.backend import Backend
+from sleepcast.console.dialogue import Dialogue
+from sleepcast.console.driver import Driver
+from sleepcast.console.incoming import Renew, Setup
+from sleepcast.console.outgoing import Refused
+from sleepcast.console.renewal import Note, Renewed, Run, Runs, SetUp, Wish
+from sleepcast.core.clock import WallClock
+from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.loop import Pace
+from sleepcast.simulator import Changes, load
+from small_worlds import SMALL, write
+
+SLIDER = '\n[sliders.speed]\nkey = "robots.limits.speed"\nlow = "1m/s"\nhigh = "9m/s"\n'
+COMMAND = '\n[sliders.level]\nvalue = "60%"\nlow = "0%"\nhigh = "100%"\n[[commands]]\ntitle = "Full"\n' + (
+    'text = "(WHEN (> battery {level}) (MARK))"\n'
+)
+THIRSTY = SMALL.replace('reach = "20km"', 'reach = "1m"').replace('start = ["20%", "100%"]', 'start = ["50%", "100%"]')
+
+
+def maker_of(folder: Path, text: str = SMALL + SLIDER + COMMAND) -> PageRuns:
+    file = write(folder, text=text)
+    return PageRuns(Beginning(str(file), None, Changes(), None, 1, None, None), None, None, WallClock())
+
+
+@contextmanager
+def runs_of(maker: PageRuns) -> Iterator[Runs]:
+    with Runs(maker.make(maker.current, lambda _: None), maker, WallClock(), waits=True) as runs:
+        yield runs
+
+
+def swarm_size(runs: Runs) -> int:
+    return len(runs.desk.hello().scene.names)
+
+
+class TestWhatMayBeChosen:
+    def test_a_scenario_with_its_numbers(self, tmp_path: Path) -> None:
+        maker = maker_of(tmp_path)
+        home = maker.current.scenario
+        offered = {each.name: each.title for each in maker.scenarios()}
+        assert offered[home] == "a small world"
+        assert offered["bravo"] == "Task Element Bravo"
+        choices = maker.choices(home)
+        assert (choices.seed, choices.robots, choices.fixed) == ("3", 20, False)
+        assert [(each.name, each.value, each.unit) for each in choices.sliders] == [
+            ("speed", 5.0, "m/s"),
+            ("level", 60.0, "%"),
+        ]
+
+    def test_the_numbers_of_the_run_on_the_page(self, tmp_path: Path) -> None:
+        maker = maker_of(tmp_path)
+        home = maker.current.scenario
+        wish = Wish(home, 9, 7, {"speed": 2.0, "level": 35.0})
+        with maker.make(wish, lambda _: None).around:
+            choices = maker.choices(home)
+        assert (choices.seed, choices.robots) == ("9", 7)
+        assert [each.value for each in choices.sliders] == [2.0, 35.0]
+
+    @pytest.mark.parametrize(
+        ("wish", "said"),
+        [
+            (Wish("/etc/passwd"), "no scenario"),
+            (Wish("", values={"speed": 10.0}), "wanted 1m/s to 9m/s, not 10m/s"),
+            (Wish("", values={"speed": float("nan")}), "wanted 1m/s to 9m/s"),
+            (Wish("", values={"colour": 1.0}), 'no slider "colour"'),
+            (Wish("", robots=5_000_000), "5,000,000 robots are too many"),
+            (Wish("", seed=10**19 - 1), "wanted a whole number"),
+        ],
+    )
+    def test_nothing_else(self, wish: Wish, said: str, tmp_path: Path) -> None:
+        maker = maker_of(tmp_path)
+        scenario = wish.scenario or maker.current.scenario
+        with pytest.raises(SleepcastError, match=re.escape(said)):
+            maker.make(Wish(scenario, wish.seed, wish.robots, wish.values), lambda _: None)
+
+
+class TestRenewing:
+    def test_the_new_run_is_as_wished_and_waits(self, tmp_path: Path) -> None:
+        maker = maker_of(tmp_path)
+        with runs_of(maker) as runs:
+            old = runs.desk
+            values = {"speed": 2.0, "level": 35.0}
+            asked = Renew(1, maker.current.scenario, "12", 8, values)
+            assert asyncio.run(old.renewal(asked)) == Renewed(1)
+            assert list(old.news(-1)) == [Renewed()]
+            assert (runs.number, runs.desk.hello().run, swarm_size(runs)) == (2, 2, 8)
+            assert runs.desk.driver.waiting
+            assert runs.desk.hello().scene.commands[0].text == "(WHEN (> battery 35%) (MARK))"
+            assert any("another world" in said.text for said in runs.desk.news(-1) if isinstance(said, Note))
+            found = asyncio.run(runs.desk.renewal(Setup(2, maker.current.scenario)))
+            assert isinstance(found, SetUp)
+            assert found.choices.seed == "12"
+
+    def test_a_restart_is_the_same_run_to_the_last_bit(self, tmp_path: Path) -> None:
+        maker = maker_of(tmp_path)
+        with runs_of(maker) as runs:
+            hashes = []
+            for again in (True, False):
+                swarm = maker.swarm
+                assert swarm is not None
+                swarm.introduce()
+                swarm.run(5.0)
+                hashes.append(swarm.simulator.state_hash())
+                if again:
+                    asyncio.run(runs.desk.renewal(Renew(1)))
+            assert hashes[0] == hashes[1]
+
+    def test_what_cannot_be_built_leaves_the_old_run(self, tmp_path: Path) -> None:
+        maker = maker_of(tmp_path)
+        with runs_of(maker) as runs:
+            runs.desk.driver.set_pace(running=True)
+            with pytest.raises(MisuseError, match="no slider"):
+                asyncio.run(runs.desk.renewal(Renew(1, maker.current.scenario, None, None, {"a": 1.0})))
+            assert runs.number == 1
+            assert not runs.desk.driver.pace.paused
+            assert maker.current.values == {}
+
+    def test_stop_keeps_the_old_run_while_a_new_one_is_built(self, tmp_path: Path) -> None:
+        maker = maker_of(tmp_path)
+        with runs_of(maker) as runs:
+            make = maker.make
+
+            def stopped(wish: Wish, tell: Callable[[str], None]) -> Run:
+                found = make(wish, tell)
+                runs.desk.stop()
+                return found
+
+            maker.make = stopped  # type: ignore[method-assign]
+            with pytest.raises(MisuseError, match="STOP was pressed: the new run was not started"):
+                asyncio.run(runs.desk.renewal(Renew(1)))
+            assert runs.number == 1
+            assert runs.desk.driver.latched
+
+    def test_a_stop_that_is_not_confirmed_keeps_the_old_run(self, tmp_path: Path) -> None:
+        maker = maker_of(tmp_path)
+        with runs_of(maker) as runs:
+            runs.desk.stop()
+            with pytest.raises(MisuseError, match="not all robots have confirmed it yet"):
+                asyncio.run(runs.desk.renewal(Renew(1)))
+            assert maker.swarm is not None
+            maker.swarm.run(3.0)
+            asyncio.run(runs.desk.renewal(Renew(1)))
+            assert runs.number == 2
+            assert not runs.desk.driver.latched
+
+    def test_a_run_in_which_nobody_can_move_any_more_offers_a_restart(self, tmp_path: Path) -> None:
+        maker = maker_of(tmp_path, THIRSTY)
+        with runs_of(maker) as runs:
+            desk, swarm = runs.desk, maker.swarm
+            assert swarm is not None
+            desk.send(1, "(PROGN (WHEN (< id 16) (DRIVE 5m/s 0)) (WHEN (> id 15) (FREEZE)))", True)
+            swarm.run(20.0)
+            notes = [said for said in desk.news(-1) if isinstance(said, Note)]
+            assert notes == [Note("No robot can move any more: 15 have no battery left, and 5 are frozen.", True)]
+
+
+def frame_of(page: Page, tick: int) -> bytes:
+    while struct.unpack_from("<I", frame := page.frame(), 12)[0] < tick:
+        pass
+    return frame
+
+
+def test_all_pages_hear_of_it_and_each_run_has_a_recording(tmp_path: Path) -> None:
+    write(tmp_path)
+    file = tmp_path / "runs.mcap"
+    with Program("run", tmp_path, "--page", "--record", file, waits=True) as program:
+        with open_page(program) as page, open_page(program) as other:
+            page.tell("pace", running=True, factor=10.0)
+            frame_of(page, 10)
+            answer = page.ask("renew", scenario=str(tmp_path), seed="4", robots=5)
+            assert answer["type"] == "renewed"
+            other.until("renewed", lambda found: True)
+        with open_page(program) as page:
+            assert page.news["hello"]["run"] == 2
+            assert page.news["hello"]["count"] == 5
+            first = page.frame()
+            assert struct.unpack_from("<I", first, 12)[0] == 0
+            page.tell("pace", running=True, factor=10.0)
+            frame_of(page, 10)
+    for number in (1, 2):
+        assert run_file(file, number).stat().st_size > 1000
+
+
+def test_a_page_that_nothing_may_follow_says_so(tmp_path: Path) -> None:
+
+    swarm, station = assemble(load(write(tmp_path)), None, mission=False)
+    seen, clock = SwarmAdapter(swarm), WallClock()
+    desk = Backend(seen, station, Driver(seen, Pace(clock, swarm, 1.0), clock), clock)
+    found = Dialogue(desk).answer(Renew(4))
+    assert isinstance(found, Refused)
+    assert "start it again where it was started" in found.reason
+
+
+@pytest.mark.browser
+def test_a_person_starts_another_run_from_the_bar(context: BrowserContext, tmp_path: Path) -> None:
+    expect.set_options(timeout=1000 * PATIENCE)
+    with Program("run", write(tmp_path, text=SMALL + SLIDER + COMMAND).parent, "--page", waits=True) as program:
+        page = context.new_page()
+        page.goto(program.address)
+        expect(page.locator("#achieved")).to_have_text("not started")
+        page.get_by_role("button", name="Start", exact=True).click()
+        expect(page.locator("#achieved")).to_have_text(re.compile("running"))
+        page.locator("#text").press("F9")
+        expect(page.locator("#stopped-text")).to_have_text("STOP: all 20 robots report stopped.")
+        page.locator("#renew").click()
+        expect(page.get_by_role("spinbutton", name="Robots")).to_have_value("20")
+        page.get_by_role("spinbutton", name="Robots").fill("7")
+        page.get_by_role("slider", name="level").fill("35")
+        page.get_by_role("button", name="Start over").click()
+        expect(page.locator("#legend")).to_contain_text("7 rovers")
+        expect(page.locator("#note-text")).to_contain_text("STOP")
+        expect(page.locator("#stopped")).to_be_hidden()
+        expect(page.locator("#achieved")).to_have_text("not started")
+        expect(page.locator("#text")).to_have_value("(WHEN (> battery 35%) (MARK))")
+        assert page.url == program.address

@@ -34,8 +34,6 @@ GOOD = {
     "step": {},
     "watch": {"robot": -1},
     "drawn": {"number": 7},
-    "halt": {},
-    "lease": {"serial": 1, "deed": "grant", "group": "bravo", "seconds": 30.0, "to": "desk2"},
     "scenarios": {"serial": 1},
     "setup": {"serial": 1, "scenario": "bravo"},
     "renew": {"serial": 1, "scenario": "bravo", "seed": "9", "robots": 200, "values": {"near": 5.0}},

@@ -54,6 +54,13 @@ export class Editor extends EventTarget {
     }
   }
 
+  // Another text for a moment, while a number is dragged: it is not checked as one that was typed.
+  turn(text, caret) {
+    this.area.value = text;
+    this.area.setSelectionRange(caret, caret);
+    this.read();
+  }
+
   mark(findings) {
     this.findings = findings;
     this.paint();
@@ -83,12 +90,32 @@ export class Editor extends EventTarget {
     return this.backdrop.getBoundingClientRect();
   }
 
+  // Where a token stands on the screen: a box for each line that it is on.
+  boxes({ start, end }) {
+    const walker = document.createTreeWalker(this.backdrop, NodeFilter.SHOW_TEXT);
+    const range = document.createRange();
+    let passed = 0;
+    for (let node = walker.nextNode(); node; node = walker.nextNode()) {
+      if (passed <= start && start < passed + node.length) range.setStart(node, start - passed);
+      if (passed < end && end <= passed + node.length) {
+        range.setEnd(node, end - passed);
+        return [...range.getClientRects()];
+      }
+      passed += node.length;
+    }
+    return [];
+  }
+
   changed() {
+    this.read();
+    this.dispatchEvent(new Event("change"));
+  }
+
+  read() {
     this.tokens = this.cut(this.text);
     this.pairs = partners(this.tokens);
     this.findings = [];
     this.paint();
-    this.dispatchEvent(new Event("change"));
   }
 
   paint() {

@@ -1,6 +1,7 @@
 // The page: puts the panes together. What a pane knows it is told here; panes do not know each other.
 
 import { Accounting, bytes } from "./accounting.js";
+import { NumberDrag } from "./drag.js";
 import { Drawer } from "./drawer.js";
 import { Finder } from "./finder.js";
 import { Link } from "./link.js";
@@ -235,7 +236,9 @@ world.addEventListener("moved", () => {
   legend.followed(world.flock !== null);
 });
 
-// ---- selecting robots by hand
+// ---- predicates by hand
+
+new NumberDrag(prompt, wire, find("spread"));
 
 const selecting = new Selecting(world, wire, find("selection"), find("lasso"));
 selecting.addEventListener("use", ({ detail }) => prompt.set(`(WHEN ${detail} )`, true, `(WHEN ${detail} `.length));

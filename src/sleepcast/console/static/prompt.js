@@ -151,7 +151,23 @@ export class Prompt extends EventTarget {
     return true;
   }
 
-  async ask() {
+  // A number is being dragged: what is shown stays until more is known, and one question is asked in each picture.
+  async turned() {
+    clearTimeout(this.timer);
+    this.refused = [];
+    this.doubted = null;
+    this.turns = true;
+    if (this.turning) return;
+    this.turning = true;
+    while (this.turns) {
+      this.turns = false;
+      await Promise.all([this.ask(true), new Promise(requestAnimationFrame)]);
+    }
+    this.turning = false;
+  }
+
+  // Ask what the station thinks of the text. moving: whether the answer is worth showing although the text is another one.
+  async ask(moving = false) {
     const { text } = this.editor;
     if (!text.trim()) {
       this.showFindings();
@@ -165,7 +181,7 @@ export class Prompt extends EventTarget {
     } catch {
       return; // the page says elsewhere that there is no connection; the next key asks again
     }
-    if (text !== this.editor.text) return; // typed on meanwhile
+    if (text !== this.editor.text && !moving) return; // typed on meanwhile
     this.preview = answer;
     this.editor.mark(isUnfinished(this.editor.tokens) ? [] : answer.findings);
     this.showFindings();

@@ -84,7 +84,7 @@ def draw_lasso(page: Page, *, left: float, right: float) -> None:
     box = page.locator("#map").bounding_box()
     assert box is not None
     x = [box["x"] + share * box["width"] for share in (left, right)]
-    y = [box["y"] + share * box["height"] for share in (0.02, 0.98)]
+    y = [box["y"] + share * box["height"] for share in (0.98, 0.02)]  # not from the legend
     page.mouse.move(x[0], y[0])
     page.mouse.down()
     for at in ((x[1], y[0]), (x[1], y[1]), (x[0], y[1])):

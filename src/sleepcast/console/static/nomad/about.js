@@ -1,6 +1,7 @@
 // About the chosen robot: which one it is, its numbers in the Nomad's units, what it was told and what it said.
 
-import { picture, palette } from "../shapes.js";
+import { palette } from "../shapes.js";
+import { colourOf } from "./drawing.js";
 import { make, write } from "./elements.js";
 
 const TABS = ["said", "commands"];
@@ -12,7 +13,6 @@ const WHEELS = ["right", "left"]; // the axes of a body on two wheels
 const STEERED = ["way", "steering", "turret"]; // and of one that steers its wheels together
 const MANY = 8; // robots, beyond which their buttons say less
 const MOST_SHOWN = 100; // lines
-const DISC = 3; // the shape in shapes.js
 
 export class About extends EventTarget {
   constructor(root, state) {
@@ -35,11 +35,11 @@ export class About extends EventTarget {
   // One button for each robot.
   offer() {
     const { kinds, chosen } = this.state;
-    const colours = palette().robots;
+    const colours = palette();
     this.find("chooser").classList.toggle("many", kinds.length > MANY);
     this.find("chooser").replaceChildren(
       ...kinds.map(({ name }, robot) => {
-        const button = make("button", { type: "button" }, picture(DISC, colours[(robot % 7) + 1]), name);
+        const button = make("button", { type: "button" }, dot(colourOf(robot, colours)), name);
         button.setAttribute("role", "radio");
         button.setAttribute("aria-checked", String(robot === chosen));
         button.tabIndex = robot === chosen ? 0 : -1;
@@ -129,4 +129,11 @@ export class About extends EventTarget {
       make("ol", {}, ...newest.map(([time, text]) => make("li", {}, make("time", {}, `${time.toFixed(1)} s`), text))),
     );
   }
+}
+
+// A disc in a robot's colour.
+function dot(colour) {
+  const element = make("span", { className: "dot", ariaHidden: "true" });
+  element.style.background = colour;
+  return element;
 }

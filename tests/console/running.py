@@ -88,10 +88,10 @@ class Page:
     drawn: int = 0
     refused: list[str] = field(default_factory=list)
 
-    def tell(self, kind: str, **fields: object) -> None:
+    def tell(self, kind: str, /, **fields: object) -> None:
         self.socket.send(json.dumps({"type": kind, **fields}))
 
-    def ask(self, kind: str, **fields: object) -> dict[str, Any]:
+    def ask(self, kind: str, /, **fields: object) -> dict[str, Any]:
         """The answer to a question, a refusal included."""
         self.serial += 1
         self.tell(kind, serial=self.serial, **fields)

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -177,6 +178,40 @@ def screen(replay: Program, context: BrowserContext) -> Iterator[Screen]:
     expect(found.locator("#scrub")).to_be_visible()
     yield found
     assert not complaints, complaints
+
+
+def rows(page: Page, *columns: str, **how: object) -> dict[str, Any]:
+    """The table at the time of the last frame."""
+    return page.ask("rows", columns=list(columns), count=30, again=True, **how)
+
+
+def test_the_table_shows_what_was_recorded_at_that_time(page: Page) -> None:
+    at(page, 0.0)
+    assert {row[1] for row in rows(page, "x")["rows"]} == {""}
+    at(page, 20.0)
+    found = rows(page, "x", "battery", "(DIST x y 500m 400m)", "(IN full)", where="(> battery 50%)", sort=1)
+    assert [column["problem"] for column in found["columns"]] == [""] * 4
+    assert 0 < found["total"] < 20
+    levels = [float(row[2][1].removesuffix(" %")) for row in found["rows"]]
+    assert levels == sorted(levels)
+    assert levels[0] > 50.0
+    assert {row[1] for row in found["rows"]} == {"full"}
+    assert {row[2][3] for row in found["rows"]} == {"1"}
+    (wrong,) = rows(page, "turn")["columns"]
+    assert "turn" in wrong["problem"]
+
+
+def test_a_plot_of_a_recording_shows_all_of_it(page: Page) -> None:
+    at(page, 30.0)
+    number = page.ask("plot", kind="time", x="battery", what="mean")["number"]
+    while (found := page.ask("plotted", number=number))["more"]:
+        assert found["columns"][0]
+    times, mean = found["columns"]
+    assert (times[0], times[-1], times) == (0.0, SECONDS, sorted(times))
+    assert mean[0] > mean[-1] > 0.0  # rovers drive, which takes charge
+    (shown,) = page.until("plots", lambda said: said["plots"] != [])["plots"]
+    assert shown["units"] == ["s", "%"]
+    page.ask("unplot", number=number)
 
 
 @pytest.mark.browser

@@ -10,12 +10,15 @@ from threading import Event
 from typing import TYPE_CHECKING
 
 from sleepcast.api.assembly import assemble, assemble_from, warm_up
+from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.cli.streams import complain
 from sleepcast.console.adapters.swarm import SwarmAdapter
+from sleepcast.console.plots import Measure
 from sleepcast.console.renewal import Choices, Run, ShownScenario, ShownSlider, Wish
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.settings import toml_document
+from sleepcast.experiments.live import live_measures
 from sleepcast.loop import MAX_MINDS, Pace, Swarm, load
 from sleepcast.simulator import Changes, Scenario, added_scenarios, find_scenario, scenario_names
 from sleepcast.simulator.scenario.scenario import FILE, GALLERY
@@ -146,7 +149,8 @@ class PageRuns:
             warm.set()
 
         pace = Pace(self._clock, swarm, scenario.speed_up if speed is None else speed)
-        return Run(SwarmAdapter(swarm), station, pace, prepare, self._shown_as(swarm, station, wish, warm))
+        measures = [Measure(*each) for each in live_measures(SimulatedFleet(swarm, station))]
+        return Run(SwarmAdapter(swarm), station, pace, prepare, self._shown_as(swarm, station, wish, warm), measures)
 
     @contextmanager
     def _shown_as(self, swarm: Swarm, station: Station, wish: Wish, warm: Event) -> Iterator[None]:

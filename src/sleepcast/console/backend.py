@@ -6,7 +6,7 @@ the same, and each may command.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Iterator
+from collections.abc import Awaitable, Iterator, Sequence
 from itertools import islice
 from math import isnan
 from typing import NoReturn
@@ -19,7 +19,9 @@ from sleepcast.console.explanation import show_why
 from sleepcast.console.histogram import Spread, spread
 from sleepcast.console.incoming import Sort
 from sleepcast.console.picking import Picked, picked
+from sleepcast.console.plots import Measure, Plots
 from sleepcast.console.sentences import Interpreter, Phrased, Understood
+from sleepcast.console.values import TelemetryValues, Values
 from sleepcast.console.view import MindView, RuleView, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, and_more
@@ -41,16 +43,28 @@ _KINDS = ("sensor", "actuator", "user", "support")
 
 
 class Backend:
-    """See the module. began: the time of the station's clock with which that of the page begins. Its questions raise
-    SleepcastError, with a sentence for the person who asked."""
+    """See the module. began: the time of the station's clock with which that of the page begins. measures: of the
+    scenario. Its questions raise SleepcastError, with a sentence for the person who asked."""
 
-    def __init__(self, swarm: SwarmView, station: Station, driver: Driver, clock: Clock, *, began: float = 0.0) -> None:
+    def __init__(
+        self,
+        swarm: SwarmView,
+        station: Station,
+        driver: Driver,
+        clock: Clock,
+        *,
+        began: float = 0.0,
+        measures: Sequence[Measure] = (),
+    ) -> None:
         self.driver = driver
         self._swarm, self._station, self._clock = swarm, station, clock
         self._began = began
         self._ledger = AccountTable(station, swarm, began)
         self._interpreter = Interpreter(swarm)
         self._stopped_at = -STOP_AGAIN
+        self.values: Values = TelemetryValues(swarm, station)
+        self.plots = Plots(self.values, clock, measures)
+        driver.watchers.append(self.plots.sample)
 
     def hello(self) -> outgoing.Hello:
         """What a page needs first."""
@@ -197,6 +211,7 @@ class Backend:
         obstacles = self._swarm.obstacles()
         if obstacles is not None:
             yield outgoing.Obstacles(obstacles)
+        yield self.plots.shown()
         yield self._safety()
         if 0 <= watched < len(self._swarm.scene.names):
             yield self._robot(watched)

@@ -13,6 +13,7 @@ from sleepcast.console.connection import encode
 from sleepcast.console.outgoing import Refused, Robot
 from sleepcast.console.renewal import NOT_HERE, RenewableBackend
 from sleepcast.console.replay import ReplayBackend
+from sleepcast.console.table import RobotTable
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.station.validation import CountNeededError, DoubtError
 
@@ -24,6 +25,7 @@ class Dialogue:
 
     def __init__(self, desk: Backend | ReplayBackend) -> None:
         self._desk = desk
+        self._table = RobotTable(desk.values)
         self._watched = -1
         self._sent: dict[str, bytes] = {}
 
@@ -88,6 +90,18 @@ class Dialogue:
                 if not isinstance(desk, RenewableBackend):
                     raise MisuseError(NOT_HERE)
                 return desk.renewal(message)
+            case incoming.Rows():
+                return self._table.rows(message)
+            case incoming.Range():
+                return self._table.range(message)
+            case incoming.Csv():
+                return self._table.csv(message)
+            case incoming.Plot():
+                return desk.plots.add(message)
+            case incoming.Unplot():
+                return desk.plots.remove(message)
+            case incoming.Plotted():
+                return desk.plots.drawn(message)
         return None
 
     def news(self) -> Iterator[str]:

@@ -71,6 +71,8 @@ class Driver(FrameSource):
         self._prepare, self._ready = prepare, prepare is None
         self.groups = Groups()
         self.latched = False
+        self.watchers: list[Callable[[], None]] = []
+        """Called with every picture."""
         self._clock = clock
         self._frame_due = clock.now()
         self._wake = asyncio.Event()
@@ -152,6 +154,8 @@ class Driver(FrameSource):
             (swarm.pings(), self.groups.second, swarm.colours()),
         )
         self.show(frame)
+        for watch in self.watchers:
+            watch()
 
 
 async def aside(work: Callable[[], T]) -> T:

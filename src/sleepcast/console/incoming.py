@@ -34,6 +34,15 @@ SliderName = Annotated[str, Meta(max_length=32)]
 Seed = Annotated[str, Meta(pattern=r"\A[0-9]{1,19}\Z")]
 """As text: JavaScript's numbers are not exact that far."""
 
+MAX_COLUMNS = 12
+"""Of the table of robots: more of them fit on no screen."""
+MAX_ROWS = 200
+"""Rows of the table that are asked for at once: those in sight, and some above and below."""
+MAX_PICKED = 10_000
+"""Robots that are picked from the table by hand."""
+Expression = Annotated[str, Meta(max_length=2_000)]
+Place = Annotated[int, Meta(ge=0, le=2**31 - 1)]
+
 
 class Message(msgspec.Struct, forbid_unknown_fields=True, tag_field="type", tag=str.lower):
     """Anything that the page says."""
@@ -137,6 +146,67 @@ class Commands(Message):
     serial: Serial
 
 
+class Rows(Message):
+    """Rows of the table of robots, `count` from place `first` on. columns: expressions, none for those that the desk
+    suggests. sort: the column by which it is sorted, -1 for the robots' own order, -2 for their groups. where: a test
+    that the robots pass, "" for all of them. again: sort anew; else the order stays that of the last rows, if nothing
+    else is asked for."""
+
+    serial: Serial
+    columns: Annotated[list[Expression], Meta(max_length=MAX_COLUMNS)]
+    sort: Annotated[int, Meta(ge=-2, lt=MAX_COLUMNS)] = -1
+    descending: bool = False
+    where: Expression = ""
+    first: Place = 0
+    count: Annotated[int, Meta(ge=0, le=MAX_ROWS)] = 0
+    again: bool = False
+
+
+class Range(Message):
+    """Which robots are in these rows of the table, in the order of the last rows."""
+
+    serial: Serial
+    first: Place
+    count: Place
+
+
+class Csv(Message):
+    """The table as CSV, piece by piece; all are of the moment of the first one. robots: only these (by index), none for
+    all rows; they are given with the first piece."""
+
+    serial: Serial
+    piece: Place = 0
+    robots: Annotated[list[Index], Meta(max_length=MAX_PICKED)] = []
+
+
+class Plot(Message):
+    """Draw something as long as the desk runs: see `plots.PlotSpec`."""
+
+    serial: Serial
+    kind: Literal["time", "scatter", "histogram"]
+    x: Expression
+    y: Expression = ""
+    where: Expression = ""
+    what: Literal["range", "quantiles", "mean", "median", "min", "max", "sum", "std", "count", "share"] = "range"
+
+
+class Unplot(Message):
+    """Draw the plot with this number no more."""
+
+    serial: Serial
+    number: Place
+
+
+class Plotted(Message):
+    """What is to be drawn of a plot now. after: only what is later (s), if the plot has been thinned this often; -1 for
+    everything."""
+
+    serial: Serial
+    number: Place
+    after: Annotated[float, Meta(ge=-1.0, le=1e12)] = -1.0
+    thinned: Place = 0
+
+
 class Stop(Message):
     """Stop every body."""
 
@@ -212,6 +282,12 @@ Incoming = (
     | Phrase
     | Understand
     | Commands
+    | Rows
+    | Range
+    | Csv
+    | Plot
+    | Unplot
+    | Plotted
     | Stop
     | Release
     | Pace

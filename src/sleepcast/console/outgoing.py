@@ -180,3 +180,93 @@ class Robot(Said):
     values: list[ShownValue]
     rules: list[ShownRule]
     said: list[ShownReport]
+
+
+class ShownColumn(msgspec.Struct, frozen=True):
+    """A column of the table of robots. problem: why there is nothing in it, or not for every robot."""
+
+    text: str
+    unit: str = ""
+    problem: str = ""
+
+
+class ShownRow(msgspec.Struct, frozen=True, array_like=True):
+    """A robot in the table, by its index, with its groups and its values as people read them."""
+
+    robot: int
+    groups: str
+    cells: list[str]
+
+
+class Rows(Said):
+    """Rows of the table from place `first` on. total: rows that pass the test. problem: what is wrong with the test."""
+
+    serial: int
+    columns: list[ShownColumn]
+    total: int
+    first: int
+    rows: list[ShownRow]
+    problem: str = ""
+
+
+class Range(Said):
+    """The robots in rows of the table by their indices, four bytes each, little endian."""
+
+    serial: int
+    robots: bytes
+
+
+class Csv(Said):
+    """A piece of the table as CSV. done: whether it was the last."""
+
+    serial: int
+    text: str
+    done: bool
+
+
+class ShownPlot(msgspec.Struct, frozen=True):
+    """A plot. lines: names of what is drawn over x. units: of x and y. told: what a person should know of it. problem:
+    why it shows nothing."""
+
+    number: int
+    kind: str
+    title: str
+    x: str
+    y: str
+    where: str
+    lines: list[str]
+    units: tuple[str, str]
+    told: str = ""
+    problem: str = ""
+
+
+class Plots(Said):
+    """Every plot that there is."""
+
+    plots: list[ShownPlot]
+
+
+class Plot(Said):
+    """A plot was added under this number."""
+
+    serial: int
+    number: int
+
+
+class Unplot(Said):
+    """A plot was removed."""
+
+    serial: int
+
+
+class Plotted(Said):
+    """What is to be drawn: columns of equal length, of x and of every line, null for unknown. added: whether it follows
+    what was drawn before, or replaces it. more: whether there will be more at once."""
+
+    serial: int
+    columns: list[list[float | None]]
+    added: bool = False
+    thinned: int = 0
+    told: str = ""
+    problem: str = ""
+    more: bool = False

@@ -10,7 +10,7 @@ pressed while the next one is built keeps the old one.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field
 from types import TracebackType
@@ -23,6 +23,7 @@ from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver, aside
 from sleepcast.console.incoming import Renew, Scenarios, Setup
 from sleepcast.console.outgoing import Hello, Said
+from sleepcast.console.plots import Measure
 from sleepcast.console.view import Pace, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
@@ -104,13 +105,14 @@ class Note(Said):
 @dataclass(frozen=True, slots=True)
 class Run:
     """A swarm that a page can show, with its desk. prepare: see `Driver`. around: entered when the run is shown, and
-    left when another one is, or the program ends."""
+    left when another one is, or the program ends. measures: of its scenario, see `Plots`."""
 
     swarm: SwarmView
     station: Station
     pace: Pace
     prepare: Callable[[], None] | None
     around: AbstractContextManager[object]
+    measures: Sequence[Measure] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +162,7 @@ class Runs:
 
     def _desk(self, run: Run, waits: bool) -> RenewableBackend:
         driver = Driver(run.swarm, run.pace, self._clock, run.prepare, waits=waits)
-        return RenewableBackend(run.swarm, run.station, driver, self._clock, self)
+        return RenewableBackend(run, driver, self._clock, self)
 
     def __enter__(self) -> Self:
         self._around.enter_context(self._first.around)
@@ -234,8 +236,8 @@ class Runs:
 class RenewableBackend(Backend):
     """The desk of a run that another one may follow. over: whether one has."""
 
-    def __init__(self, swarm: SwarmView, station: Station, driver: Driver, clock: Clock, runs: Runs) -> None:
-        super().__init__(swarm, station, driver, clock)
+    def __init__(self, run: Run, driver: Driver, clock: Clock, runs: Runs) -> None:
+        super().__init__(run.swarm, run.station, driver, clock, measures=run.measures)
         self.over = False
         self._runs, self._number = runs, runs.number
 

@@ -21,10 +21,13 @@ from sleepcast.console.account_table import MOST_ROWS, CommandRow
 from sleepcast.console.driver import FRAME_PERIOD, FrameSource
 from sleepcast.console.frames import pack
 from sleepcast.console.incoming import Sort
+from sleepcast.console.plots import Measure
+from sleepcast.console.recorded_values import RecordedPlots, RecordedValues
 from sleepcast.console.view import Outline, Scene
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.units import shown_value
+from sleepcast.language import Vocabulary
 
 MOST_SAID = 20
 """Lines of the watched robot that a page shows."""
@@ -75,12 +78,14 @@ class Timeline:
     """A recording as the page shows it. began, seconds: when it begins and ends. speed: at which it is shown at first.
     part: of a recording in several files, 0 if there is one. poses: as in a frame, with the tick. rows: every account
     as it came. values: JSON, for each sensor a list of all robots, null for unknown; units: of the sensors, as people
-    read them. rules, said: by robot. obstacles: what is solid, as in a scene, from the first change on."""
+    read them. vocabulary: what robots know from the start. rules, said: by robot. obstacles: what is solid, as in a
+    scene, from the first change on."""
 
     scene: Scene
     seconds: float
     speed: float
     units: dict[str, str]
+    vocabulary: Vocabulary
     began: float = 0.0
     part: int = 0
     poses: Track[tuple[int, bytes]] = field(default_factory=Track)
@@ -110,21 +115,21 @@ class ReplayDriver(FrameSource):
     def __init__(self, film: Timeline, clock: Clock) -> None:
         super().__init__()
         self.time = film.began
-        self._film, self._clock = film, clock
+        self._film, self.clock = film, clock
         self._running, self._factor = True, film.speed
         self._wake = asyncio.Event()
 
     async def run(self) -> None:
         """Let time pass until cancelled."""
         self.draw()
-        looked = self._clock.now()
+        looked = self.clock.now()
         while True:
             if not self._running:
                 self._wake.clear()
                 await self._wake.wait()
-                looked = self._clock.now()
+                looked = self.clock.now()
             await asyncio.sleep(FRAME_PERIOD)
-            now = self._clock.now()
+            now = self.clock.now()
             if self._running:
                 self.time = min(self._film.seconds, self.time + (now - looked) * self._factor)
                 self._running = self.time < self._film.seconds
@@ -169,9 +174,11 @@ class ReplayDriver(FrameSource):
 class ReplayBackend:
     """See the module; the questions are those that a session asks."""
 
-    def __init__(self, film: Timeline, driver: ReplayDriver) -> None:
+    def __init__(self, film: Timeline, driver: ReplayDriver, measures: Sequence[Measure] = ()) -> None:
         self.driver = driver
         self._film = film
+        self.values = RecordedValues(film, lambda: driver.time)
+        self.plots = RecordedPlots(film, lambda: driver.time, driver.clock, measures)
 
     def hello(self) -> outgoing.Hello:
         """What a page needs first."""
@@ -254,6 +261,7 @@ class ReplayBackend:
         if film.obstacles.times:
             changed = film.obstacles.at(time)
             yield outgoing.Obstacles(film.scene.obstacles if changed is None else changed)
+        yield self.plots.shown()
         yield outgoing.Safety(film.latched_at(time), "STOP held at this time of the recording.")
         if 0 <= watched < len(film.scene.names):
             yield self._robot(watched)

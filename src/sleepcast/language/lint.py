@@ -24,12 +24,13 @@ from sleepcast.language.vocabulary import Variable, VariableKind
 @dataclass(frozen=True, slots=True)
 class Checked:
     """A text that was checked. found: what is wrong or doubtful in it. program: None if there is any error. cost: its
-    static bound in steps."""
+    static bound in steps. dimension: of its value, None where that is not known."""
 
     text: str
     found: Findings
     program: Program | None
     cost: int
+    dimension: Dimension | None = None
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -75,8 +76,10 @@ def check(text: str, names: Names) -> Checked:
     """Read and check one expression. Raises ReadError for text that cannot be read; everything else is a finding."""
     form = read(text)
     program, checker = build(text, [form], names)
-    _Advice(text, names, checker.findings).on(program, checker)
-    return Checked(text, checker.findings, None if checker.findings.counts["error"] else program, program.cost)
+    advice = _Advice(text, names, checker.findings)
+    advice.on(program, checker)
+    sound = None if checker.findings.counts["error"] else program
+    return Checked(text, checker.findings, sound, program.cost, advice.dimensions.get(program.root))
 
 
 class _Advice:

@@ -19,7 +19,8 @@ ENTRY = "main"
 _IMPORT = re.compile(r'^import \{ ([^}]+) \} from "\./(\w+)\.js";$', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:async )?(?:class|function|const) (\w+))", re.MULTILINE)
 _OTHER = re.compile(r"^(?:import|export)\b.*$", re.MULTILINE)
-_STYLE = re.compile(r'<link rel="stylesheet" href="static/(\w+\.css)">')
+_STYLE = re.compile(r'<link rel="stylesheet" href="static/([\w/.]+)">')
+_LIBRARY = re.compile(r'<script defer src="static/([\w/.]+)"></script>')
 _SCRIPT = '<script type="module" src="static/main.js"></script>'
 _ICON = re.compile(r"<link rel=\"icon\"[^>]*>\n")
 
@@ -27,16 +28,28 @@ _ICON = re.compile(r"<link rel=\"icon\"[^>]*>\n")
 @cache
 def page() -> str:
     """The markup of the page for a frame in a notebook; it asks for no other file."""
-    text = _ICON.sub("", (STATIC / "index.html").read_text(encoding="utf-8"))
-    text = _STYLE.sub(lambda found: f"<style>\n{(STATIC / found[1]).read_text(encoding='utf-8')}</style>", text)
+    text = _ICON.sub("", _read("index.html"))
+    text = _STYLE.sub(lambda found: f"<style>\n{_read(found[1])}</style>", text)
+    text = _LIBRARY.sub(lambda found: f"<script>\n{_inside_script(_read(found[1]))}</script>", text)
     parts = {
-        _SCRIPT: f'<script type="module">\n{bundle()}</script>',
+        _SCRIPT: f'<script type="module">\n{_inside_script(bundle())}</script>',
         "<body>": '<body class="embedded">',
     }
     for found, put in parts.items():
-        if text.count(found) != 1 or "</script" in put.removesuffix("</script>"):
+        if text.count(found) != 1:
             raise ValueError(f"the page cannot be put together: {found} is not once in it")
         text = text.replace(found, put)
+    return text
+
+
+def _read(name: str) -> str:
+    return (STATIC / name).read_text(encoding="utf-8")
+
+
+def _inside_script(text: str) -> str:
+    """A script as it may stand in the markup. Raises ValueError for one that would end there."""
+    if "</script" in text:
+        raise ValueError("the page cannot be put together: a script ends within itself")
     return text
 
 
@@ -49,7 +62,7 @@ def bundle() -> str:
         name = waiting.pop()
         if name in texts:
             continue
-        texts[name] = (STATIC / f"{name}.js").read_text(encoding="utf-8")
+        texts[name] = _read(f"{name}.js")
         needs[name] = {other for _, other in _IMPORT.findall(texts[name])}
         waiting += needs[name]
     return "".join(_as_function(name, texts[name]) for name in TopologicalSorter(needs).static_order())

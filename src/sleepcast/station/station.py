@@ -190,20 +190,23 @@ class Station:
     def _table(self) -> TelemetryTable:
         return self._rows if self._fleet_telemetry is None else self._fleet_telemetry
 
-    def values(self, text: str) -> tuple[NDArray[np.float64], RobotNames]:
+    def values(self, text: str, places: Index | None = None) -> tuple[NDArray[np.float64], RobotNames]:
         """The value of an expression that only reads, by recent telemetry and by place on the roster, SI, NaN for
-        unknown; and the robots that would have to be asked. Raises ReadError, CheckError, and MisuseError for an
-        expression that would do something."""
+        unknown; and the robots that would have to be asked. places: ascending, of the robots that are wanted; None
+        stands for all. Raises ReadError, CheckError, and MisuseError for an expression that would do something."""
         checked = self.check(text)
         program = checked.required()
         if checked.unknown:
             raise CheckError(checked.findings, text, checked.more)
         if acts(program.root):
             raise MisuseError(f"cannot say what {text} comes to without doing it")
-        found = np.full(len(self._roster), nan)
-        times = self._roster.reported[: len(found)]
-        fresh = np.flatnonzero(self._clock.now() - times <= self.stale_after)
-        found[fresh], reason, _ = self._table.values(program, fresh)
+        times = self._roster.reported[: len(self._roster)]
+        told = self._clock.now() - times <= self.stale_after
+        wanted = np.arange(len(times)) if places is None else places
+        known = np.flatnonzero(told[wanted])
+        fresh = wanted[known]
+        found = np.full(len(wanted), nan)
+        found[known], reason, _ = self._table.values(program, fresh)
         return found, RobotNames(self._roster.names, fresh[reason > 0])
 
     def _program(self, text: str, *, sure: bool = True) -> Program:

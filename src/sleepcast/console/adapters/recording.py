@@ -8,6 +8,7 @@ from sleepcast.console.account_table import CommandRow
 from sleepcast.console.adapters.swarm import outlines, scene_of
 from sleepcast.console.outgoing import ShownRule
 from sleepcast.console.replay import Marks, Timeline, Track, values_of
+from sleepcast.loop import vocabulary_of
 from sleepcast.loop.rerun import Inputs
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.packing import unpack
@@ -53,7 +54,8 @@ class TimelineBuilder:
         scene = scene_of(replace(scenario, commands=()), tuple(simulator.names))
         units = {sensor.name: sensor.shown_as or sensor.unit for sensor in simulator.model.sensors}
         part = recording.part if recording.part > 1 or recording.following else 0
-        self.film = Timeline(scene, recording.seconds, scenario.speed_up, units, recording.began, part)
+        vocabulary = vocabulary_of(simulator.model)
+        self.film = Timeline(scene, recording.seconds, scenario.speed_up, units, vocabulary, recording.began, part)
         self._solids = dict(enumerate(scenario.shapes, 1))
         for posted in recording.posted:
             message = posted.message

@@ -9,6 +9,7 @@ import { Operators } from "./operators.js";
 import { Legend } from "./legend.js";
 import { NewRun } from "./newrun.js";
 import { Port } from "./port.js";
+import { Plots } from "./plots.js";
 import { showLine } from "./line.js";
 import { Prompt } from "./prompt.js";
 import { RobotPane } from "./robot.js";
@@ -16,6 +17,7 @@ import { Safety } from "./safety.js";
 import { Selecting } from "./select.js";
 import { Sentence } from "./sentence.js";
 import { splitter } from "./splitter.js";
+import { Table } from "./table.js";
 import { givenTheme, theme } from "./theme.js";
 import { Time } from "./time.js";
 import { Refusal, Wire } from "./wire.js";
@@ -35,6 +37,11 @@ new Safety(document, wire);
 new NewRun(document, wire);
 const time = new Time(document, wire);
 const drawer = new Drawer(document.querySelector(".drawer")); // panes are added below: drawer.add(...)
+const names = async () => (await wire.ask("names")).names;
+const table = new Table(document.querySelector(".table-pane"), wire, names);
+const plots = new Plots(document.querySelector(".plots-pane"), wire, names);
+drawer.add({ name: "table", title: "Table", element: table.root, shown: (open) => table.shown(open) });
+drawer.add({ name: "plots", title: "Plots", element: plots.root, shown: (open) => plots.shown(open) });
 
 function address() {
   const found = new URL("live", window.location.href);
@@ -65,6 +72,7 @@ wire.addEventListener("hello", ({ detail }) => {
   for (const story of document.querySelectorAll(".story")) story.textContent = scene.story;
   prompt.setReady(scene.commands);
   world.setScene(scene);
+  table.setScene(scene);
   prompt.setNames(detail.names);
   sentence.setNoun(scene.noun);
   if (robot.index >= 0) wire.tell("watch", { robot: robot.index });
@@ -221,6 +229,7 @@ legend.addEventListener("follow", ({ detail }) => world.followAll(detail ? world
 
 world.addEventListener("choose", ({ detail }) => {
   robot.choose(detail, detail < 0 ? "" : world.scene.names[detail]);
+  table.setChosen(detail);
   follow(false);
   find("heard").textContent = detail < 0 ? "No robot chosen" : world.describe(detail);
 });
@@ -242,6 +251,15 @@ new NumberDrag(prompt, wire, find("spread"));
 
 const selecting = new Selecting(world, wire, find("selection"), find("lasso"));
 selecting.addEventListener("use", ({ detail }) => prompt.set(`(WHEN ${detail} )`, true, `(WHEN ${detail} `.length));
+
+selecting.addEventListener("change", () => table.setPicked(selecting.marks));
+
+table.addEventListener("choose", ({ detail }) => world.choose(detail));
+table.addEventListener("pick", ({ detail }) => {
+  const marks = new Uint8Array(world.scene.count);
+  for (const index of detail) marks[index] = 1;
+  selecting.set(marks);
+});
 
 const selectLit = () => world.marks.lit && selecting.set(world.marks.lit);
 find("select-lit").addEventListener("click", selectLit);
@@ -317,6 +335,7 @@ world.addEventListener("trails", toggleTrails);
 (embedded ? givenTheme : theme)(find("theme"), () => {
   world.recolour();
   robot.recolour(world.colours);
+  plots.recolour();
   drawLegend();
 });
 

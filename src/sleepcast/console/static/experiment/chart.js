@@ -1,7 +1,8 @@
 // The chart: curves with their bands, drawn as SVG. Marks are buttons: they can be reached with Tab and chosen with
 // Enter, and they stay the same elements while curves grow, so that the focus stays where it is.
 
-const SVG = "http://www.w3.org/2000/svg";
+import { element, short, ticks } from "../scales.js";
+
 const COLOURS = 8; // --curve-0 to --curve-7
 const LABEL = 7; // pixels of one letter of a tick, about
 const LEFT = 64;
@@ -21,14 +22,6 @@ const SHAPES = [
 
 export const colour = (index) => `var(--curve-${index % COLOURS})`;
 
-// An element of SVG with attributes and children.
-export function element(name, attributes = {}, ...children) {
-  const made = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  made.append(...children);
-  return made;
-}
-
 // The mark of the curve of this number, as it stands in the legend.
 export function sign(index) {
   const line = element("path", { d: "M-13 0h26", "stroke-width": 2 });
@@ -36,25 +29,6 @@ export function sign(index) {
   const shape = element("path", { d: SHAPES[index % SHAPES.length] });
   shape.style.fill = colour(index);
   return element("svg", { viewBox: "-13 -7 26 14", "aria-hidden": "true" }, line, shape);
-}
-
-// A number as people read it: four digits at most.
-export function short(value) {
-  const size = Math.abs(value);
-  if (size !== 0 && (size < 1e-3 || size >= 1e6)) return value.toExponential(2).replace("e+", "e");
-  return String(+value.toPrecision(4));
-}
-
-// Round numbers from low to high, about `count` of them.
-export function ticks(low, high, count) {
-  const rough = (high - low) / count || 1;
-  const power = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 2.5, 5, 10].map((each) => each * power).find((each) => each >= rough * 0.999) ?? 10 * power;
-  const found = [];
-  for (let number = Math.ceil(low / step - 1e-9); number * step <= high + step * 1e-9; number += 1) {
-    found.push(+(number * step).toPrecision(12));
-  }
-  return found;
 }
 
 export class Chart extends EventTarget {

@@ -3,7 +3,8 @@
 import { showLine } from "../line.js";
 import { theme } from "../theme.js";
 import { Refusal, Wire } from "../wire.js";
-import { Chart, short, sign } from "./chart.js";
+import { Chart, sign } from "./chart.js";
+import { short } from "../scales.js";
 
 const find = (id) => document.getElementById(id);
 const address = new URL("live", window.location.href);

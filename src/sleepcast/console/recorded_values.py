@@ -1,0 +1,205 @@
+"""What expressions come to in a recording: on the recorded sensor readings, groups and flags, at any time of it.
+
+The readings of a moment are put into the columns of a fleet that has heard nothing, so that expressions mean here what
+they mean everywhere. What robots have learned (their own variables, rules, operators) is not in a recording.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Sequence
+from math import nan
+from typing import Protocol
+
+import msgspec
+import numpy as np
+
+from sleepcast.console import incoming, outgoing
+from sleepcast.console.plots import Measure, Plots, PlotSpec
+from sleepcast.console.series import Sample, columns_of
+from sleepcast.console.values import Column, Index, Mask, suggested_of, unit_for
+from sleepcast.console.view import Scene
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import MisuseError
+from sleepcast.fleet.inspection import QuietMemory
+from sleepcast.fleet.machine import evaluate
+from sleepcast.fleet.state import FleetState, Minds, Rows
+from sleepcast.language import CheckError, Variable, check
+from sleepcast.language.parts import acts
+from sleepcast.language.symbols import Declared, FreshNames, Group
+from sleepcast.language.vocabulary import FROZEN, MARKED, SLEEPING, TIME_SLOT, Vocabulary, unit_of
+
+MOST_TIMES = 256
+"""Times at which a plot of a recording is drawn."""
+AT_ONCE = 0.25
+"""Seconds for which the samples of one answer are made; the page asks for more."""
+FLAGS = ((FROZEN, 2), (SLEEPING, 4), (MARKED, 8))
+"""The variables that the flags of a frame stand for, by bit."""
+
+
+class FilmMarks(Protocol):
+    """Groups and flags of a moment, a byte for each robot, see `replay.Marks`."""
+
+    @property
+    def groups(self) -> bytes: ...
+    @property
+    def second(self) -> bytes: ...
+    @property
+    def flags(self) -> bytes: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
+
+
+class FilmReadings(Protocol):
+    """What robots sensed, by time."""
+
+    def at(self, time: float, /) -> bytes | None:
+        """As JSON, for each sensor a list of all robots; None before the first."""
+
+
+class Film(Protocol):
+    """What is needed of a recording, see `replay.Timeline`."""
+
+    @property
+    def scene(self) -> Scene: ...
+    @property
+    def vocabulary(self) -> Vocabulary: ...
+    @property
+    def began(self) -> float: ...
+    @property
+    def seconds(self) -> float: ...
+    @property
+    def values(self) -> FilmReadings: ...
+
+    def marks_at(self, time: float, /) -> FilmMarks:
+        """The marks of a time."""
+
+
+_readings = msgspec.json.Decoder(dict[str, list[float | None]]).decode
+
+
+class RecordedNames(FreshNames):
+    """The names of a robot that has heard of the groups that were recorded, and of nothing else. groups: by key."""
+
+    def __init__(self, vocabulary: Vocabulary, groups: dict[str, Group]) -> None:
+        super().__init__(vocabulary)
+        self._groups = groups
+
+    def declared(self, key: str) -> Declared | None:
+        return self._groups.get(key) or super().declared(key)
+
+    def heard(self) -> Iterable[str]:
+        return [*super().heard(), *(group.name for group in self._groups.values())]
+
+
+class RecordedValues:
+    """The values of a recording (`Values`). now: the time of it that is looked at, s."""
+
+    def __init__(self, film: Film, now: Callable[[], float]) -> None:
+        self._film, self._now = film, now
+        self._minds = Minds(film.vocabulary)
+        self._state = FleetState(film.vocabulary, range(1, len(film.scene.names) + 1), 0)
+        self._read: bytes | None = None
+        """The readings that are in the columns."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        return self._film.scene.names
+
+    def time(self) -> float:
+        return self._now()
+
+    def of(self, text: str, robots: Index | None = None) -> tuple[Column, int]:
+        rows = Rows.run(0, len(self.names)) if robots is None else Rows.of(robots)
+        checked = check(text, self._known())
+        program = checked.required()
+        if checked.unknown:
+            raise CheckError(checked.findings, text, checked.more)
+        if acts(program.root):
+            raise MisuseError(f"cannot say what {text} comes to without doing it")
+        self._look()
+        memory = QuietMemory(self._state, self._minds)
+        values = evaluate(memory, program, rows)
+        reason = memory.reason[rows.index]
+        return np.where(reason == 0, values, nan), 0
+
+    def unit(self, text: str) -> str:
+        variable = unit_of(text.strip(), self._film.vocabulary)
+        return variable or unit_for(check(text, self._known()).dimension, self._film.scene.unit)
+
+    def groups(self) -> Iterator[tuple[str, Mask]]:
+        marks = self._film.marks_at(self._now())
+        newest, second = (np.frombuffer(codes, np.uint8) for codes in (marks.groups, marks.second or marks.groups))
+        for number, name in enumerate(marks.names, 1):
+            yield name, (newest == number) | (second == number)
+
+    def suggested(self) -> list[str]:
+        return suggested_of(self._film.vocabulary)
+
+    def _known(self) -> RecordedNames:
+        names = self._film.marks_at(self._now()).names
+        return RecordedNames(self._film.vocabulary, {name.casefold(): Group(name) for name in names})
+
+    def _look(self) -> None:
+        """Put what was recorded of this time into the columns."""
+        film, time, everybody = self._film, self._now(), Rows.run(0, len(self.names))
+        data = film.values.at(time)
+        if data is not self._read:
+            self._read = data
+            for name, values in ({} if data is None else _readings(data)).items():
+                variable = film.vocabulary.bindings.get(name.casefold())
+                if isinstance(variable, Variable) and len(values) == everybody.size:
+                    self._state.assign(variable.slot, everybody, np.array(values, np.float64))
+        flags = np.frombuffer(film.marks_at(time).flags, np.uint8)
+        for slot, bit in FLAGS:
+            self._state.assign(slot, everybody, (flags & bit > 0).astype(np.float64))
+        self._state.assign(TIME_SLOT, everybody, float(time))
+        for name, members in self.groups():
+            self._state.groups[name.casefold()] = members
+
+
+class RecordedPlots(Plots):
+    """The plots of a recording. Those over time show all of it: samples are made when they are asked for, from far
+    apart to close together."""
+
+    def __init__(self, film: Film, now: Callable[[], float], clock: Clock, measures: Sequence[Measure] = ()) -> None:
+        super().__init__(RecordedValues(film, now), clock, measures)
+        self._film = film
+        self._at = film.began
+        self._moving = RecordedValues(film, lambda: self._at)
+        self._samples: dict[int, dict[float, Sample]] = {}
+        """Of each plot, by time."""
+
+    def sample(self) -> None:
+        """Nothing: what was is known already."""
+
+    def _over_time(self, plot: PlotSpec, asked: incoming.Plotted) -> Awaitable[outgoing.Plotted]:
+        return self._sampled(plot, asked)
+
+    async def _sampled(self, plot: PlotSpec, asked: incoming.Plotted) -> outgoing.Plotted:
+        found = self._samples.setdefault(plot.number, {})
+        until, more = self._clock.now() + AT_ONCE, False
+        for time in times_of(self._film.began, self._film.seconds):
+            if time in found:
+                continue
+            if self._clock.now() > until:
+                more = True
+                break
+            self._at = time
+            found[time] = self._sample(plot, self._moving)
+            await asyncio.sleep(0.0)
+        times = sorted(found)
+        columns = columns_of(times, [found[time] for time in times], len(plot.lines))
+        told = f"{len(times)} of the recorded moments."
+        return outgoing.Plotted(asked.serial, columns, told=told, problem=plot.problem, more=more)
+
+    def remove(self, asked: incoming.Unplot) -> outgoing.Unplot:
+        self._samples.pop(asked.number, None)
+        return super().remove(asked)
+
+
+def times_of(began: float, ended: float) -> list[float]:
+    """Times from the beginning to the end, far apart first: whatever part of them is known covers everything."""
+    bits = MOST_TIMES.bit_length() - 1
+    places = [int(f"{number:0{bits}b}"[::-1], 2) for number in range(MOST_TIMES)]
+    return [began + (ended - began) * place / (MOST_TIMES - 1) for place in places]

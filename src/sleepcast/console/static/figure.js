@@ -1,0 +1,95 @@
+// A plot as a figure of its own, for papers and slides: SVG with axes, drawn from the same numbers as on the page.
+
+import { clock } from "./accounting.js";
+import { element, short, ticks } from "./scales.js";
+
+const WIDTH = 640;
+const HEIGHT = 360;
+const LEFT = 70;
+const RIGHT = 16;
+const TOP = 34;
+const BOTTOM = 48;
+const POINT = 2; // pixels: half of a point of a scatter plot
+
+// The text of an SVG file. plot: as the station tells it; data: x and the lines; range: {x: [low, high], y: [low, high]}
+// as shown on the page; colours: {ink, quiet, grid, ground, lines}.
+export function figure(plot, data, range, colours) {
+  const [left, right] = range.x;
+  const [low, high] = range.y;
+  const toX = (value) => LEFT + ((value - left) / (right - left || 1)) * (WIDTH - LEFT - RIGHT);
+  const toY = (value) => HEIGHT - BOTTOM - ((value - low) / (high - low || 1)) * (HEIGHT - TOP - BOTTOM);
+  const clip = element("clipPath", { id: "inside" }, element("rect", { x: LEFT, y: TOP, width: WIDTH - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM }));
+  const marks = element("g", { "clip-path": "url(#inside)" }, ...drawn(plot, data, toX, toY, colours));
+  const svg = element(
+    "svg",
+    { xmlns: "http://www.w3.org/2000/svg", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, width: WIDTH, height: HEIGHT, "font-family": "sans-serif", "font-size": 12 },
+    element("defs", {}, clip),
+    element("rect", { width: WIDTH, height: HEIGHT, fill: colours.ground }),
+    element("text", { x: LEFT, y: 20, fill: colours.ink, "font-size": 14 }, plot.title),
+    ...axes(plot, range, toX, toY, colours),
+    marks,
+  );
+  return `<?xml version="1.0" encoding="UTF-8"?>\n${new XMLSerializer().serializeToString(svg)}\n`;
+}
+
+// What the axes are called.
+export function namesOf(plot) {
+  const named = (text, unit) => (unit ? `${text} (${unit})` : text);
+  if (plot.kind === "time") return ["time", named(plot.x, plot.units[1])];
+  return [named(plot.x, plot.units[0]), plot.kind === "scatter" ? named(plot.y, plot.units[1]) : "robots"];
+}
+
+function axes(plot, range, toX, toY, colours) {
+  const text = (words, attributes) => element("text", { fill: colours.quiet, ...attributes }, words);
+  const found = [];
+  for (const value of ticks(...range.x, 7)) {
+    found.push(element("path", { d: `M${toX(value)} ${TOP}V${HEIGHT - BOTTOM}`, stroke: colours.grid }));
+    const words = plot.kind === "time" ? clock(value) : short(value);
+    found.push(text(words, { x: toX(value), y: HEIGHT - BOTTOM + 16, "text-anchor": "middle" }));
+  }
+  for (const value of ticks(...range.y, 6)) {
+    found.push(element("path", { d: `M${LEFT} ${toY(value)}H${WIDTH - RIGHT}`, stroke: colours.grid }));
+    found.push(text(short(value), { x: LEFT - 6, y: toY(value) + 4, "text-anchor": "end" }));
+  }
+  const [across, up] = namesOf(plot);
+  const middle = TOP + (HEIGHT - TOP - BOTTOM) / 2;
+  found.push(text(across, { x: LEFT + (WIDTH - LEFT - RIGHT) / 2, y: HEIGHT - 10, "text-anchor": "middle" }));
+  found.push(text(up, { x: 0, y: 0, transform: `translate(16 ${middle}) rotate(-90)`, "text-anchor": "middle" }));
+  return found;
+}
+
+function drawn(plot, [x, ...lines], toX, toY, { lines: inks }) {
+  if (plot.kind === "scatter") {
+    const points = x.map((value, at) => `M${toX(value) - POINT} ${toY(lines[0][at]) - POINT}h${2 * POINT}v${2 * POINT}h${-2 * POINT}z`);
+    return [element("path", { d: points.join(""), fill: inks[0], "fill-opacity": 0.6 })];
+  }
+  if (plot.kind === "histogram") {
+    const half = x.length > 1 ? (toX(x[1]) - toX(x[0])) * 0.46 : 20;
+    const bars = x.map((value, at) => `M${toX(value) - half} ${toY(0)}V${toY(lines[0][at])}h${2 * half}V${toY(0)}z`);
+    return [element("path", { d: bars.join(""), fill: inks[0] })];
+  }
+  const found = lines.map((line, at) =>
+    element("path", { d: path(x, line, toX, toY), fill: "none", stroke: inks[at % inks.length], "stroke-width": at ? 1 : 2 }),
+  );
+  return found.reverse(); // the main line lies over the others
+}
+
+// A line with a gap wherever a value is unknown.
+function path(x, line, toX, toY) {
+  let joined = false;
+  let found = "";
+  line.forEach((value, at) => {
+    if (value !== null) found += `${joined ? "L" : "M"}${toX(x[at]).toFixed(1)} ${toY(value).toFixed(1)}`;
+    joined = value !== null;
+  });
+  return found;
+}
+
+// The numbers of a plot as CSV.
+export function numbers(plot, data) {
+  const [across, up] = namesOf(plot);
+  const heads = plot.kind === "time" ? ["time (s)", ...plot.lines.map((line) => `${line} ${up}`.trim())] : [across, up];
+  const cell = (word) => (/[",\n]/.test(word) ? `"${word.replaceAll('"', '""')}"` : word);
+  const rows = data[0].map((_, at) => data.map((column) => column[at] ?? "").join(","));
+  return `${[heads.map(cell).join(","), ...rows].join("\n")}\n`;
+}

@@ -1,0 +1,104 @@
+"""What expressions come to on every robot, for the table and the plots: of a swarm by its telemetry, and of a recording
+by what was recorded (`adapters/recorded_values`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.console.view import SwarmView
+from sleepcast.core.units import ACCELERATION, LENGTH, MASS, SPEED, TIME, UNITS, Dimension
+from sleepcast.language import Variable
+from sleepcast.language.vocabulary import VariableKind, Vocabulary, unit_of
+from sleepcast.station import Station
+
+Column: TypeAlias = NDArray[np.float64]
+Index: TypeAlias = NDArray[np.intp]
+Mask: TypeAlias = NDArray[np.bool_]
+
+MOST_SUGGESTED = 6
+"""Columns of a table that nobody has chosen yet: they fit a small screen."""
+_UNITS = {TIME: "s", SPEED: "m/s", ACCELERATION: "m/s2", MASS: "kg"}
+
+
+class Values(Protocol):
+    """Values of expressions on all robots."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Of the robots, in the order of the page."""
+
+    def time(self) -> float:
+        """The page's time, s."""
+
+    def of(self, text: str, robots: Index | None = None) -> tuple[Column, int]:
+        """The values on these robots (ascending; None stands for all) in SI, NaN for unknown; and on how many of them
+        only a question to the robot itself could tell. Raises SleepcastError with what is wrong in the text."""
+
+    def unit(self, text: str) -> str:
+        """The unit in which people read the values, "" for plain numbers. Raises what `of` raises."""
+
+    def groups(self) -> Iterable[tuple[str, Mask]]:
+        """The groups, the newest last, with their members."""
+
+    def suggested(self) -> list[str]:
+        """What a table shows of these robots at first."""
+
+
+class TelemetryValues:
+    """The values of a swarm, simulated or on the air, by its latest telemetry (`Values`)."""
+
+    def __init__(self, swarm: SwarmView, station: Station) -> None:
+        self._swarm, self._station = swarm, station
+
+    @property
+    def names(self) -> Sequence[str]:
+        return self._swarm.scene.names
+
+    def time(self) -> float:
+        return self._swarm.now()
+
+    def of(self, text: str, robots: Index | None = None) -> tuple[Column, int]:
+        count = len(self.names)  # others that speak on the channel are not on the page
+        places = np.arange(count) if robots is None else robots
+        values, asked = self._station.values(text, places)
+        return values, len(asked)
+
+    def unit(self, text: str) -> str:
+        variable = unit_of(text.strip(), self._swarm.vocabulary)
+        return variable or unit_for(self._station.check(text).dimension, self._swarm.scene.unit)
+
+    def groups(self) -> Iterable[tuple[str, Mask]]:
+        minds = self._swarm.minds
+        for key, members in minds.groups.items():
+            declared = minds.declared(key)
+            yield (key if declared is None else declared.name), members
+
+    def suggested(self) -> list[str]:
+        return suggested_of(self._swarm.vocabulary)
+
+
+def unit_for(dimension: Dimension | None, length: str) -> str:
+    """A unit for values of this dimension. length: the one in which people read the map."""
+    return length if dimension == LENGTH else "" if dimension is None else _UNITS.get(dimension, "")
+
+
+def suggested_of(vocabulary: Vocabulary) -> list[str]:
+    """The first sensors of these robots; of many alike, as sonars, none."""
+    sensors = [
+        binding.name
+        for binding in vocabulary.bindings.values()
+        if isinstance(binding, Variable)
+        and binding.kind is VariableKind.SENSOR
+        and binding.slot >= vocabulary.first_sensor
+        and not binding.name[-1].isdigit()
+    ]
+    return sensors[:MOST_SUGGESTED]
+
+
+def in_unit(values: Column, unit: str) -> Column:
+    """Values in SI as numbers of a unit."""
+    return values / UNITS[unit].factor if unit in UNITS else values

@@ -1,0 +1,104 @@
+"""Series: samples over time, bounded, and what is made of the values of a fleet."""
+
+from __future__ import annotations
+
+from math import nan
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sleepcast.console.series import LEAST_EVERY, MOST_SAMPLES, QUANTILES, STATISTICS, Series, lines_of, sample_of
+from sleepcast.console.values import Column
+
+
+def filled(seconds: float, step: float) -> Series:
+    series = Series(1)
+    for number in range(round(seconds / step)):
+        time = number * step
+        if series.due(time):
+            series.take(time, [10.0 * time])
+    return series
+
+
+def test_samples_come_back_with_their_times() -> None:
+    series = Series(2)
+    series.take(0.0, [1.0, nan])
+    series.take(1.0, [2.0, 5.0])
+    assert series.after(-1.0) == [[0.0, 1.0], [1.0, 2.0], [None, 5.0]]
+    assert series.after(0.0) == [[1.0], [2.0], [5.0]]
+
+
+def test_a_long_run_is_thinned_and_covers_everything() -> None:
+    series = filled(3_600.0, 0.1)
+    times, values = series.after(-1.0)
+    assert MOST_SAMPLES // 2 <= len(times) <= MOST_SAMPLES
+    assert (times[0], values) == (0.0, [10.0 * float(time or 0.0) for time in times])
+    assert float(times[-1] or 0.0) > 3_580.0
+    gaps = np.diff(np.array(times, float))
+    assert gaps.max() <= 2.0 * series.every
+    assert series.thinned > 0
+    assert filled(50.0, 0.1).every == LEAST_EVERY
+
+
+def test_where_time_goes_back_the_future_is_forgotten() -> None:
+    series = filled(10.0, 1.0)
+    assert series.due(4.5)
+    assert series.after(-1.0)[0] == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert series.thinned == 1
+
+
+class Given:
+    """Values that a test gives."""
+
+    def __init__(self, **columns: list[float]) -> None:
+        self._columns = columns
+
+    def of(self, text: str, robots: object = None) -> tuple[Column, int]:
+        return np.array(self._columns[text]), 0
+
+
+def sampled(what: str, *, where: str = "", unit: str = "", **columns: list[float]) -> list[float]:
+    values: Any = Given(**columns)
+    return sample_of(values, what, "v", where, unit)
+
+
+VALUES = [4.0, nan, 1.0, 3.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("what", "expected"),
+    [
+        ("range", [2.0, 0.0, 4.0]),
+        ("mean", [2.0]),
+        ("median", [2.0]),
+        ("min", [0.0]),
+        ("max", [4.0]),
+        ("sum", [8.0]),
+        ("std", [np.std([4.0, 1.0, 3.0, 0.0])]),
+        ("count", [3.0]),
+        ("share", [0.6]),
+    ],
+)
+def test_statistics_are_of_what_is_known(what: str, expected: list[float]) -> None:
+    assert sampled(what, v=VALUES) == pytest.approx(expected)
+    assert len(lines_of(what)) == len(expected)
+
+
+def test_quantiles_lie_around_the_median() -> None:
+    values = [float(number) for number in range(101)]
+    assert sampled("quantiles", v=values) == pytest.approx([50.0, 10.0, 25.0, 75.0, 90.0])
+    assert lines_of("quantiles") == ["median", "10 %", "25 %", "75 %", "90 %"]
+    assert len(QUANTILES) == 5
+
+
+def test_a_test_and_a_unit() -> None:
+    assert sampled("mean", where="w", v=VALUES, w=[1.0, 1.0, nan, 1.0, 0.0]) == [3.5]
+    assert sampled("mean", unit="%", v=[0.5, 0.7]) == pytest.approx([60.0])
+
+
+@pytest.mark.parametrize("what", STATISTICS)
+def test_of_nothing_all_is_unknown(what: str) -> None:
+    assert np.isnan(sampled(what, v=[nan])).all()
+    assert sampled("count", v=[nan]) == [0.0]
+    assert np.isnan(sampled("share", where="w", v=[1.0], w=[0.0])).all()

@@ -12,6 +12,8 @@ SLOW = {
     "language/test_differential.py": 55,
     "console/test_page.py": 48,
     "console/test_page_late.py": 44,
+    "console/test_page_drawer.py": 12,
+    "console/test_table.py": 3,
     "console/test_page_room.py": 8,
     "network/test_proofs.py": 42,
     "fleet/test_native.py": 40,

@@ -1,0 +1,41 @@
+"""The measures of a scenario's experiment, of a fleet that runs on a page."""
+
+from __future__ import annotations
+
+from math import isnan
+
+import pytest
+
+import sleepcast as sc
+from sleepcast.core.errors import SleepcastError
+from sleepcast.experiments import live
+from sleepcast.experiments.live import live_measures
+
+
+def test_the_measures_of_an_experiment_are_taken_when_asked() -> None:
+    fleet = sc.open("vicsek", robots=30, seed=2)
+    ((name, text, read),) = live_measures(fleet)
+    assert (name, text) == ("order", "polarization")
+    first = read()
+    fleet.run(20.0, quiet=True)
+    assert 0.0 < first != read() <= 1.0
+
+
+def test_series_of_the_scenario_itself_are_among_them() -> None:
+    fleet = sc.open("braitenberg", robots=5, seed=2)
+    found = {name: read for name, _, read in live_measures(fleet)}
+    assert {"distance_to_light", "radius_of_gyration"} <= set(found)
+    assert found["radius_of_gyration"]() > 0.0
+
+
+def test_a_scenario_without_an_experiment_has_none() -> None:
+    assert live_measures(sc.open("crowd", robots=5)) == []
+
+
+def test_of_too_many_robots_nothing_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    fleet = sc.open("vicsek", robots=30, seed=2)
+    ((_, _, read),) = live_measures(fleet)
+    assert not isnan(read())
+    monkeypatch.setattr(live, "MOST_ROBOTS", 29)
+    with pytest.raises(SleepcastError, match="at most 29"):
+        read()

@@ -11,13 +11,14 @@ from itertools import islice
 from math import isnan
 from typing import NoReturn
 
-from sleepcast.console import outgoing
+from sleepcast.console import incoming, outgoing
 from sleepcast.console.account_table import AccountTable
+from sleepcast.console.alerts import AlertBoard, Alerted
 from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import show_why
 from sleepcast.console.histogram import Spread, spread
-from sleepcast.console.incoming import Sort
+from sleepcast.console.incoming import AlertMessage, Sort
 from sleepcast.console.picking import Picked, picked
 from sleepcast.console.plots import Measure, Plots
 from sleepcast.console.sentences import Interpreter, Phrased, Understood
@@ -65,6 +66,8 @@ class Backend:
         self.values: Values = TelemetryValues(swarm, station)
         self.plots = Plots(self.values, clock, measures)
         driver.watchers.append(self.plots.sample)
+        self.alerts = AlertBoard(station, clock, swarm.now)
+        driver.watchers.append(self.alerts.look)
 
     def hello(self) -> outgoing.Hello:
         """What a page needs first."""
@@ -128,6 +131,19 @@ class Backend:
     def understand(self, serial: int, text: str) -> Understood:
         """The expression that a sentence means."""
         return self._interpreter.understand(serial, text)
+
+    def alert(self, wish: AlertMessage) -> Alerted:
+        """Add, mute or remove an alert, or tell whom one was about."""
+        match wish:
+            case incoming.AddAlert(_, text, above):
+                self.alerts.add(text, above)
+            case incoming.MuteAlert(_, alert, muted):
+                self.alerts.mute(alert, muted)
+            case incoming.RemoveAlert(_, alert):
+                self.alerts.remove(alert)
+            case incoming.Fired(serial, firing):
+                return Alerted(serial, self.alerts.robots(firing)[: len(self._swarm.scene.names)])
+        return Alerted(wish.serial)
 
     # ---- sending
 
@@ -213,6 +229,7 @@ class Backend:
             yield outgoing.Obstacles(obstacles)
         yield self.plots.shown()
         yield self._safety()
+        yield self.alerts.shown()
         if 0 <= watched < len(self._swarm.scene.names):
             yield self._robot(watched)
 

@@ -70,6 +70,8 @@ class Dialogue:
                 return desk.spread(serial, text, at)
             case incoming.Pick(serial, marks):
                 return desk.pick(serial, marks)
+            case incoming.AddAlert() | incoming.MuteAlert() | incoming.RemoveAlert() | incoming.Fired():
+                return desk.alert(message)
             case incoming.Send(serial, text, everybody, sort, count, confirmed):
                 return desk.send(serial, text, everybody, sort, count, confirmed)
             case incoming.Names(serial):

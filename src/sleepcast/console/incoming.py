@@ -24,6 +24,7 @@ MOST_VALUES = 24
 
 Serial = Annotated[int, Meta(ge=1, le=2**53 - 1)]
 Text = Annotated[str, Meta(max_length=16_384)]
+Number = Annotated[int, Meta(ge=1, le=2**53 - 1)]
 Id = Annotated[str, Meta(max_length=160)]
 Sort = Literal["once", "standing", "ask", "stages"]
 Deed = Literal["take", "give", "request", "grant", "force"]
@@ -124,6 +125,36 @@ class Pick(Message):
 
     serial: Serial
     marks: Annotated[bytes, Meta(max_length=MAX_BYTES)]
+
+
+class AddAlert(Message):
+    """Watch a test, and tell when it becomes true for anybody, or for more than so many robots."""
+
+    serial: Serial
+    text: Annotated[str, Meta(max_length=1_000)]
+    above: Annotated[int, Meta(ge=0, le=10_000_000)] = 0
+
+
+class MuteAlert(Message):
+    """Let an alert fire without a word, or no longer."""
+
+    serial: Serial
+    alert: Number
+    muted: bool
+
+
+class RemoveAlert(Message):
+    """Watch a test no longer."""
+
+    serial: Serial
+    alert: Number
+
+
+class Fired(Message):
+    """For which robots an alert has fired."""
+
+    serial: Serial
+    firing: Number
 
 
 class Outcomes(Message):
@@ -268,10 +299,12 @@ class Renew(Message):
     values: Annotated[dict[SliderName, float], Meta(max_length=MOST_VALUES)] = {}
 
 
+AlertMessage = AddAlert | MuteAlert | RemoveAlert | Fired
 Incoming = (
     Preview
     | Spread
     | Pick
+    | AlertMessage
     | Send
     | Halt
     | Lease

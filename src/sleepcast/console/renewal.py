@@ -218,6 +218,7 @@ class Runs:
         self._around = around
         self.number += 1
         self.desk = self._desk(run, waits=True)
+        self.desk.alerts.adopt(old.alerts)
         old.over = True
         self._changed.set()
         return Renewed(serial)

@@ -20,7 +20,7 @@ from sleepcast.console import outgoing
 from sleepcast.console.account_table import MOST_ROWS, CommandRow
 from sleepcast.console.driver import FRAME_PERIOD, FrameSource
 from sleepcast.console.frames import pack
-from sleepcast.console.incoming import Sort
+from sleepcast.console.incoming import AlertMessage, Sort
 from sleepcast.console.plots import Measure
 from sleepcast.console.recorded_values import RecordedPlots, RecordedValues
 from sleepcast.console.view import Outline, Scene
@@ -210,6 +210,10 @@ class ReplayBackend:
     def pick(self, serial: int, marks: bytes) -> NoReturn:
         """Refused."""
         self._refuse()
+
+    def alert(self, wish: AlertMessage) -> NoReturn:
+        """Refused."""
+        raise MisuseError("Alerts watch a running swarm: this is a recording.")
 
     def phrase(self, serial: int, text: str) -> NoReturn:
         """Refused."""

@@ -15,6 +15,7 @@ from sleepcast.console.explanation import ShownStep
 from sleepcast.console.outgoing import Obstacles
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.language.vocabulary import MARKED
 from sleepcast.loop import Pace, Swarm
 from sleepcast.simulator import Wall
 from sleepcast.station import FAULT, MATCHED, NO, NOT_MATCHED, SILENT, UNKNOWN, YES, DoubtError, SendPolicy, Station
@@ -87,6 +88,40 @@ class TestPreview:
     def test_marks_what_is_for_everybody(self, stand: Stand) -> None:
         found = stand.desk.preview(1, "(MARK)")
         assert (found.everybody, found.yes) == (True, 20)
+
+
+class TestWink:
+    def test_the_robot_blinks_by_its_mark_which_is_then_as_it_was(self, stand: Stand) -> None:
+        stand.desk.send(1, "(WHEN (< id 3) (MARK))", False)
+        stand.run()
+        robots = [stand.swarm.minds[name] for name in list(stand.swarm.minds)[:4]]
+        stand.desk.wink(1, 0)
+        stand.desk.wink(2, 3)
+        seen = []
+        for _ in range(70):
+            stand.run(0.1)
+            seen.append([robot.values[MARKED] for robot in robots])
+        first, second, third, fourth = zip(*seen, strict=True)
+        assert first.count(0.0) > 10
+        assert first[-5:] == (1.0,) * 5
+        assert fourth.count(1.0) > 10
+        assert fourth[-5:] == (0.0,) * 5
+        assert set(second) == {1.0}
+        assert set(third) == {0.0}
+        assert not any(rule.active for robot in robots for rule in robot.rules())
+        row = stand.desk.commands().rows[-1]
+        assert (row.matched, row.silent) == (1, 0)
+
+    def test_one_that_blinks_already_is_left_alone(self, stand: Stand) -> None:
+        stand.desk.wink(1, 0)
+        with pytest.raises(MisuseError, match="blinks already"):
+            stand.desk.wink(2, 0)
+        stand.run(7.0)
+        stand.desk.wink(3, 0)
+
+    def test_a_robot_that_is_not_there_is_refused(self, stand: Stand) -> None:
+        with pytest.raises(MisuseError, match="there is no robot number 20"):
+            stand.desk.wink(1, 20)
 
 
 class TestSending:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Iterator, Sequence
 from itertools import islice
-from math import isnan
+from math import inf, isnan
 from typing import NoReturn
 
 from sleepcast.console import incoming, outgoing
@@ -38,6 +38,15 @@ MOST_REPORTS = 20
 MOST_REASONS = 5
 """Reasons for unknown robots that a preview names."""
 
+WINK_SECONDS = 5.0
+"""For which a robot blinks: somebody who looks round finds it."""
+WINK = (
+    "(PROGN (DEFVAR winked) (SETQ winked marked) "
+    f"(RULE wink (IF (WITHIN 0s {WINK_SECONDS:g}s) (SETQ marked (< (MOD time 1s) 0.5s)) "
+    "(PROGN (SETQ marked winked) (DEACTIVATE wink)))))"
+)
+"""What a robot is sent that is to blink."""
+
 _LEFT_OUT = frozenset(quantity.name for quantity in (*SUPPORT[ACTIVE0 + 1 : ACTIVE0 + BUFFERS], *SUPPORT[TIME_SLOT:]))
 """Variables that the page shows elsewhere: the active flags with the rules, the time in its bar."""
 _KINDS = ("sensor", "actuator", "user", "support")
@@ -66,6 +75,8 @@ class Backend:
         self.values: Values = TelemetryValues(swarm, station)
         self.plots = Plots(self.values, clock, measures)
         driver.watchers.append(self.plots.sample)
+        self._winks: dict[str, float] = {}
+        """When each robot was asked to blink, s of the page's time."""
         self.alerts = AlertBoard(station, clock, swarm.now)
         driver.watchers.append(self.alerts.look)
 
@@ -173,6 +184,14 @@ class Backend:
     def lease(self, serial: int, deed: str, group: str, seconds: float, to: str) -> outgoing.Sent:
         """Refused: one desk commands this swarm."""
         raise MisuseError("Leases are for robots on the air, which several operators command.")
+
+    def wink(self, serial: int, robot: int) -> outgoing.Sent:
+        """Let a robot blink by its mark for a few seconds; then the mark is as it was."""
+        name, now = self._name(robot), self._swarm.now()
+        if now - self._winks.get(name, -inf) < WINK_SECONDS + 1.0:
+            raise MisuseError(f"{name} blinks already.")
+        self._winks[name] = now
+        return outgoing.Sent(serial, self._station.send(WINK, only=[name], confirmed=True).id)
 
     def stop(self) -> None:
         """Stop every body. While a STOP holds that was given a moment ago, one more changes nothing."""

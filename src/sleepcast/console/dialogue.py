@@ -72,6 +72,8 @@ class Dialogue:
                 return desk.pick(serial, marks)
             case incoming.AddAlert() | incoming.MuteAlert() | incoming.RemoveAlert() | incoming.Fired():
                 return desk.alert(message)
+            case incoming.Wink(serial, robot):
+                return desk.wink(serial, robot)
             case incoming.Send(serial, text, everybody, sort, count, confirmed):
                 return desk.send(serial, text, everybody, sort, count, confirmed)
             case incoming.Names(serial):

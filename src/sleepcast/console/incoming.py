@@ -157,6 +157,13 @@ class Fired(Message):
     firing: Number
 
 
+class Wink(Message):
+    """Let a robot blink, so that it is found."""
+
+    serial: Serial
+    robot: Index
+
+
 class Outcomes(Message):
     """What became of a command on each robot."""
 
@@ -305,6 +312,7 @@ Incoming = (
     | Spread
     | Pick
     | AlertMessage
+    | Wink
     | Send
     | Halt
     | Lease

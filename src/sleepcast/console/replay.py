@@ -211,6 +211,10 @@ class ReplayBackend:
         """Refused."""
         self._refuse()
 
+    def wink(self, serial: int, robot: int) -> NoReturn:
+        """Refused."""
+        self._refuse()
+
     def alert(self, wish: AlertMessage) -> NoReturn:
         """Refused."""
         raise MisuseError("Alerts watch a running swarm: this is a recording.")

@@ -1,6 +1,7 @@
 // The page: puts the panes together. What a pane knows it is told here; panes do not know each other.
 
-import { Accounting, bytes } from "./accounting.js";
+import { Accounting, bytes, clock } from "./accounting.js";
+import { Alerts, testIn } from "./alerts.js";
 import { NumberDrag } from "./drag.js";
 import { Drawer } from "./drawer.js";
 import { Finder } from "./finder.js";
@@ -10,6 +11,7 @@ import { Legend } from "./legend.js";
 import { NewRun } from "./newrun.js";
 import { Port } from "./port.js";
 import { Plots } from "./plots.js";
+import { Lights } from "./light.js";
 import { showLine } from "./line.js";
 import { Prompt } from "./prompt.js";
 import { RobotPane } from "./robot.js";
@@ -265,6 +267,29 @@ const selectLit = () => world.marks.lit && selecting.set(world.marks.lit);
 find("select-lit").addEventListener("click", selectLit);
 world.map.addEventListener("keydown", (event) => {
   if (event.key.toLowerCase() === "s" && !event.ctrlKey && !event.metaKey && !event.altKey) selectLit();
+});
+
+// ---- alerts and lights
+
+const alerts = new Alerts(wire, find("alerted"), () => testIn(prompt.editor));
+drawer.add({ name: "alerts", title: "Alerts", element: alerts.root });
+alerts.addEventListener("open", () => drawer.open("alerts"));
+alerts.addEventListener("put", ({ detail }) => prompt.set(detail));
+alerts.addEventListener("light", ({ detail }) => {
+  foretelling = false;
+  light(detail.marks, `alert ${clock(detail.firing.at)}`);
+});
+
+const lights = new Lights(world);
+find("wink").addEventListener("click", async () => {
+  const { index } = robot;
+  lights.wink(index);
+  try {
+    await wire.ask("wink", { robot: index });
+  } catch (refusal) {
+    if (!(refusal instanceof Refusal)) throw refusal;
+    refused(refusal.message);
+  }
 });
 
 // ---- the room that panes take

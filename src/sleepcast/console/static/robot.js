@@ -25,6 +25,7 @@ export class RobotPane {
     this.find("no-robot").hidden = index >= 0;
     this.find("robot").hidden = index < 0;
     this.find("follow").hidden = index < 0;
+    this.find("wink").hidden = index < 0;
     this.find("robot-name").textContent = index < 0 ? "Robot" : name;
     this.find("robot-state").replaceChildren();
     this.find("pane-why").replaceChildren(); // what stood there was said by another robot

@@ -220,3 +220,12 @@ def test_what_cannot_be_looked_at_says_why(watch: Watch) -> None:
     other.adopt(watch.board)
     other.look()
     assert 'unknown name "patience"' in other.shown().alerts[0].trouble
+
+
+def test_a_terminal_is_told_too(watch: Watch) -> None:
+    said: list[str] = []
+    watch.board.watch([LOW], said.append)
+    watch.clock.advance(3_700.0)
+    watch.fuel(s7=0.2)
+    watch.look(TOGETHER)
+    assert said == ["alert at 1:01:41: (< fuel 30%): s7"]

@@ -1,4 +1,4 @@
-"""Predicates by hand on the page: a number that is dragged, and robots that are selected on the map.
+"""Predicates by hand on the page: a number that is dragged, robots that are selected on the map, alerts and lights.
 
 The rovers of the small world stand still, so what is found for them stays right. As in `test_page`, the browser must
 have had nothing to complain about.
@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from console.running import PATIENCE, Program
-from console.test_page import number, opened, pixels_seen, type_in, until
+from console.test_page import number, opened, pixels_seen, send, type_in, until
 
 pytestmark = pytest.mark.browser
 
@@ -130,3 +130,48 @@ def test_robots_are_selected_one_by_one(rovers: Page) -> None:
     rovers.locator("#map").focus()
     rovers.keyboard.press("Escape")
     expect(rovers.locator("#selection")).to_be_hidden()
+
+
+def test_an_alert_tells_of_robots_and_lights_them(rovers: Page) -> None:
+    type_in(rovers, "(UNMARK)")
+    rovers.locator("#everybody-yes").check()
+    send(rovers)
+    rovers.locator("#drawer-alerts").click()
+    test = rovers.get_by_label("Tell when")
+    test.fill("(> fule 1)")
+    test.press("Enter")
+    expect(rovers.locator(".alerts .problem")).to_contain_text('unknown name "fule"')
+    test.fill("marked")
+    test.press("Enter")
+    expect(rovers.locator(".alerts .about").first).to_have_text("for anybody: true for 0 now")
+    type_in(rovers, "(WHEN (< id 3) (MARK))")
+    send(rovers)
+    notice = rovers.locator("#alerted")
+    expect(notice).to_contain_text("marked: rover1, rover2")
+    assert pixels_seen(rovers, "--light")
+    notice.locator(".show").click()
+    expect(notice).to_be_hidden()
+    expect(rovers.locator("#legend .lit")).to_contain_text("2 alert")
+    rovers.get_by_label("Mute marked").click()
+    expect(rovers.locator(".alerts .about").first).to_contain_text("muted")
+    rovers.get_by_label("Remove marked").click()
+    expect(rovers.locator(".alerts .about")).to_have_count(0)
+
+
+def test_lights_get_a_meaning_and_a_robot_winks(rovers: Page) -> None:
+    rovers.locator("#drawer-alerts").click()
+    meaning = rovers.get_by_label("A robot shines while")
+    meaning.fill("(> battery 60%)")
+    meaning.press("Enter")
+    expect(rovers.locator("#text")).to_have_value("(RULE light (IF (> battery 60%) (MARK) (UNMARK)))")
+    rovers.locator("#map").focus()
+    rovers.keyboard.press("ArrowRight")
+    name = rovers.locator("#robot-name").inner_text()
+    rovers.locator("#wink").click()
+    row = rovers.locator("#commands tr").first
+    expect(row.locator("code")).to_contain_text("RULE wink")
+    expect(row.locator(".matched")).to_contain_text("1")
+    rovers.locator("#tab-rules").click()
+    expect(rovers.locator("#pane-rules")).to_contain_text("wink")
+    rovers.locator("#wink").click()
+    expect(rovers.locator("#refused-text")).to_have_text(f"{name} blinks already.")

@@ -6,7 +6,7 @@ import click
 
 from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.air import on_air
-from sleepcast.cli.options import allow_host_option
+from sleepcast.cli.options import alert_option, allow_host_option
 from sleepcast.cli.streams import announce, complain
 
 TITLE = "Robots on the air"
@@ -33,6 +33,7 @@ STORY = (
 @click.option("--port", type=click.IntRange(0, 65_535), help="Its port (default: 8317; 0 for any free one).")
 @click.option("--insecure", is_flag=True, help="Allow a host that others can reach.")
 @allow_host_option
+@alert_option
 @click.option("--no-browser", is_flag=True, help="Only print the address of the page.")
 @on_air
 def console(
@@ -42,6 +43,7 @@ def console(
     port: int | None,
     insecure: bool,
     allow: tuple[str, ...],
+    alerts: tuple[str, ...],
     no_browser: bool,
     air: AirOptions,
 ) -> int:
@@ -78,5 +80,6 @@ def console(
             began,
             address=Address(host, DEFAULT_PORT if port is None else port, insecure, not no_browser, allow),
             say=announce,
+            alerts=alerts,
         )
     return 0

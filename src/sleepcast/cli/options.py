@@ -88,6 +88,15 @@ allow_host_option = click.option(
 )
 
 
+alert_option = click.option(
+    "--alert",
+    "alerts",
+    metavar="TEST",
+    multiple=True,
+    help='Page: tell when this becomes true for a robot, as "(< fuel 20%)"; may be repeated.',
+)
+
+
 Command = TypeVar("Command", bound=Callable[..., object])
 
 

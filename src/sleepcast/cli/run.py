@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypedDict, TypeVar, Unpack
 import click
 
 from sleepcast.cli.interrupts import INTERRUPTED, TERMINATED, Interrupts, Terminated, end_now
-from sleepcast.cli.options import SimulatedTime, allow_host_option
+from sleepcast.cli.options import SimulatedTime, alert_option, allow_host_option
 from sleepcast.cli.prepare import advise
 from sleepcast.cli.streams import announce, put
 from sleepcast.core.errors import MisuseError
@@ -49,6 +49,7 @@ class Options(TypedDict):
     insecure: bool
     allow: tuple[str, ...]
     no_browser: bool
+    alerts: tuple[str, ...]
     record: Path | None
     record_pictures: float | None
     record_readings: float | None
@@ -93,6 +94,7 @@ _COMMON = (
     click.option("--insecure", is_flag=True, help="Page: allow a host that others can reach, unencrypted."),
     allow_host_option,
     click.option("--no-browser", is_flag=True, help="Page: print its address, but open no browser."),
+    alert_option,
     click.option("--record", metavar="FILE", type=click.Path(path_type=Path), help="Record the run into an MCAP file."),
     click.option("--record-pictures", metavar="S", type=_PERIOD, help="Record positions every S simulated seconds."),
     click.option(
@@ -204,8 +206,10 @@ def _show(
     interrupts.release()  # the server has a way of its own to end in good order
     browser, allow = not options["no_browser"], options["allow"]
     address = Address(options["host"], options["port"], options["insecure"], browser, allow)
+    runs = Runs(first, maker, clock, waits=not options["running"])
+    runs.desk.alerts.watch(options["alerts"], announce)
     try:
-        serve_runs(Runs(first, maker, clock, waits=not options["running"]), clock, address=address, say=announce)
+        serve_runs(runs, clock, address=address, say=announce)
     except (KeyboardInterrupt, Terminated) as error:
         if not maker.warm:
             end_now(TERMINATED if isinstance(error, Terminated) else INTERRUPTED)

@@ -12,7 +12,7 @@ than fit into some milliseconds, so that nothing waits for them.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import inf
 
@@ -130,6 +130,12 @@ def _longer(mask: Mask, size: int) -> Mask:
     return mask if len(mask) >= size else np.concatenate((mask, np.zeros(size - len(mask), np.bool_)))
 
 
+def line_of(firing: ShownFiring) -> str:
+    """A firing on one line."""
+    minutes, seconds = divmod(int(firing.at), 60)
+    return f"alert at {minutes // 60}:{minutes % 60:02}:{seconds:02}: {firing.text}: {firing.robots}"
+
+
 @dataclass
 class AlertBoard:
     """All alerts of a desk. time: gives the page's time, s. listeners: are told of every firing."""
@@ -150,6 +156,12 @@ class AlertBoard:
         self.station.values(text)
         self._keep(text, above)
         self.look()
+
+    def watch(self, texts: Iterable[str], say: Callable[[str], None]) -> None:
+        """Watch these tests, and tell of every firing in a terminal, too. Raises what `add` raises."""
+        for text in texts:
+            self.add(text)
+        self.listeners.append(lambda firing: say(line_of(firing)))
 
     def _keep(self, text: str, above: int, muted: bool = False) -> None:
         self._added += 1

@@ -117,12 +117,15 @@ def serve_fleet(
     *,
     address: Address,
     say: Callable[[str], None],
+    alerts: Iterable[str] = (),
 ) -> None:
     """Serve the page of robots on the air until Ctrl-C. began: the station's time with which that of the page begins.
+    alerts: tests that are watched from the start; their firings are told to the person at the terminal, too.
 
     The rest is as for `serve_backend`.
     """
     desk = NetworkBackend(fleet, station, clock, began)
+    desk.alerts.watch(alerts, say)
     serve_backend(desk, clock, address=address, say=say)
 
 

@@ -132,7 +132,7 @@ export class Alerts extends EventTarget {
   update(about, alert) {
     const above = alert.above ? `for more than ${alert.above.toLocaleString("en")}` : "for anybody";
     const now = alert.trouble || (alert.count < 0 ? "not known yet" : `true for ${alert.count.toLocaleString("en")} now`);
-    const told = alert.fired ? `, told ${alert.fired.toLocaleString("en")} times` : "";
+    const told = alert.fired ? `, told ${alert.fired === 1 ? "once" : `${alert.fired.toLocaleString("en")} times`}` : "";
     const text = `${above}: ${now}${told}${alert.muted ? ", muted" : ""}`;
     if (about.textContent !== text) about.textContent = text;
     about.classList.toggle("trouble", alert.trouble !== "");

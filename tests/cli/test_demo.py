@@ -69,7 +69,7 @@ def test_the_outcome_of_bravo(capsys: pytest.CaptureFixture[str]) -> None:
     assert list(found) == FIELDS
     assert (found["scenario"], found["seed"], found["robots"], found["seconds"]) == ("bravo", 7, 1000, 12.0)
     (account,) = found["accounting"]
-    assert list(account) == ["text", "matched", "not_matched", "fault", "silent"]
+    assert list(account) == ["text", "matched", "held", "not_matched", "unknown", "fault", "silent"]
     assert account["text"].startswith("(WHEN (AND (< (DIST x y vessel_x vessel_y) 5mi)")
     assert account["matched"] + account["not_matched"] == 1000
     assert account["fault"] == account["silent"] == 0

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from fleet.twins import Twins, vocabulary
-from language.cases import SENSORS
-from sleepcast.channel.message import Kind, Message
+from language.cases import ACTUATORS, SENSORS
+from sleepcast.channel.message import Kind, Message, outcome_of
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import Quantity
 from sleepcast.fleet import Fleet, FleetError, pure, state
@@ -202,6 +202,46 @@ def test_stop_is_obeyed_at_once_and_refuses_what_acts() -> None:
     both.do("(VM x 1)")
     both.compare()
     assert not any(view.stopped for view in both.views)
+
+
+def said(both: Twins) -> list[object]:
+    return [outcome_of(message.body) for view in both.views for message in view.outbox]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(WHEN (> nothing 1) (MARK))",
+        "(WHEN (AND (> x 1) (> nothing 1)) (MARK))",
+        "(IF (> nothing 1) (MARK) (UNMARK))",
+        "(COND ((> x 3) 1) ((> nothing 1) (MARK)))",
+        "(AND (> x 1) (> nothing 1))",
+        "(AND (> nothing 1) (MARK))",
+        "(LET ((n nothing)) (WHEN n (MARK)))",
+        "(PROGN (DEFVAR k 1) (WHEN (OR (> x 3) (> nothing k)) (MARK)))",
+    ],
+)
+def test_where_a_test_was_unknown_is_told(text: str) -> None:
+    both = twins()
+    for _ in range(9):  # also once the text would be native code
+        both.send(text)
+        both.think()
+        assert "unknown" in said(both)
+        both.compare()
+
+
+def test_who_was_to_move_under_stop_is_told() -> None:
+    both = twins()
+    both.hear(Message("desk", 9, 1, Kind.STOP, 0.0), [0, 1])
+    both.compare()
+    both.send(f"(WHEN (< x 3) (SETQ {ACTUATORS[0].name} 1))")
+    both.think()
+    assert said(both).count("held") == 2
+    both.compare()
+    both.send("(MARK)")
+    both.think()
+    assert "held" not in said(both)
+    both.compare()
 
 
 def test_why_a_stopped_robot_did_nothing_can_be_asked() -> None:

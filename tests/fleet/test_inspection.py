@@ -19,7 +19,7 @@ from sleepcast.fleet import Fleet, inspection
 from sleepcast.fleet.inspection import NOT_YET
 from sleepcast.fleet.schema import FleetSnapshot
 from sleepcast.fleet.snapshot import restore, state_of
-from sleepcast.fleet.state import Column, FleetState, Rows
+from sleepcast.fleet.state import Column, FleetState, Rows, is_true
 from sleepcast.language import read
 from sleepcast.station.validation import FleetNames
 
@@ -56,9 +56,9 @@ def judged(fleet: Fleet, text: str, robots: Sequence[int] = EVERYBODY) -> tuple[
     """For whom a test holds, of whom that cannot be said, and the reasons."""
     names = FleetNames(fleet.vocabulary, fleet)
     program = fleet.minds.library.program(text, lambda: [read(text)], names)
-    yes, reason, reasons = fleet.telemetry.judge(program, np.array(robots, np.intp))
+    values, reason, reasons = fleet.telemetry.values(program, np.array(robots, np.intp))
     index = np.array(robots)
-    return index[yes].tolist(), index[reason > 0].tolist(), reasons
+    return index[is_true(values)].tolist(), index[reason > 0].tolist(), reasons
 
 
 def test_what_nobody_has_asked_for_is_not_kept(fleet: Fleet) -> None:

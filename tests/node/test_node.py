@@ -6,7 +6,7 @@ from math import inf, isnan, nan
 
 import pytest
 
-from sleepcast.channel.message import Kind, Message
+from sleepcast.channel.message import Kind, Message, outcome_of
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import Quantity
 from sleepcast.language import HostFunction, Vocabulary
@@ -50,7 +50,7 @@ def message(text: str = "", kind: Kind = Kind.COMMAND, deadline: float = inf, nu
 
 
 def outcomes(robot: Node) -> list[object]:
-    found = [m.body["outcome"] for m in robot.outbox if m.kind is Kind.ANSWER]
+    found = [outcome_of(m.body) for m in robot.outbox if m.kind is Kind.ANSWER]
     robot.outbox.clear()
     return found
 
@@ -67,7 +67,18 @@ def obey(robot: Node, *texts: str, tick: int = 1) -> list[object]:
     [
         ("(WHEN (> fuel 40%) (JOIN bravo))", "matched"),
         ("(WHEN (> fuel 50%) (JOIN bravo))", "not matched"),
-        ("(WHEN (> ordnance 50%) (JOIN bravo))", "not matched"),
+        ("(WHEN (> ordnance 50%) (JOIN bravo))", "unknown"),
+        ("(WHEN (AND (> fuel 50%) (> ordnance 50%)) (JOIN bravo))", "not matched"),
+        ("(WHEN (OR (> fuel 50%) (> ordnance 50%)) (JOIN bravo))", "unknown"),
+        ("(COND ((> ordnance 50%) 1) ((> fuel 40%) 0))", "matched"),
+        ("(COND ((> ordnance 50%) 1) ((> fuel 50%) 0))", "unknown"),
+        ("(IF (> ordnance 50%) (JOIN bravo) (JOIN alpha))", "unknown"),
+        ("(> ordnance 50%)", "matched"),
+        ("(AND (> ordnance 50%) (> fuel 40%))", "unknown"),
+        ("(WHEN (> ordnance 50%) (/ 1 0))", "unknown"),
+        ("(WHEN (> (/ fuel 0) 1) (JOIN bravo))", "fault"),
+        ("(PROGN (RULE r (WHEN (> ordnance 1) 1)) (WHEN (> fuel 40%) r))", "matched"),
+        ("(WHEN (> fuel 40%) (WHEN (> ordnance 1) 1))", "matched"),
         ("(COND ((> fuel 50%) 1) ((> fuel 40%) 0))", "matched"),
         ("(IF (> fuel 50%) 1 2)", "not matched"),
         ("(AND (> fuel 40%) (SETQ throttle 0))", "matched"),
@@ -85,6 +96,23 @@ def obey(robot: Node, *texts: str, tick: int = 1) -> list[object]:
 )
 def test_a_command_is_judged_by_its_top_level_test(text: str, outcome: str) -> None:
     assert obey(node(), text) == [outcome]
+
+
+def test_whether_a_test_was_unknown_does_not_depend_on_how_often_it_was_asked() -> None:
+    robot = node()
+    for tick in range(1, 31):
+        assert obey(robot, "(WHEN (> ordnance 50%) (JOIN bravo))", tick=tick) == ["unknown"]
+
+
+def test_an_unknown_test_is_sent_as_one_that_did_not_match_and_a_field() -> None:
+    robot = node()
+    text = "(WHEN (> ordnance 50%) (JOIN bravo))"
+    robot.receive(message(text))
+    robot.receive(Message("desk", 1, next(_numbers), Kind.ASK, 0.0, text=text, body={"matched": True}))
+    robot.think(1, 0.1)
+    command, poll = (said.body for said in robot.outbox)
+    assert (command["outcome"], command["unknown"]) == ("not matched", True)
+    assert (poll["outcome"], poll["matched"], poll["unknown"]) == ("answer", False, True)
 
 
 def test_a_message_is_evaluated_once_in_order_and_a_repeated_one_changes_nothing() -> None:

@@ -1,4 +1,4 @@
-"""What became of a command: matched, did not match, fault, silent; and silence is never taken for consent."""
+"""What became of a command: matched, did not match, unknown, fault, silent; and silence is never taken for consent."""
 
 from __future__ import annotations
 
@@ -41,10 +41,58 @@ def test_four_ways_for_every_robot(fleet: Fleet) -> None:
     assert found.to_dict() == {
         "text": command.text,
         "matched": 3,
+        "held": 0,
         "not_matched": 5,
+        "unknown": 0,
         "fault": 1,
         "silent": 1,
     }
+
+
+@pytest.mark.parametrize("text", ["(WHEN (> fule 50%) (MARK))", "(IF (> fule 50%) (MARK) (UNMARK))"])
+def test_a_test_that_is_unknown_is_counted_as_such(fleet: Fleet, text: str) -> None:
+    command = fleet.station.send(text)
+    fleet.deliver()
+    found = fleet.station.accounting(command.id)
+    assert (found.n_matched, found.n_not_matched, found.n_unknown, found.n_fault) == (0, 0, 10, 0)
+    assert found.unknown == tuple(fleet.minds)
+    assert found.complete
+    assert command.answers["s1"].outcome is Outcome.UNKNOWN
+    assert found.sentence() == "matched 0, did not match 0, unknown 10, fault 0, silent 0"
+
+
+def test_a_command_to_move_under_stop_is_held(fleet: Fleet) -> None:
+    fleet.station.stop()
+    fleet.deliver()
+    moving, joining = fleet.station.send("(WHEN (> fuel 50%) (SETQ speed 1))"), fleet.station.send(HALF)
+    fleet.deliver()
+    found = fleet.station.accounting(moving.id)
+    assert (found.n_matched, found.n_held, found.n_not_matched) == (4, 4, 6)
+    assert found.matched == found.held == ("s6", "s7", "s8", "s9")
+    assert found.sentence().startswith("matched 4 (held by STOP: 4), did not match 6, fault 0")
+    assert fleet.station.accounting(joining.id).n_held == 0, "what moves nothing is done"
+    assert "bravo" in fleet.minds["s9"].groups
+    fleet.station.release()
+    again = fleet.station.send("(WHEN (> fuel 50%) (SETQ speed 1))")
+    fleet.deliver()
+    assert fleet.station.accounting(again.id).n_held == 0
+
+
+def test_a_robot_that_cannot_say_so_is_counted_by_what_it_says(fleet: Fleet) -> None:
+    command = fleet.station.send(HALF)
+    bodies: list[dict[str, object]] = [
+        {"outcome": "not matched", "value": None},
+        {"outcome": "not matched", "unknown": False},
+        {"outcome": "not matched", "unknown": "yes"},
+        {"outcome": "matched", "unknown": True},
+        {"outcome": "not matched", "unknown": True},
+        {"outcome": "matched", "held": True},
+    ]
+    for i, body in enumerate(bodies):
+        fleet.station.hear(Message(f"s{i}", 0, 1, Kind.ANSWER, 0.0, body={"command": command.id, **body}))
+    found = fleet.station.accounting(command.id)
+    assert found.not_matched == ("s0", "s1", "s2")
+    assert (found.matched, found.held, found.unknown) == (("s3", "s5"), ("s5",), ("s4",))
 
 
 def test_a_robot_that_enrols_later_is_not_silent_but_counts_if_it_answers(fleet: Fleet) -> None:

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sleepcast.language import CheckError, ReadError
-from sleepcast.station.validation import NEVER_HEARD, STALE
+from sleepcast.station import DoubtError, SendPolicy
+from sleepcast.station.validation import NEVER_HEARD, STALE, TEST_UNKNOWN, UNDECIDED, UNKNOWN
 from station.fleet import Fleet
 
 BRAVO = "(WHEN (AND (> fuel 50%) (> ordnance 70%)) (JOIN bravo))"
@@ -120,8 +121,8 @@ def test_an_operator_that_does_something_makes_its_robot_unknown(fleet: Fleet) -
     fleet.minds["s3"].evaluate("(DEFUN ready () (MARK))")
     fleet.report()
     found = fleet.station.preview("(WHEN (ready) (JOIN bravo))")
-    assert found.unknown == {"s3": "its test evaluates ready, which does something"}
-    assert len(found.no) == 9
+    assert found.unknown["s3"] == "its test evaluates ready, which does something"
+    assert found.reasons == {TEST_UNKNOWN: 9, found.unknown["s3"]: 1}, "the others have no ready"
 
 
 def test_groups_count_as_told(fleet: Fleet) -> None:
@@ -133,7 +134,40 @@ def test_groups_count_as_told(fleet: Fleet) -> None:
 
 def test_unknown_never_matches_here_either(fleet: Fleet) -> None:
     fleet.report()
-    assert len(fleet.station.preview("(WHEN (NOT (> torpedoes 5)) (MARK))").no) == 10
+    found = fleet.station.preview("(WHEN (NOT (> torpedoes 5)) (MARK))")
+    assert (found.yes, found.no, found.reasons) == ((), (), {TEST_UNKNOWN: 10})
+    assert (found.count(UNKNOWN), (found.codes == UNDECIDED).all()) == (10, True)
+    fleet.report(["s1", "s2"])
+    fleet.clock.advance(6.0)
+    fleet.report(["s1"])
+    late = fleet.station.preview("(WHEN (NOT (> torpedoes 5)) (MARK))")
+    assert late.reasons == {STALE: 9, TEST_UNKNOWN: 1}, "what robots know now need not be what they knew"
+
+
+def test_unknown_on_some_robots_is_counted_there(fleet: Fleet) -> None:
+    for name in ("s3", "s7"):
+        fleet.minds[name].evaluate("(DEFVAR torpedoes 6)")
+    fleet.report()
+    found = fleet.station.preview("(WHEN (AND (> fuel 50%) (> torpedoes 5)) (MARK))")
+    assert (found.yes, len(found.no)) == (("s7",), 6)
+    assert found.unknown == dict.fromkeys(("s6", "s8", "s9"), TEST_UNKNOWN)
+    forecast = fleet.station.forecast("(WHEN (AND (> fuel 50%) (> torpedoes 5)) (MARK))")
+    assert (list(forecast.yes), list(forecast.undecided), forecast.may) == (["s7"], ["s6", "s8", "s9"], 1)
+
+
+def test_a_test_that_is_unknown_on_all_robots_is_sent_when_it_is_meant_so(fleet: Fleet) -> None:
+    fleet.station.caution = SendPolicy(doubts=True)
+    fleet.station.send("(WHEN (> fule 50%) (MARK))")  # nobody has told anything yet
+    fleet.report()
+    with pytest.raises(DoubtError, match="unknown on all 10 robots, because no robot has fule: nobody would obey"):
+        fleet.station.send("(WHEN (> fule 50%) (MARK))")
+    with pytest.raises(DoubtError, match="the test is unknown on the robot"):
+        fleet.station.send("(WHEN (> fule 50%) (MARK))", only=["s1"])
+    fleet.station.send("(WHEN (> fule 50%) (MARK))", confirmed=True)
+    fleet.station.send("(WHEN (> fule 50%) (MARK))", undecided=True)
+    fleet.minds["s3"].evaluate("(DEFVAR fule 1)")
+    fleet.report(["s3"])
+    fleet.station.send("(WHEN (> fule 50%) (MARK))")
 
 
 @pytest.mark.parametrize(
@@ -194,7 +228,8 @@ def test_a_certain_answer_is_what_the_robot_does(fuel: float, ordnance: float, l
     found = fleet.station.preview(texts[text])
     matched = fleet.minds["s0"].evaluate(texts[text]).matched
     assert found.yes == (("s0",) if matched else ())
-    assert found.no == (() if matched else ("s0",))
+    assert (*found.no, *found.unknown) == (() if matched else ("s0",))
+    assert set(found.unknown.values()) <= {TEST_UNKNOWN}
 
 
 def test_a_thousand_robots_between_two_keystrokes() -> None:

@@ -145,7 +145,8 @@ class RecordingWitness:
         account = self._station.accounting(command.id)
         counts = (account.n_matched, account.n_not_matched, account.n_fault, account.n_silent)
         values = values_in_words(command, account, self._swarm.vocabulary)
-        body = AccountBody(command.id, account.text, *counts, len(command.expected), values)
+        also = (account.n_unknown, account.n_held)
+        body = AccountBody(command.id, account.text, *counts, len(command.expected), values, *also)
         self._recorder.note(ACCOUNTING, now, body)
         self._recorder.log(now, command.id, account.sentence())
 

@@ -175,6 +175,14 @@ STOPS = "stops"
 """In telemetry: the STOPs that hold a robot, each with the seconds since it came."""
 MATCHED = "matched"
 """In an ASK: robots are to say whether they would obey; in their answers: whether they would."""
+UNKNOWN = "unknown"
+"""In an answer with the outcome `not matched`, and in one to an ASK with `matched`: the test was unknown."""
+HELD = "held"
+"""In an answer with the outcome `matched`: the body was asked to move, and STOP holds it still."""
+REFINED = {UNKNOWN: "not matched", HELD: "matched"}
+"""Outcomes that are sent as one that every receiver knows, and a field that has their own name."""
+RULE = "rule"
+"""In a REPORT: the name of the rule that a robot has deactivated because of its faults."""
 TIME = "time"
 """In a REPORT: the nonce of a robot's time request; in a HEARTBEAT: the same nonce, in reply."""
 TOOK = "took"
@@ -213,6 +221,18 @@ class Inspection(StrEnum):
     """What it has learned: groups, operators, rules."""
     WHY = "why"
     """How it evaluated a command, or what a rule would do now."""
+
+
+def outcome_fields(outcome: str) -> dict[str, object]:
+    """An outcome as fields of an answer's body."""
+    known = REFINED.get(outcome)
+    return {"outcome": outcome} if known is None else {"outcome": known, outcome: True}
+
+
+def outcome_of(body: Mapping[str, object]) -> object:
+    """The outcome in an answer's body, whatever its sender has put there."""
+    said = body.get("outcome")
+    return next((refined for refined, known in REFINED.items() if said == known and body.get(refined) is True), said)
 
 
 def hops_left(body: Mapping[str, object], role: str, most: int) -> int:

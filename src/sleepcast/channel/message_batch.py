@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.message import HOPS, MAX_NUMBER, Kind, Message, message_id
+from sleepcast.channel.message import HOPS, MAX_NUMBER, RULE, Kind, Message, message_id, outcome_fields
 from sleepcast.core.serial import Array, SerialError, within
 
 Index = NDArray[np.intp]
@@ -63,25 +63,27 @@ class Answers:
         value, fault = float(self.value[place]), int(self.fault[place])
         return {
             "command": self.command,
-            "outcome": self.sorts[self.sort[place]],
             "value": None if value != value else value,
             "fault": self.faults[fault - 1] if fault else None,
+            **outcome_fields(self.sorts[self.sort[place]]),
         }
 
 
 @dataclass(frozen=True, slots=True)
 class Reports:
-    """Reports under one label: a column for each value, NaN for unknown."""
+    """Reports under one label: a column for each value, NaN for unknown. rule: that was deactivated, "" for none."""
 
     label: str
     values: tuple[Column, ...]
+    rule: str = ""
 
     def text(self, place: int) -> str:
         return ""
 
     def body(self, place: int) -> Body:
         found = [float(column[place]) for column in self.values]
-        return {"label": self.label, "values": [None if value != value else value for value in found]}
+        values = [None if value != value else value for value in found]
+        return {"label": self.label, "values": values} | ({RULE: self.rule} if self.rule else {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +171,7 @@ class ReportsState(msgspec.Struct, tag="reports"):
 
     label: str
     values: tuple[Array, ...]
+    rule: str = ""
 
 
 class RelaysState(msgspec.Struct, tag="told"):
@@ -224,7 +227,7 @@ def _dump_contents(words: Contents, places: NDArray[np.intp]) -> AnswersState | 
         sort, value, fault = (Array.of(column[places]) for column in (words.sort, words.value, words.fault))
         return AnswersState(words.command, words.sorts, sort, value, words.faults, fault)
     if isinstance(words, Reports):
-        return ReportsState(words.label, tuple(Array.of(column[places]) for column in words.values))
+        return ReportsState(words.label, tuple(Array.of(column[places]) for column in words.values), words.rule)
     if isinstance(words, Relays):
         return RelaysState(words.said, words.hops)
     raise TypeError(f"{type(words).__name__} cannot be kept")
@@ -234,7 +237,8 @@ def _load_contents(state: AnswersState | ReportsState | RelaysState, shape: tupl
     if isinstance(state, RelaysState):
         return Relays(state.said, state.hops)
     if isinstance(state, ReportsState):
-        return Reports(state.label, tuple(column.made(np.float64, shape, "reported") for column in state.values))
+        values = tuple(column.made(np.float64, shape, "reported") for column in state.values)
+        return Reports(state.label, values, state.rule)
     sort, fault = state.sort.made(np.uint8, shape, "outcomes"), state.fault.made(np.int32, shape, "faults")
     within(sort, 0, len(state.sorts) - 1, "outcomes")
     within(fault, 0, len(state.faults), "faults")

@@ -21,7 +21,7 @@ WORDS = {ASK: "answered", STOP: "stopped", RELEASE: "released"}
 """What robots have done that obeyed."""
 
 
-SORTS = ("matched", "not_matched", "fault", "silent")
+SORTS = ("matched", "held", "not_matched", "unknown", "fault", "silent")
 
 
 def as_dict(command: Command, found: Account) -> dict[str, object]:
@@ -60,7 +60,7 @@ def _counted(names: Mapping[str, Collection[str]]) -> dict[str, object]:
 def census(found: Account) -> dict[str, object]:
     """How many answered, how many know the value; its least, mean and greatest, and how it is spread between them."""
     spread, bars = found.values, found.histogram
-    answers = {"answers": found.n_matched + found.n_not_matched + found.n_fault}
+    answers = {"answers": found.n_matched + found.n_not_matched + found.n_unknown + found.n_fault}
     if spread is None or bars is None:
         return {**answers, "n": 0, "min": None, "mean": None, "max": None, "histogram": None}
     histogram = {"low": bars.low, "high": bars.high, "counts": list(bars.counts)}
@@ -70,11 +70,12 @@ def census(found: Account) -> dict[str, object]:
 
 def forecast_text(found: Forecast) -> str:
     """Who would obey, as far as the desk knows: printed before anything is sent."""
-    if not found.may + len(found.no):
+    if not found.may + len(found.no) + len(found.undecided):
         return "no robot was heard before, so it is unknown which robots will obey"
     unheard = f", and {found.nameless} that were never heard" if found.nameless else ""
     may = f"{listed('cannot say', found.unknown)}{unheard}"
-    return f"{listed('would obey', found.yes)}; {may}; would not {len(found.no)}"
+    undecided = f"; {listed('test unknown', found.undecided)}" if len(found.undecided) else ""
+    return f"{listed('would obey', found.yes)}; {may}; would not {len(found.no)}{undecided}"
 
 
 def account_lines(command: Command, found: Account) -> Iterator[str]:
@@ -95,6 +96,10 @@ def account_lines(command: Command, found: Account) -> Iterator[str]:
         yield "  none of them knows the value: it is unknown there"
     elif command.kind == "command":
         yield f"  {listed('noted outside it by' if leasing else 'did not match', found.not_matched)}"
+        if found.n_unknown:
+            yield f"  {listed('test unknown', found.unknown)}"
+        if found.n_held:
+            yield f"  {listed('held by STOP, so they did not move', found.held)}"
     for name in _sorted(found.fault)[:FEW]:
         yield f"  fault on {name}: {printable(found.answers[name].fault or '')}"
     if len(found.fault) > FEW:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from sleepcast.channel.admission import Admission
 from sleepcast.channel.clock_sync import differs
 from sleepcast.channel.drops import NoticeLog
-from sleepcast.channel.message import TOOK
+from sleepcast.channel.message import TOOK, outcome_of
 from sleepcast.cli.standard_memory import reported_body
 from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import printable
@@ -17,8 +17,17 @@ from sleepcast.station.journal.journal import JournalEntry, JournalEvent
 
 SHOWN = 5
 """Names that are listed."""
-COUNTED = {"matched": "matched", "not_matched": "did not match", "fault": "fault", "silent": "silent"}
+COUNTED = {
+    "matched": "matched",
+    "held": "held by STOP",
+    "not_matched": "did not match",
+    "unknown": "unknown",
+    "fault": "fault",
+    "silent": "silent",
+}
 """What is counted of a command, and how it is said."""
+RARE = frozenset({"held", "unknown"})
+"""What is only said where it happened."""
 
 
 def entry_text(entry: JournalEntry) -> str:
@@ -37,7 +46,7 @@ def answer_text(body: Mapping[str, object]) -> str:
     outcomes = body.get("outcomes")
     if isinstance(outcomes, dict):
         return ", ".join(f"{outcome} {count}" for outcome, count in outcomes.items())
-    outcome, value, fault = body.get("outcome"), body.get("value"), body.get("fault")
+    outcome, value, fault = outcome_of(body), body.get("value"), body.get("fault")
     if not isinstance(outcome, str):
         return json.dumps({key: value for key, value in body.items() if key not in ("kind", "command")})
     known = f" {format_value(value)}" if isinstance(value, float) and value == value else ""
@@ -82,7 +91,8 @@ def _repeated(entry: JournalEntry) -> str:
 
 def _accounted(entry: JournalEntry) -> str:
     details = entry.details
-    counts = [f"{words} {details.get(f'n_{sort}')}" for sort, words in COUNTED.items()]
+    said = [sort for sort in COUNTED if sort not in RARE or details.get(f"n_{sort}")]
+    counts = [f"{COUNTED[sort]} {details.get(f'n_{sort}')}" for sort in said]
     names = details.get("silent")
     silent = [str(name) for name in names] if isinstance(names, list) else []
     listed = ", ".join(silent[:SHOWN]) + (", ..." if len(silent) > SHOWN else "")

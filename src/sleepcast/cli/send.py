@@ -143,7 +143,7 @@ def _confirmed(station: NetworkStation, telemetry: TelemetryClient, draft: Draft
     if draft.confirmed or checked.errors or not checked.doubts or as_json or not somebody_there():
         return draft
     if not telemetry.minds:  # else they have been printed
-        complain(DoubtError(checked).shown)
+        complain(DoubtError.of(checked).shown)
     click.confirm("Send it as it stands?", abort=True, err=True)
     return replace(draft, confirmed=True)
 

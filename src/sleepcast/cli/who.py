@@ -129,7 +129,7 @@ def _polled(station: NetworkStation, text: str) -> Obeyers:
     found, account = Obeyers(everybody=station.preview(text).everybody), station.accounting(asked.id)
     found.nameless = account.n_nameless
     faults = account.faults
-    for name in sorted((*account.matched, *account.not_matched, *account.fault)):
+    for name in sorted((*account.matched, *account.not_matched, *account.unknown, *account.fault)):
         if poll.said.get(name) is True:
             found.yes.append(name)
         elif name in faults:

@@ -17,7 +17,8 @@ NAMED = 3
 class CommandRow(msgspec.Struct, frozen=True):
     """One command. at: when it was sent, in simulated s. kind: command, ask, stop or release. Then counts of robots.
     standing: whether it has no deadline. values: what was answered to a question, in words. scope: among whom silence
-    was counted, in words."""
+    was counted, in words. unknown: those whose test was neither true nor false. held: those among the matched that were
+    to move, and did not because STOP holds them."""
 
     id: str
     kind: str
@@ -31,6 +32,8 @@ class CommandRow(msgspec.Struct, frozen=True):
     standing: bool = False
     values: str = ""
     scope: str = ""
+    unknown: int = 0
+    held: int = 0
 
 
 class AccountTable:
@@ -67,6 +70,8 @@ class AccountTable:
             command.message.standing,
             values_in_words(command, found, self._swarm.vocabulary),
             found.scope,
+            found.n_unknown,
+            found.n_held,
         )
 
     def outcomes(self, command: str) -> bytes:

@@ -76,6 +76,10 @@ class Evaluation:
         """Nesting of entered programs, and of parentheses in them: the same for all robots that have come so far."""
         self.top: Program
         self.matched: Mask = np.zeros(state.count, np.bool_)
+        self.undecided: Mask | None = None
+        """Where the top-level test was unknown; None in evaluations that do not look for that."""
+        self.moved: Mask | None = None
+        """Which robots' bodies were asked to move, likewise."""
         self.dead: Mask | None = None
         """Which robots have run out of steps, or None."""
         self._entered: NDArray[np.int32] | None = None

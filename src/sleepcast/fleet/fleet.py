@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.message import FOR, NOT, Kind, Message, hops_left, is_addressed
+from sleepcast.channel.message import FOR, HELD, HOPS, NOT, UNKNOWN, Kind, Message, hops_left, is_addressed
 from sleepcast.channel.message_batch import Answers, MessageBatch, NameIndex
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.threads import ThreadPool
@@ -62,7 +62,9 @@ Some: TypeAlias = Rows | Sequence[int] | Index | None
 
 @dataclass
 class Evaluated:
-    """The result of one text on the robots `rows`. Columns have one value for each of them; faults are in order."""
+    """The result of one text on the robots `rows`. Columns have one value for each of them; faults are in order.
+    undecided: where its top-level test was unknown; held: where its bodies were asked to move while STOP holds them;
+    None where nobody asks for that."""
 
     rows: Rows
     entry: LogEntry
@@ -71,6 +73,8 @@ class Evaluated:
     steps: NDArray[np.int32]
     faults: list[Noted]
     printed: list[tuple[Index, str, Sequence[Column]]]
+    undecided: Mask | None = None
+    held: Mask | None = None
 
 
 class RobotView:
@@ -572,16 +576,24 @@ class Fleet(Mapping[str, RobotView]):
             raise FleetError(f"cannot say what {text} comes to without doing it: {memory.reasons[0]}")
         return found
 
-    def run(self, program: Program, rows: Rows, command: str = "") -> Evaluated:
-        """Evaluate a program on these robots, and log its inputs for explanations."""
+    def run(self, program: Program, rows: Rows, command: str = "", *, answered: bool = False) -> Evaluated:
+        """Evaluate a program on these robots, and log its inputs for explanations. answered: whether a person is told
+        what came of it."""
         memory = self.memory
         entry = self.evaluation_log.remember(program, rows, command)
         memory.hosts, memory.printed = entry.hosts, []
+        if answered:
+            memory.undecided, memory.moved = np.zeros((2, self.state.count), np.bool_)
         values = evaluate(memory, program, rows)
         steps = np.broadcast_to(np.asarray(memory.steps(rows), np.int32), rows.size)
         printed, memory.hosts, memory.printed = memory.printed, None, None
         self.evaluation_log.weigh(entry)
-        return Evaluated(rows, entry, values, memory.matched[rows.index].copy(), steps, memory.noted, printed)
+        found = Evaluated(rows, entry, values, memory.matched[rows.index].copy(), steps, memory.noted, printed)
+        if memory.undecided is not None and memory.moved is not None:
+            found.undecided = memory.undecided[rows.index]
+            found.held = memory.moved[rows.index] & self.state.stopped[rows.index]
+        memory.undecided = memory.moved = None
+        return found
 
     def install(
         self,
@@ -625,7 +637,8 @@ class Fleet(Mapping[str, RobotView]):
             elif message.kind is Kind.ASK:
                 self._asked(message, found, some)
             else:
-                self.outbox.answer(some, _came_of(message, self.run(found, some, message.id)))
+                answered = HOPS not in message.body  # nobody counts what becomes of what robots tell each other
+                self.outbox.answer(some, _came_of(message, self.run(found, some, message.id, answered=answered)))
         self.memory.hops = MAX_HOPS
 
     def _asked(self, message: Message, program: Program, rows: Rows) -> None:
@@ -641,7 +654,7 @@ def _runs(mind: Mind) -> bool:
     return bool(mind.running)
 
 
-_SORTS = ("not matched", "matched", "fault")
+_SORTS = ("not matched", "matched", "fault", UNKNOWN, HELD)
 
 
 def _came_of(message: Message, outcome: Evaluated) -> Answers:
@@ -651,5 +664,9 @@ def _came_of(message: Message, outcome: Evaluated) -> Answers:
     for number, noted in reversed(list(enumerate(outcome.faults, 1))):
         fault[rows.places(noted.robots)] = number
     sort = outcome.matched.view(np.uint8)
+    if outcome.undecided is not None and outcome.undecided.any():
+        sort = np.where(outcome.undecided & (sort == 0), np.uint8(3), sort)
+    if outcome.held is not None and outcome.held.any():
+        sort = np.where(outcome.held & (sort == 1), np.uint8(4), sort)
     sort = np.where(fault > 0, np.uint8(2), sort) if faults else sort
     return Answers(message.id, _SORTS, sort, outcome.values, tuple(faults), fault)

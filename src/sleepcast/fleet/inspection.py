@@ -35,7 +35,7 @@ from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory, Found, Given
 from sleepcast.fleet.messages import Outbox
 from sleepcast.fleet.schema import TelemetryState
-from sleepcast.fleet.state import Column, FleetState, Index, Mask, Mind, MindNames, Minds, Rows, is_true
+from sleepcast.fleet.state import Column, FleetState, Index, Mask, Mind, MindNames, Minds, Rows
 from sleepcast.language.explain import Recollection
 from sleepcast.language.numerics import draw
 from sleepcast.language.parts import Part, Storing, acts, host_of, walk, written
@@ -209,14 +209,9 @@ class FleetTelemetry:
         else:
             self._asked = {slot: those.made(np.bool_, shape, f"who reported {slot}") for slot, those in asked.items()}
 
-    def judge(self, test: Program, robots: Index) -> tuple[Mask, NDArray[np.uint8], list[str]]:
-        """Evaluate a test on these robots' telemetry: where it holds; and for each robot that is undecided the index of
-        the reason, from 1, in the list that follows (0: decided)."""
-        values, reason, reasons = self.values(test, robots)
-        return is_true(values), reason, reasons
-
     def values(self, program: Program, robots: Index) -> tuple[Column, NDArray[np.uint8], list[str]]:
-        """The same with the values themselves, NaN for unknown and for robots that are undecided."""
+        """Evaluate a program on these robots' telemetry: its values, NaN for unknown and for robots that are undecided;
+        and for each robot that is undecided the index of the reason, from 1, in the list that follows (0: decided)."""
         rows = Rows.of(robots)
         memory = QuietMemory(self._then, self._minds)
         if self._large:
@@ -241,7 +236,7 @@ class FleetTelemetry:
 
 class QuietMemory(FleetMemory):
     """A read-only memory. bodies: those whose sensors may be asked; without them a robot that would ask one is
-    undecided. reason: by robot, as in `FleetTelemetry.judge`."""
+    undecided. reason: by robot, as in `FleetTelemetry.values`."""
 
     def __init__(self, state: FleetState, minds: Minds, bodies: Sequence[object | None] = ()) -> None:
         super().__init__(state, minds, Outbox(state, ()), bodies)

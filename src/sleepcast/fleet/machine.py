@@ -29,7 +29,8 @@ _CHANGING = frozenset({"set_user", "set_local", "write", "defvar", "store", "fet
 def evaluate(memory: FleetMemory, program: Program, rows: Rows) -> Column:
     """Evaluate a program once on these robots; returns its values, with the other results in the memory."""
     memory.begin(program, rows)
-    found = memory.kernels.run(memory, program, rows) if memory.kernels is not None else None
+    natively = memory.kernels is not None and memory.undecided is None  # native code does not say why a test fails
+    found = memory.kernels.run(memory, program, rows) if natively and memory.kernels is not None else None
     if found is None:
         return walk_through(memory, program, rows)
     values, left = found
@@ -47,6 +48,8 @@ def walk_through(memory: FleetMemory, program: Program, rows: Rows) -> Column:
         values = np.where(memory.dead[rows.index], nan, values)
     if program.test is program:
         memory.matched[rows.index] = is_true(values)
+        if memory.undecided is not None:
+            memory.undecided[rows.index] = np.isnan(values)
     return values
 
 
@@ -121,6 +124,20 @@ class Sweep:
             some = rows if memory.dead is None else rows.take(~memory.dead[rows.index])
             memory.matched[some.index] = True
 
+    def tested(self, part: Part, test: Part, rows: Rows) -> Mask:
+        """Where a test of `part` holds; where it is unknown is recorded."""
+        if self.memory.undecided is None or not part.watch:
+            return self.truth(test, rows)
+        value = self.value(test, rows)
+        self.undecided(part, rows, value)
+        return is_true(value)
+
+    def undecided(self, part: Part, rows: Rows, values: Column) -> None:
+        """Record where a top-level test with these values is unknown."""
+        memory = self.memory
+        if memory.undecided is not None and part.watch and memory.depth == 0:
+            memory.undecided[rows.take(np.isnan(values)).index] = True
+
     def enter(self, part: Part, program: Program, rows: Rows, arguments: Sequence[Column]) -> Column:
         """Enter a buffer, rule or operator."""
         memory = self.memory
@@ -194,6 +211,8 @@ def _and(w: Sweep, part: Part, rows: Rows) -> Column:
         value = w.value(inside, ways.open)
         true = is_true(value)
         if not true.all():
+            if done < part.watch:
+                w.undecided(part, ways.open, value)
             ways.settle(~true, value[~true])
             value = value[true]
             if ways.open.size == 0:
@@ -226,7 +245,9 @@ def _cond(w: Sweep, part: Part, rows: Rows) -> Column:
     for clause in part.parts:
         test, *body = clause.parts
         value = np.empty(0) if body else w.value(test, ways.open)
-        true = w.truth(test, ways.open) if body else is_true(value)
+        true = w.tested(clause, test, ways.open) if body else is_true(value)
+        if not body:
+            w.undecided(clause, ways.open, value)
         if true.any():
             taken = ways.open.take(true) if not true.all() else ways.open
             w.watched(clause, taken)
@@ -238,7 +259,7 @@ def _cond(w: Sweep, part: Part, rows: Rows) -> Column:
 
 def _if(w: Sweep, part: Part, rows: Rows) -> Column:
     ways = _Ways(rows)
-    true = w.truth(part.parts[0], rows)
+    true = w.tested(part, part.parts[0], rows)
     if true.any():
         taken = rows.take(true) if not true.all() else rows
         w.watched(part, taken)

@@ -116,9 +116,15 @@ class FleetMemory(Evaluation):
             self.state.assign(part.slot, done, values if done is rows else values[~np.isnan(values)])
             if variable.kind is VariableKind.ACTUATOR:
                 self.state.assigned(part.slot)[done.index] = True
+                self._moving(done)
             elif ACTIVE0 < part.slot < ACTIVE0 + BUFFERS:
                 self._flag_assigned(part.slot, done)
         return self.answer(values)
+
+    def _moving(self, rows: Rows) -> None:
+        """The bodies of these robots are asked to move."""
+        if self.moved is not None:
+            self.moved[rows.index] = True
 
     def _refuse_built_in(self, part: Part, rows: Rows, values: Column) -> Rows:
         """Refuse to assign the flag of a protected buffer; returns the robots that may.
@@ -215,6 +221,8 @@ class FleetMemory(Evaluation):
             known = known.take(~held)
             unknown[~unknown] = held
         columns = [argument[~unknown] for argument in arguments]
+        if function.acts and function.moves:
+            self._moving(known)
         given = self._ask(function, part, known, columns)
         if self.hosts is not None:
             self.hosts.append((known, given))

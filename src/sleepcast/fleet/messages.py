@@ -81,11 +81,11 @@ class Outbox:
         for robot in rows.robots[self._state.said[rows.index] >= MAX_OUTBOX].tolist():
             self._state.said[robot] = len(self._outboxes.get(robot, ()))
 
-    def report(self, rows: Rows, label: str, values: Sequence[Column] = ()) -> None:
-        """REPORT on each of these robots."""
+    def report(self, rows: Rows, label: str, values: Sequence[Column] = (), rule: str = "") -> None:
+        """REPORT on each of these robots. rule: that they have deactivated, "" for none."""
 
         heard = self._within_rate(rows)
-        words = Reports(label, tuple(values))
+        words = Reports(label, tuple(values), rule)
         if heard.all():
             self.say(Kind.REPORT, rows, words)
         else:

@@ -268,7 +268,7 @@ class BatchScheduler:
                 draft.activate(key, False)
                 memory.turn(some, draft)
                 memory.state.unproven_since[some.index] = FAILED
-                memory.outbox.report(some, f"rule {kept.name} deactivated")
+                memory.outbox.report(some, f"rule {kept.name} deactivated", rule=kept.name)
 
 
 def _next(ways: list[Way]) -> str:

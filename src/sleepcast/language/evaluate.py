@@ -45,13 +45,15 @@ class Nesting(Protocol):
 class Memory(Nesting, Protocol):
     """What a program may touch: one robot's three address spaces. NaN is unknown everywhere.
 
-    Every method that takes a part does what the part says; a refusal is a fault, which returns NaN.
+    Every method that takes a part does what the part says; a refusal is a fault, which returns NaN. undecided: whether
+    the top-level test was unknown, as far as the program was walked.
     """
 
     values: list[float]
     groups: frozenset[str]
     steps: int
     matched: bool
+    undecided: bool
 
     def fault(self, part: Part, reason: str) -> float:
         """Note what went wrong where; gives unknown."""
@@ -111,7 +113,7 @@ def enter(memory: Memory, part: Part, program: Entered | None, arguments: Sequen
     refusal = too_deep(memory, program)
     if refusal:
         return memory.fault(part, refusal)
-    matched = memory.matched
+    matched, undecided = memory.matched, memory.undecided
     memory.depth += 1
     memory.levels += program.height
     try:
@@ -119,7 +121,7 @@ def enter(memory: Memory, part: Part, program: Entered | None, arguments: Sequen
     finally:
         memory.depth -= 1
         memory.levels -= program.height
-        memory.matched = matched
+        memory.matched, memory.undecided = matched, undecided
 
 
 def too_deep(memory: Nesting, program: Entered) -> str:
@@ -195,6 +197,8 @@ def _and(w: Walker, part: Part) -> float:
             _watched(w, part)
         value = w.value(inside)
         if not is_true(value):
+            if done < part.watch:
+                _undecided(w, part, value)
             return value
     if part.watch == len(part.parts):
         _watched(w, part)
@@ -204,6 +208,12 @@ def _and(w: Walker, part: Part) -> float:
 def _watched(w: Walker, part: Part) -> None:
     if part.watch:
         w.memory.matched = True
+
+
+def _undecided(w: Walker, part: Part, value: float) -> None:
+    """A test of `part` that does not hold has this value: if it is unknown, so is the top-level test."""
+    if part.watch and value != value:
+        w.memory.undecided = True
 
 
 def _or(w: Walker, part: Part) -> float:
@@ -228,13 +238,16 @@ def _cond(w: Walker, part: Part) -> float:
         if is_true(value):
             _watched(w, clause)
             return w.last(body) if body else value
+        _undecided(w, clause, value)
     return 0.0
 
 
 def _if(w: Walker, part: Part) -> float:
-    if is_true(w.value(part.parts[0])):
+    value = w.value(part.parts[0])
+    if is_true(value):
         _watched(w, part)
         return w.value(part.parts[1])
+    _undecided(w, part, value)
     return w.last(part.parts[2:])
 
 

@@ -129,7 +129,7 @@ class _Course:
 def _explained(recollection: Recollection, memory: Rehearsal) -> Explanation:
     program = recollection.program
     memory.values.extend([nan] * (program.slots - len(memory.values)))
-    memory.matched = program.test is None
+    memory.matched, memory.undecided = program.test is None, False
     memory.steps, memory.levels = program.cost, program.height
     tracer = Tracer(memory, program)
     try:
@@ -137,7 +137,7 @@ def _explained(recollection: Recollection, memory: Rehearsal) -> Explanation:
     except OutOfSteps:
         value = memory.fault(program.root, f"out of steps: at most {MAX_STEPS} in one evaluation")
     if program.test is program:
-        memory.matched = is_true(value)
+        memory.matched, memory.undecided = is_true(value), value != value
     course = _Course(tracer, {(id(part), 0): reason for part, reason in memory.faults})
     reason = "" if memory.matched else refusal(program, tracer)
     root = _step(program.root, program.text, course, tracer, None if memory.matched else culprit(program, tracer))
@@ -190,7 +190,7 @@ class Tracer(Walker):
         if memory.steps > MAX_STEPS:
             raise OutOfSteps
         memory.values.extend([nan] * (program.slots - len(memory.values)))
-        matched = memory.matched
+        matched, undecided = memory.matched, memory.undecided
         memory.depth += 1
         memory.levels += program.height
         try:
@@ -198,7 +198,7 @@ class Tracer(Walker):
         finally:
             memory.depth -= 1
             memory.levels -= program.height
-            memory.matched = matched
+            memory.matched, memory.undecided = matched, undecided
 
 
 # ---- why a test was not true

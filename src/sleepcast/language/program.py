@@ -87,6 +87,11 @@ class Program:
             code = self.compile()
         return code(values, memory, *arguments)
 
+    def walk(self, memory: Memory) -> float:
+        """Evaluate the program by walking it, its cost having been charged."""
+        memory.values.extend([nan] * (self.slots - len(memory.values)))
+        return Walker(memory, self).value(self.root)
+
     def compile(self) -> Code:
         """The program's Python code, generated now if it was not before."""
         if self.code is None:
@@ -241,4 +246,18 @@ def evaluate(program: Program, memory: Memory) -> float:
         return memory.fault(program.root, f"out of steps: at most {MAX_STEPS} in one evaluation")
     if program.test is program:
         memory.matched = value < 0.0 or value > 0.0
+    return value
+
+
+def decide(program: Program, memory: Memory) -> float:
+    """The same as `evaluate`, and the memory knows whether the top-level test was unknown: for what is answered.
+    The program is walked, because rules, whose code has to be fast, need not know it."""
+    memory.steps, memory.depth, memory.levels = program.cost, 0, program.height
+    memory.matched, memory.undecided = program.test is None, False
+    try:
+        value = program.walk(memory)
+    except OutOfSteps:
+        return memory.fault(program.root, f"out of steps: at most {MAX_STEPS} in one evaluation")
+    if program.test is program:
+        memory.matched, memory.undecided = value < 0.0 or value > 0.0, value != value
     return value

@@ -55,7 +55,7 @@ class Rehearsal:
     ) -> None:
         self.values, self.groups = list(values), groups
         self.steps = self.depth = self.levels = 0
-        self.matched = False
+        self.matched = self.undecided = False
         self.faults: list[tuple[Part, str]] = []
         self._fetch, self._operator, self._read, self._draw = fetch, operator, read, draw
         self._has = has

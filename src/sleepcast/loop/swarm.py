@@ -46,8 +46,9 @@ WINDOW = 1.0
 class Desk(Protocol):
     """The operator's desk as the loop uses it."""
 
-    def send(self, text: str, *, everybody: bool) -> object:
-        """Broadcast an expression; everybody: confirms that it is meant for all robots."""
+    def send(self, text: str, *, everybody: bool, undecided: bool) -> object:
+        """Broadcast an expression; everybody: confirms that it is meant for all robots; undecided: even if its test
+        is unknown on all of them."""
 
     def hear(self, message: Message) -> None:
         """Receive a robot's message."""
@@ -219,7 +220,7 @@ def _give_orders(swarm: Swarm) -> None:
     while swarm.mission and swarm.desk is not None and swarm.mission[0].time <= swarm.now():
         order = swarm.mission.popleft()
         try:
-            swarm.desk.send(order.text, everybody=True)
+            swarm.desk.send(order.text, everybody=True, undecided=True)
         except SleepcastError as error:
             raise MissionError(f"{order.place}: {error}") from error
 

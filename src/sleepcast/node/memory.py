@@ -82,7 +82,7 @@ class RobotMemory:
         """What it has learned."""
         self.records = RuleRecords(self.base, self.values)
         self.steps = self.depth = self.levels = 0
-        self.matched = False
+        self.matched = self.undecided = False
         self.faults: list[Fault] = []
         self.answers: list[Answer] | None = None
         self.tick, self.time = 0, 0.0

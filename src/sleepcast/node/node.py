@@ -14,14 +14,28 @@ from functools import partial
 from math import inf, isnan, nan
 
 from sleepcast.channel.clock_sync import differs
-from sleepcast.channel.message import HOPS, LEASE, LOOK, MATCHED, Kind, Message, age_of, hops_left, is_addressed
+from sleepcast.channel.message import (
+    HELD,
+    HOPS,
+    LEASE,
+    LOOK,
+    MATCHED,
+    RULE,
+    UNKNOWN,
+    Kind,
+    Message,
+    age_of,
+    hops_left,
+    is_addressed,
+    outcome_fields,
+)
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.lint import Checked, check
 from sleepcast.language.parts import Part
-from sleepcast.language.program import Program, evaluate
+from sleepcast.language.program import Program, decide, evaluate
 from sleepcast.language.reader import read, show
 from sleepcast.language.rehearsal import Answer
 from sleepcast.language.symbols import Declared, UserVariable
@@ -382,14 +396,16 @@ class Node:
 
     # ---- evaluating
 
-    def _run(self, program: Program, command: str) -> float:
+    def _run(self, program: Program, command: str, *, answered: bool = False) -> float:
+        """answered: whether a person is told what came of it, so also why its test did not hold."""
         memory = self._memory
         answers: list[Answer] = []
         self._recollections.append(
             (program, memory.values.copy(), memory.groups, answers, memory.time, memory.tick, command)
         )
         memory.answers, memory.faults = answers, []
-        value = evaluate(program, memory)
+        memory.undecided = False
+        value = decide(program, memory) if answered else evaluate(program, memory)
         memory.answers = None
         return value
 
@@ -409,7 +425,7 @@ class Node:
         if record.faults_in_row >= MAX_FAULTS_IN_ROW and not record.gone and not rule.protected:
             memory.records.deactivate(rule.key)
             memory.rule_failed()
-            self._report(f"rule {rule.name} deactivated", ())
+            self._report(f"rule {rule.name} deactivated", (), {RULE: rule.name})
 
     def _obey(self, message: Message, now: float) -> None:
         if now > message.deadline:
@@ -439,22 +455,28 @@ class Node:
             self._answer(message, "fault", fault=objection)
             return
         if message.kind is Kind.ASK:
-            found = rehearse(program, memory.rehearsal(), command=message.id)
-            details = {MATCHED: found.matched} if MATCHED in message.body else NOTHING
+            rehearsal = memory.rehearsal()
+            found = rehearse(program, rehearsal, command=message.id)
+            details = {MATCHED: found.matched} if MATCHED in message.body else {}
+            if details and rehearsal.undecided and not found.matched:
+                details[UNKNOWN] = True
             self._answer(message, "answer", found.value, "; ".join(found.faults), details)
             return
         memory.moved = False
         memory.base.merging.begin(place_of(message, self.zero) if self._on_air else None)
         memory.hops = hops_left(message.body, message.role, MAX_HOPS)
-        value = self._run(program, message.id)
+        answered = HOPS not in message.body  # nobody counts what becomes of what robots tell each other
+        value = self._run(program, message.id, answered=answered)
         memory.hops = MAX_HOPS
         memory.base.merging.begin(None)
         if memory.moved:
             memory.driven = drives(message)
         if memory.faults:
             self._answer(message, "fault", value, str(memory.faults[0]))
+        elif memory.matched:
+            self._answer(message, HELD if answered and memory.moved and self.stopped else "matched", value)
         else:
-            self._answer(message, "matched" if memory.matched else "not matched", value)
+            self._answer(message, UNKNOWN if answered and memory.undecided else "not matched", value)
 
     def interrupted(self, message: Message) -> None:
         """Answer a message whose evaluation began before a restart: it is not repeated."""
@@ -474,11 +496,11 @@ class Node:
     def _answer(
         self, message: Message, outcome: str, value: float = nan, fault: str = "", details: Details = NOTHING
     ) -> None:
-        said = {"command": message.id, "outcome": outcome, "value": None if isnan(value) else value}
-        self._say(Kind.ANSWER, body={**said, "fault": fault or None, **details})
+        said = {"command": message.id, "value": None if isnan(value) else value, "fault": fault or None}
+        self._say(Kind.ANSWER, body={**said, **outcome_fields(outcome), **details})
         self.evaluated.append((message, outcome, self._now if self.clock is None else self.clock.now() - self.zero))
 
-    def _report(self, label: str, values: tuple[float, ...]) -> None:
+    def _report(self, label: str, values: tuple[float, ...], details: Details = NOTHING) -> None:
         if self._printed is not None:
             self._printed.append((label, values))
         second = int(self._now)
@@ -488,7 +510,8 @@ class Node:
         if self._reported > REPORTS_A_SECOND:
             self.lost += 1
             return
-        self._say(Kind.REPORT, body={"label": label, "values": [None if isnan(v) else v for v in values]})
+        known = [None if isnan(v) else v for v in values]
+        self._say(Kind.REPORT, body={"label": label, "values": known, **details})
 
     def remark(self, said: str) -> None:
         """Report something that no expression has asked for."""

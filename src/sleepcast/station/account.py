@@ -1,4 +1,4 @@
-"""Commands that were sent and what became of each: matched, did not match, fault, or not heard from.
+"""Commands that were sent and what became of each: matched, did not match, test unknown, fault, or not heard from.
 
 Silence is never taken for consent: a robot that was on the roster when the command went out and has not spoken
 is silent, with the time at which it was last heard.
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.message import LOOK
+from sleepcast.channel.message import HELD, LOOK, UNKNOWN, outcome_of
 from sleepcast.channel.message_batch import Answers as Said
 from sleepcast.channel.message_batch import NameIndex, ascending, natural_order
 from sleepcast.core.errors import MisuseError, did_you_mean, printable
@@ -40,19 +40,24 @@ class Outcome(StrEnum):
     MATCHED = "matched"
     NOT_MATCHED = "not matched"
     FAULT = "fault"
+    UNKNOWN = "unknown"
+    HELD = "held by STOP"
 
 
 SAID: Mapping[str, Outcome] = {
     "matched": Outcome.MATCHED,
     "not matched": Outcome.NOT_MATCHED,
     "fault": Outcome.FAULT,
+    UNKNOWN: Outcome.UNKNOWN,
+    HELD: Outcome.HELD,
     "answer": Outcome.MATCHED,
     "late": Outcome.FAULT,
     "stopped": Outcome.MATCHED,
     "released": Outcome.MATCHED,
 }
 """What an outcome counts as, by the word that a robot uses. Late: it heard the command past its deadline and did
-nothing, which is not a decision of its own."""
+nothing, which is not a decision of its own. Robots of older versions, which cannot say that a test was unknown or that
+STOP holds them, say that they did not match, or did."""
 ANSWER = "answer"
 """A robot's outcome for a question. If something went wrong on the way to its value, it counts as a fault."""
 LATE = "heard after its deadline, so not evaluated"
@@ -70,7 +75,7 @@ class Answer:
 
 def answer_from(body: Mapping[str, object], now: float) -> Answer | None:
     """The answer in the body of an ANSWER heard at `now`; None if it is malformed."""
-    said = body.get("outcome")
+    said = outcome_of(body)
     outcome = SAID.get(said) if isinstance(said, str) else None
     if outcome is None:
         return None
@@ -84,7 +89,7 @@ def answer_from(body: Mapping[str, object], now: float) -> Answer | None:
 
 
 OUTCOMES = tuple(Outcome)
-SILENT, MATCHED, NOT_MATCHED, FAULT = range(len(OUTCOMES) + 1)
+SILENT, MATCHED, NOT_MATCHED, FAULT, TEST_UNKNOWN, HELD_BY_STOP = range(len(OUTCOMES) + 1)
 """What a robot's code in a column of outcomes means: nothing heard, or one of `OUTCOMES` in their order."""
 
 
@@ -213,6 +218,8 @@ def _code(outcome: Outcome | None) -> int:
 
 # ---- what became of a command
 
+COUNTED = ("matched", "held", "not_matched", "unknown", "fault", "silent")
+"""What an account counts, as its attributes; held is among matched."""
 SHOWN = 5
 """Silent robots named in a sentence; more are counted."""
 SORTED = 1_000
@@ -326,7 +333,8 @@ class Histogram:
 @dataclass(frozen=True, eq=False)
 class Account:
     """What became of one command, names in the order of the roster. For a STOP, matched means that the robot says it
-    is stopped; for a RELEASE, that it is not stopped any more; for a question, that it has answered.
+    is stopped; for a RELEASE, that it is not stopped any more; for a question, that it has answered. held: those among
+    the matched that were to move, and did not, because STOP holds them. unknown: their test was neither true nor false.
 
     codes: by place, as in `Answers.codes`; addressed: so many of them, from the first on, count as silent.
     heard: when each was last heard (s of the desk's clock, -inf: never). only, size: see `Command`.
@@ -350,11 +358,19 @@ class Account:
 
     @property
     def n_matched(self) -> int:
-        return self.counts[MATCHED]
+        return self.counts[MATCHED] + self.counts[HELD_BY_STOP]
+
+    @property
+    def n_held(self) -> int:
+        return self.counts[HELD_BY_STOP]
 
     @property
     def n_not_matched(self) -> int:
         return self.counts[NOT_MATCHED]
+
+    @property
+    def n_unknown(self) -> int:
+        return self.counts[TEST_UNKNOWN]
 
     @property
     def n_fault(self) -> int:
@@ -392,11 +408,19 @@ class Account:
 
     @cached_property
     def matched(self) -> tuple[str, ...]:
-        return self._named(MATCHED)
+        return self._named(MATCHED, HELD_BY_STOP)
+
+    @cached_property
+    def held(self) -> tuple[str, ...]:
+        return self._named(HELD_BY_STOP)
 
     @cached_property
     def not_matched(self) -> tuple[str, ...]:
         return self._named(NOT_MATCHED)
+
+    @cached_property
+    def unknown(self) -> tuple[str, ...]:
+        return self._named(TEST_UNKNOWN)
 
     @cached_property
     def fault(self) -> tuple[str, ...]:
@@ -447,8 +471,8 @@ class Account:
         heard = -inf if place is None or place >= len(self.heard) else float(self.heard[place])
         return heard if heard > -inf else None
 
-    def _named(self, code: int) -> tuple[str, ...]:
-        return tuple(self.answers.names[place] for place in np.flatnonzero(self.codes == code).tolist())
+    def _named(self, *codes: int) -> tuple[str, ...]:
+        return tuple(self.answers.names[place] for place in np.flatnonzero(np.isin(self.codes, codes)).tolist())
 
     @property
     def complete(self) -> bool:
@@ -457,8 +481,10 @@ class Account:
 
     def sentence(self) -> str:
         """The account for a person: `matched 29, did not match 970, fault 0, silent 1 of 1,000 robots: r12 (last heard
-        8 s ago)`."""
-        counts = f"matched {self.n_matched}, did not match {self.n_not_matched}, fault {self.n_fault}"
+        8 s ago)`; with those that STOP holds, and those whose test was unknown, where there are any."""
+        held = f" (held by STOP: {self.n_held})" if self.n_held else ""
+        unknown = f", unknown {self.n_unknown}" if self.n_unknown else ""
+        counts = f"matched {self.n_matched}{held}, did not match {self.n_not_matched}{unknown}, fault {self.n_fault}"
         return f"{counts}, {self.silence()}"
 
     def silence(self, most: int = SHOWN) -> str:
@@ -479,13 +505,7 @@ class Account:
 
     def to_dict(self) -> dict[str, object]:
         """The counts, as the command line prints them."""
-        return {
-            "text": self.text,
-            "matched": self.n_matched,
-            "not_matched": self.n_not_matched,
-            "fault": self.n_fault,
-            "silent": self.n_silent,
-        }
+        return {"text": self.text} | {sort: getattr(self, f"n_{sort}") for sort in COUNTED}
 
     def ago(self, name: str) -> str:
         """When a robot was last heard, in words."""

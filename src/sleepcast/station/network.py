@@ -40,6 +40,7 @@ from sleepcast.channel.message import (
     Role,
 )
 from sleepcast.channel.message import MATCHED as WOULD
+from sleepcast.channel.message import UNKNOWN as UNSURE
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.session import MAX_SPREAD, ChannelSession
 from sleepcast.core.clock import Clock
@@ -48,13 +49,14 @@ from sleepcast.language.parts import rules
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.mind.authority import MAX_MARKS, Life, Mark, mark_of, marks_and_ages
-from sleepcast.station.account import MATCHED, Command, SentCommands, account
+from sleepcast.station.account import COUNTED, MATCHED, Command, SentCommands, account
 from sleepcast.station.journal.journal import Journal, JournalEvent
 from sleepcast.station.roster import NOBODY_SAID, Expectation, Index, RobotNames, Roster
 from sleepcast.station.station import REPEAT_AFTER, STALE_AFTER, Station
 from sleepcast.station.validation import (
     DEADLINE,
     NO,
+    UNDECIDED,
     UNKNOWN,
     YES,
     Audience,
@@ -222,11 +224,12 @@ MAX_NEWS = 100
 
 @dataclass(frozen=True, slots=True)
 class Poll:
-    """What robots said themselves of whether they would obey a text, at a time (s of Unix time), by their names."""
+    """What robots said themselves of whether they would obey a text (YES, NO, UNDECIDED), at a time (Unix time), by
+    their names."""
 
     text: str = ""
     taken: float = -inf
-    said: Mapping[str, bool] = field(default_factory=dict)
+    said: Mapping[str, int] = field(default_factory=dict)
 
 
 def _nothing() -> None:
@@ -327,13 +330,13 @@ class NetworkStation(Station):
     def poll(self, text: str, patience: float, *, only: Sequence[str] | None = None) -> tuple[Command, Poll]:
         """Ask robots whether they would obey; nothing is done. For a while the desk goes by what they say where it
         cannot tell by itself. Raises what `ask` raises."""
-        said: dict[str, bool] = {}
+        said: dict[str, int] = {}
 
         def listen(heard: list[Message]) -> None:
             for message in heard:
                 would = message.body.get(WOULD)
                 if message.body.get("command") == asked.id and isinstance(would, bool):
-                    said[message.sender] = would
+                    said[message.sender] = YES if would else UNDECIDED if message.body.get(UNSURE) is True else NO
 
         self._program(text)
         asked = self.post(Kind.ASK, text=text, body={WOULD: True}, only=only)
@@ -349,8 +352,8 @@ class NetworkStation(Station):
             there = range(len(codes)) if places is None else places.tolist()
             said = [self._polled.said.get(self._roster.names[place]) for place in there]
             for at in np.flatnonzero(codes == UNKNOWN).tolist():
-                if said[at] is not None:
-                    codes[at] = YES if said[at] else NO
+                if (code := said[at]) is not None:
+                    codes[at] = code
         return codes, places
 
     def stop(self) -> Command:
@@ -543,9 +546,7 @@ class NetworkStation(Station):
         if not command.is_look:
             found = account(command, self._clock.now(), self._roster.heard)
             silent = RobotNames(self._roster.names, np.flatnonzero(command.silent))
-            counts = (found.n_matched, found.n_not_matched, found.n_fault, found.n_silent)
-            names = ("n_matched", "n_not_matched", "n_fault", "n_silent")
-            details = {**dict(zip(names, counts, strict=True)), "silent": silent}
+            details = {f"n_{sort}": getattr(found, f"n_{sort}") for sort in COUNTED} | {"silent": silent}
             self._note(JournalEvent.ACCOUNTED, subject=command.id, text=command.text, details=details)
 
     def _drives(self) -> bool:

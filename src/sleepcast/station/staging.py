@@ -60,6 +60,7 @@ class Stages:
             only=audience.only,
             but=audience.but,
             confirmed=draft.confirmed,
+            undecided=True,  # asked about all robots before
         )
 
 

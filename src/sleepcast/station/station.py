@@ -38,6 +38,7 @@ from sleepcast.station.serialized import AccountState, ReportState, StationState
 from sleepcast.station.validation import (
     DEADLINE,
     NO,
+    UNDECIDED,
     UNKNOWN,
     YES,
     Audience,
@@ -59,6 +60,7 @@ from sleepcast.station.validation import (
     preview,
     validate_address,
     validate_count,
+    validate_test,
     validate_type,
 )
 
@@ -218,7 +220,7 @@ class Station:
         if self.caution.known and checked.unknown:
             raise UnknownNameError(checked.unknown, self.caution.known)
         if checked.doubts and not sure:
-            raise DoubtError(checked)
+            raise DoubtError.of(checked)
         return program
 
     # ---- sending
@@ -231,7 +233,9 @@ class Station:
             validate_address(program, draft.everybody or draft.audience.named, there)
             seconds = validate_type(program, draft.standing, draft.deadline)
             codes, places = self._judged(program, draft.audience)
-            may = int(np.count_nonzero(codes != NO)) + self._nameless(draft.audience)
+            if self.caution.doubts and not (draft.confirmed or draft.undecided):
+                validate_test(program, codes)
+            may = int(np.count_nonzero((codes == YES) | (codes == UNKNOWN))) + self._nameless(draft.audience)
             validate_count(program, may, there, draft.count, self.caution)
             body = draft.audience.body()
         except SleepcastError as error:
@@ -245,8 +249,9 @@ class Station:
         audience = Audience(only, but)
         codes, places = self._judged(self._program(text), audience)
         there = np.arange(len(codes)) if places is None else places
-        yes, no, unknown = (RobotNames(self._roster.names, there[codes == code]) for code in (YES, NO, UNKNOWN))
-        return Forecast(yes, no, unknown, self._nameless(audience))
+        sorts = (YES, NO, UNKNOWN, UNDECIDED)
+        yes, no, unknown, undecided = (RobotNames(self._roster.names, there[codes == code]) for code in sorts)
+        return Forecast(yes, no, unknown, self._nameless(audience), undecided)
 
     def _nameless(self, audience: Audience) -> int:
         """How many of the robots that a message would be for were never heard, so that their obedience is unknown."""
@@ -270,19 +275,22 @@ class Station:
         only: Sequence[str] | None = None,
         but: Sequence[str] | None = None,
         confirmed: bool = False,
+        undecided: bool = False,
     ) -> Command:
         """Broadcast an expression and keep account of it.
 
         A one-shot command (the default) is evaluated within `deadline` seconds from now (`DEADLINE` unless given) or
         never; a standing one is good until it has reached everybody. count: how many robots may obey (see `forecast`),
         where the desk asks for confirmation. only, but: for these robots, or for all except these. confirmed: send it
-        although the checker doubts it. Raises ReadError and CheckError for a text that no robot could run, DoubtError
-        for one that is hardly meant, where the desk asks about that, NotConfirmedError if it would go to everybody and
-        neither `everybody` nor `only` says so, CountNeededError for a missing or wrong count, SortError for a standing
-        command that has a test and joins a group (who matches is a matter of the moment) or a deadline,
-        UnknownRobotError, AudienceError.
+        although it is doubted. undecided: send it although its test is unknown on all robots, which is doubted too; for
+        programs, which may send while a sensor knows nothing. Raises ReadError and CheckError for a text that no robot
+        could run, DoubtError for one that is hardly meant, where the desk asks about that, NotConfirmedError if it
+        would go to everybody and neither `everybody` nor `only` says so, CountNeededError for a missing or wrong count,
+        SortError for a standing command that has a test and joins a group (who matches is a matter of the moment) or a
+        deadline, UnknownRobotError, AudienceError.
         """
-        settled = self.validate(Draft(text, standing, deadline, everybody, count, Audience(only, but), confirmed))
+        audience = Audience(only, but)
+        settled = self.validate(Draft(text, standing, deadline, everybody, count, audience, confirmed, undecided))
         return self._broadcast(Kind.COMMAND, text, *settled)
 
     def ask(self, text: str, *, only: Sequence[str] | None = None, but: Sequence[str] | None = None) -> Command:

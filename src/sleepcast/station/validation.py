@@ -123,10 +123,29 @@ class UnknownNameError(MisuseError):
 class DoubtError(MisuseError):
     """A text that is probably a mistake. why: the first doubt, on one line; shown: the doubts, with carets."""
 
-    def __init__(self, checked: Checked) -> None:
-        self.why = checked.doubts[0].message
-        self.shown = "\n".join(doubt.render(checked.text) for doubt in checked.doubts[:MOST_DOUBTS])
+    def __init__(self, why: str, shown: str) -> None:
+        self.why, self.shown = why, shown
         super().__init__(f"{self.shown}\nNothing was sent: change it, or say that it is meant so (--anyway)")
+
+    @classmethod
+    def of(cls, checked: Checked) -> DoubtError:
+        """About what the checker doubts."""
+        shown = "\n".join(doubt.render(checked.text) for doubt in checked.doubts[:MOST_DOUBTS])
+        return cls(checked.doubts[0].message, shown)
+
+
+def validate_test(program: Program, codes: NDArray[np.uint8]) -> None:
+    """A test that is unknown on all robots that the command is for is probably misspelt. codes: of them in a preview.
+    Raises DoubtError."""
+    test = program.test
+    if test is None or not len(codes) or not (codes == UNDECIDED).all():
+        return
+    unknown = (part for part in walk(test.root) if part.op in ("absent", "missing"))
+    names = list(dict.fromkeys(part.name for part in unknown))
+    because = f", because no robot has {' or '.join(names)}" if names else ""
+    robots = "the robot" if len(codes) == 1 else f"all {len(codes):,} robots"
+    why = f"the test is unknown on {robots}{because}: nobody would obey"
+    raise DoubtError(why, f"warning: {why}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,16 +173,19 @@ class Draft:
     count: int | None = None
     audience: Audience = EVERYBODY
     confirmed: bool = False
+    undecided: bool = False
 
 
 class Forecast(NamedTuple):
     """Robots that will obey for certain, that will not, and of which the desk cannot say. nameless: how many others
-    are expected that were never heard, whose decision is unknown."""
+    are expected that were never heard, whose decision is unknown. undecided: those that will not obey, as the test has
+    no known value there."""
 
     yes: Sequence[str]
     no: Sequence[str]
     unknown: Sequence[str]
     nameless: int = 0
+    undecided: Sequence[str] = ()
 
     @property
     def may(self) -> int:
@@ -273,20 +295,16 @@ Minds = Mapping[str, Mind]
 """The minds of a fleet by the robots' names."""
 
 
-Judged = tuple[Mask, NDArray[np.uint8], list[str]]
-"""The result of a test on some robots: where it holds; where that is unknown, which of the reasons, listed last, is why
-(from 1; 0 where it can be said)."""
+Judged = tuple[NDArray[np.float64], NDArray[np.uint8], list[str]]
+"""What a program comes to on some robots, NaN for unknown; where that cannot be said, which of the reasons, listed
+last, is why (from 1; 0 where it can be said)."""
 
 
 class TelemetryTable(Protocol):
     """The latest telemetry of robots, by their places."""
 
-    def judge(self, test: Program, robots: Index) -> Judged:
-        """The value of a test for these robots, all of which have sent telemetry."""
-
-    def values(self, program: Program, robots: Index) -> tuple[NDArray[np.float64], NDArray[np.uint8], list[str]]:
-        """What a program that does nothing comes to on these robots, NaN for unknown; and why it cannot be told, see
-        `Judged`."""
+    def values(self, program: Program, robots: Index) -> Judged:
+        """What a program that does nothing comes to on these robots, all of which have sent telemetry."""
 
 
 class FleetTelemetry(TelemetryTable, Protocol):
@@ -353,23 +371,25 @@ class FleetNames:
 # ---- who would obey
 
 
+TEST_UNKNOWN = "its test has no known value there, so it would not obey"
 NEVER_HEARD = "it has sent no telemetry yet"
 STALE = "its last news is too old"
 MAX_REASONS = 200
 """Different reasons told apart in one preview, so that one fits a byte; the rest counts as the last of them."""
 
 
-NO, YES, UNKNOWN = range(3)
+NO, YES, UNKNOWN, UNDECIDED = range(4)
 
 
 @dataclass(frozen=True, eq=False)
 class Preview:
-    """Who would obey: certainly (`yes`), certainly not (`no`), and of whom the desk cannot say (`unknown`).
+    """Who would obey: certainly (`yes`), certainly not (`no`), and of whom the desk cannot say (`unknown`), those among
+    them whose test is itself unknown.
 
-    codes: NO, YES or UNKNOWN of each robot by its place, uint8. reason: why a robot is unknown, uint8, which of
-    `listed` from 1. names: of the robots, by place. everybody: the command has no test, or one that is true whatever
-    the robot. oldest: the age in s of the oldest news that a yes or no rests on (0 if none does). nameless: how many
-    robots there are besides that were never heard, all of them unknown.
+    codes: NO, YES, UNKNOWN or, where the test is unknown, UNDECIDED of each robot by its place, uint8. reason: why a
+    robot is unknown, uint8, which of `listed` from 1. names: of the robots, by place. everybody: the command has no
+    test, or one that is true whatever the robot. oldest: the age in s of the oldest news that a yes or no rests on (0
+    if none does). nameless: how many robots there are besides that were never heard, all of them unknown.
     """
 
     codes: NDArray[np.uint8]
@@ -382,7 +402,9 @@ class Preview:
 
     def count(self, code: int) -> int:
         """How many robots there are of this code."""
-        return int(np.count_nonzero(self.codes == code)) + (self.nameless if code == UNKNOWN else 0)
+        if code == UNKNOWN:
+            return int(np.count_nonzero(self.codes >= UNKNOWN)) + self.nameless
+        return int(np.count_nonzero(self.codes == code))
 
     @cached_property
     def yes(self) -> tuple[str, ...]:
@@ -397,13 +419,13 @@ class Preview:
     @cached_property
     def unknown(self) -> Mapping[str, str]:
         """The robots of which the desk cannot say, each with the reason."""
-        places = np.flatnonzero(self.codes == UNKNOWN).tolist()
+        places = np.flatnonzero(self.codes >= UNKNOWN).tolist()
         return {self.names[place]: self.listed[self.reason[place] - 1] for place in places}
 
     @property
     def reasons(self) -> dict[str, int]:
         """Why robots are unknown, and how many for each reason, the most frequent first."""
-        counts = np.bincount(self.reason[self.codes == UNKNOWN], minlength=len(self.listed) + 1)[1:].tolist()
+        counts = np.bincount(self.reason[self.codes >= UNKNOWN], minlength=len(self.listed) + 1)[1:].tolist()
         found = Counter({reason: count for reason, count in zip(self.listed, counts, strict=True) if count})
         if self.nameless:
             found[NEVER_HEARD] += self.nameless
@@ -424,7 +446,7 @@ class PreviewMemory:
         self.values: list[float] = []
         self.groups: frozenset[str] = frozenset()
         self.steps = self.depth = self.levels = 0
-        self.matched = False
+        self.matched = self.undecided = False
         self.mind: Mind | None = None
 
     def fault(self, part: Part, reason: str) -> float:
@@ -497,11 +519,7 @@ class TelemetryRows:
         """What the robot at a place tells now; its numbers are copied."""
         self._rows[place] = (news.name, list(news.values), news.groups)
 
-    def judge(self, test: Program, robots: Index) -> Judged:
-        values, reason, reasons = self.values(test, robots)
-        return (values < 0.0) | (values > 0.0), reason, reasons
-
-    def values(self, program: Program, robots: Index) -> tuple[NDArray[np.float64], NDArray[np.uint8], list[str]]:
+    def values(self, program: Program, robots: Index) -> Judged:
         memory = PreviewMemory()
         nameless = [part.name.casefold() for part in walk(program.root) if part.op in ("absent", "missing")]
         values, reason = np.full(len(robots), nan), np.zeros(len(robots), np.uint8)
@@ -537,10 +555,12 @@ def preview(program: Program, roster: Roster, table: TelemetryTable, now: float,
         listed.append(obstacle)
     else:
         robots = np.flatnonzero(fresh)
-        yes, why, reasons = table.judge(test, robots)
+        values, why, reasons = table.values(test, robots)
         known = why == 0
-        codes[robots] = np.where(known, yes, UNKNOWN)
-        reason[robots] = why + np.uint8(len(listed))
+        undecided = known & np.isnan(values)
+        codes[robots] = np.where(known, np.where(undecided, UNDECIDED, (values < 0.0) | (values > 0.0)), UNKNOWN)
+        listed.append(TEST_UNKNOWN)
+        reason[robots] = np.where(undecided, np.uint8(len(listed)), why + np.uint8(len(listed)))
         listed += reasons
         oldest = float(np.min(times[robots][known], initial=now))
     return Preview(codes, reason, tuple(listed), roster.names, is_for_everybody(program), now - oldest, roster.nameless)

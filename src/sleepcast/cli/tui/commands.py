@@ -106,5 +106,6 @@ Ctrl-C        clear the text; without text quit, like Ctrl-Q and Ctrl-D
 :quit         quit
 
 Robots: S stopped, o not stopped, ? no telemetry yet; L lost: not heard lately.
-Answer to the last command: M matched, N did not match, F fault, - silent
+Answer to the last command: M matched, H matched but held by STOP,
+N did not match, U its test was unknown, F fault, - silent
 """

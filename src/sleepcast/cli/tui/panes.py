@@ -35,7 +35,7 @@ WIDE = 48
 """Columns of the list of robots from which on their names may be long."""
 MOST_LINES = 3
 """Lines for what became of one command."""
-OUTCOMES = "-MNF"
+OUTCOMES = "-MNFUH"
 """A robot's answer, by its code in a column of outcomes."""
 
 
@@ -97,7 +97,7 @@ def robots(session: Session, width: int, height: int, first: int) -> list[Line]:
         cells = [_value(session, name, each).rjust(room - 8) for each in session.shown]
         cells += [",".join(sorted(mind.telemetry.groups))] if mind is not None and mind.telemetry.groups else []
         text = f"{clipped(printable(name), room):<{room}} {code} {_age(age):>5}  {'  '.join(cells)}"
-        answered = "class:warned" if code in "F-" else ""
+        answered = "class:warned" if code in "F-UH" else ""
         found.append([(style, f"{letters} "), (answered, clipped(printable(text), width - 3))])
     return found or _plain("no robot heard yet: are robots up, on this channel, with these keys?", width)
 

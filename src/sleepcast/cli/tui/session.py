@@ -209,7 +209,7 @@ class Session:
         if self.to.robot:
             place = list(found.names).index(self.to.robot)
             codes = codes[place : place + 1]
-        yes, no, unknown = (int((codes == code).sum()) for code in (YES, NO, UNKNOWN))
+        yes, no, unknown = int((codes == YES).sum()), int((codes == NO).sum()), int((codes >= UNKNOWN).sum())
         unknown += 0 if self.to.robot else found.nameless
         reason = next(iter(found.reasons), "")
         why = f" ({reason})" if unknown and reason and not self.to.robot else ""
@@ -258,7 +258,7 @@ class Session:
             self.station.ask(text, only=only)
             return
         if checked.doubts and not request.confirmed:
-            raise DoubtError(checked)
+            raise DoubtError.of(checked)
         standing = request.sort is CommandType.STANDING
         try:
             if request.sort is CommandType.STAGED and not to.robot:

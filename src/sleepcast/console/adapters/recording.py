@@ -101,7 +101,12 @@ class TimelineBuilder:
         if row is not None:
             counts = (found.matched, found.not_matched, found.fault, found.silent, found.predicted)
             self.film.rows.add(
-                time, CommandRow(row.id, row.kind, row.text, row.at, *counts, row.standing, found.values)
+                time,
+                CommandRow(
+                    *(row.id, row.kind, row.text, row.at, *counts, row.standing, found.values),
+                    unknown=found.unknown,
+                    held=found.held,
+                ),
             )
 
     def _change(self, time: float, found: WorldChange) -> None:

@@ -141,7 +141,8 @@ class MarksBody(msgspec.Struct, omit_defaults=True):
 
 class AccountBody(msgspec.Struct, omit_defaults=True):
     """The outcome of a command, in counts of robots. predicted: robots expected to obey when it was sent. values:
-    answers to a question, as text."""
+    answers to a question, as text. unknown: robots whose test was unknown; held: those among the matched that STOP
+    held."""
 
     command: str
     text: str
@@ -151,6 +152,8 @@ class AccountBody(msgspec.Struct, omit_defaults=True):
     silent: int
     predicted: int
     values: str = ""
+    unknown: int = 0
+    held: int = 0
 
 
 class RuleBody(msgspec.Struct):

@@ -35,7 +35,8 @@ class JournalEvent(StrEnum):
     REPEATED = "repeated"
     """The desk sent a message again; details: silent (how many robots were not accounted for)."""
     ACCOUNTED = "accounted"
-    """The desk goes after a command no longer; details: n_matched, n_not_matched, n_fault, n_silent, silent (names)."""
+    """The desk goes after a command no longer; details: n_matched, n_held, n_not_matched, n_unknown, n_fault, n_silent,
+    silent (names)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,18 +7,21 @@ from pathlib import Path
 
 import pytest
 
+from sleepcast.channel.message import Kind, Message
 from sleepcast.console.account_table import MOST_ROWS
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import ShownStep
-from sleepcast.console.outgoing import Obstacles
+from sleepcast.console.outgoing import Explained, Obstacles
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language.vocabulary import MARKED
 from sleepcast.loop import Pace, Swarm
 from sleepcast.simulator import Wall
 from sleepcast.station import FAULT, MATCHED, NO, NOT_MATCHED, SILENT, UNKNOWN, YES, DoubtError, SendPolicy, Station
+from sleepcast.station.account import HELD_BY_STOP
+from sleepcast.station.validation import TEST_UNKNOWN
 from small_worlds import simulator
 
 FULL = "(WHEN (> battery 60%) (JOIN crew))"
@@ -139,10 +142,57 @@ class TestSending:
         assert list(stand.desk.outcomes(1, sent).outcomes) == codes
 
     def test_a_fault_is_counted_as_one(self, stand: Stand) -> None:
-        sent = stand.desk.send(1, "(WHEN (> (/ 1 0) 2) (MARK))", False).command
+        sent = stand.desk.send(1, "(WHEN (> (/ 1 0) 2) (MARK))", False, confirmed=True).command
         stand.run()
         assert stand.desk.commands().rows[-1].fault == 20
         assert set(stand.desk.outcomes(1, sent).outcomes) == {FAULT}
+
+    def test_a_misspelt_name_is_counted_as_unknown_and_sent_when_it_is_confirmed(self, stand: Stand) -> None:
+        misspelt = "(WHEN (> batery 60%) (MARK))"
+        found = stand.desk.preview(1, misspelt)
+        assert (found.yes, found.no, found.unknown) == (0, 0, 20)
+        assert found.reasons == [(TEST_UNKNOWN, 20)]
+        with pytest.raises(DoubtError, match="no robot has batery"):
+            stand.desk.send(1, misspelt, False)
+        sent = stand.desk.send(1, misspelt, False, confirmed=True).command
+        stand.run()
+        row = stand.desk.commands().rows[-1]
+        assert (row.matched, row.not_matched, row.unknown, row.fault, row.silent) == (0, 0, 20, 0, 0)
+        why = stand.desk.why(2, 0, sent)
+        assert isinstance(why, Explained)
+        assert (why.why.matched, why.why.held, why.why.reason) == (False, False, "batery is unknown, needed > 60 %")
+
+    def test_what_is_sent_under_stop_is_held(self, stand: Stand) -> None:
+        stand.desk.stop()
+        stand.run()
+        sent = stand.desk.send(1, "(WHEN (> battery 60%) (SETQ drive_speed 1))", False).command
+        stand.run()
+        row = stand.desk.commands().rows[-1]
+        assert row.held == row.matched > 0
+        codes = stand.desk.outcomes(1, sent).outcomes
+        held = codes.index(HELD_BY_STOP)
+        why = stand.desk.why(2, held, sent)
+        assert isinstance(why, Explained)
+        assert (why.why.matched, why.why.held) == (True, True)
+
+    def test_who_cannot_have_heard_yet_is_waiting_not_silent(self, stand: Stand) -> None:
+        stand.desk.driver.pace.paused = False
+        stand.desk.send(1, FULL, False)
+        assert [row.waiting for row in stand.desk.commands().rows] == [""]
+        stand.desk.driver.pace.paused = True
+        assert [(row.waiting, row.silent) for row in stand.desk.commands().rows] == [("paused", 20)]
+        stand.run()
+        assert [(row.waiting, row.silent) for row in stand.desk.commands().rows] == [("", 0)]
+
+    def test_who_was_silent_before_the_pause_is_silent_in_it(self, stand: Stand) -> None:
+        stand.desk.driver.pace.paused = False
+        stand.station.send(FULL, only=["rover1"])
+        stand.run()
+        stand.station.hear(Message("elsewhere", 0, 1, Kind.HEARTBEAT, 0.0))
+        stand.desk.stop()
+        stand.run()
+        stand.desk.driver.pace.paused = True
+        assert [(row.waiting, row.silent) for row in stand.desk.commands().rows] == [("", 0), ("", 1)]
 
     def test_everybody_must_be_meant(self, stand: Stand) -> None:
         with pytest.raises(MisuseError, match="every robot that hears it would obey"):
@@ -240,7 +290,8 @@ class TestWhy:
         assert shown["(< (DIST x y house_x house_y) 2km)"].state == "true"
 
     def test_shows_what_is_unknown_and_what_is_a_fault(self, stand: Stand) -> None:
-        sent = stand.desk.send(1, "(WHEN (AND (OR (> ordnance 70%) (> x 0)) (/ 1 0)) (MARK))", False).command
+        text = "(WHEN (AND (OR (> ordnance 70%) (> x 0)) (/ 1 0)) (MARK))"
+        sent = stand.desk.send(1, text, False, confirmed=True).command
         stand.run(1.0)
         shown = {step.text: step for step in steps(stand.desk.why(1, 0, sent).why.root)}
         assert (shown["ordnance"].state, shown["ordnance"].value) == ("unknown", "unknown")

@@ -159,9 +159,9 @@ def test_a_test_that_is_unknown_on_all_robots_is_sent_when_it_is_meant_so(fleet:
     fleet.station.caution = SendPolicy(doubts=True)
     fleet.station.send("(WHEN (> fule 50%) (MARK))")  # nobody has told anything yet
     fleet.report()
-    with pytest.raises(DoubtError, match="unknown on all 10 robots, because no robot has fule: nobody would obey"):
+    with pytest.raises(DoubtError, match="no known value on all 10 robots, because no robot has fule: nobody"):
         fleet.station.send("(WHEN (> fule 50%) (MARK))")
-    with pytest.raises(DoubtError, match="the test is unknown on the robot"):
+    with pytest.raises(DoubtError, match="no known value on the robot"):
         fleet.station.send("(WHEN (> fule 50%) (MARK))", only=["s1"])
     fleet.station.send("(WHEN (> fule 50%) (MARK))", confirmed=True)
     fleet.station.send("(WHEN (> fule 50%) (MARK))", undecided=True)

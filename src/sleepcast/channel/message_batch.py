@@ -82,8 +82,8 @@ class Reports:
 
     def body(self, place: int) -> Body:
         found = [float(column[place]) for column in self.values]
-        values = [None if value != value else value for value in found]
-        return {"label": self.label, "values": values} | ({RULE: self.rule} if self.rule else {})
+        body: Body = {"label": self.label, "values": [None if value != value else value for value in found]}
+        return body | {RULE: self.rule} if self.rule else body
 
 
 @dataclass(frozen=True, slots=True)

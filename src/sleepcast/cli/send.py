@@ -81,7 +81,7 @@ def send(
       sleepcast send --staged --count 48 '(WHEN (> fuel 20%) (GOTO 10mi 5mi))'
     """
     from sleepcast.station.asking import ask_first
-    from sleepcast.station.validation import Audience, CountNeededError, Draft
+    from sleepcast.station.validation import Audience, Draft
 
     if staged and only is not None:
         raise click.UsageError("--staged and --only do not go together: stages are chosen among all")
@@ -96,15 +96,10 @@ def send(
             ask_first(station, telemetry, text)
         warn(station, telemetry, text)
         if not (blind or anyway):
-            refuse_unknown(station, telemetry, text, as_json)
+            draft = replace(draft, undecided=refuse_unknown(station, telemetry, text, as_json))
         draft = _confirmed(station, telemetry, draft, as_json)
         complain(forecast_text(station.forecast(text, only=audience.only)))
-        try:
-            station.validate(draft)
-        except CountNeededError as error:
-            if count is not None or as_json:
-                raise
-            draft = replace(draft, count=_typed(error))
+        draft = _settled(station, draft, as_json)
         status = _in_stages(station, draft, as_json) if staged else _at_once(station, draft, as_json)
         if hold is not None:
             station.wait(hold)
@@ -119,17 +114,19 @@ def warn(station: NetworkStation, telemetry: TelemetryClient, text: str) -> None
             complain(line)
 
 
-def refuse_unknown(station: NetworkStation, telemetry: TelemetryClient, text: str, as_json: bool) -> None:
-    """Let the desk refuse names that no robot has, where all have sent their names; a person may insist."""
+def refuse_unknown(station: NetworkStation, telemetry: TelemetryClient, text: str, as_json: bool) -> bool:
+    """Let the desk refuse names that no robot has, where all have sent their names; gives whether a person insists."""
     from sleepcast.station.asking import unknown_names
     from sleepcast.station.validation import UnknownNameError
 
     names, robots = unknown_names(station, telemetry, text)
     if not names:
-        return
+        return False
     person = not as_json and somebody_there()
-    if not (person and click.confirm(f"{UnknownNameError(names, robots).why}. Send it all the same?", err=True)):
-        station.caution = replace(station.caution, known=robots)
+    if person and click.confirm(f"{UnknownNameError(names, robots).why}. Send it all the same?", err=True):
+        return True
+    station.caution = replace(station.caution, known=robots)
+    return False
 
 
 def _confirmed(station: NetworkStation, telemetry: TelemetryClient, draft: Draft, as_json: bool) -> Draft:
@@ -146,6 +143,27 @@ def _confirmed(station: NetworkStation, telemetry: TelemetryClient, draft: Draft
         complain(DoubtError.of(checked).shown)
     click.confirm("Send it as it stands?", abort=True, err=True)
     return replace(draft, confirmed=True)
+
+
+def _settled(station: NetworkStation, draft: Draft, as_json: bool) -> Draft:
+    """The draft as the desk takes it: what the desk wants to know is asked of a person at a terminal. Raises what
+    `NetworkStation.validate` raises."""
+    from sleepcast.station.validation import CountNeededError, DoubtError
+
+    while True:
+        try:
+            station.validate(draft)
+            return draft
+        except CountNeededError as error:
+            if draft.count is not None or as_json:
+                raise
+            draft = replace(draft, count=_typed(error))
+        except DoubtError as error:
+            if as_json or not somebody_there():
+                raise
+            complain(error.shown)
+            click.confirm("Send it as it stands?", abort=True, err=True)
+            draft = replace(draft, confirmed=True)
 
 
 def _refuse_early(station: NetworkStation, draft: Draft) -> None:

@@ -6,10 +6,12 @@ import msgspec
 
 from sleepcast.console.view import SwarmView
 from sleepcast.station import Account, Command, Station
-from sleepcast.station.account import values_in_words
+from sleepcast.station.account import HELD_BY_STOP, values_in_words
 
 MOST_ROWS = 50
 """Commands that a page shows, the latest; the journal has them all."""
+ON_ITS_WAY = 1.0
+"""Simulated s after which the answers to a command have come, so that who is silent then is not only waiting."""
 NAMED = 3
 """Silent robots named in the sentence about STOP."""
 
@@ -18,7 +20,8 @@ class CommandRow(msgspec.Struct, frozen=True):
     """One command. at: when it was sent, in simulated s. kind: command, ask, stop or release. Then counts of robots.
     standing: whether it has no deadline. values: what was answered to a question, in words. scope: among whom silence
     was counted, in words. unknown: those whose test was neither true nor false. held: those among the matched that were
-    to move, and did not because STOP holds them."""
+    to move, and did not because STOP holds them. waiting: why the silent ones could not answer yet, "" if they
+    could."""
 
     id: str
     kind: str
@@ -34,6 +37,11 @@ class CommandRow(msgspec.Struct, frozen=True):
     scope: str = ""
     unknown: int = 0
     held: int = 0
+    waiting: str = ""
+
+
+State = tuple[int, int, str]
+"""What a row depends on: how many answered, how many were addressed, why robots wait."""
 
 
 class AccountTable:
@@ -42,21 +50,23 @@ class AccountTable:
 
     def __init__(self, station: Station, swarm: SwarmView, began: float = 0.0) -> None:
         self._station, self._swarm, self._began = station, swarm, began
-        self._rows: dict[str, tuple[tuple[int, int], CommandRow]] = {}
+        self._rows: dict[str, tuple[State, CommandRow]] = {}
 
-    def rows(self) -> list[CommandRow]:
-        """The latest commands, oldest first."""
-        kept: dict[str, tuple[tuple[int, int], CommandRow]] = {}
+    def rows(self, held_up: str = "") -> list[CommandRow]:
+        """The latest commands, oldest first. held_up: why time stands still, "" while it runs."""
+        kept: dict[str, tuple[State, CommandRow]] = {}
         for command in self._station.commands()[-MOST_ROWS:]:
             known = self._rows.get(command.id)
-            state = len(command.answers), command.addressed
+            late = self._swarm.now() + self._began - command.message.issued > ON_ITS_WAY
+            waiting = held_up if held_up and not late and command.n_silent else ""
+            state = len(command.answers), command.addressed, waiting
             if known is None or known[0] != state:
-                known = (state, self._row(command, self._station.accounting(command.id)))
+                known = (state, self._row(command, self._station.accounting(command.id), waiting))
             kept[command.id] = known
         self._rows = kept
         return [row for _, row in kept.values()]
 
-    def _row(self, command: Command, found: Account) -> CommandRow:
+    def _row(self, command: Command, found: Account, waiting: str) -> CommandRow:
         return CommandRow(
             command.id,
             command.kind.value,
@@ -72,12 +82,18 @@ class AccountTable:
             found.scope,
             found.n_unknown,
             found.n_held,
+            waiting,
         )
 
     def outcomes(self, command: str) -> bytes:
         """For each robot, in the order of the scene's names, what its answer was, as `station.SILENT` and
         the others. Raises NoSuchCommandError."""
         return self._station.accounting(command).codes[: len(self._swarm.scene.names)].tobytes()
+
+    def held(self, command: str, robot: int) -> bool:
+        """Whether this robot was to move by a command, and STOP held it. Raises NoSuchCommandError."""
+        codes = self._station.accounting(command).codes
+        return robot < len(codes) and bool(codes[robot] == HELD_BY_STOP)
 
     def stop(self) -> Command | None:
         """The STOP that holds, None if none does."""
@@ -88,15 +104,16 @@ class AccountTable:
                 return None
         return None
 
-    def stop_sentence(self, stop: Command, paused: bool) -> str:
-        """What has become of a STOP: never more than what the robots themselves have said."""
+    def stop_sentence(self, stop: Command, held_up: str) -> str:
+        """What has become of a STOP: never more than what the robots themselves have said. held_up: why time stands
+        still, "" while it runs."""
         found = self._station.accounting(stop.id)
         total = found.n_matched + found.n_silent
         if not total:
             return "STOP was sent, but no robot has been heard yet: none has confirmed it."
         if found.complete:
             return f"STOP: all {found.scope.removeprefix('of ')} report stopped."
-        if paused:
+        if held_up:
             return (
                 f"STOP is on its way: {found.n_matched:,} of {total:,} robots report stopped. Time stands "
                 "still, so nothing moves; the others hear it with the next tick."

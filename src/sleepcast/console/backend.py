@@ -16,7 +16,7 @@ from sleepcast.console.account_table import AccountTable
 from sleepcast.console.alerts import AlertBoard, Alerted
 from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver
-from sleepcast.console.explanation import show_why
+from sleepcast.console.explanation import ShownWhy, show_why
 from sleepcast.console.histogram import Spread, spread
 from sleepcast.console.incoming import AlertMessage, Sort
 from sleepcast.console.picking import Picked, picked
@@ -27,7 +27,7 @@ from sleepcast.console.view import MindView, RuleView, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, and_more
 from sleepcast.core.units import shown_value
-from sleepcast.language import Checked, Finding, ReadError, Variable, format_value
+from sleepcast.language import Checked, Explanation, Finding, ReadError, Variable, format_value
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, SUPPORT, TIME_SLOT, unit_of
 from sleepcast.station import NO, UNKNOWN, YES, Preview, Report, Station
 
@@ -215,7 +215,10 @@ class Backend:
     def why(self, serial: int, robot: int, command: str) -> outgoing.Explained | Awaitable[outgoing.Explained]:
         """How the robot with this index evaluated a command."""
         explanation = self._station.why(self._name(robot), command)
-        return outgoing.Explained(serial, show_why(explanation, self._swarm.vocabulary))
+        return outgoing.Explained(serial, self._shown_why(explanation, robot, command))
+
+    def _shown_why(self, explanation: Explanation, robot: int, command: str) -> ShownWhy:
+        return show_why(explanation, self._swarm.vocabulary, held=self._ledger.held(command, robot))
 
     def outcomes(self, serial: int, command: str) -> outgoing.Answered:
         """What became of a command on each robot."""
@@ -227,7 +230,7 @@ class Backend:
 
     def commands(self, serial: int | None = None) -> outgoing.Commands:
         """The account of every command."""
-        return outgoing.Commands(self._ledger.rows(), serial)
+        return outgoing.Commands(self._ledger.rows(self.driver.held_up), serial)
 
     def _name(self, robot: int) -> str:
         names = self._swarm.scene.names
@@ -257,7 +260,7 @@ class Backend:
         self.driver.latched = stop is not None  # a program may have sent it past the page
         if stop is None:
             return outgoing.Safety(False, "")
-        return outgoing.Safety(True, self._ledger.stop_sentence(stop, self.driver.pace.paused))
+        return outgoing.Safety(True, self._ledger.stop_sentence(stop, self.driver.held_up))
 
     def _robot(self, index: int) -> outgoing.Robot:
         mind = self._swarm.minds[self._name(index)]

@@ -104,6 +104,11 @@ class Driver(FrameSource):
         """Whether time has not begun, and does with the first command."""
         return self._waits and self.pace.paused and self.swarm.tick == self._first
 
+    @property
+    def held_up(self) -> str:
+        """Why nothing that is sent reaches robots now, in a word; "" while time runs."""
+        return "paused" if self.pace.paused else "" if self._ready else "compiling"
+
     def begin(self) -> None:
         """A command went out: let time run, if it waits for that."""
         if self.waiting:

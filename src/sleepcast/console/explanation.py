@@ -31,19 +31,21 @@ class ShownStep(msgspec.Struct, frozen=True):
 
 
 class ShownWhy(msgspec.Struct, frozen=True):
-    """Why a robot obeyed a command or did not; `reason` is "" if it did."""
+    """Why a robot obeyed a command or did not; `reason` is "" if it did. held: it was to move, and STOP held it."""
 
     text: str
     matched: bool
     reason: str
     faults: tuple[str, ...]
     root: ShownStep
+    held: bool = False
 
 
-def show_why(explanation: Explanation, vocabulary: Vocabulary) -> ShownWhy:
-    """`explanation` for the page; the vocabulary says in which units values are read."""
+def show_why(explanation: Explanation, vocabulary: Vocabulary, *, held: bool = False) -> ShownWhy:
+    """`explanation` for the page; the vocabulary says in which units values are read. held: see `ShownWhy`."""
     root = _show(explanation.root, "", vocabulary)
-    return ShownWhy(explanation.text, explanation.matched, explanation.reason, explanation.faults, root)
+    about = (explanation.text, explanation.matched, explanation.reason, explanation.faults)
+    return ShownWhy(*about, root, held)
 
 
 def _show(step: Step, unit: str, vocabulary: Vocabulary) -> ShownStep:

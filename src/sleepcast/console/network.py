@@ -13,7 +13,6 @@ from sleepcast.console import outgoing
 from sleepcast.console.backend import Backend
 from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver
-from sleepcast.console.explanation import show_why
 from sleepcast.console.frames import SILENT
 from sleepcast.console.incoming import Sort
 from sleepcast.console.operators import OperatorsDesk
@@ -129,6 +128,11 @@ class NetworkDriver(Driver):
                 self.wait_a_frame(now)
             await asyncio.sleep(LISTEN)
 
+    @property
+    def held_up(self) -> str:
+        """Nobody holds time on the wall: a pause only means that robots are asked no more."""
+        return ""
+
     def advance(self, budget: float) -> bool:
         """Hear what has come."""
         self._attend()
@@ -193,15 +197,15 @@ class NetworkBackend(Backend):
 
     def why(self, serial: int, robot: int, command: str) -> outgoing.Explained | Awaitable[outgoing.Explained]:
         """The robot is asked."""
-        return self._why(serial, self._fleet.ask_why(self._name(robot), command))
+        return self._why(serial, robot, command, self._fleet.ask_why(self._name(robot), command))
 
-    async def _why(self, serial: int, asked: AskedWhy) -> outgoing.Explained:
+    async def _why(self, serial: int, robot: int, command: str, asked: AskedWhy) -> outgoing.Explained:
         until = self._clock.now() + LONGEST_WHY
         while (found := asked.answer()) is None:
             if self._clock.now() > until:
                 raise SleepcastError("The robot has not answered the question why.")
             await asyncio.sleep(LISTEN)
-        return outgoing.Explained(serial, show_why(found, self._swarm.vocabulary))
+        return outgoing.Explained(serial, self._shown_why(found, robot, command))
 
     def _safety(self) -> outgoing.Safety:
         """The account of our own STOP; for a STOP of other operators, the telemetry since."""

@@ -135,7 +135,7 @@ class DoubtError(MisuseError):
 
 
 def validate_test(program: Program, codes: NDArray[np.uint8]) -> None:
-    """A test that is unknown on all robots that the command is for is probably misspelt. codes: of them in a preview.
+    """A test without a known value on all robots that the command is for is hardly meant. codes: of them in a preview.
     Raises DoubtError."""
     test = program.test
     if test is None or not len(codes) or not (codes == UNDECIDED).all():
@@ -144,7 +144,7 @@ def validate_test(program: Program, codes: NDArray[np.uint8]) -> None:
     names = list(dict.fromkeys(part.name for part in unknown))
     because = f", because no robot has {' or '.join(names)}" if names else ""
     robots = "the robot" if len(codes) == 1 else f"all {len(codes):,} robots"
-    why = f"the test is unknown on {robots}{because}: nobody would obey"
+    why = f"the test has no known value on {robots}{because}: nobody would obey"
     raise DoubtError(why, f"warning: {why}")
 
 

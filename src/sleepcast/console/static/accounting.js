@@ -1,7 +1,8 @@
-// The account of every command: on how many robots it matched, did not match, went wrong, and who has not been heard.
+// The account of every command: on how many robots it matched, did not match, had an unknown test, went wrong, and who has
+// not been heard.
 
-const OUTCOMES = ["matched", "not_matched", "fault", "silent"];
-export const MATCHED = 1; // code of an outcome; console/session.py sends one for each robot
+const OUTCOMES = ["matched", "not_matched", "unknown", "fault", "silent"];
+const OBEYED = [1, 5]; // codes of outcomes (station/account.py): matched, and matched but held by STOP
 
 export class Accounting extends EventTarget {
   constructor(root, wire) {
@@ -41,10 +42,13 @@ export class Accounting extends EventTarget {
       }
       entry.row = row;
       OUTCOMES.forEach((outcome, index) => {
-        const cell = entry.line.cells[index + 1];
-        cell.textContent = row[outcome].toLocaleString("en");
-        cell.classList.toggle("none", row[outcome] === 0);
+        const cell = entry.line.querySelector(`.${outcome.replace("_", "-")}`);
+        const waiting = outcome === "silent" && row.waiting;
+        cell.textContent = waiting ? "–" : row[outcome].toLocaleString("en");
+        cell.classList.toggle("none", waiting || row[outcome] === 0);
       });
+      entry.line.classList.toggle("held", row.held > 0);
+      entry.line.querySelector(".held-up").textContent = heldUp(row);
       if (row.kind === "ask") entry.line.querySelector(".values").textContent = row.values;
     }
     this.rows = new Map(rows.map(({ id }) => [id, this.rows.get(id)]));
@@ -55,7 +59,7 @@ export class Accounting extends EventTarget {
     this.root.querySelector("#no-commands").hidden = rows.length > 0;
     this.root.querySelector("#account").hidden = rows.length === 0;
     const now = this.get(this.chosen);
-    if (before && now && OUTCOMES.some((outcome) => before[outcome] !== now[outcome])) this.changed("counted");
+    if (before && now && [...OUTCOMES, "held", "waiting"].some((what) => before[what] !== now[what])) this.changed("counted");
     if (!now && this.chosen) this.choose("");
   }
 
@@ -71,7 +75,8 @@ export class Accounting extends EventTarget {
     const code = Object.assign(document.createElement("code"), { textContent: row.text.replace(/\s+/g, " ") });
     text.title = row.text;
     text.className = "text";
-    text.append(time, ...sortOf(row), code);
+    const heldUp = Object.assign(document.createElement("div"), { className: "held-up" });
+    text.append(time, ...sortOf(row), code, heldUp);
     for (const outcome of OUTCOMES) line.insertCell().className = `count ${outcome.replace("_", "-")}`;
     if (row.kind === "ask") line.insertCell().className = "values";
     for (const cell of line.cells) cell.setAttribute("role", "cell");
@@ -101,7 +106,9 @@ export class Accounting extends EventTarget {
     const row = this.get(this.chosen);
     if (row) {
       const first = row.kind === "ask" ? `${row.values}; answered` : "matched";
-      const counts = `${first} ${row.matched}, not matched ${row.not_matched}, fault ${row.fault}, silent ${row.silent} ${row.scope}`;
+      const silent = row.waiting ? `${row.silent} waiting` : `silent ${row.silent}`;
+      const about = heldUp(row) ? `${heldUp(row)}; ` : "";
+      const counts = `${about}${first} ${row.matched}, not matched ${row.not_matched}, unknown ${row.unknown}, fault ${row.fault}, ${silent} ${row.scope}`;
       this.root.querySelector("#counts").textContent = counts;
     }
     this.dispatchEvent(new CustomEvent(event, { detail: row ?? null }));
@@ -122,7 +129,7 @@ export class Accounting extends EventTarget {
   // Which robots the chosen command matched, 1 for each that it did.
   async lit() {
     const { outcomes } = await this.wire.ask("outcomes", { command: this.chosen });
-    return Uint8Array.from(bytes(outcomes), (code) => (code === MATCHED ? 1 : 0));
+    return Uint8Array.from(bytes(outcomes), (code) => (OBEYED.includes(code) ? 1 : 0));
   }
 }
 
@@ -130,6 +137,12 @@ export class Accounting extends EventTarget {
 function sortOf(row) {
   const sort = row.kind === "ask" ? "ask" : row.standing ? "standing" : "";
   return sort ? [Object.assign(document.createElement("span"), { className: "sort", textContent: sort })] : [];
+}
+
+// Why robots have not done what the command says, although it was for them.
+function heldUp(row) {
+  const held = row.held > 0 ? `held by STOP: ${row.held.toLocaleString("en")}` : "";
+  return [row.waiting && `waiting: ${row.waiting}`, held].filter(Boolean).join(" · ");
 }
 
 // Bytes from the base64 text that JSON carries.

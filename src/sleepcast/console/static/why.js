@@ -2,6 +2,7 @@
 
 import { clock } from "./accounting.js";
 
+const HELD = "Every test was true, but STOP held the robot, so it did not move. Send the command again after Release.";
 const MARKS = { true: "✓", false: "✗", unknown: "?", skipped: "·", fault: "!" };
 
 // Show one explanation (answer of the question "why") of the command in this row of the account.
@@ -9,19 +10,31 @@ export function drawWhy(pane, why, row) {
   const about = Object.assign(document.createElement("p"), { className: "about" });
   about.textContent = `for the command sent at ${clock(row.at)}`;
   const verdict = document.createElement("div");
-  verdict.className = `verdict ${why.matched ? "matched" : "not-matched"}`;
+  verdict.className = `verdict ${why.held ? "held" : why.matched ? "matched" : "not-matched"}`;
   const mark = document.createElement("b");
-  mark.textContent = why.matched ? "✓ matched" : why.faults.length ? "! fault" : "✗ not matched";
+  mark.textContent = verdictOf(why);
   verdict.append(mark, about);
   const reason = document.createElement("p");
   reason.className = "reason";
-  reason.textContent = why.reason || (why.matched ? "Every test was true." : why.faults[0] ?? "");
+  reason.textContent = why.held ? HELD : why.reason || (why.matched ? "Every test was true." : why.faults[0] ?? "");
   const tree = document.createElement("ul");
   tree.className = "tree";
   tree.setAttribute("role", "tree");
   tree.setAttribute("aria-label", "The expression with its values");
   tree.append(branch(why.root, 1));
   pane.replaceChildren(verdict, reason, tree);
+}
+
+function verdictOf(why) {
+  if (why.held) return "■ matched, held by STOP";
+  if (why.matched) return "✓ matched";
+  if (why.faults.length) return "! fault";
+  return culprit(why.root)?.state === "unknown" ? "? test unknown" : "✗ not matched";
+}
+
+// The part that says why the test does not hold.
+function culprit(step) {
+  return step.note ? step : step.parts.map(culprit).find(Boolean);
 }
 
 // One part with the parts inside it; numbers that only stand for themselves are left to their parent's text.

@@ -196,7 +196,7 @@ class TestRefused:
             fleet.why("nobody")
         with pytest.raises(CountNeededError, match="4 was said"):
             fleet.send("(WHEN (> id 0) (MARK))", count=4)
-        assert len(fleet.send("(WHEN (> feul 50%) (MARK))", sure=True, wait=PATIENT).not_matched) == 6
+        assert len(fleet.send("(WHEN (> feul 50%) (MARK))", sure=True, wait=PATIENT).unknown) == 6
 
     @pytest.mark.parametrize("seconds", [-1.0, float("nan"), float("inf")])
     def test_a_time_that_is_none(self, fleet: sc.ConnectedFleet, seconds: float) -> None:

@@ -87,8 +87,8 @@ def test_a_name_that_no_robot_has_is_told_before_anything_is_sent(channel: str, 
             assert "nothing was sent. Send it as it is with --anyway" in refused.err
         insisted = on_air("ask", "feul", "--anyway")
         assert (insisted.status, "none of them knows the value" in insisted.out) == (0, True)
-        assert told(on_air("send", wrong, "--anyway", "--json"))["n_not_matched"] == 3
-        for typed, said in (("n\r", "so nothing was sent"), ("y\r", "did not match 3")):
+        assert told(on_air("send", wrong, "--anyway", "--json"))["unknown"] == ["r1", "r2", "r3"]
+        for typed, said in (("n\r", "so nothing was sent"), ("y\r", "test unknown 3: r1, r2, r3")):
             with terminal(["send", wrong, "--channel", channel], tmp_path) as person:
                 person.wait_for("has feul. Send it all the same?")
                 person.type(typed)

@@ -190,6 +190,7 @@ def _at_once(station: NetworkStation, draft: Draft, as_json: bool) -> int:
         count=draft.count,
         only=draft.audience.only,
         confirmed=draft.confirmed,
+        undecided=draft.undecided,
     )
     return gathered(station, sent, GRACE, as_json)
 

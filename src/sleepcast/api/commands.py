@@ -66,6 +66,16 @@ class CommandResult:
         return self.account.not_matched
 
     @property
+    def held(self) -> tuple[str, ...]:
+        """Those among the matched that were to move, and did not because STOP holds them."""
+        return self.account.held
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """The robots on which the test was neither true nor false, since it reads something that they do not know."""
+        return self.account.unknown
+
+    @property
     def fault(self) -> tuple[str, ...]:
         """The robots on which something went wrong."""
         return self.account.fault

@@ -223,10 +223,12 @@ class Inspection(StrEnum):
     """How it evaluated a command, or what a rule would do now."""
 
 
-def outcome_fields(outcome: str) -> dict[str, object]:
-    """An outcome as fields of an answer's body."""
+def answer_body(command: str, outcome: str, value: float, fault: str) -> dict[str, object]:
+    """The body of an answer. value: NaN for unknown; fault: "" for none."""
     known = REFINED.get(outcome)
-    return {"outcome": outcome} if known is None else {"outcome": known, outcome: True}
+    found: dict[str, object] = {"command": command, "outcome": known or outcome}
+    found |= {"value": None if isnan(value) else value, "fault": fault or None}
+    return found if known is None else found | {outcome: True}
 
 
 def outcome_of(body: Mapping[str, object]) -> object:

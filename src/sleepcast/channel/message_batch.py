@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.message import HOPS, MAX_NUMBER, RULE, Kind, Message, message_id, outcome_fields
+from sleepcast.channel.message import HOPS, MAX_NUMBER, RULE, Kind, Message, answer_body, message_id
 from sleepcast.core.serial import Array, SerialError, within
 
 Index = NDArray[np.intp]
@@ -60,13 +60,9 @@ class Answers:
         return ""
 
     def body(self, place: int) -> Body:
-        value, fault = float(self.value[place]), int(self.fault[place])
-        return {
-            "command": self.command,
-            "value": None if value != value else value,
-            "fault": self.faults[fault - 1] if fault else None,
-            **outcome_fields(self.sorts[self.sort[place]]),
-        }
+        fault = int(self.fault[place])
+        said = self.faults[fault - 1] if fault else ""
+        return answer_body(self.command, self.sorts[self.sort[place]], float(self.value[place]), said)
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,9 +25,9 @@ from sleepcast.channel.message import (
     Kind,
     Message,
     age_of,
+    answer_body,
     hops_left,
     is_addressed,
-    outcome_fields,
 )
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
@@ -496,8 +496,7 @@ class Node:
     def _answer(
         self, message: Message, outcome: str, value: float = nan, fault: str = "", details: Details = NOTHING
     ) -> None:
-        said = {"command": message.id, "value": None if isnan(value) else value, "fault": fault or None}
-        self._say(Kind.ANSWER, body={**said, **outcome_fields(outcome), **details})
+        self._say(Kind.ANSWER, body={**answer_body(message.id, outcome, value, fault), **details})
         self.evaluated.append((message, outcome, self._now if self.clock is None else self.clock.now() - self.zero))
 
     def _report(self, label: str, values: tuple[float, ...], details: Details = NOTHING) -> None:

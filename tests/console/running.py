@@ -78,13 +78,14 @@ class Program:
 
 @dataclass
 class Page:
-    """A page's end of the WebSocket, in a test's hands. news: the latest message of each type; frames: all of them;
-    drawn: how many of these `frame` has drawn."""
+    """A page's end of the WebSocket, in a test's hands. news: the latest message of each type; frames: all of them,
+    with the robots that short ones leave out; sizes: as they came; drawn: how many of these `frame` has drawn."""
 
     socket: ClientConnection
     serial: int = 0
     news: dict[str, dict[str, Any]] = field(default_factory=dict)
     frames: list[bytes] = field(default_factory=list)
+    sizes: list[int] = field(default_factory=list)
     drawn: int = 0
     refused: list[str] = field(default_factory=list)
 
@@ -104,7 +105,8 @@ class Page:
         """The next message, None if it was a frame. Raises TimeoutError."""
         data = self.socket.recv(timeout)
         if isinstance(data, bytes):
-            self.frames.append(data)
+            self.sizes.append(len(data))
+            self.frames.append(data[:3] + b"\0" + data[4:32] + self.frames[-1][32:] if data[3] else data)
             return None
         message: dict[str, Any] = json.loads(data)
         self.news[message["type"]] = message

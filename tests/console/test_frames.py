@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 
 from sleepcast.channel import Kind, Message
-from sleepcast.console.frames import pack
+from sleepcast.console.frames import pack, repeats, still
 from sleepcast.fleet import Fleet
 from sleepcast.fleet.marks import MAX_GROUPS, Groups, flags_of
 from station.fleet import vocabulary
@@ -36,6 +36,19 @@ def test_columns_follow_a_frame_only_where_there_is_something_in_them() -> None:
     coloured = pack(7, 5, 12.25, speeds, (True, True), poses, marks, (b"", b"\x00\x01", b"\x09\xff"))
     assert coloured[2] == 6
     assert coloured[56:] == b"\x00\x02\x01\x08\x00\x01\x09\xff"
+
+
+def test_a_frame_in_which_nothing_has_moved_is_its_head() -> None:
+    poses, marks, speeds = bytes(24), (b"\x00\x02", b"\x01\x08"), (30.0, 29.5)
+    before = pack(7, 5, 12.25, speeds, (True, True), poses, marks)
+    after = pack(8, 6, 12.5, speeds, (True, True), poses, marks)
+    assert repeats(after, before)
+    assert not repeats(pack(8, 6, 12.5, speeds, (True, True), poses, (b"\x00\x03", marks[1])), before)
+    pinged = pack(8, 6, 12.5, speeds, (True, True), poses, marks, (b"\x00\x05", b"", b""))
+    assert not repeats(pinged, before)
+    assert not repeats(after, pinged)
+    assert not repeats(pinged, pinged)  # they have pinged again
+    assert still(after) == after[:3] + b"\x01" + after[4:32]
 
 
 def test_flags_tell_stopped_frozen_sleeping_and_marked() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import json
+import struct
 import time
 from contextlib import ExitStack, suppress
 
@@ -25,6 +26,15 @@ def get(program: Program, path: str, **headers: str) -> tuple[int, str, dict[str
     found = answer.status, answer.read().decode(), {name.lower(): value for name, value in answer.getheaders()}
     connection.close()
     return found
+
+
+def test_of_robots_at_rest_only_the_time_is_sent(page: Page) -> None:
+    first = page.frame()
+    for _ in range(20):
+        last = page.frame()
+    assert page.sizes[0] == len(first) == len(last) == 32 + 14 * 20
+    assert page.sizes[5:].count(32) >= len(page.sizes[5:]) - 2
+    assert struct.unpack_from("<d", last, 16) > struct.unpack_from("<d", first, 16)
 
 
 class TestDoor:
@@ -91,7 +101,7 @@ class TestTalk:
         scene = hello["scene"]
         assert (scene["title"], scene["noun"], hello["count"]) == ("a small world", "rovers", 20)
         assert (scene["area"], scene["unit"], len(scene["names"])) == ([0, 0, 1000, 1000], "km", 20)
-        assert scene["places"] == [{"name": "house", "x": 500, "y": 400}]
+        assert scene["places"] == [{"name": "house", "x": 500, "y": 400, "key": "house"}]
         assert scene["commands"][0]["text"] == FULL
         assert {"battery", "GOTO", "AND"} <= {name["name"] for name in hello["names"]}
 

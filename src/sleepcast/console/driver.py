@@ -14,7 +14,7 @@ from concurrent.futures import Future
 from threading import Thread
 from typing import TypeVar
 
-from sleepcast.console.frames import pack
+from sleepcast.console.frames import pack, repeats
 from sleepcast.console.view import Pace, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.fleet.marks import Groups, flags_of
@@ -28,15 +28,18 @@ T = TypeVar("T")
 
 
 class FrameSource:
-    """Holds the latest picture for those who wait for it. frame: as in `frames`; number: of that picture, from 1."""
+    """Holds the latest picture for those who wait for it. frame: as in `frames`; number: of that picture, from 1;
+    changed: of the latest picture in which robots are not as in the one before."""
 
     def __init__(self) -> None:
-        self.frame, self.number = b"", 0
+        self.frame, self.number, self.changed = b"", 0, 0
         self._news = asyncio.Event()
 
     def show(self, frame: bytes) -> None:
         """The next picture is `frame`."""
         self.number += 1
+        if not repeats(frame, self.frame):
+            self.changed = self.number
         self.frame = frame
         self._news.set()
         self._news = asyncio.Event()

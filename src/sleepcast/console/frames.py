@@ -8,7 +8,7 @@ Everything is little endian. A frame of n robots has 32 + 14 n bytes, and n more
                          being compiled, bit 3 time has not begun: it waits for the first command, or to be run
     2        u8          which columns follow after the flags, in this order: bit 0 pings, bit 1 second groups,
                          bit 2 colours
-    3        u8          0
+    3        u8          1 if these 32 bytes are all: the rest is as in the frame before, and nobody has pinged
     4        u32         n
     8        u32         number of the frame; the page sends it back once the frame is drawn
     12       u32         tick, modulo 2^32
@@ -33,6 +33,7 @@ VERSION = 2
 
 _HEADER = struct.Struct("<BBBxIIIdff")
 SILENT = 16
+_STILL = b"\x01"
 
 
 def pack(
@@ -51,3 +52,14 @@ def pack(
     follow = sum(bool(column) << place for place, column in enumerate(columns))
     header = _HEADER.pack(VERSION, bits, follow, len(marks[0]), number, tick & 0xFFFFFFFF, time, *speeds)
     return b"".join((header, poses, *marks, *columns))
+
+
+def repeats(frame: bytes, before: bytes) -> bool:
+    """Whether robots are in a frame as in the one before, and nobody has pinged."""
+    pinged = frame[2] & 1
+    return not pinged and frame[2:3] == before[2:3] and memoryview(frame)[_HEADER.size :] == before[_HEADER.size :]
+
+
+def still(frame: bytes) -> bytes:
+    """The frame for a page that has drawn all robots as they are in it."""
+    return frame[:3] + _STILL + frame[4 : _HEADER.size]

@@ -16,6 +16,7 @@ from sleepcast.console import incoming
 from sleepcast.console.backend import Backend
 from sleepcast.console.connection import PageConnection
 from sleepcast.console.dialogue import Answer, Dialogue, refusal
+from sleepcast.console.frames import still
 from sleepcast.console.replay import ReplayBackend
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
@@ -76,12 +77,12 @@ class Session:
     # ---- what goes out
 
     async def _send_frames(self) -> None:
-        number = 0
+        driver, number = self._desk.driver, 0
         while True:
-            frame = await self._desk.driver.frame_after(number)
-            number = self._desk.driver.number
+            frame = await driver.frame_after(number)
+            known, number = driver.changed <= number, driver.number
             self._drawn.clear()
-            await self._line.send(frame)
+            await self._line.send(still(frame) if known else frame)
             await self._drawn.wait()
 
     async def _send_news(self) -> None:

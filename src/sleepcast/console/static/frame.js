@@ -15,14 +15,13 @@ const HEADER = 32;
 // One frame: {running, stopped, preparing, waiting, count, number, tick, time, wanted, achieved, poses, groups, flags, pings,
 // second, colours} with poses as x, y (m) and heading (rad) of every robot in turn, time in simulated seconds. The last three are
 // null where nobody has one, else they hold for each robot: its caste + 1 or 0, its second group or 0, its colour or 0.
-export function decode(buffer) {
+// before: the frame before, whose robots a short one repeats.
+export function decode(buffer, before) {
   const view = new DataView(buffer);
   const state = view.getUint8(1);
   const count = view.getUint32(4, true);
   const follow = view.getUint8(2);
-  let end = HEADER + 14 * count;
-  const column = (bit) => (follow & bit ? new Uint8Array(buffer, (end += count) - count, count) : null);
-  return {
+  const header = {
     running: (state & 1) !== 0,
     stopped: (state & 2) !== 0,
     preparing: (state & 4) !== 0,
@@ -33,6 +32,12 @@ export function decode(buffer) {
     time: view.getFloat64(16, true),
     wanted: view.getFloat32(24, true),
     achieved: view.getFloat32(28, true),
+  };
+  if (view.getUint8(3) === 1) return { ...before, ...header, pings: null };
+  let end = HEADER + 14 * count;
+  const column = (bit) => (follow & bit ? new Uint8Array(buffer, (end += count) - count, count) : null);
+  return {
+    ...header,
     poses: new Float32Array(buffer, HEADER, 3 * count),
     groups: new Uint8Array(buffer, HEADER + 12 * count, count),
     flags: new Uint8Array(buffer, HEADER + 13 * count, count),

@@ -34,6 +34,7 @@ export class World extends EventTarget {
     this.showTrails = true;
     this.scene = null;
     this.frame = null;
+    this.latest = null; // the frame that came last, of this scene or of one that is on its way
     this.marks = { lit: null, chosen: -1, pointed: -1 };
     this.following = false; // whether the chosen robot is kept in the middle
     this.flock = null; // robots whose middle is kept there instead
@@ -80,12 +81,20 @@ export class World extends EventTarget {
 
   // Whether the frame is one of this scene; it is drawn then.
   setFrame(buffer) {
-    const frame = decode(buffer);
+    const frame = decode(buffer, this.latest);
+    this.latest = frame;
     if (frame.count !== this.scene.count) { // the scene that belongs to it is on its way
       this.dispatchEvent(new CustomEvent("drawn", { detail: { number: frame.number } }));
       return false;
     }
+    const still = this.frame?.poses === frame.poses; // nothing has moved: there is nothing to draw
     this.frame = frame;
+    if (still) {
+      if (this.trails.sample(frame, performance.now())) this.repaint("trails");
+      this.told = frame;
+      this.dispatchEvent(new CustomEvent("drawn", { detail: frame }));
+      return true;
+    }
     if (this.fitted && (!this.begun || (this.close && !this.view.contains(this.crowd(0))))) this.show(true);
     this.begun = true;
     this.looks = looksOf(this.frame, this.sorts);

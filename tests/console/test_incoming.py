@@ -31,6 +31,7 @@ GOOD = {
     "why": {"serial": 1, "robot": 0, "command": "desk-1.1"},
     "outcomes": {"serial": 1, "command": "desk-1.1"},
     "members": {"serial": 1, "group": 3},
+    "sense": {"serial": 1, "robot": 3},
     "commands": {"serial": 1},
     "rows": {"serial": 1, "columns": ["fuel"], "sort": 0, "where": "(> x 5)", "first": 7, "count": 40, "again": True},
     "range": {"serial": 1, "first": 3, "count": 100_000},

@@ -539,7 +539,7 @@ def test_the_map_works_from_the_keyboard(rovers: Page) -> None:
     rovers.keyboard.press("f")
     expect(rovers.locator("#scale-text")).to_have_text(before)
     rovers.keyboard.press("t")
-    expect(rovers.locator("#trails-on")).to_have_attribute("aria-pressed", "false")
+    expect(rovers.locator("#layer-trails")).not_to_be_checked()
     rovers.keyboard.press("Escape")
     expect(rovers.locator("#robot-name")).to_have_text("Robot")
     rovers.keyboard.press("/")

@@ -228,6 +228,14 @@ class Backend:
         """Who is in the group with this code."""
         return outgoing.Joined(serial, self.driver.groups.members(self._swarm.minds, group).tobytes())
 
+    def sense(self, serial: int, robot: int) -> outgoing.Sensed:
+        """What the body of the robot with this index senses."""
+        name = self._name(robot)
+        found = self._swarm.sensing(robot)
+        if found is None:
+            raise MisuseError(f"{name} does not tell the desk what its body senses.")
+        return outgoing.Sensed(serial, robot, found)
+
     def commands(self, serial: int | None = None) -> outgoing.Commands:
         """The account of every command."""
         return outgoing.Commands(self._ledger.rows(self.driver.held_up), serial)

@@ -88,6 +88,8 @@ class Dialogue:
                 return desk.outcomes(serial, command)
             case incoming.Members(serial, group):
                 return desk.members(serial, group)
+            case incoming.Sense(serial, robot):
+                return desk.sense(serial, robot)
             case incoming.Commands(serial):
                 return desk.commands(serial)
             case incoming.Scenarios() | incoming.Setup() | incoming.Renew():

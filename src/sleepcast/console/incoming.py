@@ -178,6 +178,13 @@ class Members(Message):
     group: Annotated[int, Meta(ge=1, le=255)]
 
 
+class Sense(Message):
+    """What the body of a robot (by its index) senses now."""
+
+    serial: Serial
+    robot: Index
+
+
 class Commands(Message):
     """The account of every command, at once."""
 
@@ -322,6 +329,7 @@ Incoming = (
     | Members
     | Phrase
     | Understand
+    | Sense
     | Commands
     | Rows
     | Range

@@ -10,6 +10,7 @@ import msgspec
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.completion import ShownName
 from sleepcast.console.explanation import ShownWhy
+from sleepcast.console.sensing import BodyView
 from sleepcast.console.view import Outline, Scene
 
 
@@ -113,6 +114,14 @@ class Joined(Said):
 
     serial: int
     members: bytes
+
+
+class Sensed(Said):
+    """What the body of a robot senses."""
+
+    serial: int
+    robot: int
+    body: BodyView
 
 
 class Commands(Said):

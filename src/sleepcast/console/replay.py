@@ -7,10 +7,12 @@ running swarm's `Backend`: it answers what can be shown, and refuses commands.
 from __future__ import annotations
 
 import asyncio
+import struct
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import accumulate, islice
+from math import nan
 from typing import Generic, NoReturn, TypeVar
 
 import msgspec
@@ -23,6 +25,7 @@ from sleepcast.console.frames import pack
 from sleepcast.console.incoming import AlertMessage, Sort
 from sleepcast.console.plots import Measure
 from sleepcast.console.recorded_values import RecordedPlots, RecordedValues
+from sleepcast.console.sensing import BodyKind
 from sleepcast.console.view import Outline, Scene
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
@@ -78,14 +81,15 @@ class Timeline:
     """A recording as the page shows it. began, seconds: when it begins and ends. speed: at which it is shown at first.
     part: of a recording in several files, 0 if there is one. poses: as in a frame, with the tick. rows: every account
     as it came. values: JSON, for each sensor a list of all robots, null for unknown; units: of the sensors, as people
-    read them. vocabulary: what robots know from the start. rules, said: by robot. obstacles: what is solid, as in a
-    scene, from the first change on."""
+    read them. vocabulary: what robots know from the start. kinds: of the bodies, in the order of the scene's sizes.
+    rules, said: by robot. obstacles: what is solid, as in a scene, from the first change on."""
 
     scene: Scene
     seconds: float
     speed: float
     units: dict[str, str]
     vocabulary: Vocabulary
+    kinds: tuple[BodyKind, ...] = ()
     began: float = 0.0
     part: int = 0
     poses: Track[tuple[int, bytes]] = field(default_factory=Track)
@@ -248,6 +252,27 @@ class ReplayBackend:
         marks = self._film.marks_at(self.driver.time)
         newest, second = (np.frombuffer(codes, np.uint8) == group for codes in (marks.groups, marks.second))
         return outgoing.Joined(serial, (newest | second if marks.second else newest).tobytes())
+
+    def sense(self, serial: int, robot: int) -> outgoing.Sensed:
+        """What the body of a robot sensed when that was recorded last."""
+        film = self._film
+        number = film.values.before(self.driver.time)
+        if not 0 <= robot < len(film.scene.names) or not number:
+            raise MisuseError("The recording does not hold what this robot's body sensed at this time.")
+        values = values_of(film.values.values[number - 1])
+        poses = film.poses.at(film.values.times[number - 1]) or film.poses.values[0]
+
+        def read(name: str) -> float:
+            found = values.get(name, [])
+            value = found[robot] if robot < len(found) else None
+            return nan if value is None else value
+
+        ends = accumulate(count for count, _ in film.scene.sizes)
+        kind = next(kind for kind, end in zip(film.kinds, ends, strict=True) if robot < end)
+        x, y, heading = struct.unpack_from("<3f", poses[1], 12 * robot)
+        believed = (read("x"), read("y"), read("heading"))
+        ranges = [read(f"sonar{number}") for number in range(kind.sonars)]
+        return outgoing.Sensed(serial, robot, kind.sensing((x, y, heading), believed, ranges))
 
     def outcomes(self, serial: int, command: str) -> NoReturn:
         """Refused: answers are recorded as counts."""

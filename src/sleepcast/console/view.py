@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.console.sensing import BodyView
 from sleepcast.core.model import ReadyCommand
 from sleepcast.fleet.marks import FleetMarks
 from sleepcast.language import Vocabulary
@@ -132,6 +133,9 @@ class SwarmView(Protocol):
 
     def colours(self) -> bytes:
         """The colour that each robot shows: as in a frame, empty for none."""
+
+    def sensing(self, robot: int) -> BodyView | None:
+        """What the body of the robot with this index senses, None where nobody knows."""
 
     def poses(self) -> bytes:
         """x (m), y (m) and heading (rad, counter-clockwise from x) of each robot in turn, float32, little endian."""

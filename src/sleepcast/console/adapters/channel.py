@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
 from sleepcast.console import Outline, RuleView, SafetyOrder, Scene
+from sleepcast.console.sensing import BodyView
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.units import LENGTH, UNITS
 from sleepcast.language import Explanation, Variable, Vocabulary
@@ -215,6 +216,10 @@ class FleetAdapter:
     def colours(self) -> bytes:
         """Colours are shown from robot to robot; the desk does not see them."""
         return b""
+
+    def sensing(self, robot: int) -> BodyView | None:
+        """Telemetry has the values of sensors, but not the shapes of bodies."""
+        return None
 
     def poses(self) -> bytes:
         """x (m), y (m) and heading (rad, counter-clockwise from x; NaN: it stands aside) of each robot in turn,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from sleepcast.console.account_table import CommandRow
+from sleepcast.console.adapters.bodies import kind_of
 from sleepcast.console.adapters.swarm import outlines, scene_of
 from sleepcast.console.outgoing import ShownRule
 from sleepcast.console.replay import Marks, Timeline, Track, values_of
@@ -55,7 +56,9 @@ class TimelineBuilder:
         units = {sensor.name: sensor.shown_as or sensor.unit for sensor in simulator.model.sensors}
         part = recording.part if recording.part > 1 or recording.following else 0
         vocabulary = vocabulary_of(simulator.model)
-        self.film = Timeline(scene, recording.seconds, scenario.speed_up, units, vocabulary, recording.began, part)
+        kinds = tuple(kind_of(scenario, sort) for sort in scenario.each_sort)
+        about = (scene, recording.seconds, scenario.speed_up, units, vocabulary, kinds, recording.began, part)
+        self.film = Timeline(*about)
         self._solids = dict(enumerate(scenario.shapes, 1))
         for posted in recording.posted:
             message = posted.message

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.console import MapLabel, NamedOutline, Outline, Scene
+from sleepcast.console.adapters.bodies import sensing_of
+from sleepcast.console.sensing import BodyView
 from sleepcast.core.model import NamedArea
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Swarm
@@ -51,6 +53,10 @@ class SwarmAdapter:
     def step(self) -> None:
         """One tick of everything."""
         self._swarm.step()
+
+    def sensing(self, robot: int) -> BodyView:
+        """What the body of this robot senses."""
+        return sensing_of(self._swarm.simulator, robot)
 
     def poses(self) -> bytes:
         """x (m), y (m) and heading (rad, counter-clockwise from x) of each robot in turn, float32, little endian."""

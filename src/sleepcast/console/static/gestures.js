@@ -1,6 +1,7 @@
 // What hands do on a map: drag, click, pinch, turn the wheel. Pixels are of the map's own box.
 //
-// handlers: drag(dx, dy), click(x, y, event), hover(x, y) with null for both when the pointer is gone, zoom(factor, x, y).
+// handlers: drag(dx, dy), click(x, y, event), hover(x, y, touch) with null for both when the pointer is gone, touch: whether it
+// is a finger; zoom(factor, x, y).
 // Where things can be taken hold of, grab(x, y, event) gives {move(x, y), drop(moved)} for what lies there, or null; where two
 // clicks may follow each other fast and mean no closer look, busy() says so.
 
@@ -15,6 +16,7 @@ export function gestures(map, handlers) {
     const box = map.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];
   };
+  const touch = (event) => event.pointerType === "touch";
   const letGo = (moved) => {
     held?.drop(moved);
     held = null;
@@ -23,6 +25,7 @@ export function gestures(map, handlers) {
     if (event.button !== 0) return;
     map.setPointerCapture(event.pointerId);
     pointers.set(event.pointerId, place(event));
+    handlers.hover(...place(event), touch(event));
     if (pointers.size === 1) {
       travelled = 0;
       held = handlers.grab?.(...place(event), event) ?? null;
@@ -32,7 +35,7 @@ export function gestures(map, handlers) {
     const now = place(event);
     const before = pointers.get(event.pointerId);
     if (!before) {
-      handlers.hover(...now);
+      handlers.hover(...now, touch(event));
       return;
     }
     const [dx, dy] = [now[0] - before[0], now[1] - before[1]];
@@ -42,6 +45,7 @@ export function gestures(map, handlers) {
       if (held) held.move(...now);
       else handlers.drag(dx, dy);
     }
+    handlers.hover(...now, touch(event));
     pointers.set(event.pointerId, now);
     map.classList.toggle("dragging", travelled > DRAG);
   });
@@ -54,7 +58,7 @@ export function gestures(map, handlers) {
   };
   map.addEventListener("pointerup", release);
   map.addEventListener("pointercancel", release);
-  map.addEventListener("pointerleave", () => handlers.hover(null, null));
+  map.addEventListener("pointerleave", (event) => handlers.hover(null, null, touch(event)));
   map.addEventListener("dblclick", (event) => {
     if (!handlers.busy?.()) handlers.zoom(DOUBLE, ...place(event));
   });

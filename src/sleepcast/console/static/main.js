@@ -3,12 +3,16 @@
 import { Accounting, bytes, clock } from "./accounting.js";
 import { Alerts, testIn } from "./alerts.js";
 import { NumberDrag } from "./drag.js";
+import { BodyLayer } from "./body.js";
 import { Drawer } from "./drawer.js";
+import { Filming } from "./filming.js";
 import { Finder } from "./finder.js";
+import { Layers } from "./layers.js";
 import { Link } from "./link.js";
 import { Operators } from "./operators.js";
 import { Legend } from "./legend.js";
 import { NewRun } from "./newrun.js";
+import { Measure } from "./measure.js";
 import { Port } from "./port.js";
 import { Plots } from "./plots.js";
 import { Lights } from "./light.js";
@@ -318,7 +322,11 @@ const ACTIONS = [
   ["STOP every robot", "F9", () => press("stop")],
   ["Release STOP", "", () => press("release")],
   ["Show everything on the map", "F", () => press("fit")],
-  ["Trails on or off", "T", () => press("trails-on")],
+  ["Trails on or off", "T", () => layers.toggle("trails")],
+  ["Measure a distance on the map", "M", () => press("measure")],
+  ["Layers of the map", "", () => layers.open(true)],
+  ["Save a picture of the map", "PNG", () => press("save-picture")],
+  ["Film the map, or stop filming", "WebM", () => press("save-film")],
   ["Select robots with a lasso", "L", () => press("lasso")],
   ["Select the highlighted robots", "S", () => press("select-lit")],
   ["Light or dark", "", () => press("theme")],
@@ -353,9 +361,12 @@ find("fit").addEventListener("click", () => world.fit());
 
 find("scrub").addEventListener("input", () => world.forgetTrails());
 
-const toggleTrails = () => find("trails-on").setAttribute("aria-pressed", String(world.toggleTrails()));
-find("trails-on").addEventListener("click", toggleTrails);
-world.addEventListener("trails", toggleTrails);
+const layers = new Layers(find("layer-menu"), find("layers"), world);
+world.addEventListener("trails", () => layers.toggle("trails"));
+new BodyLayer(world, wire);
+new Measure(world, find("measure"), find("heard"));
+const films = { picture: find("save-picture"), film: find("save-film") };
+new Filming(world, films, () => find("clock").textContent, () => legend.lines(), refused);
 
 (embedded ? givenTheme : theme)(find("theme"), () => {
   world.recolour();

@@ -186,6 +186,7 @@ export function palette() {
     chosen: colour("--chosen"),
     place: colour("--place"),
     light: colour("--light"),
+    density: colour("--density"),
     robots: Array.from({ length: SECOND_NEUTRAL + 1 }, (_, ink) => colour(`--robot-${ink}`)),
   };
 }

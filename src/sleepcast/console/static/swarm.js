@@ -40,8 +40,8 @@ function few(view, { poses, count }, most) {
   return true;
 }
 
-// looks: as of shapes.js. marks: {lit: Uint8Array with 1 for each robot that is lit, or null; chosen, pointed: indices or -1}
-export function drawSwarm(pen, view, scene, frame, looks, marks, colours, boxes, ratio) {
+// looks: as of shapes.js. names: whether robots have their names beside them. marks: {lit: Uint8Array with 1 for each robot that is lit, or null; chosen, pointed: indices or -1}
+export function drawSwarm(pen, view, scene, frame, looks, marks, colours, boxes, ratio, names) {
   if (few(view, frame, MOST_SHAPES)) drawShapes(pen, view, scene, frame, looks, marks, colours);
   else drawPoints(pen, view, scene, frame, looks, marks, colours, ratio);
   const sizes = sizesOf(view, scene);
@@ -53,7 +53,7 @@ export function drawSwarm(pen, view, scene, frame, looks, marks, colours, boxes,
     pen.lineWidth = width;
     pen.stroke();
   }
-  drawNames(pen, view, scene, frame, marks, colours, boxes, sizes);
+  drawNames(pen, view, scene, frame, marks, colours, boxes, sizes, names ? MOST_LABELS : 0);
 }
 
 function drawShapes(pen, view, scene, frame, looks, marks, colours) {
@@ -157,15 +157,15 @@ function packed(pen, colour) {
   return packedColours.get(colour);
 }
 
-function drawNames(pen, view, scene, frame, marks, colours, boxes, sizes) {
+function drawNames(pen, view, scene, frame, marks, colours, boxes, sizes, most) {
   const named = marks.chosen >= 0 && marks.chosen < frame.count ? [marks.chosen] : [];
   const visible = [];
-  for (let i = 0; i < frame.count && visible.length <= MOST_LABELS; i += 1) {
+  for (let i = 0; i < frame.count && visible.length <= most; i += 1) {
     const x = view.toScreenX(frame.poses[3 * i]);
     const y = view.toScreenY(frame.poses[3 * i + 1]);
     if (x > 0 && y > 0 && x < view.width && y < view.height) visible.push(i);
   }
-  if (visible.length <= MOST_LABELS) named.push(...visible);
+  if (visible.length <= most) named.push(...visible);
   for (const i of new Set(named)) {
     const x = view.toScreenX(frame.poses[3 * i]) + sizes(i) + 9;
     const y = view.toScreenY(frame.poses[3 * i + 1]);

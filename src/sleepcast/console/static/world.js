@@ -4,6 +4,7 @@
 // view changes, the trails when there are new ones, the robots with every frame.
 
 import { colourName, decode, EXHAUSTED, FLAG_NAMES } from "./frame.js";
+import { drawDensity } from "./density.js";
 import { gestures } from "./gestures.js";
 import { drawGround, drawPlaces } from "./ground.js";
 import { Pings } from "./pings.js";
@@ -16,6 +17,7 @@ const ZOOM_STEP = 1.4;
 const NEAR = 14; // pixels: how far beside a robot a click may be
 const SMALL = 8; // robots that need less than this part of the world's width and height are shown closer,
 const ROOM = 10; // with so many radii of a body around them, so that they may move
+const MANY = 20000; // robots beyond which their density is shown unless somebody has chosen otherwise
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export class World extends EventTarget {
@@ -23,6 +25,7 @@ export class World extends EventTarget {
     super();
     this.map = root.querySelector("#map");
     this.tip = root.querySelector("#tip");
+    this.placeText = root.querySelector("#place-text");
     this.root = root;
     this.pens = Object.fromEntries(
       ["ground", "trails", "robots"].map((name) => [name, root.querySelector(`#${name}`).getContext("2d")]),
@@ -31,7 +34,8 @@ export class World extends EventTarget {
     this.trails = new Trails();
     this.pings = new Pings();
     this.told = null; // the frame that was last said to be drawn
-    this.showTrails = true;
+    this.layers = {}; // whether each is shown, by name, as of layers.js
+    this.pointer = null; // the pixel at which the pointer is
     this.scene = null;
     this.frame = null;
     this.latest = null; // the frame that came last, of this scene or of one that is on its way
@@ -259,10 +263,15 @@ export class World extends EventTarget {
     this.dispatchEvent(new Event("moved"));
   }
 
-  toggleTrails() {
-    this.showTrails = !this.showTrails;
-    this.repaint("trails");
-    return this.showTrails;
+  // shown: whether each layer is shown, by name.
+  setLayers(shown) {
+    this.layers = shown;
+    this.repaint("trails", "robots");
+    this.dispatchEvent(new Event("layers"));
+  }
+
+  shows(name) {
+    return this.layers[name] ?? (name === "density" && (this.frame?.count ?? 0) > MANY);
   }
 
   // ---- drawing
@@ -284,16 +293,19 @@ export class World extends EventTarget {
       this.drawScale();
     }
     if (!frame) return;
+    this.lookUnder();
     if (stale.has("trails")) {
       pens.trails.clearRect(0, 0, view.width, view.height);
-      if (this.showTrails) this.trails.draw(pens.trails, view, inksOf(this.looks.bodies), colours.robots, this.scene.area);
+      if (this.shows("trails")) this.trails.draw(pens.trails, view, inksOf(this.looks.bodies), colours.robots, this.scene.area);
     }
     pens.robots.clearRect(0, 0, view.width, view.height);
+    if (this.shows("density")) drawDensity(pens.robots, view, frame, colours.density);
     const boxes = drawPlaces(pens.robots, view, scene.places, colours);
-    drawSwarm(pens.robots, view, scene, frame, this.looks, this.marks, colours, boxes, this.ratio);
+    drawSwarm(pens.robots, view, scene, frame, this.looks, this.marks, colours, boxes, this.ratio, this.shows("names"));
     drawPlaces(pens.robots, view, scene.places, colours);
     for (const tool of this.tools) tool.draw?.(pens.robots);
-    if (this.pings.draw(pens.robots, view, frame, sizesOf(view, scene), colours, performance.now())) this.repaint("robots");
+    this.drawTip();
+    if (this.shows("pings") && this.pings.draw(pens.robots, view, frame, sizesOf(view, scene), colours, performance.now())) this.repaint("robots");
     if (frame === this.told) return;
     this.told = frame;
     this.dispatchEvent(new CustomEvent("drawn", { detail: frame }));
@@ -359,7 +371,7 @@ export class World extends EventTarget {
       // A tool may take hold of the map, or want a click for itself.
       grab: (x, y, event) => (this.frame && this.tools.map((tool) => tool.grab?.(x, y, event)).find(Boolean)) || null,
       click: (x, y, event) => this.tools.some((tool) => tool.click?.(x, y, event)) || this.choose(this.at(x, y)),
-      hover: (x, y) => this.point(x ?? -1e9, y ?? -1e9),
+      hover: (x, y, touch) => this.point(x, y, touch),
       zoom: (factor, x, y) => this.zoom(factor, x, y),
     });
     this.map.addEventListener("keydown", (event) => {
@@ -367,26 +379,38 @@ export class World extends EventTarget {
     });
   }
 
-  // The pointer is over the pixel: show what is there.
-  point(px, py) {
+  // The pointer is over the pixel, or gone: show what is there. What a finger has touched stays told.
+  point(px, py, touch = false) {
     if (!this.scene || !this.frame) return;
-    const found = this.at(px, py);
-    const unit = UNITS[this.scene.unit];
-    const [x, y] = this.view.toWorld(px, py);
-    const inside = px > -1e8;
-    this.root.querySelector("#place-text").textContent = inside
-      ? `x ${(x / unit).toFixed(2)}  y ${(y / unit).toFixed(2)} ${this.scene.unit}`
-      : "";
-    if (found !== this.marks.pointed) {
-      this.marks.pointed = found;
-      this.map.classList.toggle("pointing", found >= 0);
-      this.repaint("robots");
-    }
-    this.tip.hidden = found < 0;
-    if (found >= 0) {
-      this.tip.textContent = this.describe(found);
-      this.tip.style.transform = `translate(${Math.min(px + 16, this.view.width - 180)}px, ${py + 16}px)`;
-    }
+    this.pointer = px === null ? null : [px, py];
+    if (this.pointer) {
+      const unit = UNITS[this.scene.unit];
+      const [x, y] = this.view.toWorld(px, py);
+      this.placeText.textContent = `x ${(x / unit).toFixed(2)}  y ${(y / unit).toFixed(2)} ${this.scene.unit}`;
+    } else if (!touch) this.placeText.textContent = "";
+    this.lookUnder();
+    this.drawTip();
+  }
+
+  // Which robot is at the pointer; it may have come there by itself.
+  lookUnder() {
+    const found = this.pointer ? this.at(...this.pointer) : -1;
+    if (found === this.marks.pointed) return;
+    this.marks.pointed = found;
+    this.map.classList.toggle("pointing", found >= 0);
+    this.repaint("robots");
+  }
+
+  // The label of the robot at the pointer, beside the robot wherever the map shows it.
+  drawTip() {
+    const { pointed } = this.marks;
+    const there = pointed >= 0 && pointed < this.frame.count;
+    this.tip.hidden = !there;
+    if (!there) return;
+    this.tip.textContent = this.describe(pointed);
+    const x = this.view.toScreenX(this.frame.poses[3 * pointed]);
+    const y = this.view.toScreenY(this.frame.poses[3 * pointed + 1]);
+    this.tip.style.transform = `translate(${Math.max(0, Math.min(x + 16, this.view.width - this.tip.offsetWidth - 4))}px, ${y + 16}px)`;
   }
 
   // Do what a key on the map means; whether it means anything.

@@ -1,8 +1,8 @@
 // How things look on both maps, in pixels of a View.
 
-const TURN = 2 * Math.PI;
+import { disc, sizeOf, spoke } from "../sensing.js";
+
 const COLOURS = 7; // of robots, in turn; --robot-1 and on
-const LEAST = 5; // pixels: a robot's radius is never drawn smaller
 // Modes 4 and on of what programs draw; 1 to 3 are the pen's own colour.
 const NAMED = [
   "#d62728", "#1f77b4", "#2ca02c", "#e6a700", "#9467bd", "#17a2b8", "#e377c2", "#8c564b", "#ff7f0e", "#7f8c8d",
@@ -16,10 +16,6 @@ export function colourOf(robot, colours) {
 // The colour of what a program has drawn in this mode.
 export function sketchColour(mode, colours) {
   return mode > 3 ? NAMED[(mode - 4) % NAMED.length] : colours.ink;
-}
-
-export function sizeOf(view, radius) {
-  return Math.max(LEAST, radius * view.scale);
 }
 
 // Closed lines through corners [x, y] in m.
@@ -87,18 +83,6 @@ export function drawSketches(pen, view, sketches, radius, colours) {
   }
 }
 
-function disc(pen, x, y, size) {
-  pen.moveTo(x + size, y);
-  pen.arc(x, y, size, 0, TURN);
-}
-
-// A line from the middle outwards, between two parts of the radius.
-function spoke(pen, x, y, size, angle, from, to) {
-  const [c, s] = [Math.cos(angle) * size, Math.sin(angle) * size];
-  pen.moveTo(x + from * c, y - from * s);
-  pen.lineTo(x + to * c, y - to * s);
-}
-
 // A body: where it really is.
 export function drawBody(pen, view, [x, y, heading, turret], radius, colour, colours, marks = {}) {
   const [px, py, size] = [view.toScreenX(x), view.toScreenY(y), sizeOf(view, radius)];
@@ -124,60 +108,6 @@ export function drawBody(pen, view, [x, y, heading, turret], radius, colour, col
     pen.stroke();
   }
   pen.lineCap = "butt";
-}
-
-// Where a robot believes to be: a dashed ring with its heading.
-export function drawBelief(pen, view, [x, y, heading], radius, colour) {
-  const [px, py, size] = [view.toScreenX(x), view.toScreenY(y), sizeOf(view, radius)];
-  pen.beginPath();
-  disc(pen, px, py, size);
-  pen.setLineDash([4, 3]);
-  pen.strokeStyle = colour;
-  pen.lineWidth = 1.8;
-  pen.stroke();
-  pen.setLineDash([]);
-  pen.beginPath();
-  spoke(pen, px, py, size, heading, 0.5, 1.25);
-  pen.stroke();
-}
-
-// Sectors of range sensors, evenly round from `heading`: ranges in m from the body's edge, null for none.
-export function drawCones(pen, view, [x, y, , turret], radius, ranges, farthest, colour) {
-  const half = Math.PI / ranges.length;
-  const [px, py] = [view.toScreenX(x), view.toScreenY(y)];
-  ranges.forEach((range, sensor) => {
-    if (range === null) return;
-    const middle = -(turret + (TURN * sensor) / ranges.length);
-    const away = (radius + range) * view.scale;
-    pen.beginPath();
-    pen.moveTo(px, py);
-    pen.arc(px, py, away, middle - half, middle + half);
-    pen.closePath();
-    pen.fillStyle = colour;
-    pen.globalAlpha = range < farthest ? 0.1 : 0.03;
-    pen.fill();
-    if (range < farthest) {
-      pen.beginPath();
-      pen.arc(px, py, away, middle - half, middle + half);
-      pen.globalAlpha = 0.7;
-      pen.strokeStyle = colour;
-      pen.lineWidth = 1.5;
-      pen.stroke();
-    }
-  });
-  pen.globalAlpha = 1;
-}
-
-// Where the bumper feels something: arcs on the body's rim. touched: rad from the heading.
-export function drawTouches(pen, view, [x, y, heading], radius, touched, colour) {
-  const [px, py, size] = [view.toScreenX(x), view.toScreenY(y), sizeOf(view, radius)];
-  pen.strokeStyle = colour;
-  pen.lineWidth = Math.max(4, size / 4);
-  for (const angle of touched) {
-    pen.beginPath();
-    pen.arc(px, py, size + pen.lineWidth / 2, -(heading + angle) - 0.25, -(heading + angle) + 0.25);
-    pen.stroke();
-  }
 }
 
 // Dots at places [x, y].

@@ -2,7 +2,8 @@
 // a program asks for a place, a click that answers.
 
 import { drawGrid, drawLabel } from "../ground.js";
-import { colourOf, drawBody, drawCones, drawCrosses, drawDots, drawTouches, drawTrace, sizeOf } from "./drawing.js";
+import { drawCones, drawTouches, sizeOf } from "../sensing.js";
+import { colourOf, drawBody, drawCrosses, drawDots, drawTrace } from "./drawing.js";
 import { Pane } from "./pane.js";
 
 const NOTHING = 254.5; // inches: a sonar that reads this or more has heard nothing
@@ -74,7 +75,7 @@ export class Own extends Pane {
     if (shown.bumper) drawCrosses(pen, view, state.contacts, 4, colours.place);
     if (own) this.drawSensors(pen, robot, kind, own, colour);
     drawBody(pen, view, robot.believed, kind.radius, colour, colours);
-    if (own && shown.bumper) drawTouches(pen, view, robot.believed, kind.radius, own.touched, colours.place);
+    if (own && shown.bumper) drawTouches(pen, view, robot.believed, sizeOf(view, kind.radius), own.touched, colours.place);
     const last = state.said.at(-1);
     if (last && state.time - last[0] < SPEECH) {
       const size = sizeOf(view, kind.radius);

@@ -4,7 +4,8 @@
 import { drawGrid, drawLabel } from "../ground.js";
 import { gridStep } from "../view.js";
 import { Builder } from "./builder.js";
-import { colourOf, drawBelief, drawBody, drawCones, drawTouches, sizeOf } from "./drawing.js";
+import { drawBelief, drawCones, drawTouches, sizeOf } from "../sensing.js";
+import { colourOf, drawBody } from "./drawing.js";
 import { drawSketches, drawSolids, drawTrace } from "./drawing.js";
 import { Pane } from "./pane.js";
 
@@ -109,7 +110,7 @@ export class World extends Pane {
       const [x, y, heading] = robot.real;
       const apart = Math.hypot(robot.believed[0] - x, robot.believed[1] - y) * view.scale;
       const turned = Math.abs(Math.sin((robot.believed[2] - heading) / 2));
-      if (state.shown.encoder && (apart > 2 || turned > 0.02)) drawBelief(pen, view, robot.believed, radius, colour);
+      if (state.shown.encoder && (apart > 2 || turned > 0.02)) drawBelief(pen, view, robot.believed, sizeOf(view, radius), colour);
       const held = this.held?.robot === index;
       drawBody(pen, view, robot.real, radius, colour, colours, { chosen: index === state.chosen, faint: held });
       if (held) drawBody(pen, view, this.held.pose, radius, colour, colours, { chosen: true });
@@ -118,7 +119,7 @@ export class World extends Pane {
       boxes.push(...drawLabel(pen, view, `${name}${asks}`, ...at, colours.ink, colours.area, "600 13px", boxes));
     });
     if (state.shown.bumper && state.own && state.robot) {
-      drawTouches(pen, view, state.robot.real, state.kind.radius, state.own.touched, colours.place);
+      drawTouches(pen, view, state.robot.real, sizeOf(view, state.kind.radius), state.own.touched, colours.place);
     }
     this.builder.draw(pen, view, colours);
   }

@@ -1,0 +1,55 @@
+"""What the body of one robot senses, for the map: its sonars, what it touches, where its encoders place it, how far its
+other senses reach. The page asks for it while it shows a layer that needs it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import isfinite
+
+import msgspec
+
+Pose = tuple[float, float, float]
+"""x, y (m) and heading (rad, counter-clockwise from x)."""
+
+
+class BodyView(msgspec.Struct, frozen=True):
+    """What a robot's body senses. pose: where it is; believed: where its encoders place it, None without any. sonars:
+    from its front counter-clockwise, m from its rim, None for what was never measured; beam: opening of each, rad;
+    farthest: what they measure at most, m. touched: direction of what its bumper touches, rad from its heading; None
+    for nothing. reaches: how far other senses reach, by their names, m."""
+
+    pose: Pose
+    radius: float
+    believed: Pose | None
+    sonars: tuple[float | None, ...]
+    beam: float
+    farthest: float
+    touched: float | None
+    reaches: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class BodyKind:
+    """What bodies of one sort have. radius: m. encoders: whether they measure their own way. sonars: how many; beam,
+    farthest, reaches: as in `BodyView`."""
+
+    radius: float
+    encoders: bool
+    sonars: int = 0
+    beam: float = 0.0
+    farthest: float = 0.0
+    reaches: tuple[tuple[str, float], ...] = ()
+
+    def sensing(self, pose: Pose, believed: Pose, ranges: Iterable[float], touched: float | None = None) -> BodyView:
+        """What such a body senses. ranges: of its sonars, NaN for what was never measured."""
+        return BodyView(
+            pose,
+            self.radius,
+            believed if self.encoders and all(map(isfinite, believed)) else None,
+            tuple(each if isfinite(each) else None for each in ranges),
+            self.beam,
+            self.farthest,
+            touched,
+            self.reaches,
+        )

@@ -1,0 +1,179 @@
+"""The layers of the map, measuring, exports and touch, in a real Chromium."""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
+
+from console.running import PATIENCE, Program
+from console.test_page import pixels, settle, until
+from small_worlds import SCOUTS, write
+
+pytestmark = pytest.mark.browser
+
+expect.set_options(timeout=1000 * PATIENCE)
+
+LEAST = 44
+"""Pixels that a finger needs."""
+
+
+@pytest.fixture(scope="module")
+def scouts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
+    """Three scouts in a room."""
+    folder = tmp_path_factory.mktemp("scouts")
+    write(folder, ("count = 1", "count = 3"), text=SCOUTS)
+    with Program("run", folder, "--page", "--speed", "1") as started:
+        yield started
+
+
+@pytest.fixture
+def page(scouts: Program, context: BrowserContext) -> Page:
+    found = context.new_page()
+    found.goto(scouts.address)
+    expect(found.locator("#legend li")).not_to_have_count(0)
+    expect(found.locator("#scale-text")).not_to_be_empty()
+    return found
+
+
+def box(found: Locator) -> dict[str, float]:
+    place = found.bounding_box()
+    assert place is not None
+    return {**place}
+
+
+def run(page: Page, wanted: bool) -> None:
+    """Let time run, or stand still; the tests share one program."""
+    button = page.locator(f'#run[data-running="{str(not wanted).lower()}"]')
+    if button.count():
+        button.click()
+    expect(page.locator("#run")).to_have_attribute("data-running", str(wanted).lower())
+
+
+def choose(page: Page) -> tuple[float, float]:
+    """Choose a robot by keys; gives where it is."""
+    page.locator("#map").focus()
+    page.keyboard.press("ArrowUp")
+    expect(page.locator("#robot-name")).to_have_text(re.compile(r"scout\d"))
+    xs, ys = zip(*until(page, lambda: pixels(page, "--chosen")), strict=True)
+    return (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
+
+
+def test_layers_are_shown_remembered_and_switched_by_keys(page: Page) -> None:
+    run(page, False)
+    choose(page)
+
+    def drawn() -> str:
+        settle(page)
+        found: str = page.locator("#robots").evaluate("canvas => canvas.toDataURL()")
+        return found
+
+    before = drawn()
+    assert drawn() == before  # nothing moves
+    page.locator("#layers").click()
+    page.locator("#layer-sensors").check()
+    until(page, lambda: drawn() != before)  # its sonars
+    page.locator("#layer-sensors").uncheck()
+    until(page, lambda: drawn() == before)
+    page.locator("#layer-sensors").check()
+    page.locator("#layer-trails").uncheck()
+    page.locator("#layer-density").check()
+    page.keyboard.press("Escape")
+    expect(page.locator("#layer-menu")).to_be_hidden()
+    expect(page.locator("#layers")).to_be_focused()
+    page.reload()
+    page.locator("#layers").click()
+    expect(page.locator("#layer-sensors")).to_be_checked()
+    expect(page.locator("#layer-trails")).not_to_be_checked()
+    expect(page.locator("#layer-density")).to_be_checked()
+    page.locator("#map").press("t")
+    expect(page.locator("#layer-trails")).to_be_checked()
+
+
+def test_a_distance_is_measured_in_the_unit_of_the_map(page: Page) -> None:
+    world = box(page.locator("#map"))
+    x, y = world["x"] + 300, world["y"] + 200
+    page.locator("#map").press("m")
+    expect(page.locator("#measure")).to_have_attribute("aria-pressed", "true")
+    page.mouse.move(x, y)
+    before = page.locator("#place-text").inner_text()
+    page.mouse.down()
+    page.mouse.move(x + 120, y - 160, steps=4)
+    page.mouse.up()
+    metres = float(page.locator("#scale-text").inner_text().removesuffix(" m"))
+    expected = 200 * metres / box(page.locator("#scale-bar"))["width"]
+    said = page.locator("#heard").inner_text()
+    assert float(said.removesuffix(" m")) == pytest.approx(expected, rel=0.02)
+    page.mouse.move(x, y)
+    expect(page.locator("#place-text")).to_have_text(before)  # the map has not been moved
+    page.keyboard.press("m")
+    expect(page.locator("#measure")).to_have_attribute("aria-pressed", "false")
+
+
+def test_the_label_stays_with_its_robot(page: Page) -> None:
+    run(page, False)
+    x, y = choose(page)
+    page.mouse.move(x, y)
+    tip = page.locator("#tip")
+    expect(tip).to_contain_text("scout")
+    before = box(tip)
+    page.mouse.down()
+    page.mouse.move(x + 50, y + 30, steps=3)
+    settle(page)
+    moved = box(tip)
+    assert (moved["x"] - before["x"], moved["y"] - before["y"]) == pytest.approx((50, 30), abs=2)
+    page.mouse.up()
+    page.locator("#map").press("Shift+ArrowLeft")  # the robot goes away from under the pointer, and its label with it
+    expect(tip).to_be_hidden()
+
+
+def test_the_map_is_saved_as_a_picture_and_as_a_film(page: Page, tmp_path: Path) -> None:
+    run(page, True)
+    page.locator("#layers").click()
+    with page.expect_download() as picture:
+        page.locator("#save-picture").click()
+    picture.value.save_as(tmp_path / "map.png")
+    assert re.fullmatch(r"scouts-\d+\.\d\d\.\d\d\.png", picture.value.suggested_filename)
+    data = (tmp_path / "map.png").read_bytes()
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    size = page.locator("#ground").evaluate("canvas => [canvas.width, canvas.height]")
+    assert list(struct.unpack(">2I", data[16:24])) == size
+    assert len(data) > 5_000  # something is on it
+
+    film = page.locator("#save-film")
+    film.click()
+    expect(film).to_have_text("Stop and save the film")
+    clock = page.locator("#clock").inner_text()
+    expect(page.locator("#clock")).not_to_have_text(clock)
+    with page.expect_download() as saved:
+        film.click()
+    saved.value.save_as(tmp_path / "map.webm")
+    data = (tmp_path / "map.webm").read_bytes()
+    assert data[:4] == b"\x1a\x45\xdf\xa3"
+    assert b"webm" in data[:64]
+    expect(film).to_have_text("Film the map (WebM)")
+
+
+def test_fingers_find_what_they_press_and_read_where_they_touch(scouts: Program, chromium: Browser) -> None:
+    phone = {"width": 390, "height": 844}
+    with chromium.new_context(viewport=phone, has_touch=True, is_mobile=True) as context:
+        page = context.new_page()
+        page.goto(scouts.address)
+        expect(page.locator("#legend li")).not_to_have_count(0)
+        page.locator("#map").tap(position={"x": 200, "y": 200})
+        expect(page.locator("#place-text")).to_have_text(re.compile(r"x -?\d+\.\d\d  y -?\d+\.\d\d m"))
+        page.locator("#layers").tap()
+        expect(page.locator("#layer-menu")).to_be_visible()
+        small = page.evaluate(
+            """(least) => [...document.querySelectorAll("button, select, .layer-menu label")]
+              .filter((each) => each.checkVisibility() && each.getBoundingClientRect().width > 0)
+              .map((each) => [each.id || each.textContent, each.getBoundingClientRect()])
+              .filter(([, { width, height }]) => height < least - 0.5 || width < least - 0.5)
+              .map(([name, { width, height }]) => `${name}: ${width} x ${height}`)""",
+            LEAST,
+        )
+        assert small == []

@@ -57,8 +57,9 @@ class TimelineBuilder:
         part = recording.part if recording.part > 1 or recording.following else 0
         vocabulary = vocabulary_of(simulator.model)
         kinds = tuple(kind_of(scenario, sort) for sort in scenario.each_sort)
-        about = (scene, recording.seconds, scenario.speed_up, units, vocabulary, kinds, recording.began, part)
-        self.film = Timeline(*about)
+        self.film = Timeline(
+            scene, recording.seconds, scenario.speed_up, units, vocabulary, kinds, recording.began, part
+        )
         self._solids = dict(enumerate(scenario.shapes, 1))
         for posted in recording.posted:
             message = posted.message

@@ -35,6 +35,27 @@ class TestCommands:
         assert sent.silent == sent.fault == ()
         assert fleet.groups == {"bravo": sent.matched}
 
+    def test_a_misspelt_name_gives_a_warning_and_is_counted_as_unknown(self) -> None:
+        fleet = bravo().run(2)
+        with pytest.warns(UserWarning, match=r"unknown name \"fule\" at 1:10 \(did you mean fuel\?\)"):
+            sent = fleet.send("(WHEN (> fule 50%) (JOIN bravo))")
+        assert (len(sent.unknown), sent.matched, sent.not_matched) == (100, (), ())
+        assert set(sent.table()["outcome"]) == {"unknown"}
+        with pytest.warns(UserWarning, match="did you mean fuel"):
+            fleet.ask("fule")
+        fleet.send("(WHEN (> fule 50%) (JOIN bravo))", sure=True)  # it is meant so: no warning
+
+    def test_what_stop_holds_is_told(self) -> None:
+        fleet = bravo().run(2)
+        fleet.stop()
+        fleet.run(60, quiet=True)  # they come to rest
+        sent = fleet.send("(WHEN (> fuel 50%) (GOTO 2mi 2mi))")
+        assert sent.held == sent.matched != ()
+        assert f"(held by STOP: {len(sent.held)})" in repr(sent)
+        before = fleet.x.copy()
+        fleet.run(5, quiet=True)
+        assert (fleet.x == before).all()
+
     def test_what_does_nothing_is_previewed_as_a_test(self) -> None:
         fleet = bravo().run(2)
         full = fleet.preview("(> fuel 50%)")

@@ -13,6 +13,7 @@ from channel.test_udp import free_port
 from cli.calling import called
 from cli.terminal import terminal
 from cli.test_swarm import channel, swarm
+from sleepcast.station.validation import TEST_UNKNOWN
 
 __all__ = ["channel"]
 
@@ -59,6 +60,8 @@ def test_who_would_obey_is_said_before_anything_is_sent(taught: str) -> None:
         alone = told(taught, "who", test)
         assert (alone["yes"], alone["everybody"], alone["text"]) == (["r5", "r6"], False, test)
     assert told(taught, "who", "--poll", "(> id 4)")["yes"] == ["r5", "r6"]
+    unknown = told(taught, "who", "--poll", "(> fule 4)")
+    assert (unknown["n_yes"], unknown["n_no"], set(unknown["unknown"].values())) == (0, 0, {TEST_UNKNOWN})
     assert told(taught, "who", "(+ 1 id)")["n_yes"] == 6, "no test: whoever hears it evaluates it"
     sent = told(taught, "send", text)
     assert (sent["predicted"], sorted(map(str, sent["matched"]))) == (["r5", "r6"], ["r5", "r6"])
@@ -117,6 +120,6 @@ def test_what_was_told_is_kept_and_grows_old(channel: str) -> None:
 
 def test_nobody_there(channel: str) -> None:
     found = called("who", "(WHEN (> id 1) (ST))", "--channel", channel, "--within", "0")
-    assert found.status == 0
+    assert found.status == 1
     assert "nobody is known here" in found.out
     assert told(channel, "watch", "--once", "--within", "0")["robots"] == []

@@ -45,6 +45,8 @@ def test_help_of_every_command_has_examples(capsys: pytest.CaptureFixture[str], 
     [
         (["evl", "1"], "unknown command 'evl' (did you mean eval?)"),
         (["frobnicate"], "unknown command 'frobnicate': commands are demo, run,"),
+        (["bravo"], "unknown command 'bravo' (did you mean sleepcast demo bravo?)"),
+        (["replay", "none.mcap"], "cannot read none.mcap: No such file or directory"),
         (["eval", "--dialct", "classic", "1"], "--dialect"),
         (["--vresion"], "--version"),
         (["eval"], "Missing argument 'EXPR...'"),

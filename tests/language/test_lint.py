@@ -79,6 +79,33 @@ def test_of_a_long_line_what_stands_around_the_caret_is_shown(start: int) -> Non
         assert line.endswith("…") or shown.endswith(text[-9:])
 
 
+@pytest.mark.parametrize(
+    ("text", "zero"),
+    [
+        ("(/ 10 0)", "0"),
+        ("(/ 0)", "0"),
+        ("(/ 10m 2 0s)", "0s"),
+        ("(/ 10 (- 2 2))", "(- 2 2)"),
+        ("(MOD 7 0)", "0"),
+        ("(MOD 7 (* 3 0))", "(* 3 0)"),
+        ("(RULE guard (SETQ throttle (/ 1 0)))", "0"),
+        ("(DEFUN inverse (a) (/ a 0))", "0"),
+    ],
+)
+def test_a_division_by_a_constant_zero_is_a_warning(text: str, zero: str) -> None:
+    found = [each for each in check(text, FreshNames(ROVER)).findings if "divides by zero" in each.message]
+    assert [(each.severity, text[each.start : each.end]) for each in found] == [("warning", zero)]
+
+
+@pytest.mark.parametrize(
+    "text", ["(/ 0 5)", "(MOD 0 5)", "(/ 1 UNKNOWN)", "(/ 1 (RANDOM 0 1))", "(/ 1 (/ 1 0m))", "(LET ((n 0)) (/ 1 n))"]
+)
+def test_any_other_division_is_not(text: str) -> None:
+    outer = [each.message for each in check(text, FreshNames(ROVER)).findings if each.message.startswith("(/ 1 (/")]
+    found = [each.message for each in check(text, FreshNames(ROVER)).findings if "divides by zero" in each.message]
+    assert found == [] if text != "(/ 1 (/ 1 0m))" else (len(found), outer) == (1, [])
+
+
 def test_a_short_line_is_shown_whole() -> None:
     assert with_caret("no", "(+ 1 x)", 5, 6) == "no\n  (+ 1 x)\n       ^"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import AsyncGenerator, Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from sleepcast.api.events import EventQueue, FleetEvent
 from sleepcast.api.table import DataTable, Numbers, Texts
-from sleepcast.core.errors import MisuseError
+from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language import Explanation
 from sleepcast.station import Account, Command, Preview, Station
 from sleepcast.station.validation import is_mere_test
@@ -242,8 +243,10 @@ class Fleet(ABC):
     ) -> CommandResult:
         """Broadcast an expression. wait: seconds that may pass until all have answered; 0 sends several at the same
         moment. count: how many robots are meant, which a real fleet asks for where many may obey. sure: it is meant as
-        it stands, though the checker doubts it. The rest, and what is raised: see `Station.send`."""
+        it stands, though the checker doubts it; otherwise names that no robot has give a UserWarning. The rest, and
+        what is raised: see `Station.send`."""
         self._prepare(text, sure)
+        self._warn(text, sure)
         with self._turn():
             sent = self.station.send(
                 text,
@@ -254,6 +257,7 @@ class Fleet(ABC):
                 only=only,
                 but=but,
                 confirmed=sure,
+                undecided=True,
             )
         return self._until(sent, wait)
 
@@ -267,11 +271,24 @@ class Fleet(ABC):
         sure: bool = False,
     ) -> CommandResult:
         """Ask for the value of an expression over the radio; nothing changes on the robots. The answers are in
-        `values`. sure: it is meant as it stands, though a real fleet has no such name. Raises what `Station.ask`
+        `values`. sure: it is meant as it stands, though the fleet has no such name. Raises what `Station.ask`
         raises."""
+        self._warn(text, sure)
         with self._turn():
             sent = self.station.ask(text, only=only, but=but)
         return self._until(sent, wait)
+
+    def _warn(self, text: str, sure: bool) -> None:
+        """Warn the caller's caller of names that no robot has, unless it is sure."""
+        if sure:
+            return
+        try:
+            checked = self.station.check(text)
+        except SleepcastError:
+            return  # the desk says it, and writes it down
+        for finding in checked.findings:
+            if finding.unknown:
+                warnings.warn(finding.render(text), stacklevel=3)
 
     def stop(self, *, wait: float = WAIT) -> CommandResult:
         """Stop every body at once, until `release`."""

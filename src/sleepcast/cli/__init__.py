@@ -80,8 +80,16 @@ class Commands(click.Group):
         name = args[0]
         if name not in COMMANDS and not name.startswith("-"):
             known = f"commands are {', '.join(COMMANDS)}"
-            raise click.UsageError(f"unknown command {name!r}{did_you_mean(name, COMMANDS)}: {known}", ctx)
+            hint = _scenario_hint(name) or did_you_mean(name, COMMANDS)
+            raise click.UsageError(f"unknown command {name!r}{hint}: {known}", ctx)
         return super().resolve_command(ctx, args)
+
+
+def _scenario_hint(name: str) -> str:
+    """The command that was probably meant, if this is the name of a scenario."""
+    from sleepcast.simulator import scenario_names
+
+    return f" (did you mean sleepcast demo {name}?)" if name in scenario_names() else ""
 
 
 @click.group(

@@ -83,7 +83,7 @@ def who(text: str, poll: bool, told: bool, air: AirOptions, as_json: bool) -> in
 
     Robots are asked for telemetry, and the test is evaluated here: certainly yes, certainly no, or unknown with the
     reason. With --poll each robot evaluates it itself, with its sonars and its chance, and does nothing. With --told
-    nothing is sent, and telemetry older than five seconds counts as unknown.
+    nothing is sent, and telemetry older than five seconds counts as unknown. The exit status is 1 if no robot is known.
 
     \b
     Examples:
@@ -108,10 +108,10 @@ def who(text: str, poll: bool, told: bool, air: AirOptions, as_json: bool) -> in
             complain(line)
     if as_json:
         put(json.dumps(found.as_dict(text)))
-        return 0
-    for line in found.lines():
-        put(line)
-    return 0
+    else:
+        for line in found.lines():
+            put(line)
+    return 0 if found.total else 1
 
 
 def _foreseen(station: NetworkStation, text: str) -> Obeyers:
@@ -124,20 +124,22 @@ def _foreseen(station: NetworkStation, text: str) -> Obeyers:
 def _polled(station: NetworkStation, text: str) -> Obeyers:
     """By what the robots say."""
     from sleepcast.station.asking import PATIENCE
+    from sleepcast.station.validation import NO, TEST_UNKNOWN, UNDECIDED, YES
 
     asked, poll = station.poll(text, PATIENCE)
     found, account = Obeyers(everybody=station.preview(text).everybody), station.accounting(asked.id)
     found.nameless = account.n_nameless
     faults = account.faults
     for name in sorted((*account.matched, *account.not_matched, *account.unknown, *account.fault)):
-        if poll.said.get(name) is True:
+        said = poll.said.get(name)
+        if said == YES:
             found.yes.append(name)
         elif name in faults:
             found.unknown[name] = faults[name]
-        elif poll.said.get(name) is False:
+        elif said == NO:
             found.no.append(name)
         else:
-            found.unknown[name] = "it does not say"
+            found.unknown[name] = TEST_UNKNOWN if said == UNDECIDED else "it does not say"
     found.unknown |= {name: f"{NO_ANSWER}: {account.ago(name)}" for name in account.silent}
     return found
 

@@ -155,6 +155,8 @@ class _Advice:
 
     def _pure(self, part: Part, inside: list[Dimension | None]) -> Dimension | None:
         rule = part.function.rule
+        if part.name in ("/", "MOD"):
+            self._divisor(part)
         if rule in ("same", "ratio", "compare"):
             found = self._same(part, inside)
             if rule == "compare":
@@ -180,6 +182,13 @@ class _Advice:
                     operand.form,
                 )
         return NONE
+
+    def _divisor(self, part: Part) -> None:
+        """Warn of a division that is by zero whatever robots know."""
+        divisors = part.parts[1:] if len(part.parts) > 1 else part.parts
+        zero = next((divisor for divisor in divisors if _constant(divisor) == 0.0), None)
+        if zero is not None:
+            self.warn(f"{self.brief(part.form)} @@ divides by zero, which is a fault", zero.form)
 
     def _power(self, part: Part, inside: list[Dimension | None]) -> Dimension | None:
         base, exponent = inside[0], part.parts[1]
@@ -236,6 +245,19 @@ class _Advice:
             if inside.op == "absent" or (inside.op in ("var", "linked") and perishable):
                 self.warn(f"if {self.brief(inside.form)} @@ is unknown, the else branch runs", inside.form)
                 return
+
+
+def _constant(part: Part) -> float | None:
+    """The value of a part that is made of numbers alone; None for any other, and where that is a fault."""
+    if part.op == "const":
+        return part.number
+    if part.op != "pure" or part.function.compute is None:
+        return None
+    values = [_constant(inside) for inside in part.parts]
+    try:
+        return part.function.compute([value for value in values if value is not None]) if None not in values else None
+    except (ArithmeticError, ValueError):
+        return None
 
 
 def _combine(inside: list[Dimension | None], sign: int) -> Dimension | None:

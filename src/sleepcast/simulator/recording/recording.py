@@ -60,6 +60,12 @@ _BROKEN = (McapError, struct.error, ValueError, RuntimeError, EOFError, Overflow
 """Exceptions that a truncated or malformed file may cause."""
 
 
+class UnreadableRecordingError(RecordingError):
+    """A file that is not there, or cannot be read: its name is a mistake of the person who gave it."""
+
+    exit_status = MisuseError.exit_status
+
+
 class NoRecordingError(MisuseError):
     """The file is not a recording, or this version cannot read it."""
 
@@ -250,7 +256,7 @@ def _records(file: Path) -> Iterator[McapRecord]:
         with _Bounded(open_file(file)) as stream:
             yield from _whole_records(stream)
     except OSError as error:
-        raise RecordingError(f"cannot read {file}: {error.strerror or error}") from None
+        raise UnreadableRecordingError(f"cannot read {file}: {error.strerror or error}") from None
 
 
 class _Bounded(BufferedReader):

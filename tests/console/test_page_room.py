@@ -5,6 +5,7 @@ As in `test_page`, the browser must have had nothing to complain about.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import pytest
@@ -92,3 +93,14 @@ def test_the_side_is_made_wider_by_hand_and_stays_so(rovers: Page) -> None:
     rovers.reload()
     expect(rovers.locator("#scale-text")).not_to_be_empty()
     assert side.evaluate("side => side.offsetWidth") == narrower
+
+
+def test_the_sensors_of_the_chosen_robot_are_drawn(rovers: Page) -> None:
+    rovers.locator("#drawer-sensors").click()
+    pane = rovers.locator(".sensing")
+    expect(pane).to_contain_text("Click any robot")
+    find(rovers, "rover3")
+    expect(pane.locator("canvas").last).to_be_visible()
+    expect(pane.get_by_label(re.compile("^Bumper: (free|hit at)"))).to_be_visible()
+    rovers.locator("#drawer-sensors").click()
+    expect(pane).to_be_hidden()

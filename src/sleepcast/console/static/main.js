@@ -2,25 +2,26 @@
 
 import { Accounting, bytes, clock } from "./accounting.js";
 import { Alerts, testIn } from "./alerts.js";
-import { NumberDrag } from "./drag.js";
 import { BodyLayer } from "./body.js";
+import { NumberDrag } from "./drag.js";
 import { Drawer } from "./drawer.js";
 import { Filming } from "./filming.js";
 import { Finder } from "./finder.js";
 import { Layers } from "./layers.js";
-import { Link } from "./link.js";
-import { Operators } from "./operators.js";
 import { Legend } from "./legend.js";
-import { NewRun } from "./newrun.js";
-import { Measure } from "./measure.js";
-import { Port } from "./port.js";
-import { Plots } from "./plots.js";
 import { Lights } from "./light.js";
 import { showLine } from "./line.js";
+import { Link } from "./link.js";
+import { Measure } from "./measure.js";
+import { NewRun } from "./newrun.js";
+import { Operators } from "./operators.js";
+import { Plots } from "./plots.js";
+import { Port } from "./port.js";
 import { Prompt } from "./prompt.js";
 import { RobotPane } from "./robot.js";
 import { Safety } from "./safety.js";
 import { Selecting } from "./select.js";
+import { SensorsPane } from "./sensors.js";
 import { Sentence } from "./sentence.js";
 import { splitter } from "./splitter.js";
 import { Table } from "./table.js";
@@ -48,6 +49,8 @@ const table = new Table(document.querySelector(".table-pane"), wire, names);
 const plots = new Plots(document.querySelector(".plots-pane"), wire, names);
 drawer.add({ name: "table", title: "Table", element: table.root, shown: (open) => table.shown(open) });
 drawer.add({ name: "plots", title: "Plots", element: plots.root, shown: (open) => plots.shown(open) });
+const sensors = new SensorsPane(world, wire);
+drawer.add({ name: "sensors", title: "Sensors", element: sensors.root, shown: (open) => sensors.shown(open) });
 
 function address() {
   const found = new URL("live", window.location.href);
@@ -372,6 +375,7 @@ new Filming(world, films, () => find("clock").textContent, () => legend.lines(),
   world.recolour();
   robot.recolour(world.colours);
   plots.recolour();
+  sensors.recolour();
   drawLegend();
 });
 

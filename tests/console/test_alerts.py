@@ -2,16 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
 from sleepcast.console import alerts
 from sleepcast.console.alerts import LOOK_EVERY, MOST_ALERTS, MOST_FIRINGS, TOGETHER, AlertBoard
+from sleepcast.console.values import Column, Index, Mask
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from station.fleet import Fleet
 
 LOW = "(< fuel 30%)"
+
+
+@dataclass
+class Told:
+    """What robots told the desk (its `Values`)."""
+
+    fleet: Fleet
+    clock: ManualClock
+
+    @property
+    def names(self) -> Sequence[str]:
+        return self.fleet.station.names
+
+    def time(self) -> float:
+        return self.clock.now()
+
+    def of(self, text: str, robots: Index | None = None) -> tuple[Column, int]:
+        values, asked = self.fleet.station.values(text, robots)
+        return values, len(asked)
+
+    def unit(self, text: str) -> str:
+        return ""
+
+    def groups(self) -> Iterable[tuple[str, Mask]]:
+        return ()
+
+    def suggested(self) -> list[str]:
+        return []
+
+
+def board(fleet: Fleet, clock: ManualClock) -> AlertBoard:
+    return AlertBoard(Told(fleet, clock), clock)
 
 
 class Watch:
@@ -20,7 +56,7 @@ class Watch:
     def __init__(self) -> None:
         self.fleet = Fleet()
         self.clock = ManualClock()
-        self.board = AlertBoard(self.fleet.station, self.clock, self.clock.now)
+        self.board = board(self.fleet, self.clock)
         self.fleet.report()
 
     def fuel(self, **levels: float) -> None:
@@ -112,14 +148,14 @@ def test_a_robot_whose_telemetry_is_old_keeps_what_it_said(watch: Watch) -> None
 
 def test_robots_that_are_never_heard_have_no_count() -> None:
     fleet, clock = Fleet(), ManualClock()
-    board = AlertBoard(fleet.station, clock, clock.now)
-    board.add(LOW)
-    assert board.shown().alerts[0].count == -1
+    watched = board(fleet, clock)
+    watched.add(LOW)
+    assert watched.shown().alerts[0].count == -1
     fleet.report()
     clock.advance(1.0)
-    board.look()
-    assert board.shown().alerts[0].count == 3
-    assert board.shown().firings == []
+    watched.look()
+    assert watched.shown().alerts[0].count == 3
+    assert watched.shown().firings == []
 
 
 def test_one_that_is_muted_is_counted_without_a_word(watch: Watch) -> None:
@@ -178,14 +214,14 @@ def test_no_look_takes_long(watch: Watch, monkeypatch: pytest.MonkeyPatch) -> No
     for _ in range(3):
         watch.board.add(LOW)
     looked: list[str] = []
-    values = watch.fleet.station.values
+    values = watch.board.values.of
 
     def slow(text: str) -> object:
         watch.clock.advance(2.0 * alerts.LONGEST_LOOK)
         looked.append(text)
         return values(text)
 
-    monkeypatch.setattr(watch.fleet.station, "values", slow)
+    monkeypatch.setattr(watch.board.values, "of", slow)
     watch.clock.advance(1.0)
     for number in (1, 2, 3):
         watch.board.look()
@@ -216,7 +252,7 @@ def test_another_run_is_watched_for_the_same(watch: Watch) -> None:
 def test_what_cannot_be_looked_at_says_why(watch: Watch) -> None:
     watch.fleet.minds["s4"].evaluate("(DEFVAR patience 5)")
     watch.board.add("(> patience 3)")
-    other = AlertBoard(Fleet().station, ManualClock(), lambda: 0.0)
+    other = board(Fleet(), ManualClock())
     other.adopt(watch.board)
     other.look()
     assert 'unknown name "patience"' in other.shown().alerts[0].trouble

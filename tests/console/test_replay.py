@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import re
 import struct
 import subprocess
@@ -199,6 +200,34 @@ def test_the_table_shows_what_was_recorded_at_that_time(page: Page) -> None:
     assert {row[2][3] for row in found["rows"]} == {"1"}
     (wrong,) = rows(page, "turn")["columns"]
     assert "turn" in wrong["problem"]
+
+
+def test_robots_that_are_selected_have_a_test(page: Page) -> None:
+    at(page, 20.0)
+    robots = {row[0] for row in rows(page, "x", where="(> battery 50%)")["rows"]}
+    assert 0 < len(robots) < 20
+    marks = sum(1 << robot for robot in robots).to_bytes(3, "little")
+    found = page.ask("pick", marks=base64.b64encode(marks).decode())
+    assert (found["type"], found["count"], found["sentence"]) == ("picked", len(robots), "")
+    assert "(IN full)" in found["tests"]
+    for test in found["tests"]:
+        assert {row[0] for row in rows(page, "x", where=test)["rows"]} == robots
+
+
+def test_alerts_watch_a_recording(page: Page) -> None:
+    at(page, 20.0)
+    assert page.ask("addalert", text="(> time 30s)", above=3)["type"] == "alerted"
+    page.until("alerts", lambda said: bool(said["alerts"]) and said["alerts"][0]["count"] == 0)
+    at(page, 40.0)
+    said = page.until("alerts", lambda said: bool(said["firings"]))
+    (firing,) = said["firings"]
+    assert (firing["at"], firing["count"]) == (40.0, 20)
+    assert base64.b64decode(page.ask("fired", firing=firing["firing"])["marks"]) == b"\1" * 20
+    at(page, 20.0)
+    page.until("alerts", lambda said: said["alerts"][0]["count"] == 0)
+    at(page, 50.0)
+    page.until("alerts", lambda said: len(said["firings"]) == 2)
+    page.ask("removealert", alert=said["alerts"][0]["alert"])
 
 
 def test_a_plot_of_a_recording_shows_all_of_it(page: Page) -> None:

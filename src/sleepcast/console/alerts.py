@@ -20,10 +20,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.console import incoming
+from sleepcast.console.incoming import AlertMessage
 from sleepcast.console.outgoing import Said
+from sleepcast.console.values import Values
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.station import Station
 
 MOST_ALERTS = 32
 """Alerts at one desk: more than anybody watches."""
@@ -138,22 +140,35 @@ def line_of(firing: ShownFiring) -> str:
 
 @dataclass
 class AlertBoard:
-    """All alerts of a desk. time: gives the page's time, s. listeners: are told of every firing."""
+    """All alerts of a desk, simulated, on the air or of a recording. listeners: are told of every firing."""
 
-    station: Station
+    values: Values
     clock: Clock
-    time: Callable[[], float]
     listeners: list[Callable[[ShownFiring], None]] = field(default_factory=list)
     _alerts: list[Alert] = field(default_factory=list)
     _firings: deque[tuple[ShownFiring, Mask]] = field(default_factory=lambda: deque(maxlen=MOST_FIRINGS))
     _added: int = 0
     _fired: int = 0
+    _time: float = -inf
+
+    def answer(self, wish: AlertMessage) -> Alerted:
+        """Do what a page wants. Raises what the other methods do."""
+        match wish:
+            case incoming.AddAlert(_, text, above):
+                self.add(text, above)
+            case incoming.MuteAlert(_, alert, muted):
+                self.mute(alert, muted)
+            case incoming.RemoveAlert(_, alert):
+                self.remove(alert)
+            case incoming.Fired(serial, firing):
+                return Alerted(serial, self.robots(firing))
+        return Alerted(wish.serial)
 
     def add(self, text: str, above: int = 0) -> None:
         """Watch a test. Raises ReadError, CheckError, and MisuseError for what is no test, and for too many alerts."""
         if len(self._alerts) >= MOST_ALERTS:
             raise MisuseError(f"there are {MOST_ALERTS} alerts already: remove one")
-        self.station.values(text)
+        self.values.of(text)
         self._keep(text, above)
         self.look()
 
@@ -195,14 +210,19 @@ class AlertBoard:
         raise MisuseError(f"the robots of this alert are not known any more: the last {MOST_FIRINGS} firings are kept")
 
     def look(self) -> None:
-        """Look at the alerts that are due, the one that has waited longest first."""
+        """Look at the alerts that are due, the one that has waited longest first. Where time has gone back, as in a
+        recording, everything begins anew."""
+        if self.values.time() < self._time:
+            for alert in self._alerts:
+                alert.true = alert.waiting = None
+        self._time = self.values.time()
         began = now = self.clock.now()
         for alert in sorted(self._alerts, key=lambda alert: alert.due):
             if alert.due > began or now - began > LONGEST_LOOK:
                 return
             alert.due = now + LOOK_EVERY
             try:
-                values, _ = self.station.values(alert.text)
+                values, _ = self.values.of(alert.text)
             except SleepcastError as error:
                 alert.trouble = str(error).partition("\n")[0]
             else:
@@ -216,9 +236,11 @@ class AlertBoard:
         alert.fired += 1
         self._fired += 1
         places = np.flatnonzero(robots)
-        named = [self.station.names[place] for place in places[:MOST_NAMED].tolist()]
+        named = [self.values.names[place] for place in places[:MOST_NAMED].tolist()]
         more = f" and {len(places) - MOST_NAMED:,} more" if len(places) > MOST_NAMED else ""
-        firing = ShownFiring(self._fired, alert.number, alert.text, self.time(), alert.count, ", ".join(named) + more)
+        firing = ShownFiring(
+            self._fired, alert.number, alert.text, self.values.time(), alert.count, ", ".join(named) + more
+        )
         self._firings.append((firing, robots))
         for listener in self.listeners:
             listener(firing)

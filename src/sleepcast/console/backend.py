@@ -11,7 +11,7 @@ from itertools import islice
 from math import inf, isnan
 from typing import NoReturn
 
-from sleepcast.console import incoming, outgoing
+from sleepcast.console import outgoing
 from sleepcast.console.account_table import AccountTable
 from sleepcast.console.alerts import AlertBoard, Alerted
 from sleepcast.console.completion import names_of
@@ -72,12 +72,14 @@ class Backend:
         self._ledger = AccountTable(station, swarm, began)
         self._interpreter = Interpreter(swarm)
         self._stopped_at = -STOP_AGAIN
+        self.at_once = False
+        """Whether answers come at once whatever they take, where nothing can be done beside."""
         self.values: Values = TelemetryValues(swarm, station)
         self.plots = Plots(self.values, clock, measures)
         driver.watchers.append(self.plots.sample)
         self._winks: dict[str, float] = {}
         """When each robot was asked to blink, s of the page's time."""
-        self.alerts = AlertBoard(station, clock, swarm.now)
+        self.alerts = AlertBoard(self.values, clock)
         driver.watchers.append(self.alerts.look)
 
     def hello(self) -> outgoing.Hello:
@@ -133,7 +135,7 @@ class Backend:
 
     def pick(self, serial: int, marks: bytes) -> Picked | Awaitable[Picked]:
         """The test that holds for exactly the marked robots."""
-        return picked(self._station, serial, marks, len(self._swarm.scene.names))
+        return picked(self._station, serial, marks, len(self._swarm.scene.names), at_once=self.at_once)
 
     def phrase(self, serial: int, text: str) -> Phrased:
         """What an expression says, as a sentence."""
@@ -145,16 +147,7 @@ class Backend:
 
     def alert(self, wish: AlertMessage) -> Alerted:
         """Add, mute or remove an alert, or tell whom one was about."""
-        match wish:
-            case incoming.AddAlert(_, text, above):
-                self.alerts.add(text, above)
-            case incoming.MuteAlert(_, alert, muted):
-                self.alerts.mute(alert, muted)
-            case incoming.RemoveAlert(_, alert):
-                self.alerts.remove(alert)
-            case incoming.Fired(serial, firing):
-                return Alerted(serial, self.alerts.robots(firing)[: len(self._swarm.scene.names)])
-        return Alerted(wish.serial)
+        return self.alerts.answer(wish)
 
     # ---- sending
 
@@ -259,6 +252,7 @@ class Backend:
             yield outgoing.Obstacles(obstacles)
         yield self.plots.shown()
         yield self._safety()
+        self.alerts.look()  # while time stands still there are no pictures
         yield self.alerts.shown()
         if 0 <= watched < len(self._swarm.scene.names):
             yield self._robot(watched)

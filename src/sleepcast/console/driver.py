@@ -33,6 +33,8 @@ class FrameSource:
 
     def __init__(self) -> None:
         self.frame, self.number, self.changed = b"", 0, 0
+        self.watchers: list[Callable[[], None]] = []
+        """Called with every picture."""
         self._news = asyncio.Event()
 
     def show(self, frame: bytes) -> None:
@@ -43,6 +45,8 @@ class FrameSource:
         self.frame = frame
         self._news.set()
         self._news = asyncio.Event()
+        for watch in self.watchers:
+            watch()
 
     async def frame_after(self, number: int) -> bytes:
         """The latest frame, as soon as there is one younger than the one with this number."""
@@ -74,8 +78,6 @@ class Driver(FrameSource):
         self._prepare, self._ready = prepare, prepare is None
         self.groups = Groups()
         self.latched = False
-        self.watchers: list[Callable[[], None]] = []
-        """Called with every picture."""
         self._clock = clock
         self._frame_due = clock.now()
         self._wake = asyncio.Event()
@@ -162,8 +164,6 @@ class Driver(FrameSource):
             (swarm.pings(), self.groups.second, swarm.colours()),
         )
         self.show(frame)
-        for watch in self.watchers:
-            watch()
 
 
 async def aside(work: Callable[[], T]) -> T:

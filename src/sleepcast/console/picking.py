@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from sleepcast.console.outgoing import Said
 from sleepcast.core.errors import MisuseError
-from sleepcast.station import Station
-from sleepcast.station.facts import facts_of
+from sleepcast.station.facts import FactSource, facts_of
 from sleepcast.station.selection import MOST_CONDITIONS, MOST_LISTED, Selection, select
 
 AT_ONCE = 2_000
@@ -29,17 +28,19 @@ class Picked(Said):
     sentence: str
 
 
-def picked(station: Station, serial: int, marks: bytes, robots: int) -> Picked | Awaitable[Picked]:
+def picked(
+    source: FactSource, serial: int, marks: bytes, robots: int, *, at_once: bool = False
+) -> Picked | Awaitable[Picked]:
     """What the desk answers. marks: a bit for each robot, the first in the lowest bit of the first byte; robots: how
-    many are on the map. Raises MisuseError for marks of other robots, or of none."""
+    many are on the map. at_once: whatever it takes. Raises MisuseError for marks of other robots, or of none."""
     bits = np.unpackbits(np.frombuffer(marks, np.uint8), bitorder="little").astype(np.bool_)
     if len(marks) != -(-robots // 8) or bits[robots:].any():
         raise MisuseError(f"marks of {len(bits)} robots came, and there are {robots}: select them once more")
-    facts = facts_of(station)
+    facts = facts_of(source)
     chosen: NDArray[np.bool_] = np.zeros(len(facts), np.bool_)
     chosen[:robots] = bits[:robots]
     count = int(np.count_nonzero(chosen))
-    if len(facts) <= AT_ONCE:
+    if at_once or len(facts) <= AT_ONCE:
         return _shown(serial, count, select(facts, chosen))
 
     async def later() -> Picked:

@@ -106,6 +106,20 @@ class RecordedValues:
     def names(self) -> Sequence[str]:
         return self._film.scene.names
 
+    @property
+    def vocabulary(self) -> Vocabulary:
+        """The names of the recorded robots."""
+        return self._film.vocabulary
+
+    @property
+    def learned(self) -> RecordedNames:
+        """What they are known to have learned at this time: their groups."""
+        return self._known()
+
+    def values(self, text: str) -> tuple[Column, int]:
+        """As `of`: a recording is a `FactSource`."""
+        return self.of(text)
+
     def time(self) -> float:
         return self._now()
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import struct
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Awaitable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate, islice
 from math import nan
@@ -20,9 +20,11 @@ import numpy as np
 
 from sleepcast.console import outgoing
 from sleepcast.console.account_table import MOST_ROWS, CommandRow
+from sleepcast.console.alerts import AlertBoard, Alerted
 from sleepcast.console.driver import FRAME_PERIOD, FrameSource
 from sleepcast.console.frames import pack
 from sleepcast.console.incoming import AlertMessage, Sort
+from sleepcast.console.picking import Picked, picked
 from sleepcast.console.plots import Measure
 from sleepcast.console.recorded_values import RecordedPlots, RecordedValues
 from sleepcast.console.sensing import BodyKind
@@ -183,6 +185,8 @@ class ReplayBackend:
         self._film = film
         self.values = RecordedValues(film, lambda: driver.time)
         self.plots = RecordedPlots(film, lambda: driver.time, driver.clock, measures)
+        self.alerts = AlertBoard(self.values, driver.clock)
+        driver.watchers.append(self.alerts.look)
 
     def hello(self) -> outgoing.Hello:
         """What a page needs first."""
@@ -211,17 +215,17 @@ class ReplayBackend:
         """Refused."""
         self._refuse()
 
-    def pick(self, serial: int, marks: bytes) -> NoReturn:
-        """Refused."""
-        self._refuse()
+    def pick(self, serial: int, marks: bytes) -> Picked | Awaitable[Picked]:
+        """The test that holds for exactly the marked robots at this time."""
+        return picked(self.values, serial, marks, len(self.values.names))
 
     def wink(self, serial: int, robot: int) -> NoReturn:
         """Refused."""
         self._refuse()
 
-    def alert(self, wish: AlertMessage) -> NoReturn:
-        """Refused."""
-        raise MisuseError("Alerts watch a running swarm: this is a recording.")
+    def alert(self, wish: AlertMessage) -> Alerted:
+        """Add, mute or remove an alert, or tell whom one was about."""
+        return self.alerts.answer(wish)
 
     def phrase(self, serial: int, text: str) -> NoReturn:
         """Refused."""
@@ -295,6 +299,8 @@ class ReplayBackend:
             changed = film.obstacles.at(time)
             yield outgoing.Obstacles(film.scene.obstacles if changed is None else changed)
         yield self.plots.shown()
+        self.alerts.look()  # while time stands still there are no pictures
+        yield self.alerts.shown()
         yield outgoing.Safety(film.latched_at(time), "STOP held at this time of the recording.")
         if 0 <= watched < len(film.scene.names):
             yield self._robot(watched)

@@ -56,6 +56,7 @@ class NotebookDesk:
                 f"{robots:,} robots are too many for a view in a notebook: at most {MAX_ROBOTS:,}; "
                 "`sleepcast demo` shows more on its page"
             )
+        desk.at_once = True
         self.desk, self.driver, self.clock, self.turn = desk, desk.driver, clock, turn
         self.views: list[View] = []
         """Those that are open."""

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil, floor, inf, isfinite, log10
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +19,8 @@ from sleepcast.core.errors import SleepcastError
 from sleepcast.core.units import LENGTH, UNITS, to_si
 from sleepcast.language import Constant, Variable
 from sleepcast.language.reader import format_literal
-from sleepcast.language.symbols import Group, Operator, UserVariable
-from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, MARKING, TICK, TIME_SLOT
-
-if TYPE_CHECKING:
-    from sleepcast.station.station import Station
+from sleepcast.language.symbols import Group, Names, Operator, UserVariable
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, MARKING, TICK, TIME_SLOT, Vocabulary
 
 MOST_QUANTITIES = 64
 """Variables that are looked at: as many as robots have, but not every one that somebody has taught them."""
@@ -34,6 +31,21 @@ FINEST = 17
 
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+
+class FactSource(Protocol):
+    """Whatever knows of robots: a station, or a recording at one time."""
+
+    @property
+    def names(self) -> Sequence[str]: ...
+    @property
+    def vocabulary(self) -> Vocabulary: ...
+    @property
+    def learned(self) -> Names:
+        """What robots have learned."""
+
+    def values(self, text: str, /) -> tuple[Values, object]:
+        """What an expression comes to on each robot, SI, NaN for unknown. Raises SleepcastError."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,21 +89,21 @@ _SKIPPED = frozenset({MARKING, TIME_SLOT, TICK, *range(ACTIVE0 + 1, ACTIVE0 + BU
 """Variables that are the same on all robots, or say which buffers run."""
 
 
-def facts_of(station: Station) -> Facts:
+def facts_of(source: FactSource) -> Facts:
     """What the desk knows now; what cannot be evaluated is left out."""
-    quantities = tuple(_quantities(station))
+    quantities = tuple(_quantities(source))
     by_name = {each.text.casefold(): each for each in quantities}
     x, y = by_name.get("x"), by_name.get("y")
     there = x is not None and y is not None and _is_length(x.unit) and _is_length(y.unit)
     place = (x, y) if x is not None and y is not None and there else None
     ids = by_name.get("id")
     return Facts(
-        station.values("0")[0] == 0.0,
+        source.values("0")[0] == 0.0,
         quantities,
-        tuple(_properties(station)),
+        tuple(_properties(source)),
         None if ids is None else ids.values,
         place,
-        tuple(_points(station, by_name)) if place is not None else (),
+        tuple(_points(source, by_name)) if place is not None else (),
     )
 
 
@@ -99,59 +111,59 @@ def _is_length(unit: str) -> bool:
     return unit in UNITS and UNITS[unit].dimension == LENGTH
 
 
-def _quantities(station: Station) -> Iterator[Measured]:
+def _quantities(source: FactSource) -> Iterator[Measured]:
     found: list[tuple[str, str, bool, int]] = []
-    for binding in station.vocabulary.bindings.values():
+    for binding in source.vocabulary.bindings.values():
         if isinstance(binding, Variable) and binding.slot not in _SKIPPED:
             quantity = binding.quantity
             flag = binding.kind.value == "support" and (quantity.low, quantity.high) == (0.0, 1.0)
             near = 0 if binding.name.casefold() in ("x", "y", "id") or flag else 1
             found.append((binding.name, quantity.shown_as or quantity.unit, flag, near))
-    found += [(each.name, "", False, 1) for each in _learned(station) if isinstance(each, UserVariable)]
+    found += [(each.name, "", False, 1) for each in _learned(source) if isinstance(each, UserVariable)]
     for name, unit, flag, rank in found[:MOST_QUANTITIES]:
-        values = _values(station, name)
+        values = _values(source, name)
         if values is not None:
             yield Measured(name, values, unit, flag, rank)
 
 
-def _properties(station: Station) -> Iterator[Property]:
+def _properties(source: FactSource) -> Iterator[Property]:
     tests: list[str] = []
-    for each in _learned(station):
+    for each in _learned(source):
         if isinstance(each, Group):
             tests.append(f"(IN {each.name})")
         elif isinstance(each, Operator) and not each.parameters:
             tests.append(f"(INSIDE {each.name})")
     for test in tests[:MOST_PROPERTIES]:
-        values = _values(station, test)
+        values = _values(source, test)
         if values is not None:
             yield Property(test, np.abs(values) > 0.0)
             yield Property(f"(NOT {test})", values == 0.0)
 
 
-def _learned(station: Station) -> Iterator[UserVariable | Group | Operator | object]:
-    names = station.learned
-    known = (*names.heard(), *(area.name for area in station.vocabulary.areas))
+def _learned(source: FactSource) -> Iterator[UserVariable | Group | Operator | object]:
+    names = source.learned
+    known = (*names.heard(), *(area.name for area in source.vocabulary.areas))
     for name in dict.fromkeys(known):
         yield names.declared(name.casefold())
 
 
-def _points(station: Station, by_name: dict[str, Measured]) -> Iterator[tuple[str, str, Values, Values]]:
+def _points(source: FactSource, by_name: dict[str, Measured]) -> Iterator[tuple[str, str, Values, Values]]:
     """Pairs of names NAME_x and NAME_y."""
-    bindings = station.vocabulary.bindings
+    bindings = source.vocabulary.bindings
     for key in bindings:
         if not key.endswith("_x") or f"{key[:-2]}_y" not in bindings:
             continue
         pair = bindings[key], bindings[f"{key[:-2]}_y"]
         columns = [by_name[each.name.casefold()].values for each in pair if each.name.casefold() in by_name]
         if all(isinstance(each, Constant) for each in pair):
-            columns = [np.full(len(station.names), each.value) for each in pair if isinstance(each, Constant)]
+            columns = [np.full(len(source.names), each.value) for each in pair if isinstance(each, Constant)]
         if len(columns) == 2:
             yield pair[0].name, pair[1].name, columns[0], columns[1]
 
 
-def _values(station: Station, text: str) -> Values | None:
+def _values(source: FactSource, text: str) -> Values | None:
     try:
-        return station.values(text)[0]
+        return source.values(text)[0]
     except SleepcastError:
         return None
 

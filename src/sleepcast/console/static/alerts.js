@@ -22,7 +22,7 @@ export class Alerts extends EventTarget {
     this.root.append(
       section("Tests that are watched", this.form(test), this.problem, this.list),
       section("What they told", this.log),
-      section("Lights: what they mean on all robots", this.lights(test)),
+      Object.assign(section("Lights: what they mean on all robots", this.lights(test)), { className: "lights" }),
     );
     notice.querySelector(".show").addEventListener("click", () => this.light(this.told.at(-1)));
     notice.querySelector(".close").addEventListener("click", () => this.read());
@@ -32,7 +32,7 @@ export class Alerts extends EventTarget {
 
   form(test) {
     const form = make("form");
-    const taken = make("button", { type: "button", title: "Take the test that stands in the prompt" }, "From the prompt");
+    const taken = make("button", { type: "button", className: "from-prompt", title: "Take the test that stands in the prompt" }, "From the prompt");
     taken.addEventListener("click", () => {
       this.text.value = test() || this.text.value;
       this.text.focus();
@@ -54,7 +54,7 @@ export class Alerts extends EventTarget {
   lights(test) {
     const form = make("form");
     const off = make("button", { type: "button", title: "Put the command into the prompt that ends it" }, "Off");
-    const taken = make("button", { type: "button", title: "Take the test that stands in the prompt" }, "From the prompt");
+    const taken = make("button", { type: "button", className: "from-prompt", title: "Take the test that stands in the prompt" }, "From the prompt");
     taken.addEventListener("click", () => {
       this.meaning.value = test() || this.meaning.value;
       this.meaning.focus();

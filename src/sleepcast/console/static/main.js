@@ -79,6 +79,7 @@ wire.addEventListener("hello", ({ detail }) => {
   find("title").textContent = scene.title;
   document.title = `${scene.title} · sleepcast`;
   for (const story of document.querySelectorAll(".story")) story.textContent = scene.story;
+  selecting.setCopies(detail.recorded > 0);
   prompt.setReady(scene.commands);
   world.setScene(scene);
   table.setScene(scene);
@@ -259,7 +260,10 @@ world.addEventListener("moved", () => {
 new NumberDrag(prompt, wire, find("spread"));
 
 const selecting = new Selecting(world, wire, find("selection"), find("lasso"));
-selecting.addEventListener("use", ({ detail }) => prompt.set(`(WHEN ${detail} )`, true, `(WHEN ${detail} `.length));
+selecting.addEventListener("use", ({ detail }) => {
+  if (document.body.classList.contains("replay")) navigator.clipboard?.writeText(detail);
+  else prompt.set(`(WHEN ${detail} )`, true, `(WHEN ${detail} `.length);
+});
 
 selecting.addEventListener("change", () => table.setPicked(selecting.marks));
 

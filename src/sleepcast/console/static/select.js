@@ -32,6 +32,12 @@ export class Selecting extends EventTarget {
     });
   }
 
+  // In a recording there is no prompt: the test is copied.
+  setCopies(copies) {
+    this.find("use").textContent = copies ? "Copy test" : "Use test";
+    this.find("use").title = copies ? "Copy this test" : "Put this test into the prompt";
+  }
+
   switch(on) {
     this.on = on;
     this.button.setAttribute("aria-pressed", String(on));

@@ -74,6 +74,7 @@ SLOW = {
     "simulator/recording/test_recording.py": 4,
     "console/test_wire.py": 4,
     "console/test_sentences.py": 6,
+    "api/test_painting.py": 5,
     "sentences/test_sentences.py": 5,
     "node/test_integrity.py": 4,
     "loop/test_loop.py": 4,

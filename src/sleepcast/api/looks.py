@@ -103,6 +103,12 @@ _GROUPS = np.array([0, *map(of_group, range(1, 256))])
 _COLOURS = np.array([0, *map(of_colour, range(1, 256))])
 
 
+def bodies_of(sorts: NDArray[np.intp], codes: NDArray[np.uint8], colours: NDArray[np.uint8]) -> NDArray[np.intp]:
+    """The look of each body: of its newest group, else of its colour, else of its sort."""
+    found: NDArray[np.intp] = np.where(codes, _GROUPS[codes], np.where(colours, _COLOURS[colours], sorts))
+    return found
+
+
 class SwarmLooks(NamedTuple):
     """How each robot of a swarm looks: its body and its ring, as places in `LOOKS`, and NONE for no ring. entries: the
     looks with their meaning and the number of robots, for a legend."""
@@ -126,18 +132,17 @@ def looks_of(swarm: Swarm) -> SwarmLooks:
         bodies[part] = number
         if len(sorts) > 1:
             entries.append((number, sort.type, part.stop - part.start))
-    bodies = np.where(colours, _COLOURS[colours], bodies)
-    bodies = np.where(codes, _GROUPS[codes], bodies)
+    bodies = bodies_of(bodies, codes, colours)
     rings = np.where(second, _GROUPS[second], np.where(codes.astype(bool) & (colours > 0), _COLOURS[colours], NONE))
     entries += [
         (of_group(code), name, n) for code, (name, n) in enumerate(zip(groups.names, groups.counts, strict=True), 1)
     ]
     shown = np.bincount(colours, minlength=1)
-    entries += [(of_colour(n), _named(n), int(shown[n])) for n in range(1, len(shown)) if shown[n]]
+    entries += [(of_colour(n), named(n), int(shown[n])) for n in range(1, len(shown)) if shown[n]]
     return SwarmLooks(bodies, rings, entries)
 
 
-def _named(colour: int) -> str:
+def named(colour: int) -> str:
     return "another colour" if colour == OTHER_COLOUR else f"colour {colour}"
 
 

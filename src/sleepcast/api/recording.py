@@ -14,6 +14,7 @@ from weakref import finalize
 import numpy as np
 
 from sleepcast.api.events import in_words
+from sleepcast.api.painting import Painter
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.core.errors import MisuseError
@@ -80,6 +81,7 @@ class RecordingWitness:
         self._posted: list[tuple[int, Message]] = []
         self._world = WorldLog(swarm.simulator.world, dict(enumerate(swarm.simulator.scenario.shapes, 1)))
         self._changes: list[WorldChange] = []
+        self._painter = Painter(recorder, swarm)
         self.ticking()
         self.picture()
         self.look()
@@ -127,7 +129,6 @@ class RecordingWitness:
         accounts that have changed."""
         simulator = self._swarm.simulator
         now, minds = self._swarm.now(), self._swarm.fleet
-        self._recorder.poses(now, simulator.x, simulator.y, simulator.bodies.heading)
         exhausted = simulator.exhausted()
         before, self._exhausted = self._exhausted, b"" if exhausted is None else exhausted.tobytes()
         if self._unmarked or self._exhausted != before:
@@ -135,7 +136,10 @@ class RecordingWitness:
             codes, flags, groups = self._groups.look(minds), flags_of(minds, exhausted), self._groups
             body = MarksBody(simulator.tick, codes, flags, groups.names, groups.second, simulator.colours())
             self._recorder.note(MARKS, now, body)
+            self._painter.paint(groups.names, codes, body.colours)
+        self._painter.picture(now)
 
+        self._recorder.poses(now, simulator.x, simulator.y, simulator.bodies.heading)
         for command in self._station.commands():
             if self._answers.get(command.id) != len(command.answers):
                 self._answers[command.id] = len(command.answers)
@@ -159,6 +163,7 @@ class RecordingWitness:
         for index, rules in self._rules.items():
             if rules:
                 self._note_rules(index, now)
+        self._painter.begin()
         self._answers.clear()  # accounts and marks come with the next picture
         self._unmarked = True
         self.look()
@@ -232,6 +237,7 @@ def recorded(
         complain=complain,
         rotation=wanted.rotation,
         first=first,
+        sensors=simulator.model.sensors,
     ) as recorder:
         witness = RecordingWitness(recorder, swarm, station, wanted)
         swarm.witnesses.append(witness)

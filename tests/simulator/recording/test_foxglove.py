@@ -85,17 +85,22 @@ def test_a_log_line_holds_who_said_what() -> None:
 
 
 def test_a_point_cloud_holds_a_point_for_each_robot() -> None:
-    data = foxglove.points(3_000_000_007, np.array([1.5, -2.0, 1e5]), np.array([0.25, 7.0, -1.0]))
+    colours = np.array([[1, 2, 3, 255], [0, 0, 0, 0], [255, 254, 253, 128]], np.uint8)
+    data = foxglove.points(3_000_000_007, np.array([1.5, -2.0, 1e5]), np.array([0.25, 7.0, -1.0]), colours)
     message = fields(data)
     assert fields(message[1][0]) == {1: [3], 2: [7]}
     assert message[2] == [b"world"]
     assert fields(message[3][0]) == {1: [b""], 2: [b"\x21" + struct.pack("<d", 1.0)]}  # no shift, no turn
-    assert message[4] == [12]
+    assert message[4] == [16]
     elements = [fields(each) for each in message[5]]
-    assert elements == [{1: [name], 2: [place], 3: [7]} for name, place in ((b"x", 0), (b"y", 4), (b"z", 8))]
-    assert np.frombuffer(message[6][0], "<f4").reshape(-1, 3).tolist() == [
-        *([1.5, 0.25, 0.0], [-2.0, 7.0, 0.0], [1e5, -1.0, 0.0])
+    shades = ((b"red", 12), (b"green", 13), (b"blue", 14), (b"alpha", 15))
+    assert elements == [
+        *({1: [name], 2: [place], 3: [7]} for name, place in ((b"x", 0), (b"y", 4), (b"z", 8))),
+        *({1: [name], 2: [place], 3: [1]} for name, place in shades),
     ]
+    rows = np.frombuffer(message[6][0], np.uint8).reshape(-1, 16)
+    assert rows[:, :12].copy().view("<f4").tolist() == [[1.5, 0.25, 0.0], [-2.0, 7.0, 0.0], [1e5, -1.0, 0.0]]
+    assert rows[:, 12:].tolist() == colours.tolist()
 
 
 POSE = {

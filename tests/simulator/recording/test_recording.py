@@ -9,13 +9,15 @@ import time
 from pathlib import Path
 
 import lz4.frame
+import msgspec
 import pytest
 import zstandard
 
 from cli.calling import called
+from sleepcast.channel import Kind, Message
 from sleepcast.simulator import load
 from sleepcast.simulator.packing import pack
-from sleepcast.simulator.recording.recorder import MAX_RECORD, READINGS, RULES, STATE, Recorder
+from sleepcast.simulator.recording.recorder import MAX_RECORD, POSTED, READINGS, RULES, STATE, Recorder
 from sleepcast.simulator.recording.recording import NoRecordingError, RecordingError, load_recording
 from sleepcast.simulator.scenario.scenario import Scenario
 from small_worlds import write
@@ -187,3 +189,16 @@ def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
     done = called("run", "--from", str(tmp_path / "pipe"))
     assert (done.status, done.out) == (2, "")
     assert done.err == f"cannot read the snapshot {tmp_path / 'pipe'}: that is no file\n"
+
+
+def test_a_message_without_a_deadline_is_read_as_it_is_written_now_and_as_it_was_before(
+    scenario: Scenario, tmp_path: Path
+) -> None:
+    message = Message("desk", 1, 2, Kind.COMMAND, 1.5, text="(MARK)", standing=True)
+    file = tmp_path / "run.mcap"
+    with Recorder(file, scenario, 3, version="0.0.9", complain=pytest.fail) as recorder:
+        recorder.posted(1.5, 15, message)
+        before = json.dumps({"tick": 16, "message": msgspec.to_builtins(message)})
+        assert "Infinity" in before
+        recorder._write(POSTED, 1_600_000_000, before.encode())
+    assert [(each.tick, each.message) for each in load_recording(file).posted] == [(15, message), (16, message)]

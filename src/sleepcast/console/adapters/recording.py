@@ -25,6 +25,7 @@ from sleepcast.simulator.recording.recorder import (
     POSTED,
     READINGS,
     RULES,
+    SCENE,
     AccountBody,
     MarksBody,
     RulesBody,
@@ -70,7 +71,7 @@ class TimelineBuilder:
 
     def take(self, entry: RecordedMessage) -> None:
         """Add what an entry says. Raises ValueError for what cannot be shown."""
-        if entry.topic == POINTS:  # the poses say the same
+        if entry.topic in (POINTS, SCENE):  # for other viewers; poses, marks and the scenario say the same
             return
         film, time, data = self.film, entry.time, entry.data
         self._bytes += len(data)

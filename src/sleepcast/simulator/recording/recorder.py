@@ -1,7 +1,8 @@
 """Recording: a run written to an MCAP file while it goes on.
 
     /poses                foxglove.PosesInFrame   where every robot is, for viewers
-    /points               foxglove.PointCloud     the same as points, for Rerun, which draws no poses
+    /points               foxglove.PointCloud     the same as points in the colours of groups, for Rerun as well
+    /scene                foxglove.SceneUpdate    for viewers: the world, walls, places, and the robots of groups
     /log                  foxglove.Log            for people: commands, their outcomes, what robots say, rules
     /readings             JSON                    sensor values: for each sensor a list in the robots' order
     /accounting           JSON                    the outcome of a command, as counts
@@ -10,6 +11,8 @@
     /sleepcast/posted     JSON                    every message of the operator, and the tick in which it was sent
     /sleepcast/state      JSON                    the hash of the state, with its tick
     /sleepcast/obstacles  JSON                    solid things added, moved or removed, and before which tick
+
+What is JSON has its schema in the file (`channel_schemas`), under a name such as `sleepcast.Readings`.
 
 The metadata `sleepcast` hold the version of this format and describe the run; the attachment `scenario` is the
 scenario as `packing` writes it. A run depends only on these and the posted messages, so it can be repeated to the
@@ -31,7 +34,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from io import BytesIO, FileIO
 from math import inf
@@ -47,10 +50,14 @@ from numpy.typing import NDArray
 
 from sleepcast.channel import Message
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.model import Quantity
 from sleepcast.core.units import UNITS
 from sleepcast.simulator.packing import pack
-from sleepcast.simulator.recording import foxglove
+from sleepcast.simulator.recording import channel_schemas, foxglove
 from sleepcast.simulator.recording.foxglove import Level
+from sleepcast.simulator.recording.scene import SCENE as SCENE_NAME
+from sleepcast.simulator.recording.scene import SCENE_SCHEMA
+from sleepcast.simulator.recording.scene import scene as scene_update
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.world.world import Shape
 
@@ -64,7 +71,8 @@ CHUNKS_PER_PART = 8
 """Least number of chunks per part, so that a part ends close to its limit."""
 NANO = 1_000_000_000
 
-POSES, POINTS, LOG, READINGS, ACCOUNTING, RULES = "/poses", "/points", "/log", "/readings", "/accounting", "/rules"
+POSES, POINTS, SCENE, LOG = "/poses", "/points", "/scene", "/log"
+READINGS, ACCOUNTING, RULES = "/readings", "/accounting", "/rules"
 MARKS, POSTED, STATE = "/sleepcast/marks", "/sleepcast/posted", "/sleepcast/state"
 OBSTACLES = "/sleepcast/obstacles"
 ABOUT, FOLLOWING, SCENARIO, SNAPSHOT = "sleepcast", "following", "scenario", "snapshot"
@@ -73,8 +81,8 @@ MAX_RECORD = 64 * 1_048_576
 """Bytes of one record: ten times a chunk with the readings of the largest swarm."""
 MAX_START = MAX_RECORD // 2
 """Bytes of a snapshot that is recorded: that of a hundred thousand robots."""
-_OBJECT = b'{"type":"object"}'
-
+_GREY = (122, 139, 156, 255)
+"""The colour of points before any other is said: red, green, blue, alpha."""
 
 LEAST_BYTES, MOST_BYTES = 1e5, 1e12
 """Size of a part: smaller ones hold little besides their headers, and no disk is larger."""
@@ -188,8 +196,8 @@ class Recorder:
 
     version: of the program. first: the tick from which the run was resumed, and the swarm at that time, unless it is
     too large for a record. complain: called with a sentence when nothing more can be written, or no further part can
-    be started, possibly from another thread. rotation: when a part is full. Raises MisuseError if the file exists,
-    RecordingError if it cannot be created.
+    be started, possibly from another thread. rotation: when a part is full. sensors: whose readings are recorded.
+    Raises MisuseError if the file exists, RecordingError if it cannot be created.
     """
 
     def __init__(
@@ -202,6 +210,7 @@ class Recorder:
         complain: Callable[[str], None],
         rotation: Rotation = ONE_FILE,
         first: tuple[int, bytes] = (0, b""),
+        sensors: Sequence[Quantity] = (),
     ) -> None:
         self.file, self.part, self.failed = file, 1, False
         self._first, self._rotation, self._complain = file, rotation, complain
@@ -211,6 +220,16 @@ class Recorder:
         self._lock = RLock()
         self._closing = Event()
         self._poses = foxglove.pose_frame(scenario.robots.count)
+        self._colours = np.full((scenario.robots.count, len(_GREY)), _GREY, np.uint8)
+        self._schemas = {
+            READINGS: ("Readings", channel_schemas.readings(sensors)),
+            ACCOUNTING: ("Accounting", channel_schemas.ACCOUNTING),
+            RULES: ("Rules", channel_schemas.RULES),
+            MARKS: ("Marks", channel_schemas.MARKS),
+            POSTED: ("Posted", channel_schemas.POSTED),
+            STATE: ("State", channel_schemas.STATE),
+            OBSTACLES: ("Obstacles", channel_schemas.OBSTACLES),
+        }
         if rotation != ONE_FILE:
             _refuse(part_file(file, 2))
         self._begin(_create(file), 0.0)
@@ -221,7 +240,15 @@ class Recorder:
         """Record the poses of all robots at `time` (s): m and rad in the world's frame, float64, shape (robots,)."""
         stamp = round(time * NANO)
         self._write(POSES, stamp, foxglove.poses(stamp, self._poses, x, y, heading))
-        self._write(POINTS, stamp, foxglove.points(stamp, x, y))
+        self._write(POINTS, stamp, foxglove.points(stamp, x, y, self._colours))
+
+    def paint(self, colours: NDArray[np.uint8]) -> None:
+        """The points have these colours from now on: red, green, blue and alpha from 0 to 255, shape (robots, 4)."""
+        self._colours = colours
+
+    def scene(self, time: float, entities: Sequence[bytes], deletions: Sequence[bytes] = ()) -> None:
+        """Record what viewers draw besides poses, as `recording.scene` makes it."""
+        self._write(SCENE, round(time * NANO), scene_update(entities, deletions))
 
     def log(self, time: float, who: str, text: str, level: Level = Level.INFO) -> None:
         """Record a log line."""
@@ -230,9 +257,12 @@ class Recorder:
 
     def posted(self, time: float, tick: int, message: Message) -> None:
         """Record that the operator's `message` was sent in this tick."""
-        body = {"tick": tick, "message": msgspec.to_builtins(message)}
-        # Python's own JSON has infinity, which is the deadline of many messages.
-        self._write(POSTED, round(time * NANO), json.dumps(body).encode())
+        told = msgspec.to_builtins(message)
+        if message.deadline == inf:  # which JSON does not have; it is what a message without one has
+            del told["deadline"]
+        if message.heard is None:
+            del told["heard"]
+        self._write(POSTED, round(time * NANO), json.dumps({"tick": tick, "message": told}).encode())
 
     def note(self, topic: str, time: float, body: object) -> None:
         """Record a message for one of the JSON channels, as msgspec writes it: bytes as base64, NaN as null."""
@@ -296,10 +326,11 @@ class Recorder:
         self._channels = {
             POSES: self._standard(POSES, foxglove.POSES, foxglove.POSES_SCHEMA),
             POINTS: self._standard(POINTS, foxglove.POINTS, foxglove.POINTS_SCHEMA),
+            SCENE: self._standard(SCENE, SCENE_NAME, SCENE_SCHEMA),
             LOG: self._standard(LOG, foxglove.LOG, foxglove.LOG_SCHEMA),
         }
-        for topic in (READINGS, ACCOUNTING, RULES, MARKS, POSTED, STATE, OBSTACLES):
-            self._channels[topic] = self._own(topic)
+        for topic, (name, schema) in self._schemas.items():
+            self._channels[topic] = self._own(topic, f"sleepcast.{name}", channel_schemas.written(schema))
         self._save()
 
     def _end(self) -> None:
@@ -312,8 +343,8 @@ class Recorder:
         number = self._writer.register_schema(name, SchemaEncoding.Protobuf, schema)
         return self._writer.register_channel(topic, MessageEncoding.Protobuf, number)
 
-    def _own(self, topic: str) -> int:
-        number = self._writer.register_schema(f"sleepcast{topic}", SchemaEncoding.JSONSchema, _OBJECT)
+    def _own(self, topic: str, name: str, schema: bytes) -> int:
+        number = self._writer.register_schema(name, SchemaEncoding.JSONSchema, schema)
         return self._writer.register_channel(topic, MessageEncoding.JSON, number)
 
     def _write(self, topic: str, stamp: int, data: bytes) -> None:

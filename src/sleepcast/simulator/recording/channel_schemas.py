@@ -1,0 +1,122 @@
+"""JSON schemas of what a recording holds as JSON, so that other viewers offer its fields by name.
+
+They keep to what Foxglove and Lichtblick read: each field has one type, each object its properties, and a list holds
+values of one type. So an unknown number is null although its schema says number, and what may have any names is an
+object without properties.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+
+from sleepcast.channel.message import Kind
+from sleepcast.core.model import Quantity
+
+Schema = dict[str, object]
+
+_WHOLE: Schema = {"type": "integer"}
+_NUMBER: Schema = {"type": "number"}
+_TEXT: Schema = {"type": "string"}
+_TRUTH: Schema = {"type": "boolean"}
+_TICK: Schema = {"type": "integer", "minimum": 0, "description": "ticks since the start"}
+
+
+def _object(properties: Mapping[str, Schema], about: str = "", optional: Iterable[str] = ()) -> Schema:
+    """An object of these fields and no others."""
+    found: Schema = {"type": "object", "properties": dict(properties)}
+    required = [name for name in properties if name not in set(optional)]
+    return found | {"required": required, "additionalProperties": False} | _said(about)
+
+
+def _list(items: Schema, about: str = "") -> Schema:
+    return {"type": "array", "items": items} | _said(about)
+
+
+def _said(about: str) -> Schema:
+    return {"description": about} if about else {}
+
+
+def _anything(about: str) -> Schema:
+    """An object whose fields may have any names."""
+    return {"type": "object", "properties": {}, "description": about}
+
+
+def _bytes(about: str) -> Schema:
+    return {"type": "string", "contentEncoding": "base64", "description": about}
+
+
+def readings(sensors: Iterable[Quantity]) -> Schema:
+    """Of the values of these sensors."""
+    return _object({sensor.name: _list(_NUMBER, _described(sensor)) for sensor in sensors}, "one value for each robot")
+
+
+def _described(sensor: Quantity) -> str:
+    unit = "" if sensor.unit == "%" else sensor.unit
+    return ", ".join(each for each in (sensor.doc, unit or "a plain number", "null where unknown") if each)
+
+
+_COUNT: Schema = {"type": "integer", "minimum": 0, "description": "robots"}
+ACCOUNTING = _object(
+    {
+        "command": _TEXT | _said("the id of the command"),
+        "text": _TEXT,
+        **dict.fromkeys(("matched", "not_matched", "fault", "silent"), _COUNT),
+        "predicted": _COUNT | _said("robots expected to obey when it was sent"),
+        "values": _TEXT | _said("answers to a question"),
+        "unknown": _COUNT | _said("robots whose test was unknown"),
+        "held": _COUNT | _said("robots among the matched that STOP held"),
+    },
+    "what became of a command",
+    optional=("values", "unknown", "held"),
+)
+RULES = _object(
+    {"robot": _TEXT, "rules": _list(_object({"name": _TEXT, "text": _TEXT, "active": _TRUTH}))},
+    "all expressions stored on a robot",
+)
+MARKS = _object(
+    {
+        "tick": _TICK,
+        "groups": _bytes("for each robot the number of its newest group, a byte; 0 for none"),
+        "flags": _bytes("for each robot a byte: bit 0 stopped, 1 frozen, 2 sleeping, 3 marked, 5 out of energy"),
+        "names": _list(_TEXT, "of the groups, from number 1"),
+        "second": _bytes("for each robot the number of its second newest group; missing if no robot has one"),
+        "colours": _bytes("for each robot the colour that it shows; missing if no robot shows one"),
+    },
+    "groups and flags of the robots",
+    optional=("second", "colours"),
+)
+_MESSAGE = _object(
+    {
+        "sender": _TEXT,
+        "epoch": _WHOLE | _said("the life of the sender"),
+        "sequence": _WHOLE | _said("the number of the message in that life"),
+        "kind": {"type": "string", "enum": [kind.value for kind in Kind]},
+        "issued": _NUMBER | _said("simulated s"),
+        "deadline": _NUMBER | _said("simulated s; missing for never"),
+        "text": _TEXT,
+        "standing": _TRUTH,
+        "body": _anything("further fields"),
+        "role": _TEXT,
+        "heard": _NUMBER | _said("simulated s; missing if unknown"),
+        "ahead": _NUMBER | _said("s by which the sender's clock is ahead"),
+    },
+    optional=("deadline", "heard"),
+)
+POSTED = _object({"tick": _TICK, "message": _MESSAGE}, "a message of the operator, and the tick in which it was sent")
+STATE = _object({"tick": _TICK, "hash": _TEXT}, "the hash of the state after a tick")
+OBSTACLES = _object(
+    {
+        "type of": {"type": "string", "enum": ["WorldChange"]},
+        "tick": _TICK,
+        "put": _anything("solid things added or moved, by their numbers"),
+        "gone": _list(_WHOLE, "numbers of solid things removed"),
+        "own": _TRUTH | _said("whether the scenario itself caused it"),
+    },
+    "solid things added, moved or removed before a tick",
+)
+
+
+def written(schema: Schema) -> bytes:
+    """A schema as it stands in a file."""
+    return json.dumps({"$schema": "https://json-schema.org/draft/2020-12/schema"} | schema).encode()

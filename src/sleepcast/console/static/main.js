@@ -59,9 +59,12 @@ function address() {
   return found;
 }
 
+const LIT_FOR = 8000; // ms for which those that a command matched are lit
+
 let begun = false; // whether the prompt was filled once
 let groups = []; // {name, count, shown}, in the order of their codes in a frame
 let lit = null; // {caption, count}: what the lit robots are
+let faded = null; // the command whose light has gone out
 let foretelling = false; // whether they are those that would obey what is typed, not those of the chosen command
 
 // ---- from the station
@@ -80,6 +83,7 @@ wire.addEventListener("hello", ({ detail }) => {
   document.title = `${scene.title} · sleepcast`;
   for (const story of document.querySelectorAll(".story")) story.textContent = scene.story;
   selecting.setCopies(detail.recorded > 0);
+  prompt.trusting = !detail.air;
   prompt.setReady(scene.commands);
   world.setScene(scene);
   table.setScene(scene);
@@ -158,8 +162,8 @@ window.addEventListener("keydown", (event) => {
 // ---- who is lit
 
 // caption: what they are; "" for those of a line of the legend, which says so itself.
-function light(marks, caption) {
-  world.setLit(marks);
+function light(marks, caption, dark = false) {
+  world.setLit(marks, dark);
   find("select-lit").disabled = !marks;
   lit = marks && caption ? { caption, count: marks.reduce((sum, mark) => sum + mark, 0) } : null;
   drawLegend();
@@ -183,12 +187,21 @@ prompt.addEventListener("sent", async ({ detail }) => {
     accounting.set(rows);
     prompt.markSent(rows.map((row) => row.text));
     accounting.choose(detail);
+    setTimeout(() => fade(detail), LIT_FOR);
   } catch (refusal) {
     if (!(refusal instanceof Refusal)) throw refusal; // else its line comes with the next news
   }
 });
 
+// Those that a command matched have been seen; whoever wants to see them again chooses the command.
+function fade(command) {
+  if (accounting.chosen !== command || foretelling || legend.chosen) return;
+  faded = command;
+  world.fade();
+}
+
 accounting.addEventListener("choose", ({ detail }) => {
+  faded = null;
   legend.forget();
   robot.about(detail ?? accounting.get(accounting.latest) ?? null);
   foretelling = !detail && prompt.editor.text.trim() !== "";
@@ -210,7 +223,8 @@ async function lightChosen() {
   try {
     const marks = await accounting.lit();
     const row = accounting.get(id);
-    if (id === accounting.chosen && row && !legend.chosen) light(marks, { stop: "stopped", release: "released", ask: "answered" }[row.kind] ?? "matched");
+    const caption = { stop: "stopped", release: "released", ask: "answered" }[row?.kind] ?? "matched";
+    if (id === accounting.chosen && row && !legend.chosen) light(marks, caption, id === faded);
   } catch (refusal) {
     if (!(refusal instanceof Refusal)) throw refusal;
     if (id === accounting.chosen) light(null); // nobody knows whom it matched
@@ -233,7 +247,7 @@ legend.addEventListener("light", ({ detail }) => {
   else lightChosen();
 });
 
-legend.addEventListener("follow", ({ detail }) => world.followAll(detail ? world.marks.lit : null));
+legend.addEventListener("follow", ({ detail }) => world.followAll(detail ? world.lit : null));
 
 // ---- the chosen robot
 
@@ -274,7 +288,7 @@ table.addEventListener("pick", ({ detail }) => {
   selecting.set(marks);
 });
 
-const selectLit = () => world.marks.lit && selecting.set(world.marks.lit);
+const selectLit = () => world.lit && selecting.set(world.lit);
 find("select-lit").addEventListener("click", selectLit);
 world.map.addEventListener("keydown", (event) => {
   if (event.key.toLowerCase() === "s" && !event.ctrlKey && !event.metaKey && !event.altKey) selectLit();

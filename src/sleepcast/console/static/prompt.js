@@ -1,6 +1,7 @@
 // The prompt: an expression is typed, checked by the station while one types, previewed, confirmed and sent.
 
 import { Editor } from "./editor.js";
+import { Fold } from "./fold.js";
 import { History } from "./history.js";
 import { callAt, isUnfinished, wordAt } from "./lisp.js";
 import { Listbox } from "./listbox.js";
@@ -21,6 +22,7 @@ export class Prompt extends EventTarget {
     this.wire = wire;
     this.find = (id) => root.querySelector(`#${id}`);
     this.editor = new Editor(this.find("text"), this.find("backdrop"));
+    this.fold = new Fold(this.editor, root);
     this.history = new History("history");
     this.names = [];
     this.namesAt = -Infinity;
@@ -30,6 +32,7 @@ export class Prompt extends EventTarget {
     this.refused = []; // why the station would not send it: until the text, or its sort, is another
     this.doubted = null; // the text that was doubted when it was sent: sent once more it is meant as it stands
     this.sending = false;
+    this.trusting = false; // whether ready-made commands need no confirmation: where the robots are simulated
     this.waiting = false; // whether time starts with the first command
     this.ready = [];
     this.sent = new Set(); // texts of commands that went out
@@ -65,6 +68,7 @@ export class Prompt extends EventTarget {
   // Put a text in. focus: whether the person who reads the page means to type now. caret: where.
   set(text, focus = true, caret = text.length) {
     this.editor.set(text, caret);
+    if (caret === text.length) this.fold.put(this.readyMade(text));
     this.completions.hide();
     if (focus) this.focus();
   }
@@ -80,11 +84,17 @@ export class Prompt extends EventTarget {
         button.title = command.text;
         button.append(String(index + 1), " ", command.title);
         button.firstChild.replaceWith(Object.assign(document.createElement("b"), { textContent: index + 1 }));
+        if (command.needs) button.append(Object.assign(document.createElement("span"), { className: "needs", textContent: `after ${command.needs}` }));
         button.addEventListener("click", () => this.set(command.text));
         return button;
       }),
     );
     this.showReady();
+  }
+
+  // The ready-made command that this text is.
+  readyMade(text) {
+    return this.ready.find((command) => command.text === text);
   }
 
   // The first ready-made command that has not been sent yet.
@@ -102,6 +112,8 @@ export class Prompt extends EventTarget {
     [...this.find("ready").children].forEach((button, index) => {
       button.classList.toggle("sent", this.sent.has(this.ready[index].text));
       button.classList.toggle("next", this.ready[index] === this.next);
+      const first = this.ready[this.ready[index].needs - 1];
+      button.classList.toggle("early", first !== undefined && !this.sent.has(first.text));
     });
   }
 
@@ -201,7 +213,8 @@ export class Prompt extends EventTarget {
     const everybody = (answer?.everybody ?? false) && this.sort !== "ask";
     if (this.find("everybody").hidden === everybody) {
       this.find("everybody").hidden = !everybody;
-      this.find("everybody-yes").checked = false;
+      // Who wrote a scenario meant its ready-made commands for the robots in it.
+      this.find("everybody-yes").checked = this.trusting && this.readyMade(this.editor.text) !== undefined;
     }
     if (everybody) {
       const count = (answer.yes + answer.no + answer.unknown).toLocaleString("en");
@@ -301,7 +314,7 @@ export class Prompt extends EventTarget {
       this.search.begin();
     } else if (event.key === "ArrowUp" && this.editor.onFirstLine() && !event.shiftKey) {
       this.turn(event, -1);
-    } else if (event.key === "ArrowDown" && this.editor.onLastLine() && !event.shiftKey) {
+    } else if (event.key === "ArrowDown" && (this.fold.folded || this.editor.onLastLine()) && !event.shiftKey) {
       this.turn(event, 1);
     }
   }
@@ -321,6 +334,7 @@ export class Prompt extends EventTarget {
     if (text === null) return;
     event.preventDefault();
     this.editor.set(text);
+    this.fold.put(this.readyMade(text));
     this.completions.hide();
   }
 

@@ -40,7 +40,8 @@ function few(view, { poses, count }, most) {
   return true;
 }
 
-// looks: as of shapes.js. names: whether robots have their names beside them. marks: {lit: Uint8Array with 1 for each robot that is lit, or null; chosen, pointed: indices or -1}
+// looks: as of shapes.js. names: whether robots have their names beside them. marks: {lit: Uint8Array with 1 for each
+// robot that is lit, or null; glow: of 1 how bright; chosen, pointed: indices or -1}
 export function drawSwarm(pen, view, scene, frame, looks, marks, colours, boxes, ratio, names) {
   if (few(view, frame, MOST_SHAPES)) drawShapes(pen, view, scene, frame, looks, marks, colours);
   else drawPoints(pen, view, scene, frame, looks, marks, colours, ratio);
@@ -82,13 +83,13 @@ function drawShapes(pen, view, scene, frame, looks, marks, colours) {
     if (!rings.has(ring)) rings.set(ring, new Path2D());
     addRing(rings.get(ring), ring, x, y, size);
   }
-  drawHalos(pen, halos, colours.lit);
+  drawHalos(pen, halos, colours.lit, marks.glow);
   for (const key of [...buckets.keys()].sort((a, b) => a - b)) {
     const { bodies, noses } = buckets.get(key);
     const ink = inkOf(key % LOOKS);
     const how = Math.floor(key / LOOKS);
     const lit = (how & 2) !== 0;
-    pen.globalAlpha = how & 4 ? FAINT : marks.lit && !lit && ink === 0 ? DIMMED : 1;
+    pen.globalAlpha = how & 4 ? FAINT : marks.lit && !lit && ink === 0 ? 1 - (1 - DIMMED) * marks.glow : 1;
     pen.strokeStyle = pen.fillStyle = lit && ink === 0 ? colours.ink : colours.robots[ink];
     pen.lineWidth = 1.4;
     pen.stroke(noses);
@@ -103,13 +104,14 @@ function drawShapes(pen, view, scene, frame, looks, marks, colours) {
   }
 }
 
-function drawHalos(pen, halos, colour) {
+function drawHalos(pen, halos, colour, glow) {
   pen.fillStyle = pen.strokeStyle = colour;
-  pen.globalAlpha = 0.3;
+  pen.globalAlpha = 0.3 * glow;
   pen.fill(halos);
-  pen.globalAlpha = 1;
+  pen.globalAlpha = glow;
   pen.lineWidth = 1.8;
   pen.stroke(halos);
+  pen.globalAlpha = 1;
 }
 
 // The side of a robot's point, in pixels of the screen: 1 to 3, so that robots all over the area leave most of it free.

@@ -18,6 +18,7 @@ const NEAR = 14; // pixels: how far beside a robot a click may be
 const SMALL = 8; // robots that need less than this part of the world's width and height are shown closer,
 const ROOM = 10; // with so many radii of a body around them, so that they may move
 const MANY = 20000; // robots beyond which their density is shown unless somebody has chosen otherwise
+const FADING = 1500; // ms in which a light goes out
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export class World extends EventTarget {
@@ -39,7 +40,8 @@ export class World extends EventTarget {
     this.scene = null;
     this.frame = null;
     this.latest = null; // the frame that came last, of this scene or of one that is on its way
-    this.marks = { lit: null, chosen: -1, pointed: -1 };
+    this.lit = null; // who was lit last; of these, `marks` has those whose light is drawn
+    this.marks = { lit: null, glow: 1, chosen: -1, pointed: -1 };
     this.following = false; // whether the chosen robot is kept in the middle
     this.flock = null; // robots whose middle is kept there instead
     this.fitted = true;
@@ -48,8 +50,7 @@ export class World extends EventTarget {
     this.colours = palette();
     this.stale = new Set();
     this.waiting = false;
-    new ResizeObserver(() => this.resize()).observe(this.map);
-    window.addEventListener("resize", () => this.refit());
+    new ResizeObserver(() => this.refit()).observe(this.map);
     this.tools = []; // what else hands do here: {grab, click, draw}, see `listen` and `draw`
     this.listen();
   }
@@ -110,9 +111,27 @@ export class World extends EventTarget {
     return true;
   }
 
-  setLit(lit) {
-    this.marks.lit = lit;
+  // Light these robots, 1 for each of them, null for none. All robots need no light: nothing would stand out. dark:
+  // their light has gone out already.
+  setLit(lit, dark = false) {
+    this.lit = lit;
+    this.marks.lit = !dark && lit?.includes(0) ? lit : null;
+    this.marks.glow = 1;
     this.repaint("robots");
+  }
+
+  // Let the light go out.
+  fade() {
+    const { lit } = this.marks;
+    const began = performance.now();
+    const step = () => {
+      if (!lit || this.marks.lit !== lit) return; // others are lit
+      this.marks.glow = Math.max(0, 1 - (performance.now() - began) / FADING);
+      if (this.marks.glow === 0) this.marks.lit = null;
+      this.repaint("robots");
+      if (this.marks.lit) requestAnimationFrame(step);
+    };
+    step();
   }
 
   choose(index, tell = true) {
@@ -165,7 +184,7 @@ export class World extends EventTarget {
 
   // ---- the view
 
-  // The pane has another size, perhaps only because the desk below needs more room: what is shown stays where it is.
+  // The pane has another size. An empty canvas would flicker, so all is drawn at once.
   resize() {
     const { width, height } = this.map.getBoundingClientRect();
     this.ratio = Math.min(2, window.devicePixelRatio || 1);
@@ -214,6 +233,7 @@ export class World extends EventTarget {
   refit() {
     this.resize();
     if (this.fitted && this.scene) this.show(this.close);
+    this.draw();
   }
 
   zoom(factor, x, y) {

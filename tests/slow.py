@@ -20,6 +20,7 @@ SLOW = {
     "experiments/test_run.py": 70,
     "cli/test_snapshots.py": 34,
     "console/test_renewal.py": 8,
+    "console/test_page_first.py": 15,
     "loop/test_snapshots.py": 28,
     "cli/test_air.py": 28,
     "cli/test_record.py": 25,

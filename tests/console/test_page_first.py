@@ -33,9 +33,9 @@ def box(page: Page, selector: str) -> FloatRect:
     return found
 
 
-def lowest_wall(page: Page) -> float:
-    """How far down the screen the walls of the world reach."""
-    return max((y for _, y in pixels(page, "--map-wall", "ground")), default=0.0)
+def lowest_ground(page: Page) -> float:
+    """How far down the screen the world reaches."""
+    return max((y for _, y in pixels(page, "--map-area", "ground")), default=0.0)
 
 
 def test_a_long_command_is_folded_and_nothing_has_to_be_scrolled(crowd: Page) -> None:
@@ -69,7 +69,9 @@ def test_the_map_fits_itself_until_it_is_moved_and_stop_hides_none_of_it(crowd: 
     scale = crowd.locator("#scale-bar")
     for height in (500, 800):
         crowd.set_viewport_size({"width": 1280, "height": height})
-        until(crowd, lambda: 0.7 < lowest_wall(crowd) / (box(crowd, "#map")["y"] + box(crowd, "#map")["height"]) < 1.0)
+        until(
+            crowd, lambda: 0.7 < lowest_ground(crowd) / (box(crowd, "#map")["y"] + box(crowd, "#map")["height"]) < 1.0
+        )
     fitted = scale.evaluate(WIDTH)
     crowd.locator("#zoom-in").click()
     moved = until(crowd, lambda: found if (found := scale.evaluate(WIDTH)) != fitted else "")

@@ -110,6 +110,8 @@ def test_what_is_typed_is_foreseen_counted_sent_and_explained(air: Page, channel
         assert time.monotonic() < end, found
         time.sleep(0.05)  # or these would be too many questions
     assert (found["yes"], found["no"], found["findings"]) == (2, 10, [])
+    assert air.ask("understand", text="r7 joins bravo")["text"] == "(WHEN (= id 7) (JOIN bravo))"
+    assert air.ask("phrase", text="(WHEN (IN bravo) (MARK))")["sentence"] == "members of bravo mark themselves"
     sent = air.ask("send", text=text)["command"]
 
     def answered(news: dict[str, Any]) -> bool:

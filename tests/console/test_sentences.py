@@ -85,7 +85,7 @@ def test_a_person_types_either_and_sees_the_other(shown: Page) -> None:
     expect(shown.locator("#send")).to_be_disabled()
     field.press("Enter")  # sends nothing
     field.fill("rovers with less than 90 % battery and in")
-    expect(shown.locator("#sentence-unclear")).to_have_text("Not understood: wanted the name of a group at the end")
+    expect(shown.locator("#sentence-unclear")).to_have_text("Not finished: wanted the name of a group at the end")
 
     # what is understood is previewed, and sent as an expression
     field.fill("rovers with less than 90 % battery are now in team alpha")

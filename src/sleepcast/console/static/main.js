@@ -350,6 +350,7 @@ const ACTIONS = [
   ["Film the map, or stop filming", "WebM", () => press("save-film")],
   ["Select robots with a lasso", "L", () => press("lasso")],
   ["Select the highlighted robots", "S", () => press("select-lit")],
+  ["Type a sentence, or an expression again", "Ctrl+;", () => sentence.toggle()],
   ["Light or dark", "", () => press("theme")],
   ["Keys and a short guide", "?", () => press("help")],
 ];

@@ -137,8 +137,9 @@ export class Sentence extends EventTarget {
     const line = this.find("sentence-unclear");
     const [first] = unclear;
     this.field.mark(unclear);
-    line.textContent = first ? `Not understood: ${first.message}` : "";
-    line.classList.toggle("unfinished", unclear.every((each) => each.start === each.end));
+    const unfinished = unclear.every((each) => each.start === each.end);
+    line.textContent = first ? `${unfinished ? "Not finished" : "Not understood"}: ${first.message}` : "";
+    line.classList.toggle("unfinished", unfinished);
   }
 
   async key(event) {

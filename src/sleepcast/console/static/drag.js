@@ -184,7 +184,7 @@ export class NumberDrag {
     this.place(token);
   }
 
-  // Below the number and beside the counts; above it where there is no room.
+  // Below the number, beside the counts; above it where there is no room.
   place(token) {
     const { box } = this;
     const desk = box.offsetParent.getBoundingClientRect();
@@ -197,7 +197,7 @@ export class NumberDrag {
     const beside = free <= most;
     const left = Math.max(beside ? free : 10, Math.min(number.left - desk.left - box.offsetWidth / 2, most));
     box.style.left = `${left}px`;
-    box.style.top = beside ? `${editor.bottom - desk.top + 5}px` : `${editor.top - desk.top - box.offsetHeight - 6}px`;
+    box.style.top = beside ? `${counts.top - desk.top - 4}px` : `${editor.top - desk.top - box.offsetHeight - 6}px`;
   }
 }
 

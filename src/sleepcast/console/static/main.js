@@ -288,7 +288,12 @@ table.addEventListener("pick", ({ detail }) => {
   selecting.set(marks);
 });
 
-const selectLit = () => world.lit && selecting.set(world.lit);
+// Who would obey may be a second old; the test for them is looked for by what robots tell now.
+async function selectLit() {
+  if (foretelling) await prompt.ask();
+  if (world.lit) selecting.set(world.lit, 0);
+}
+
 find("select-lit").addEventListener("click", selectLit);
 world.map.addEventListener("keydown", (event) => {
   if (event.key.toLowerCase() === "s" && !event.ctrlKey && !event.metaKey && !event.altKey) selectLit();

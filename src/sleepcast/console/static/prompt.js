@@ -168,6 +168,7 @@ export class Prompt extends EventTarget {
     clearTimeout(this.timer);
     this.refused = [];
     this.doubted = null;
+    this.dispatchEvent(new Event("typed"));
     this.turns = true;
     if (this.turning) return;
     this.turning = true;

@@ -5,7 +5,7 @@
 import { MOST_SHAPES, sizesOf } from "./swarm.js";
 import { Refusal } from "./wire.js";
 
-const PAUSE = 150; // ms without a change before a test is asked for
+const PAUSE = 150; // ms: several robots may be clicked one after the other
 const PATIENCE = 30000; // ms for which the search may take: it goes on beside the rest
 const APART = 3; // pixels between two corners of a lasso
 
@@ -56,10 +56,10 @@ export class Selecting extends EventTarget {
 
   // ---- what is selected
 
-  // Select these robots: 1 for each.
-  set(marks) {
+  // Select these robots: 1 for each. pause: ms without another change before their test is asked for.
+  set(marks, pause = PAUSE) {
     this.marks = Uint8Array.from(marks, (mark) => (mark ? 1 : 0));
-    this.changed();
+    this.changed(pause);
   }
 
   clear() {
@@ -79,14 +79,14 @@ export class Selecting extends EventTarget {
     return marks;
   }
 
-  changed() {
+  changed(pause) {
     this.count = this.marks.reduce((sum, mark) => sum + mark, 0);
     this.bar.hidden = this.count === 0;
     this.find("count").textContent = `${this.count.toLocaleString("en")} selected`;
     this.show([], "", this.count ? "Looking for a test …" : "");
     this.world.repaint("robots");
     clearTimeout(this.timer);
-    if (this.count) this.timer = setTimeout(() => this.ask(), PAUSE);
+    if (this.count) this.timer = setTimeout(() => this.ask(), pause);
     this.dispatchEvent(new CustomEvent("change", { detail: this.count }));
   }
 

@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import BrowserContext, FloatRect, Page, expect
 
 from console.running import PATIENCE, Program
-from console.test_page import opened, pixels, previewed, send, until
+from console.test_page import SENTENCE, opened, pixels, previewed, send, until
 
 pytestmark = pytest.mark.browser
 
@@ -80,12 +80,22 @@ def test_the_map_fits_itself_until_it_is_moved_and_stop_hides_none_of_it(crowd: 
     assert scale.evaluate(WIDTH) == moved
 
 
-def test_the_light_of_those_that_obeyed_goes_out(bravo: Program, context: BrowserContext) -> None:
+def test_a_ready_made_command_has_sliders_and_the_light_of_those_that_obeyed_goes_out(
+    bravo: Program, context: BrowserContext
+) -> None:
     page = context.new_page()
     page.clock.install()
     page.goto(bravo.address)
     previewed(page, re.compile(r"^\d{2}$"))
     expect(page.locator("#ready .early")).to_have_count(2)  # the second and the third need the first
+    near = page.get_by_role("slider", name="how near to X")
+    near.fill("9")
+    expect(page.locator("#text")).to_have_value(SENTENCE.replace("5mi", "9mi"))
+    near.fill("5")
+    expect(page.locator("#text")).to_have_value(SENTENCE)
+    page.locator("#text").press_sequentially(" ")  # now it is a text of one's own
+    expect(near).to_have_count(0)
+    page.locator("#text").press("Backspace")
     row = send(page)
     expect(page.locator("#ready .early")).to_have_count(0)
     until(page, lambda: pixels(page, "--lit"))

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 from sleepcast.api.assembly import assemble, assemble_from, warm_up
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.cli.streams import complain
-from sleepcast.console.adapters.swarm import SwarmAdapter
+from sleepcast.console.adapters.swarm import SwarmAdapter, shown_slider
 from sleepcast.console.plots import Measure
-from sleepcast.console.renewal import Choices, Run, ShownScenario, ShownSlider, Wish
+from sleepcast.console.renewal import Choices, Run, ShownScenario, Wish
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.settings import toml_document
@@ -99,7 +99,7 @@ class PageRuns:
             return Choices(str(simulator.seed), len(simulator.names), True, [])
         found = self._scenario(wish)
         seed = found.seed if wish.seed is None else wish.seed
-        sliders = [ShownSlider(s.name, s.title, s.unit, s.value, s.low, s.high, s.step) for s in found.sliders]
+        sliders = [shown_slider(slider) for slider in found.sliders]
         return Choices(str(seed), found.robots.count, False, sliders)
 
     def _is_snapshot(self, scenario: str) -> bool:

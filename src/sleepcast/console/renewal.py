@@ -24,7 +24,7 @@ from sleepcast.console.driver import Driver, aside
 from sleepcast.console.incoming import Renew, Scenarios, Setup
 from sleepcast.console.outgoing import Hello, Said
 from sleepcast.console.plots import Measure
-from sleepcast.console.view import Pace, SwarmView
+from sleepcast.console.view import Pace, ShownSlider, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.fleet.marks import is_frozen
@@ -41,18 +41,6 @@ class ShownScenario(msgspec.Struct, frozen=True):
 
     name: str
     title: str
-
-
-class ShownSlider(msgspec.Struct, frozen=True):
-    """A number that may be changed, between `low` and `high` in steps, all in `unit`."""
-
-    name: str
-    title: str
-    unit: str
-    value: float
-    low: float
-    high: float
-    step: float
 
 
 class Offered(Said):

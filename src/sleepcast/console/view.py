@@ -39,6 +39,18 @@ class NamedOutline(msgspec.Struct, frozen=True):
     corners: Outline
 
 
+class ShownSlider(msgspec.Struct, frozen=True):
+    """A number that may be changed, between `low` and `high` in steps, all in `unit`."""
+
+    name: str
+    title: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    step: float
+
+
 class Scene(msgspec.Struct, frozen=True):
     """What does not change while the swarm runs.
 
@@ -47,7 +59,8 @@ class Scene(msgspec.Struct, frozen=True):
     robots have bodies of which radius (m), in the order of their indices. sorts: what those of each size are called,
     empty where all are of one sort. lights: where they are, with their names. areas: those that robots know by name
     from the start. supplies: what robots use up when they drive, such as fuel. obstacles: each is what lies inside an
-    odd number of its closed outlines, lists of corners (x, y) in m.
+    odd number of its closed outlines, lists of corners (x, y) in m. blanks: numbers that ready-made commands name in
+    braces.
     """
 
     title: str
@@ -64,6 +77,7 @@ class Scene(msgspec.Struct, frozen=True):
     obstacles: tuple[tuple[Outline, ...], ...] = ()
     commands: tuple[ReadyCommand, ...] = ()
     supplies: tuple[str, ...] = ()
+    blanks: tuple[ShownSlider, ...] = ()
 
 
 class RuleView(Protocol):

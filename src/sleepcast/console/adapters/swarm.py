@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from sleepcast.console import MapLabel, NamedOutline, Outline, Scene
 from sleepcast.console.adapters.bodies import sensing_of
 from sleepcast.console.sensing import BodyView
+from sleepcast.console.view import ShownSlider
 from sleepcast.core.model import NamedArea
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Area, Circle, Scenario, Shape, Wall
 from sleepcast.simulator.scenario.robot_types import slices
+from sleepcast.simulator.scenario.sliders import Slider
 
 ROUND = 32
 """Corners of a circle as it is drawn."""
@@ -106,9 +108,15 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         areas=tuple(NamedOutline(area.name, _outline(area)) for area in scenario.areas),
         obstacles=tuple(outlines(shape) for shape in scenario.shapes),
         lights=tuple(MapLabel(light.title, light.x, light.y) for light in scenario.lights),
-        commands=tuple(replace(each, text=each.text.strip()) for each in scenario.commands),
+        commands=tuple(replace(each, text=each.text.strip(), blank=each.blank.strip()) for each in scenario.commands),
+        blanks=tuple(shown_slider(slider) for slider in scenario.sliders if slider.live),
         supplies=tuple(store.name for store in scenario.robots.stores if store.reach < inf),
     )
+
+
+def shown_slider(slider: Slider) -> ShownSlider:
+    """A slider as the page shows it."""
+    return ShownSlider(slider.name, slider.title, slider.unit, slider.value, slider.low, slider.high, slider.step)
 
 
 def _outline(area: NamedArea) -> Outline:

@@ -63,6 +63,7 @@ SLOW = {
     "cli/test_node.py": 6,
     "console/test_markup.py": 6,
     "console/test_page_hand.py": 9,
+    "console/test_page_honest.py": 6,
     "simulator/simd/test_compiled.py": 6,
     "simulator/bodies/test_bodies.py": 6,
     "cli/test_swarm.py": 6,

@@ -13,7 +13,7 @@ from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import ShownStep
-from sleepcast.console.outgoing import Explained, Obstacles
+from sleepcast.console.outgoing import Explained, Failing, Obstacles
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language.vocabulary import MARKED
@@ -174,6 +174,35 @@ class TestSending:
         why = stand.desk.why(2, held, sent)
         assert isinstance(why, Explained)
         assert (why.why.matched, why.why.held) == (True, True)
+
+    def test_a_rule_that_fails_is_counted_with_the_command_that_brought_it(self, stand: Stand) -> None:
+        first = stand.desk.send(1, "(WHEN (> battery 60%) (RULE guard (SETQ drive_speed (/ 1 0))))", False).command
+        stand.run(0.3)
+        (row,) = stand.desk.commands().rows
+        full = [name for name in stand.swarm.minds if stand.level(name) > 0.6]
+        assert row.matched == len(full)
+        (found,) = row.failing
+        assert (found.rule, found.robots) == ("guard", len(full))
+        assert found.reason == "division by zero in (/ 1 0)"
+        stand.run()  # long enough to deactivate it
+        (whole,) = next(each for each in stand.desk.news(-1) if isinstance(each, Failing)).rules
+        assert (whole.rule, whole.robots, whole.inactive) == ("guard", len(full), len(full))
+        marks = stand.desk.failed(2, "guard").outcomes
+        assert [name for name, mark in zip(stand.swarm.minds, marks, strict=True) if mark] == full
+        assert stand.desk.failed(2, "").outcomes == marks
+
+        second = stand.desk.send(1, "(WHEN (> battery 80%) (RULE guard (MOD 1 0)))", False).command
+        stand.run()
+        fuller = sum(stand.level(name) > 0.8 for name in full)
+        rows = {row.id: row for row in stand.desk.commands().rows}
+        assert [each.robots for each in rows[first].failing] == [len(full) - fuller]
+        assert [each.robots for each in rows[second].failing] == [fuller]
+
+        stand.desk.send(1, "(FORGET guard)", True)
+        stand.run()
+        assert all(row.failing == () for row in stand.desk.commands().rows)
+        with pytest.raises(MisuseError, match="The rule guard does not fail on any robot now"):
+            stand.desk.failed(2, "guard")
 
     def test_who_cannot_have_heard_yet_is_waiting_not_silent(self, stand: Stand) -> None:
         stand.desk.driver.pace.paused = False

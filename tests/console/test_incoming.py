@@ -30,6 +30,7 @@ GOOD = {
     "understand": {"serial": 4, "text": "all robots stop"},
     "why": {"serial": 1, "robot": 0, "command": "desk-1.1"},
     "outcomes": {"serial": 1, "command": "desk-1.1"},
+    "failed": {"serial": 1, "rule": "guard"},
     "members": {"serial": 1, "group": 3},
     "sense": {"serial": 1, "robot": 3},
     "commands": {"serial": 1},

@@ -426,6 +426,30 @@ def poses(fleet: FleetAdapter) -> dict[str, tuple[float, float, float]]:
     return dict(zip(fleet.scene.names, zip(found[::3], found[1::3], found[2::3], strict=True), strict=True))
 
 
+def test_a_rule_that_robots_have_deactivated_is_known_until_their_telemetry_says_otherwise() -> None:
+    scene = Scene(robots=3)
+    desk, telemetry = looking(scene)
+    fleet = FleetAdapter(desk, telemetry, Ground("air", "", "robots", (), EMPTY, "m", ()), 1.0, START)
+    scene.run(1.0)
+    fleet.hear()
+    assert fleet.failing() == []
+    desk.send("(WHEN (> id 0) (RULE Guard (/ 1 0)))", standing=True)
+    scene.run(2.0)
+    fleet.hear()
+    (found,) = fleet.failing()
+    names = [fleet.scene.names[place] for place in found.robots.tolist()]
+    assert (found.name, len(names), found.inactive) == ("Guard", 2, 2)
+    assert set(names) == {robot.node.name for robot in scene.fleet.values() if robot.node.number > 0}
+    scene.run(2.0)
+    fleet.hear()
+    assert len(fleet.failing()[0].robots) == 2, "their telemetry says the same"
+    desk.send("(RULE Guard (MARK))", standing=True, everybody=True)
+    for _ in range(3):  # they are asked, and answer
+        scene.run(1.0)
+        fleet.hear()
+    assert fleet.failing() == []
+
+
 def test_a_liar_neither_moves_the_map_nor_breaks_the_page() -> None:
     scene = Scene(robots=3)
     desk, telemetry = looking(scene)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
+from sleepcast.console.failing import FailingRules, ShownFailing
 from sleepcast.console.view import SwarmView
 from sleepcast.station import Account, Command, Station
 from sleepcast.station.account import HELD_BY_STOP, values_in_words
@@ -21,7 +22,7 @@ class CommandRow(msgspec.Struct, frozen=True):
     standing: whether it has no deadline. values: what was answered to a question, in words. scope: among whom silence
     was counted, in words. unknown: those whose test was neither true nor false. held: those among the matched that were
     to move, and did not because STOP holds them. waiting: why the silent ones could not answer yet, "" if they
-    could."""
+    could. failing: rules that it brought and that fail now."""
 
     id: str
     kind: str
@@ -38,10 +39,11 @@ class CommandRow(msgspec.Struct, frozen=True):
     unknown: int = 0
     held: int = 0
     waiting: str = ""
+    failing: tuple[ShownFailing, ...] = ()
 
 
-State = tuple[int, int, str]
-"""What a row depends on: how many answered, how many were addressed, why robots wait."""
+State = tuple[int, int, str, tuple[ShownFailing, ...]]
+"""What a row depends on: how many answered, how many were addressed, why robots wait, which rules fail."""
 
 
 class AccountTable:
@@ -51,22 +53,25 @@ class AccountTable:
     def __init__(self, station: Station, swarm: SwarmView, began: float = 0.0) -> None:
         self._station, self._swarm, self._began = station, swarm, began
         self._rows: dict[str, tuple[State, CommandRow]] = {}
+        self.failing = FailingRules(station, swarm)
 
     def rows(self, held_up: str = "") -> list[CommandRow]:
         """The latest commands, oldest first. held_up: why time stands still, "" while it runs."""
         kept: dict[str, tuple[State, CommandRow]] = {}
-        for command in self._station.commands()[-MOST_ROWS:]:
+        commands = self._station.commands()[-MOST_ROWS:]
+        self.failing.look(commands)
+        for command in commands:
             known = self._rows.get(command.id)
             late = self._swarm.now() + self._began - command.message.issued > ON_ITS_WAY
             waiting = held_up if held_up and not late and command.n_silent else ""
-            state = len(command.answers), command.addressed, waiting
+            state = len(command.answers), command.addressed, waiting, self.failing.of(command.id)
             if known is None or known[0] != state:
-                known = (state, self._row(command, self._station.accounting(command.id), waiting))
+                known = (state, self._row(command, self._station.accounting(command.id), *state[2:]))
             kept[command.id] = known
         self._rows = kept
         return [row for _, row in kept.values()]
 
-    def _row(self, command: Command, found: Account, waiting: str) -> CommandRow:
+    def _row(self, command: Command, found: Account, waiting: str, failing: tuple[ShownFailing, ...]) -> CommandRow:
         return CommandRow(
             command.id,
             command.kind.value,
@@ -83,6 +88,7 @@ class AccountTable:
             found.n_unknown,
             found.n_held,
             waiting,
+            failing,
         )
 
     def outcomes(self, command: str) -> bytes:

@@ -217,6 +217,10 @@ class Backend:
         """What became of a command on each robot."""
         return outgoing.Answered(serial, self._ledger.outcomes(command))
 
+    def failed(self, serial: int, rule: str) -> outgoing.Answered:
+        """On which robots a rule ("": any rule) fails now."""
+        return outgoing.Answered(serial, self._ledger.failing.robots(rule))
+
     def members(self, serial: int, group: int) -> outgoing.Joined:
         """Who is in the group with this code."""
         return outgoing.Joined(serial, self.driver.groups.members(self._swarm.minds, group).tobytes())
@@ -244,6 +248,7 @@ class Backend:
     def news(self, watched: int) -> Iterator[outgoing.Said]:
         """Everything that may have changed; `watched`: the index of the robot that the page looks at, or -1."""
         yield self.commands()
+        yield outgoing.Failing(self._ledger.failing.shown())
         groups = self.driver.groups
         shown = zip(groups.names, groups.counts, groups.shown, strict=True)
         yield outgoing.Groups([outgoing.ShownGroup(*group) for group in shown])

@@ -86,6 +86,8 @@ class Dialogue:
                 return desk.why(serial, robot, command)
             case incoming.Outcomes(serial, command):
                 return desk.outcomes(serial, command)
+            case incoming.Failed(serial, rule):
+                return desk.failed(serial, rule)
             case incoming.Members(serial, group):
                 return desk.members(serial, group)
             case incoming.Sense(serial, robot):

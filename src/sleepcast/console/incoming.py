@@ -185,6 +185,13 @@ class Sense(Message):
     robot: Index
 
 
+class Failed(Message):
+    """On which robots a rule fails now; "": any rule."""
+
+    serial: Serial
+    rule: Id
+
+
 class Commands(Message):
     """The account of every command, at once."""
 
@@ -326,6 +333,7 @@ Incoming = (
     | Names
     | Why
     | Outcomes
+    | Failed
     | Members
     | Phrase
     | Understand

@@ -10,6 +10,7 @@ import msgspec
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.completion import ShownName
 from sleepcast.console.explanation import ShownWhy
+from sleepcast.console.failing import ShownFailing
 from sleepcast.console.sensing import BodyView
 from sleepcast.console.view import Outline, Scene
 
@@ -103,7 +104,8 @@ class Explained(Said):
 
 
 class Answered(Said):
-    """What became of a command on each robot, a byte each (`station.SILENT` and the others)."""
+    """What became of a command on each robot, a byte each (`station.SILENT` and the others); or for which it is true
+    that was asked about, 1 each."""
 
     serial: int
     outcomes: bytes
@@ -129,6 +131,12 @@ class Commands(Said):
 
     rows: list[CommandRow]
     serial: int | None = None
+
+
+class Failing(Said):
+    """The rules that fail on any robot now, those on most robots first."""
+
+    rules: list[ShownFailing]
 
 
 class ShownGroup(msgspec.Struct, frozen=True):

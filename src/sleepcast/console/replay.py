@@ -278,6 +278,10 @@ class ReplayBackend:
         ranges = [read(f"sonar{number}") for number in range(kind.sonars)]
         return outgoing.Sensed(serial, robot, kind.sensing((x, y, heading), believed, ranges))
 
+    def failed(self, serial: int, rule: str) -> NoReturn:
+        """Refused: faults of rules are not recorded."""
+        raise MisuseError("A recording stores the rules of robots, not which of them fail.")
+
     def outcomes(self, serial: int, command: str) -> NoReturn:
         """Refused: answers are recorded as counts."""
         raise MisuseError("A recording stores how many robots obeyed a command, not which ones.")

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from sleepcast.console.sensing import BodyView
 from sleepcast.core.model import ReadyCommand
+from sleepcast.fleet.failing import FailingRule
 from sleepcast.fleet.marks import FleetMarks
 from sleepcast.language import Vocabulary
 from sleepcast.station import Mind
@@ -138,6 +139,9 @@ class SwarmView(Protocol):
 
     def obstacles(self) -> tuple[tuple[Outline, ...], ...] | None:
         """What is solid now, as in the scene; None while it is what the scene says."""
+
+    def failing(self) -> list[FailingRule]:
+        """The rules that fail on any robot now, those on most robots first."""
 
     def pings(self) -> bytes:
         """Who has pinged since this was last asked: as in a frame, empty for nobody."""

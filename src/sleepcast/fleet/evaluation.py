@@ -448,6 +448,10 @@ class StatisticsTable:
             found = self._tallies[key] = RuleStatistics(self._state.count)
         return found
 
+    def faulted(self) -> list[str]:
+        """The keys of expressions that have ever had a fault on any robot."""
+        return [key for key, tally in self._tallies.items() if tally.faulted]
+
     def keep_only(self, keys: set[str]) -> None:
         """Drop the columns of expressions that no robot stores any more."""
         for columns in (self._tallies, self.leases):

@@ -31,6 +31,7 @@ from sleepcast.language.parts import acts
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.account import Account, Command, SentCommands, account, answer_from
+from sleepcast.station.failures import RuleFailures
 from sleepcast.station.journal.journal import Journal, JournalEvent, MemoryJournal, PendingEntry, Report, WriteBatch
 from sleepcast.station.journal.snapshot import dump_journal, restore_journal
 from sleepcast.station.roster import Index, RobotNames, Roster
@@ -102,6 +103,8 @@ class Station:
     ) -> None:
         self.operator = operator
         self.notes = WriteBatch(MemoryJournal() if journal is None else journal)
+        self.failures = RuleFailures()
+        """What robots reported of rules that they have deactivated."""
         self.reports: deque[Report] = deque(maxlen=MAX_REPORTS)
         """What robots reported unasked, the latest last."""
         self.listeners: list[Callable[[list[Message]], None]] = []
@@ -398,6 +401,8 @@ class Station:
             place = self._roster.hear(message.sender, now)
             if message.kind is Kind.REPORT:
                 self.reports.append(Report(message.sender, now, message.body))
+                if place is not None:
+                    self.failures.hear(place, message.body, now)
             elif message.kind is Kind.ANSWER:
                 command = self._sent.find(message.body.get("command"))
                 answer = answer_from(message.body, now)

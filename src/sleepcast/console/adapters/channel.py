@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from sleepcast.channel import Kind, Message
 from sleepcast.console import Outline, RuleView, SafetyOrder, Scene
 from sleepcast.console.sensing import BodyView
-from sleepcast.core.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.core.units import LENGTH, UNITS
+from sleepcast.fleet.failing import FailingRule, most_first
 from sleepcast.language import Explanation, Variable, Vocabulary
 from sleepcast.language.parts import Part
 from sleepcast.language.program import Program
@@ -208,6 +209,24 @@ class FleetAdapter:
 
     def exhausted(self) -> None:
         """Nobody knows what these robots drive with."""
+
+    def failing(self) -> list[FailingRule]:
+        """The rules that robots have deactivated because of faults, unless their telemetry says that this is over."""
+        failures = self._station.failures
+        found = []
+        for key, robots in failures.robots.items():
+            there = [place for place, heard in robots.items() if self._fails(place, key, heard)]
+            if there:
+                places = np.array(sorted(there), np.intp)
+                found.append(FailingRule(key, printable(failures.names[key]), places, len(places)))
+        return most_first(found)
+
+    def _fails(self, place: int, key: str, heard: float) -> bool:
+        """Whether the robot at a place has still the rule that it reported then, and does not run it."""
+        mind = self._telemetry.minds.get(self._station.names[place])
+        if mind is None or mind.learned is None or mind.reported_at <= heard:
+            return True
+        return any(rule.name.casefold() == key and not rule.active for rule in mind.rules())
 
     def pings(self) -> bytes:
         """Pings go from robot to robot; the desk does not hear them."""

@@ -14,6 +14,7 @@ from sleepcast.console.adapters.bodies import sensing_of
 from sleepcast.console.sensing import BodyView
 from sleepcast.console.view import ShownSlider
 from sleepcast.core.model import NamedArea
+from sleepcast.fleet.failing import FailingRule, failing_rules
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Area, Circle, Scenario, Shape, Wall
@@ -80,6 +81,10 @@ class SwarmAdapter:
     def exhausted(self) -> NDArray[np.bool_] | None:
         """Which robots have used up one of the scene's supplies, so that they stand; None where no robot can."""
         return self._swarm.simulator.exhausted()
+
+    def failing(self) -> list[FailingRule]:
+        """The rules that fail on any robot now."""
+        return failing_rules(self._swarm.fleet.memory)
 
     def pings(self) -> bytes:
         """Who has pinged since this was last asked, a byte for each robot; see `Simulator.pinged`."""

@@ -49,6 +49,7 @@ export class Accounting extends EventTarget {
       });
       entry.line.classList.toggle("held", row.held > 0);
       entry.line.querySelector(".held-up").textContent = heldUp(row);
+      this.fail(entry.line, row.failing);
       if (row.kind === "ask") entry.line.querySelector(".values").textContent = row.values;
     }
     this.rows = new Map(rows.map(({ id }) => [id, this.rows.get(id)]));
@@ -83,6 +84,26 @@ export class Accounting extends EventTarget {
     return line;
   }
 
+  // What fails of the rules that a command brought: a button for each, which lights those robots.
+  fail(line, rules) {
+    const shown = line.querySelectorAll(".failing");
+    const said = rules.map(({ rule, robots }) => `! rule ${rule} fails: ${robots.toLocaleString("en")}`);
+    if (shown.length === said.length) {
+      shown.forEach((button, at) => button.textContent === said[at] || (button.textContent = said[at]));
+    } else {
+      for (const button of shown) button.remove();
+      const buttons = said.map((textContent) => Object.assign(document.createElement("button"), { type: "button", className: "failing", textContent }));
+      line.querySelector(".text").append(...buttons);
+    }
+    line.querySelectorAll(".failing").forEach((button, at) => {
+      button.title = `${rules[at].reason || "Deactivated because of its faults"}. Click to highlight these robots.`;
+      button.onclick = (event) => {
+        event.stopPropagation(); // the line is not chosen by that
+        this.dispatchEvent(new CustomEvent("failing", { detail: rules[at].rule }));
+      };
+    });
+  }
+
   choose(id) {
     this.chosen = id;
     this.mark();
@@ -107,7 +128,8 @@ export class Accounting extends EventTarget {
     if (row) {
       const first = row.kind === "ask" ? `${row.values}; answered` : "matched";
       const silent = row.waiting ? `${row.silent} waiting` : `silent ${row.silent}`;
-      const about = heldUp(row) ? `${heldUp(row)}; ` : "";
+      const failing = row.failing.map(({ rule, robots }) => `rule ${rule} fails on ${robots}`);
+      const about = [heldUp(row), ...failing].map((said) => said && `${said}; `).join("");
       const counts = `${about}${first} ${row.matched}, not matched ${row.not_matched}, unknown ${row.unknown}, fault ${row.fault}, ${silent} ${row.scope}`;
       this.root.querySelector("#counts").textContent = counts;
     }
@@ -116,7 +138,7 @@ export class Accounting extends EventTarget {
 
   key(event) {
     const line = event.target.closest("tr");
-    if (!line) return;
+    if (!line || event.target.closest("button")) return;
     const other = { ArrowDown: line.nextElementSibling, ArrowUp: line.previousElementSibling }[event.key];
     if (event.key === "Enter" || event.key === " ") this.choose(line.dataset.id === this.chosen ? "" : line.dataset.id);
     else if (other) {

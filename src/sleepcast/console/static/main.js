@@ -6,6 +6,7 @@ import { BodyLayer } from "./body.js";
 import { NumberDrag } from "./drag.js";
 import { Blanks } from "./blanks.js";
 import { Drawer } from "./drawer.js";
+import { Failing } from "./failing.js";
 import { Filming } from "./filming.js";
 import { Finder } from "./finder.js";
 import { Layers } from "./layers.js";
@@ -41,6 +42,7 @@ const prompt = new Prompt(document.querySelector(".desk"), wire);
 const sentence = new Sentence(document.querySelector(".desk"), wire);
 const blanks = new Blanks(find("blanks"), prompt);
 const accounting = new Accounting(document.querySelector(".accounting"), wire);
+const failing = new Failing(find("failing"), wire);
 const robot = new RobotPane(document.querySelector(".robot"), wire);
 new Safety(document, wire);
 new NewRun(document, wire);
@@ -175,11 +177,12 @@ function light(marks, caption, dark = false) {
 // What was touched last says who is lit: the text, the account, or the legend.
 prompt.addEventListener("typed", () => {
   legend.forget();
+  failing.forget();
   foretelling = prompt.editor.text.trim() !== "";
 });
 
 prompt.addEventListener("preview", ({ detail }) => {
-  if (legend.chosen) return;
+  if (legend.chosen || failing.chosen !== null) return;
   if (detail === null) lightChosen();
   else if (foretelling) light(detail.counted ? Uint8Array.from(bytes(detail.lit), (code) => (code === 1 ? 1 : 0)) : null, "would obey");
 });
@@ -198,7 +201,7 @@ prompt.addEventListener("sent", async ({ detail }) => {
 
 // Those that a command matched have been seen; whoever wants to see them again chooses the command.
 function fade(command) {
-  if (accounting.chosen !== command || foretelling || legend.chosen) return;
+  if (accounting.chosen !== command || foretelling || legend.chosen || failing.chosen !== null) return;
   faded = command;
   world.fade();
 }
@@ -206,6 +209,7 @@ function fade(command) {
 accounting.addEventListener("choose", ({ detail }) => {
   faded = null;
   legend.forget();
+  failing.forget();
   robot.about(detail ?? accounting.get(accounting.latest) ?? null);
   foretelling = !detail && prompt.editor.text.trim() !== "";
   if (foretelling) prompt.tellPreview();
@@ -214,7 +218,17 @@ accounting.addEventListener("choose", ({ detail }) => {
 
 accounting.addEventListener("counted", ({ detail }) => {
   robot.about(detail);
-  if (!foretelling && !legend.chosen) lightChosen();
+  if (!foretelling && !legend.chosen && failing.chosen === null) lightChosen();
+});
+
+accounting.addEventListener("failing", ({ detail }) => failing.choose(detail));
+
+failing.addEventListener("light", ({ detail }) => {
+  legend.forget();
+  foretelling = !detail && prompt.editor.text.trim() !== "";
+  if (detail) light(detail.marks, detail.rule ? `rule ${detail.rule} fails` : "a rule fails");
+  else if (foretelling) prompt.tellPreview();
+  else lightChosen();
 });
 
 async function lightChosen() {
@@ -227,7 +241,7 @@ async function lightChosen() {
     const marks = await accounting.lit();
     const row = accounting.get(id);
     const caption = { stop: "stopped", release: "released", ask: "answered" }[row?.kind] ?? "matched";
-    if (id === accounting.chosen && row && !legend.chosen) light(marks, caption, id === faded);
+    if (id === accounting.chosen && row && !legend.chosen && failing.chosen === null) light(marks, caption, id === faded);
   } catch (refusal) {
     if (!(refusal instanceof Refusal)) throw refusal;
     if (id === accounting.chosen) light(null); // nobody knows whom it matched
@@ -239,6 +253,7 @@ function drawLegend() {
 }
 
 legend.addEventListener("light", ({ detail }) => {
+  failing.forget();
   if (detail) {
     foretelling = false;
     light(detail.marks, "");
@@ -309,6 +324,7 @@ drawer.add({ name: "alerts", title: "Alerts", element: alerts.root });
 alerts.addEventListener("open", () => drawer.open("alerts"));
 alerts.addEventListener("put", ({ detail }) => prompt.set(detail));
 alerts.addEventListener("light", ({ detail }) => {
+  failing.forget();
   foretelling = false;
   light(detail.marks, `alert ${clock(detail.firing.at)}`);
 });

@@ -1,0 +1,91 @@
+"""Rules that fail, for the page: which, on how many robots, and by which command they came.
+
+A rule that fails on a robot came by the latest command that stores a rule of this name and that this robot obeyed.
+Rules that robots were given in another way belong to no command.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+
+from sleepcast.console.view import SwarmView
+from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.fleet.failing import FailingRule
+from sleepcast.station import FAULT, MATCHED, Command, Station
+from sleepcast.station.account import HELD_BY_STOP
+
+MOST_SHOWN = 20
+"""Failing rules that a page is told; more would not be read."""
+_OBEYED = (MATCHED, HELD_BY_STOP, FAULT)
+"""Outcomes of robots that may have stored a rule: a fault may have come after that."""
+
+
+class ShownFailing(msgspec.Struct, frozen=True):
+    """A rule that fails on so many robots. inactive: how many of them have deactivated it. reason: the fault of one of
+    them, "" where that is unknown."""
+
+    rule: str
+    robots: int
+    inactive: int
+    reason: str
+
+
+class FailingRules:
+    """The rules that failed when `look` was last called. rules: those on most robots first."""
+
+    def __init__(self, station: Station, swarm: SwarmView) -> None:
+        self._station, self._swarm = station, swarm
+        self.rules: list[FailingRule] = []
+        self._by_command: dict[str, tuple[ShownFailing, ...]] = {}
+        self._stored: dict[str, frozenset[str]] = {}
+
+    def look(self, commands: Sequence[Command]) -> None:
+        """See what fails now, and by which of these commands, the oldest first, it came."""
+        self.rules = self._swarm.failing()
+        found: dict[str, list[ShownFailing]] = {}
+        for rule in self.rules[:MOST_SHOWN]:
+            left = rule.robots
+            for command in reversed(commands):
+                if not left.size or rule.key not in self._stores(command):
+                    continue
+                codes = command.answers.codes
+                obeyed = np.zeros(len(left), np.bool_)
+                known = left < len(codes)
+                obeyed[known] = np.isin(codes[left[known]], _OBEYED)
+                if obeyed.any():
+                    mine = ShownFailing(rule.name, int(np.count_nonzero(obeyed)), 0, rule.reason)
+                    found.setdefault(command.id, []).append(mine)
+                    left = left[~obeyed]
+        self._by_command = {command: tuple(rules) for command, rules in found.items()}
+
+    def _stores(self, command: Command) -> frozenset[str]:
+        """The keys of the rules that a command stores."""
+        known = self._stored.get(command.id)
+        if known is None:
+            try:
+                program = self._station.check(command.message.text).program
+            except SleepcastError:  # STOP has no text, and what a name means may have changed
+                program = None
+            known = self._stored[command.id] = frozenset() if program is None else frozenset(program.stores)
+        return known
+
+    def of(self, command: str) -> tuple[ShownFailing, ...]:
+        """What fails of what the command with this id brought."""
+        return self._by_command.get(command, ())
+
+    def shown(self) -> list[ShownFailing]:
+        """All that fails."""
+        return [ShownFailing(r.name, len(r.robots), r.inactive, r.reason) for r in self.rules[:MOST_SHOWN]]
+
+    def robots(self, rule: str) -> bytes:
+        """For each robot of the scene whether this rule ("": any rule) fails there, a byte each. Raises MisuseError."""
+        marks = np.zeros(len(self._swarm.scene.names), np.uint8)
+        chosen = [each for each in self.rules if not rule or each.key == rule.casefold()]
+        if rule and not chosen:
+            raise MisuseError(f"The rule {rule} does not fail on any robot now.")
+        for each in chosen:
+            marks[each.robots[each.robots < len(marks)]] = 1
+        return marks.tobytes()

@@ -95,6 +95,9 @@ def test_a_person_types_either_and_sees_the_other(shown: Page) -> None:
     expect(shown.locator("#commands tr code")).to_have_text("(WHEN (< battery 90%) (JOIN alpha))")
     expect(field).to_have_value("")
 
+    field.press("ArrowUp")  # recalls what was sent
+    expect(field).to_have_value("rovers with less than 90 % battery join alpha")
+
     # another command in the prompt is said in the field; one without a sentence ends it
     lisp.fill("(WHEN (IN alpha) (ST))")
     expect(field).to_have_value("members of alpha stop")

@@ -157,6 +157,7 @@ document.addEventListener("selectionchange", () => {
 });
 sentence.addEventListener("understood", ({ detail }) => prompt.set(detail, false));
 sentence.addEventListener("send", () => prompt.send());
+sentence.addEventListener("turn", ({ detail }) => prompt.turn(detail.event, detail.step));
 sentence.addEventListener("lisp", () => prompt.focus());
 window.addEventListener("keydown", (event) => {
   if (event.key !== ";" || !event.ctrlKey || event.altKey || event.metaKey || document.body.classList.contains("replay")) return;

@@ -7,7 +7,8 @@ import { Refusal } from "./wire.js";
 
 const PAUSE = 120; // ms without a key before the station is asked
 
-// Events: understood (detail: the expression, "" if there is none), send, lisp (the expression is typed again).
+// Events: understood (detail: the expression, "" if there is none), send, lisp (the expression is typed again), turn
+// (detail: the key's event, and the step to an earlier or a later command).
 export class Sentence extends EventTarget {
   constructor(root, wire) {
     super();
@@ -143,8 +144,14 @@ export class Sentence extends EventTarget {
   }
 
   async key(event) {
-    if (event.isComposing || event.key !== "Enter" || event.shiftKey) return;
-    event.preventDefault();
-    if (await this.understand()) this.dispatchEvent(new Event("send"));
+    if (event.isComposing || event.shiftKey) return;
+    if (event.key === "Enter") {
+      event.preventDefault();
+      if (await this.understand()) this.dispatchEvent(new Event("send"));
+    } else if (event.key === "ArrowUp" && this.field.onFirstLine()) {
+      this.dispatchEvent(new CustomEvent("turn", { detail: { event, step: -1 } }));
+    } else if (event.key === "ArrowDown" && this.field.onLastLine()) {
+      this.dispatchEvent(new CustomEvent("turn", { detail: { event, step: 1 } }));
+    }
   }
 }

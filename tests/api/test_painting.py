@@ -31,6 +31,7 @@ PUBLISHED: dict[str, type[Message]] = {
     "/poses": PosesInFrame,
     "/points": PointCloud,
     "/scene": SceneUpdate,
+    "/groups": SceneUpdate,
     "/log": Log,
 }
 MORE = """
@@ -173,6 +174,7 @@ def test_the_scene_holds_the_world_and_what_is_solid_at_any_time(file: Path) -> 
     assert [text.text for text in first["places"].texts] == ["house"]
     assert [(text.text, text.pose.position.x) for text in first["lights"].texts] == [("a lamp", 900.0)]
     assert [text.text for text in first["areas"].texts] == ["yard"]
+    assert all([entity.id for entity in update.entities] == list(first) for _, update in updates), "each is whole"
     solid = [(at, entity) for at, update in updates for entity in update.entities if entity.id == "walls"]
     corners = [ends_of(entity) for _, entity in solid]
     assert [len(each) for each in corners] == [0, 32 + 3, 32 + 3, 3]
@@ -182,7 +184,7 @@ def test_the_scene_holds_the_world_and_what_is_solid_at_any_time(file: Path) -> 
 
 
 def test_the_robots_of_a_group_are_drawn_where_they_are_until_it_ends(file: Path) -> None:
-    updates = decoded(file, "/scene")
+    updates = decoded(file, "/groups")
     poses = dict(decoded(file, "/poses"))
     drawn = [(at, entity) for at, update in updates for entity in update.entities if entity.id == "group full"]
     assert len(drawn) > 10

@@ -112,7 +112,8 @@ def test_other_programs_can_read_it(world: Path) -> None:
     assert (schemas["/poses"].name, schemas["/poses"].encoding) == ("foxglove.PosesInFrame", "protobuf")
     assert (schemas["/points"].name, schemas["/points"].encoding) == ("foxglove.PointCloud", "protobuf")
     assert (schemas["/log"].name, schemas["/log"].encoding) == ("foxglove.Log", "protobuf")
-    assert (schemas["/scene"].name, schemas["/scene"].encoding) == ("foxglove.SceneUpdate", "protobuf")
+    for topic in ("/scene", "/groups"):
+        assert (schemas[topic].name, schemas[topic].encoding) == ("foxglove.SceneUpdate", "protobuf")
     assert (schemas["/sleepcast/marks"].name, schemas["/sleepcast/marks"].encoding) == ("sleepcast.Marks", "jsonschema")
     assert summary.statistics.message_start_time == 0
     assert summary.statistics.message_end_time == 20_000_000_000

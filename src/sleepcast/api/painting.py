@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sleepcast.api.looks import INKS, LOOKS, SORTS, bodies_of, named, of_colour, of_group
 from sleepcast.loop import Swarm
 from sleepcast.simulator.recording.protobuf import NANO
-from sleepcast.simulator.recording.recorder import Recorder
+from sleepcast.simulator.recording.recorder import GROUPS, SCENE, Recorder
 from sleepcast.simulator.recording.scene import MAX_MEMBERS, Colour, deletion, ground, half_length, members, walls
 from sleepcast.simulator.scenario.robot_types import slices
 
@@ -20,8 +20,8 @@ _INKS = np.array([look.ink for look in LOOKS])
 
 
 class Painter:
-    """Records colours of points, and the entities of the scene: walls when they have changed, and with each picture
-    the robots of each group, and those that show a colour."""
+    """Records colours of points, and the entities of the scene: the world whenever its walls have changed, and with
+    each picture the robots of each group, and those that show a colour."""
 
     def __init__(self, recorder: Recorder, swarm: Swarm) -> None:
         self._recorder, self._simulator = recorder, swarm.simulator
@@ -33,12 +33,13 @@ class Painter:
         self._parts: list[tuple[str, Colour, NDArray[np.intp]]] = []
         """What is drawn of robots: the name of the entity, its colour, and who belongs to it."""
         self._drawn: set[str] = set()
-        self._grounded, self._walls = False, -1
+        self._walls = -1
+        """Which version of the walls was recorded."""
         self.paint([], bytes(count), b"")
 
     def begin(self) -> None:
         """Another part of the recording begins, which has none of the scene yet."""
-        self._grounded, self._walls, self._drawn = False, -1, set()
+        self._walls, self._drawn = -1, set()
 
     def paint(self, names: Sequence[str], groups: bytes, shown: bytes) -> None:
         """Robots look otherwise from now on. names: of the groups; groups: the number of each robot's newest one;
@@ -55,11 +56,11 @@ class Painter:
     def picture(self, time: float) -> None:
         """Record the scene at this time (s)."""
         simulator, stamp = self._simulator, round(time * NANO)
-        entities = [] if self._grounded else ground(stamp, simulator.scenario)
-        self._grounded = True
         if self._walls != simulator.world.version:
             self._walls = simulator.world.version
-            entities.append(walls(stamp, simulator.world.shapes.values()))
+            solid = walls(stamp, simulator.world.shapes.values())
+            self._recorder.scene(SCENE, time, [*ground(stamp, simulator.scenario), solid])
+        entities = []
         places = (simulator.x, simulator.y, simulator.bodies.heading)
         for name, colour, who in self._parts:
             x, y, heading = (values[who] for values in places)
@@ -68,4 +69,4 @@ class Painter:
         gone = [deletion(stamp, name) for name in sorted(self._drawn - now)]
         self._drawn = now
         if entities or gone:
-            self._recorder.scene(time, entities, gone)
+            self._recorder.scene(GROUPS, time, entities, gone)

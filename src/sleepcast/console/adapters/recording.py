@@ -16,6 +16,7 @@ from sleepcast.simulator.packing import unpack
 from sleepcast.simulator.recording.foxglove import read_log, read_poses
 from sleepcast.simulator.recording.recorder import (
     ACCOUNTING,
+    GROUPS,
     LOG,
     MARKS,
     NANO,
@@ -71,7 +72,7 @@ class TimelineBuilder:
 
     def take(self, entry: RecordedMessage) -> None:
         """Add what an entry says. Raises ValueError for what cannot be shown."""
-        if entry.topic in (POINTS, SCENE):  # for other viewers; poses, marks and the scenario say the same
+        if entry.topic in (POINTS, SCENE, GROUPS):  # for other viewers; poses, marks and the scenario say the same
             return
         film, time, data = self.film, entry.time, entry.data
         self._bytes += len(data)

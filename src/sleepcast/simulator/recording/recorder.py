@@ -2,7 +2,8 @@
 
     /poses                foxglove.PosesInFrame   where every robot is, for viewers
     /points               foxglove.PointCloud     the same as points in the colours of groups, for Rerun as well
-    /scene                foxglove.SceneUpdate    for viewers: the world, walls, places, and the robots of groups
+    /scene                foxglove.SceneUpdate    for viewers: the world, walls and places, whole whenever walls change
+    /groups               foxglove.SceneUpdate    for viewers: the robots of each group, whole with each picture
     /log                  foxglove.Log            for people: commands, their outcomes, what robots say, rules
     /readings             JSON                    sensor values: for each sensor a list in the robots' order
     /accounting           JSON                    the outcome of a command, as counts
@@ -71,7 +72,7 @@ CHUNKS_PER_PART = 8
 """Least number of chunks per part, so that a part ends close to its limit."""
 NANO = 1_000_000_000
 
-POSES, POINTS, SCENE, LOG = "/poses", "/points", "/scene", "/log"
+POSES, POINTS, SCENE, GROUPS, LOG = "/poses", "/points", "/scene", "/groups", "/log"
 READINGS, ACCOUNTING, RULES = "/readings", "/accounting", "/rules"
 MARKS, POSTED, STATE = "/sleepcast/marks", "/sleepcast/posted", "/sleepcast/state"
 OBSTACLES = "/sleepcast/obstacles"
@@ -246,9 +247,10 @@ class Recorder:
         """The points have these colours from now on: red, green, blue and alpha from 0 to 255, shape (robots, 4)."""
         self._colours = colours
 
-    def scene(self, time: float, entities: Sequence[bytes], deletions: Sequence[bytes] = ()) -> None:
-        """Record what viewers draw besides poses, as `recording.scene` makes it."""
-        self._write(SCENE, round(time * NANO), scene_update(entities, deletions))
+    def scene(self, topic: str, time: float, entities: Sequence[bytes], deletions: Sequence[bytes] = ()) -> None:
+        """Record what viewers draw besides poses, as `recording.scene` makes it. topic: SCENE or GROUPS. A viewer that
+        goes to another time sees only the latest message of a topic, so each holds everything that is drawn then."""
+        self._write(topic, round(time * NANO), scene_update(entities, deletions))
 
     def log(self, time: float, who: str, text: str, level: Level = Level.INFO) -> None:
         """Record a log line."""
@@ -327,6 +329,7 @@ class Recorder:
             POSES: self._standard(POSES, foxglove.POSES, foxglove.POSES_SCHEMA),
             POINTS: self._standard(POINTS, foxglove.POINTS, foxglove.POINTS_SCHEMA),
             SCENE: self._standard(SCENE, SCENE_NAME, SCENE_SCHEMA),
+            GROUPS: self._standard(GROUPS, SCENE_NAME, SCENE_SCHEMA),
             LOG: self._standard(LOG, foxglove.LOG, foxglove.LOG_SCHEMA),
         }
         for topic, (name, schema) in self._schemas.items():

@@ -1,9 +1,9 @@
 """The scene for standard viewers: Foxglove's schema `SceneUpdate`, in Protobuf.
 
-An entity with a name (its id) replaces the earlier one of that name, or is deleted. `ground` is what does not move: the
-world's edge, areas, places and lights; `walls` is what is solid, and comes again when that has changed; `members` is a
-group, or what shows one colour, and comes again with each picture. Foxglove and Lichtblick draw all of it; Rerun, which
-knows no scenes, shows the colours of the points.
+An entity with a name (its id) replaces the earlier one of that name on its topic, or is deleted. `ground` is what does
+not move: the world's edge, areas, places and lights; `walls` is what is solid; `members` is a group, or what shows one
+colour, as each picture has it. Foxglove and Lichtblick draw all of it; Rerun, which knows no scenes, shows the colours
+of the points.
 """
 
 from __future__ import annotations

@@ -3,49 +3,74 @@
 
 const SIDE = 8; // pixels of a square
 const SMOOTHINGS = 3; // passes of a mean over three squares, each way
-const STRONGEST = 0.75; // opacity where robots are densest
+const STRONGEST = 0.45; // opacity where robots are densest: points are still seen on it
+const AGAIN = 250; // ms until robots are counted again, unless the map has moved
 
-let sheet = null; // one pixel for each square; kept between frames
+export class Density {
+  constructor() {
+    this.sheet = new OffscreenCanvas(1, 1); // one pixel for each square
+    this.key = ""; // of the view and the colour with which it was drawn
+    this.next = 0;
+  }
 
-export function drawDensity(pen, view, { poses, count }, colour) {
-  const across = Math.ceil(view.width / SIDE) + 1;
-  const down = Math.ceil(view.height / SIDE) + 1;
-  let squares = new Float32Array(across * down);
-  for (let i = 0; i < count; i += 1) {
-    const column = Math.floor(view.toScreenX(poses[3 * i]) / SIDE);
-    const row = Math.floor(view.toScreenY(poses[3 * i + 1]) / SIDE);
-    if (column >= 0 && row >= 0 && column < across && row < down) squares[row * across + column] += 1;
+  draw(pen, view, frame, colour, now) {
+    const across = Math.ceil(view.width / SIDE) + 1;
+    const down = Math.ceil(view.height / SIDE) + 1;
+    const key = [across, down, view.x, view.y, view.scale, colour].join();
+    if (key !== this.key || now >= this.next) {
+      this.key = key;
+      this.next = now + AGAIN;
+      this.count(view, frame, across, down, plain(pen, colour));
+    }
+    pen.globalCompositeOperation = "destination-over"; // under the robots, which are there already
+    pen.drawImage(this.sheet, 0, 0, across * SIDE, down * SIDE);
+    pen.globalCompositeOperation = "source-over";
   }
-  for (let pass = 0; pass < SMOOTHINGS; pass += 1) squares = smooth(smooth(squares, across, down, 1), across, down, across);
-  const most = squares.reduce((found, number) => Math.max(found, number), 0);
-  if (most === 0) return;
-  if (sheet?.width !== across || sheet.height !== down) sheet = new OffscreenCanvas(across, down);
-  const ink = sheet.getContext("2d");
-  const image = ink.createImageData(across, down);
-  const [red, green, blue] = parts(pen, colour);
-  for (let at = 0; at < squares.length; at += 1) {
-    image.data[4 * at] = red;
-    image.data[4 * at + 1] = green;
-    image.data[4 * at + 2] = blue;
-    image.data[4 * at + 3] = 255 * STRONGEST * Math.sqrt(squares[at] / most);
+
+  count(view, frame, across, down, bare) {
+    let squares = counted(view, frame, across, down);
+    for (let pass = 0; pass < SMOOTHINGS; pass += 1) squares = smoothed(squares, across, down);
+    const most = squares.reduce((found, number) => Math.max(found, number), 0) || 1;
+    [this.sheet.width, this.sheet.height] = [across, down];
+    const ink = this.sheet.getContext("2d");
+    const image = ink.createImageData(across, down);
+    const pixels = new Uint32Array(image.data.buffer);
+    for (let at = 0; at < squares.length; at += 1) pixels[at] = (Math.round((255 * STRONGEST * squares[at]) / most) << 24) | bare;
+    ink.putImageData(image, 0, 0);
   }
-  ink.putImageData(image, 0, 0);
-  pen.imageSmoothingEnabled = true;
-  pen.drawImage(sheet, 0, 0, across * SIDE, down * SIDE);
 }
 
-// The mean of each square and its two neighbours, `step` places before and behind it.
-function smooth(squares, across, down, step) {
+function counted(view, { poses, count }, across, down) {
+  const squares = new Float32Array(across * down);
+  const [left, top] = view.toWorld(0, 0);
+  const part = view.scale / SIDE;
+  for (let i = 0; i < 3 * count; i += 3) {
+    const column = Math.floor((poses[i] - left) * part);
+    const row = Math.floor((top - poses[i + 1]) * part);
+    if (column >= 0 && row >= 0 && column < across && row < down) squares[row * across + column] += 1;
+  }
+  return squares;
+}
+
+// The mean of each square and those around it; nothing lies beyond the edges.
+function smoothed(squares, across, down) {
+  const rows = new Float32Array(squares.length);
   const found = new Float32Array(squares.length);
+  for (let row = 0; row < down; row += 1) {
+    const first = row * across;
+    for (let at = first; at < first + across; at += 1) {
+      rows[at] = squares[at] + (at > first ? squares[at - 1] : 0) + (at < first + across - 1 ? squares[at + 1] : 0);
+    }
+  }
   for (let at = 0; at < squares.length; at += 1) {
-    const edge = step === 1 ? [at % across === 0, at % across === across - 1] : [at < across, at >= across * (down - 1)];
-    found[at] = (squares[at] + (edge[0] ? 0 : squares[at - step]) + (edge[1] ? 0 : squares[at + step])) / 3;
+    found[at] = (rows[at] + (at >= across ? rows[at - across] : 0) + (at < squares.length - across ? rows[at + across] : 0)) / 9;
   }
   return found;
 }
 
-function parts(pen, colour) {
+// A CSS colour as one number in the order of an image's bytes, without its opacity.
+function plain(pen, colour) {
   pen.fillStyle = colour; // any colour reads back as #rrggbb
   const number = Number.parseInt(pen.fillStyle.slice(1), 16);
-  return [number >> 16, (number >> 8) & 255, number & 255];
+  return ((number & 255) << 16) | (number & 0xff00) | (number >> 16);
 }

@@ -28,7 +28,7 @@ export function sizesOf(view, scene) {
 }
 
 // Whether at most so many robots are on the screen.
-function few(view, { poses, count }, most) {
+export function few(view, { poses, count }, most) {
   if (count <= most) return true;
   const [left, top] = view.toWorld(-OUTSIDE, -OUTSIDE);
   const [right, bottom] = view.toWorld(view.width + OUTSIDE, view.height + OUTSIDE);

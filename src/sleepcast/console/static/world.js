@@ -4,12 +4,12 @@
 // view changes, the trails when there are new ones, the robots with every frame.
 
 import { colourName, decode, EXHAUSTED, FLAG_NAMES } from "./frame.js";
-import { drawDensity } from "./density.js";
+import { Density } from "./density.js";
 import { gestures } from "./gestures.js";
 import { drawGround, drawPlaces } from "./ground.js";
 import { Pings } from "./pings.js";
 import { inksOf, looksOf, NONE, palette, sortsOf } from "./shapes.js";
-import { drawSwarm, sizesOf } from "./swarm.js";
+import { drawSwarm, few, sizesOf } from "./swarm.js";
 import { Trails } from "./trails.js";
 import { gridStep, UNITS, View } from "./view.js";
 
@@ -17,7 +17,7 @@ const ZOOM_STEP = 1.4;
 const NEAR = 14; // pixels: how far beside a robot a click may be
 const SMALL = 8; // robots that need less than this part of the world's width and height are shown closer,
 const ROOM = 10; // with so many radii of a body around them, so that they may move
-const MANY = 20000; // robots beyond which their density is shown unless somebody has chosen otherwise
+const MANY = 20000; // robots in sight beyond which their density is shown unless somebody has chosen otherwise
 const FADING = 1500; // ms in which a light goes out
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
@@ -34,6 +34,7 @@ export class World extends EventTarget {
     this.view = new View();
     this.trails = new Trails();
     this.pings = new Pings();
+    this.density = new Density();
     this.told = null; // the frame that was last said to be drawn
     this.layers = {}; // whether each is shown, by name, as of layers.js
     this.pointer = null; // the pixel at which the pointer is
@@ -291,7 +292,7 @@ export class World extends EventTarget {
   }
 
   shows(name) {
-    return this.layers[name] ?? (name === "density" && (this.frame?.count ?? 0) > MANY);
+    return this.layers[name] ?? (name === "density" && this.frame !== null && !few(this.view, this.frame, MANY));
   }
 
   // ---- drawing
@@ -319,9 +320,9 @@ export class World extends EventTarget {
       if (this.shows("trails")) this.trails.draw(pens.trails, view, inksOf(this.looks.bodies), colours.robots, this.scene.area);
     }
     pens.robots.clearRect(0, 0, view.width, view.height);
-    if (this.shows("density")) drawDensity(pens.robots, view, frame, colours.density);
     const boxes = drawPlaces(pens.robots, view, scene.places, colours);
     drawSwarm(pens.robots, view, scene, frame, this.looks, this.marks, colours, boxes, this.ratio, this.shows("names"));
+    if (this.shows("density")) this.density.draw(pens.robots, view, frame, colours.density, performance.now());
     drawPlaces(pens.robots, view, scene.places, colours);
     for (const tool of this.tools) tool.draw?.(pens.robots);
     this.drawTip();

@@ -63,3 +63,12 @@ def test_a_colour_without_a_byte_of_its_own_is_another_colour(value: float, code
         fleet.send(f"(COLOUR {value})", everybody=True)
         found = np.frombuffer(fleet.swarm.simulator.colours() or bytes(3), np.uint8)
         assert found.tolist() == [code] * 3
+
+
+def test_more_colours_than_anybody_tells_apart_are_no_looks() -> None:
+    with sc.open("best-of-n", seed=1, robots=20) as fleet:
+        fleet.send("(COLOUR (MIN id 14))", everybody=True)
+        assert set(looks_of(fleet.swarm).bodies.tolist()) == {of_colour(number) for number in range(1, 15)}
+        fleet.send("(COLOUR id)", everybody=True)
+        assert looks_of(fleet.swarm).bodies.tolist() == [0] * 20
+        assert looks_of(fleet.swarm).entries == []

@@ -28,6 +28,8 @@ SORTS = 8
 """Looks of sorts of robots; those of groups follow, then those of colours."""
 NONE = -1
 """No ring."""
+MOST_COLOURS = 14
+"""Different colours shown at one time; more are names rather than kinds, and nobody tells them apart."""
 NEUTRAL, SECOND_NEUTRAL = 0, 8
 INKS = ("#7a8b9c", "#fa5d13", "#4a50da", "#277d64", "#7b5580", "#85975f", "#d068e2", "#b62f36", "#5c6977")
 SPOT, RING = 0.5, 2.0
@@ -126,6 +128,8 @@ def looks_of(swarm: Swarm) -> SwarmLooks:
     codes = np.frombuffer(groups.look(swarm.fleet), np.uint8)
     second = np.frombuffer(groups.second or bytes(count), np.uint8)
     colours = np.frombuffer(simulator.colours() or bytes(count), np.uint8)
+    if np.count_nonzero(np.bincount(colours, minlength=1)[1:]) > MOST_COLOURS:
+        colours = np.zeros(count, np.uint8)
     bodies = np.zeros(count, np.intp)
     entries = []
     for number, (sort, part) in enumerate(zip(sorts, slices(sorts, count), strict=True)):

@@ -4,7 +4,7 @@
 import { bytes } from "./accounting.js";
 import { colourName } from "./frame.js";
 import { keep, kept } from "./kept.js";
-import { LOOKS, lookOfColour, lookOfGroup, lookOfSort, picture, SORTS } from "./shapes.js";
+import { colourCounts, LOOKS, lookOfColour, lookOfGroup, lookOfSort, picture, SORTS } from "./shapes.js";
 import { Refusal } from "./wire.js";
 
 const REFRESH = 500; // ms between two looks at who is in the lit line
@@ -74,7 +74,7 @@ export class Legend extends EventTarget {
     const { scene, frame, looks } = this.world;
     const known = frame?.count === scene.count;
     const bodies = counts(known ? looks.bodies : [], LOOKS);
-    const colours = known && frame.colours ? counts(frame.colours, 256) : [];
+    const colours = known && frame.colours ? colourCounts(frame) : [];
     const lines = [];
     this.groups.forEach((group, index) => {
       if (group.count) lines.push(line("group", index + 1, lookOfGroup(index + 1), group.count, group.name));

@@ -13,6 +13,7 @@ const PAIRS = ROUNDS * SHAPES;
 const SECOND_NEUTRAL = 8; // the colour of every other sort; 0 is that of the rest, 1 to 7 are those of groups
 export const LOOKS = SORTS + 2 * PAIRS;
 export const NONE = 255; // no ring
+const MOST_COLOURS = 14; // different ones shown at one time; more are names rather than kinds, and nobody tells them apart
 
 // Bodies of sorts: corners as parts of the size, forwards and to the left.
 const ARROW = [[1.35, 0], [-0.9, 0.8], [-0.45, 0], [-0.9, -0.8]];
@@ -69,10 +70,20 @@ export function sortsOf(sizes, count) {
   return found;
 }
 
+// How many robots show each colour, by its number; none where too many different ones are shown to be looks.
+export function colourCounts({ colours }) {
+  const counts = new Array(256).fill(0);
+  for (const colour of colours ?? []) counts[colour] += 1;
+  const different = counts.filter((count, colour) => colour && count).length;
+  return different <= MOST_COLOURS ? counts : [];
+}
+
 // The looks of all robots: their bodies, and their rings (NONE for who has none) or null where nobody has one. The body is that
 // of the newest group, else of the colour, else of the sort; the ring is that of the second group, else of the colour of who
 // is in a group.
-export function looksOf({ count, groups, second, colours }, sorts) {
+export function looksOf(frame, sorts) {
+  const { count, groups, second } = frame;
+  const colours = frame.colours && colourCounts(frame).length ? frame.colours : null;
   const bodies = new Uint8Array(count);
   const rings = second || colours ? new Uint8Array(count).fill(NONE) : null;
   for (let i = 0; i < count; i += 1) {

@@ -43,6 +43,7 @@ SLOW = {
     "api/test_connected.py": 13,
     "fleet/test_snapshot.py": 12,
     "console/test_layers.py": 14,
+    "console/test_obstacles.py": 5,
     "console/test_legend.py": 11,
     "simulator/test_scouts.py": 10,
     "cli/test_looks.py": 10,

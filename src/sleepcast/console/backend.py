@@ -23,7 +23,7 @@ from sleepcast.console.picking import Picked, picked
 from sleepcast.console.plots import Measure, Plots
 from sleepcast.console.sentences import Interpreter, Phrased, Understood
 from sleepcast.console.values import TelemetryValues, Values
-from sleepcast.console.view import MindView, RuleView, SwarmView
+from sleepcast.console.view import MindView, ObstacleEditor, RuleView, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, and_more
 from sleepcast.core.units import shown_value
@@ -225,6 +225,27 @@ class Backend:
         """Who is in the group with this code."""
         return outgoing.Joined(serial, self.driver.groups.members(self._swarm.minds, group).tobytes())
 
+    def build(self, serial: int, corners: Sequence[tuple[float, float]]) -> outgoing.Built:
+        """Put up an obstacle."""
+        self._editor().build(corners)
+        return outgoing.Built(serial)
+
+    def shift(self, serial: int, version: int, place: int, across: float, up: float) -> outgoing.Built:
+        """Move an obstacle."""
+        self._editor().shift(version, place, across, up)
+        return outgoing.Built(serial)
+
+    def clear(self, serial: int, version: int, place: int) -> outgoing.Built:
+        """Take an obstacle away."""
+        self._editor().clear(version, place)
+        return outgoing.Built(serial)
+
+    def _editor(self) -> ObstacleEditor:
+        editor = self._swarm.editor
+        if editor is None:
+            raise MisuseError("The obstacles of this world cannot be changed from here.")
+        return editor
+
     def sense(self, serial: int, robot: int) -> outgoing.Sensed:
         """What the body of the robot with this index senses."""
         name = self._name(robot)
@@ -254,7 +275,8 @@ class Backend:
         yield outgoing.Groups([outgoing.ShownGroup(*group) for group in shown])
         obstacles = self._swarm.obstacles()
         if obstacles is not None:
-            yield outgoing.Obstacles(obstacles)
+            editor = self._swarm.editor
+            yield outgoing.Obstacles(obstacles, editor.version if editor else None)
         yield self.plots.shown()
         yield self._safety()
         self.alerts.look()  # while time stands still there are no pictures

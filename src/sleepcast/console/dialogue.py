@@ -90,6 +90,12 @@ class Dialogue:
                 return desk.failed(serial, rule)
             case incoming.Members(serial, group):
                 return desk.members(serial, group)
+            case incoming.Build(serial, corners):
+                return desk.build(serial, corners)
+            case incoming.Shift(serial, version, place, across, up):
+                return desk.shift(serial, version, place, across, up)
+            case incoming.Clear(serial, version, place):
+                return desk.clear(serial, version, place)
             case incoming.Sense(serial, robot):
                 return desk.sense(serial, robot)
             case incoming.Commands(serial):

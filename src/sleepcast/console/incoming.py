@@ -22,10 +22,14 @@ MIN_FACTOR = 0.01
 MOST_VALUES = 24
 """Numbers of a scenario that a page may change at once: as many as it may have sliders."""
 
+MOST_CORNERS = 64
+"""Of one obstacle that a person draws; `static/obstacles.js` knows it, too."""
+
 Serial = Annotated[int, Meta(ge=1, le=2**53 - 1)]
 Text = Annotated[str, Meta(max_length=16_384)]
 Number = Annotated[int, Meta(ge=1, le=2**53 - 1)]
 Id = Annotated[str, Meta(max_length=160)]
+Metres = Annotated[float, Meta(ge=-1e7, le=1e7)]
 Sort = Literal["once", "standing", "ask", "stages"]
 Deed = Literal["take", "give", "request", "grant", "force"]
 T = TypeVar("T")
@@ -176,6 +180,31 @@ class Members(Message):
 
     serial: Serial
     group: Annotated[int, Meta(ge=1, le=255)]
+
+
+class Build(Message):
+    """Put up an obstacle with these corners, m."""
+
+    serial: Serial
+    corners: Annotated[list[tuple[Metres, Metres]], Meta(min_length=3, max_length=MOST_CORNERS)]
+
+
+class Shift(Message):
+    """Move the obstacle at this place among those of this version of the world by so many m."""
+
+    serial: Serial
+    version: Annotated[int, Meta(ge=0, le=2**53 - 1)]
+    place: Annotated[int, Meta(ge=0, le=1_000_000)]
+    across: Metres
+    up: Metres
+
+
+class Clear(Message):
+    """Take an obstacle away; see `Shift`."""
+
+    serial: Serial
+    version: Annotated[int, Meta(ge=0, le=2**53 - 1)]
+    place: Annotated[int, Meta(ge=0, le=1_000_000)]
 
 
 class Sense(Message):
@@ -338,6 +367,9 @@ Incoming = (
     | Phrase
     | Understand
     | Sense
+    | Build
+    | Shift
+    | Clear
     | Commands
     | Rows
     | Range

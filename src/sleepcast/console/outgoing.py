@@ -51,9 +51,10 @@ class Alive(Said):
 
 
 class Obstacles(Said):
-    """What is solid now, where it is not as the scene says; in the same shape."""
+    """What is solid now, where it is not as the scene says; both as there."""
 
     obstacles: tuple[tuple[Outline, ...], ...]
+    version: int | None = None
 
 
 class ShownFinding(msgspec.Struct, frozen=True):
@@ -116,6 +117,12 @@ class Joined(Said):
 
     serial: int
     members: bytes
+
+
+class Built(Said):
+    """The obstacles were changed as asked for."""
+
+    serial: int
 
 
 class Sensed(Said):

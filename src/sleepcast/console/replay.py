@@ -257,6 +257,18 @@ class ReplayBackend:
         newest, second = (np.frombuffer(codes, np.uint8) == group for codes in (marks.groups, marks.second))
         return outgoing.Joined(serial, (newest | second if marks.second else newest).tobytes())
 
+    def build(self, serial: int, corners: Sequence[tuple[float, float]]) -> NoReturn:
+        """Refused."""
+        self._refuse()
+
+    def shift(self, serial: int, version: int, place: int, across: float, up: float) -> NoReturn:
+        """Refused."""
+        self._refuse()
+
+    def clear(self, serial: int, version: int, place: int) -> NoReturn:
+        """Refused."""
+        self._refuse()
+
     def sense(self, serial: int, robot: int) -> outgoing.Sensed:
         """What the body of a robot sensed when that was recorded last."""
         film = self._film

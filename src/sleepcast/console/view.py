@@ -5,7 +5,7 @@ The console knows no simulator and no loop. The roof gives it something with the
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Protocol
 
 import msgspec
@@ -60,8 +60,8 @@ class Scene(msgspec.Struct, frozen=True):
     robots have bodies of which radius (m), in the order of their indices. sorts: what those of each size are called,
     empty where all are of one sort. lights: where they are, with their names. areas: those that robots know by name
     from the start. supplies: what robots use up when they drive, such as fuel. obstacles: each is what lies inside an
-    odd number of its closed outlines, lists of corners (x, y) in m. blanks: numbers that ready-made commands name in
-    braces.
+    odd number of its closed outlines, lists of corners (x, y) in m. version: of the obstacles, where people may change
+    them; else None. blanks: numbers that ready-made commands name in braces.
     """
 
     title: str
@@ -76,6 +76,7 @@ class Scene(msgspec.Struct, frozen=True):
     lights: tuple[MapLabel, ...] = ()
     areas: tuple[NamedOutline, ...] = ()
     obstacles: tuple[tuple[Outline, ...], ...] = ()
+    version: int | None = None
     commands: tuple[ReadyCommand, ...] = ()
     supplies: tuple[str, ...] = ()
     blanks: tuple[ShownSlider, ...] = ()
@@ -115,6 +116,24 @@ class MindsView(FleetMarks, Protocol):
         """Every name that any robot has learned, as written."""
 
 
+class ObstacleEditor(Protocol):
+    """Changes what is solid. A thing is known by its place among the obstacles of this version. All raise MisuseError,
+    and change nothing then."""
+
+    @property
+    def version(self) -> int:
+        """Counts the changes."""
+
+    def build(self, corners: Sequence[tuple[float, float]]) -> None:
+        """Add a polygon with these corners, m."""
+
+    def shift(self, version: int, place: int, across: float, up: float) -> None:
+        """Move a thing by this vector, m."""
+
+    def clear(self, version: int, place: int) -> None:
+        """Take a thing away."""
+
+
 class SwarmView(Protocol):
     """A swarm in its scene. vocabulary: what all minds know."""
 
@@ -124,6 +143,10 @@ class SwarmView(Protocol):
     def minds(self) -> MindsView: ...
     @property
     def vocabulary(self) -> Vocabulary: ...
+    @property
+    def editor(self) -> ObstacleEditor | None:
+        """What changes the obstacles, None where nobody may."""
+
     @property
     def tick(self) -> int:
         """Ticks since the start."""

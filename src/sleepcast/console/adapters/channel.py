@@ -200,6 +200,11 @@ class FleetAdapter:
         self._due = self._station.now
         self._ask()
 
+    @property
+    def editor(self) -> None:
+        """What is solid around real robots is not changed by a page."""
+        return None
+
     def obstacles(self) -> tuple[tuple[Outline, ...], ...] | None:
         """What is solid stays as in the scene."""
         return None

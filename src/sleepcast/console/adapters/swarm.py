@@ -6,11 +6,13 @@ from array import array
 from dataclasses import replace
 from math import cos, inf, pi, sin
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.console import MapLabel, NamedOutline, Outline, Scene
 from sleepcast.console.adapters.bodies import sensing_of
+from sleepcast.console.adapters.obstacles import editor_of
 from sleepcast.console.sensing import BodyView
 from sleepcast.console.view import ShownSlider
 from sleepcast.core.model import NamedArea
@@ -35,7 +37,9 @@ class SwarmAdapter:
         self._obstacles: tuple[tuple[Outline, ...], ...] | None = None
         # Not the scenario's walls: the swarm may come from a snapshot.
         now = replace(swarm.simulator.scenario, shapes=tuple(world.shapes.values()))
-        self.scene = scene_of(now, tuple(swarm.simulator.names))
+        self.editor = editor_of(swarm.simulator)
+        scene = scene_of(now, tuple(swarm.simulator.names))
+        self.scene = msgspec.structs.replace(scene, version=self.editor.version if self.editor else None)
         self.minds = swarm.fleet
         self.vocabulary: Vocabulary = swarm.vocabulary
 

@@ -15,6 +15,7 @@ import { Lights } from "./light.js";
 import { showLine } from "./line.js";
 import { Link } from "./link.js";
 import { Measure } from "./measure.js";
+import { ObstacleTool } from "./obstacles.js";
 import { NewRun } from "./newrun.js";
 import { Operators } from "./operators.js";
 import { Plots } from "./plots.js";
@@ -91,6 +92,7 @@ wire.addEventListener("hello", ({ detail }) => {
   prompt.setReady(scene.commands);
   blanks.set(scene.commands, scene.blanks);
   world.setScene(scene);
+  obstacles.renew();
   table.setScene(scene);
   prompt.setNames(detail.names);
   sentence.setNoun(scene.noun);
@@ -136,7 +138,10 @@ wire.addEventListener("groups", ({ detail }) => {
   drawLegend();
 });
 
-wire.addEventListener("obstacles", ({ detail }) => world.setObstacles(detail.obstacles));
+wire.addEventListener("obstacles", ({ detail }) => {
+  world.setObstacles(detail.obstacles, detail.version);
+  obstacles.renew();
+});
 
 wire.addEventListener("robot", ({ detail }) => robot.show(detail, world.frame ? world.lookOf(detail.robot) : null));
 wire.addEventListener("refused", ({ detail }) => refused(detail.reason));
@@ -370,6 +375,7 @@ const ACTIONS = [
   ["Show everything on the map", "F", () => press("fit")],
   ["Trails on or off", "T", () => layers.toggle("trails")],
   ["Measure a distance on the map", "M", () => press("measure")],
+  ["Change obstacles", "", () => find("build").hidden || press("build")],
   ["Layers of the map", "", () => layers.open(true)],
   ["Save a picture of the map", "PNG", () => press("save-picture")],
   ["Film the map, or stop filming", "WebM", () => press("save-film")],
@@ -411,6 +417,7 @@ find("scrub").addEventListener("input", () => world.forgetTrails());
 const layers = new Layers(find("layer-menu"), find("layers"), world);
 world.addEventListener("trails", () => layers.toggle("trails"));
 new BodyLayer(world, wire);
+const obstacles = new ObstacleTool(world, wire, find("obstacle-bar"), find("build"));
 new Measure(world, find("measure"), find("heard"));
 const films = { picture: find("save-picture"), film: find("save-film") };
 new Filming(world, films, () => find("clock").textContent, () => legend.lines(), refused);

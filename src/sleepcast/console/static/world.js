@@ -73,9 +73,11 @@ export class World extends EventTarget {
     this.repaint("ground", "trails", "robots");
   }
 
-  setObstacles(obstacles) {
+  // version: of the obstacles, where they may be changed.
+  setObstacles(obstacles, version) {
     if (!this.scene) return;
     this.scene.obstacles = obstacles;
+    this.scene.version = version;
     this.repaint("ground");
   }
 

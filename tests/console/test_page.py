@@ -590,7 +590,9 @@ def test_more_robots_than_shapes_can_tell_apart_become_points(context: BrowserCo
         pause(page)
         assert_lit(page, True)
         assert len(pixels_seen(page, "--robot-0", least=7001)) > 7000  # of two by two pixels, some over one another
-        assert page.evaluate("document.querySelectorAll('*').length") < 1_000  # the page's own, and none for any of them
+        assert (
+            page.evaluate("document.querySelectorAll('*').length") < 1_000
+        )  # the page's own, and none for any of them
         x, y = pixels(page, "--robot-0")[0]
         page.mouse.click(x, y)
         expect(page.locator("#robot-name")).to_have_text(re.compile(r"scout\d+"))

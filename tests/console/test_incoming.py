@@ -47,6 +47,7 @@ GOOD = {
     "release": {},
     "pace": {"running": False, "factor": 2.5},
     "seek": {"time": 12.5},
+    "look": {"time": 12.5},
     "step": {},
     "watch": {"robot": -1},
     "drawn": {"number": 7},

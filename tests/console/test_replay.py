@@ -135,7 +135,6 @@ def test_second_groups_and_colours_are_recorded(tmp_path: Path) -> None:
     [
         ("send", {"text": "(ST)", "everybody": True}),
         ("preview", {"text": "(ST)"}),
-        ("why", {"robot": 0, "command": "desk-1.1"}),
         ("outcomes", {"command": "desk-1.1"}),
     ],
 )
@@ -143,6 +142,31 @@ def test_a_recording_takes_no_commands(page: Page, kind: str, fields: dict[str, 
     answer = page.ask(kind, **fields)
     assert answer["type"] == "refused"
     assert "recording" in answer["reason"]
+
+
+def test_a_robot_of_a_recording_says_why(page: Page) -> None:
+    frame = at(page, 30.0)
+    groups = frame[32 + 12 * 20 : 32 + 13 * 20]
+    page.until("span", lambda found: bool(found["kept"].startswith("Kept")))
+    for robot, matched in ((groups.index(1), True), (groups.index(0), False)):
+        why = page.ask("why", robot=robot, command="desk-1.1")["why"]
+        assert why["matched"] is matched
+        assert ("battery" in why["reason"]) is not matched
+    at(page, 3.0)
+    assert "sent later" in page.ask("why", robot=0, command="desk-1.1")["reason"]
+
+
+def test_a_moment_between_two_pictures_is_found_by_running_again(page: Page, file: Path) -> None:
+    at(page, 10.5)
+    page.tell("watch", robot=3)
+    told = page.until("robot", lambda found: "drive_speed" in {value["name"] for value in found["values"]})
+    assert told["robot"] == 3
+    while struct.unpack_from("<I", page.frames[-1], 12)[0] != 105:
+        page.frame()
+    recording = load_recording(file)
+    (before,) = (e.data for e in entries(file, recording) if e.topic == "/poses" and e.time == 10.0)
+    found = np.frombuffer(page.frames[-1], "<f4", 60, 32).reshape(20, 3)
+    assert not np.array_equal(found, read_poses(before, 20))
 
 
 def test_stepping_goes_from_picture_to_picture(page: Page) -> None:
@@ -374,13 +398,3 @@ def test_on_a_narrow_screen_the_slider_has_a_line_of_its_own(screen: Screen) -> 
     assert slider is not None
     assert slider["width"] > 330
     assert screen.evaluate("document.documentElement.scrollWidth") <= 390
-
-
-@pytest.mark.browser
-def test_a_living_swarm_has_no_slider(program: Program, context: BrowserContext) -> None:
-    page = context.new_page()
-    page.goto(program.address)
-    expect(page.locator("#title")).to_have_text("a small world")
-    expect(page.locator("#scrub")).to_be_hidden()
-    expect(page.locator("#recorded")).to_be_hidden()
-    expect(page.locator("#stop")).to_be_visible()

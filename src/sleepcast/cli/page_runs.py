@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from sleepcast.api.assembly import assemble, assemble_from, warm_up
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.cli.streams import complain
+from sleepcast.console.adapters.live_past import LivePast
 from sleepcast.console.adapters.swarm import SwarmAdapter, shown_slider
 from sleepcast.console.plots import Measure
 from sleepcast.console.renewal import Choices, Run, ShownScenario, Wish
@@ -150,7 +151,9 @@ class PageRuns:
 
         pace = Pace(self._clock, swarm, scenario.speed_up if speed is None else speed)
         measures = [Measure(*each) for each in live_measures(SimulatedFleet(swarm, station))]
-        return Run(SwarmAdapter(swarm), station, pace, prepare, self._shown_as(swarm, station, wish, warm), measures)
+        seen = SwarmAdapter(swarm)
+        past = LivePast(seen, swarm, station, self._clock)
+        return Run(seen, station, pace, prepare, self._shown_as(swarm, station, wish, warm), measures, past)
 
     @contextmanager
     def _shown_as(self, swarm: Swarm, station: Station, wish: Wish, warm: Event) -> Iterator[None]:

@@ -71,6 +71,7 @@ def replay(
         recording = load_recording(file)
         if not (headless or as_json or verify):
             from sleepcast.console import Address, serve_backend
+            from sleepcast.console.adapters.recorded_past import RecordedPast
             from sleepcast.console.adapters.recording import load_timeline
             from sleepcast.console.replay import ReplayBackend, ReplayDriver
             from sleepcast.core.clock import WallClock
@@ -80,7 +81,9 @@ def replay(
             if speed is not None:
                 film = replace(film, speed=speed)
             clock, address = WallClock(), Address(host, port, insecure, not no_browser, allow)
-            serve_backend(ReplayBackend(film, ReplayDriver(film, clock)), clock, address=address, say=announce)
+            past = RecordedPast(recording, film)
+            desk = ReplayBackend(film, ReplayDriver(film, clock, past), past=past)
+            serve_backend(desk, clock, address=address, say=announce)
             return 0
         verdict = _verify(interrupts, recording, quiet=quiet) if verify else None
     put(json.dumps(_to_dict(recording, verdict)) if as_json else _to_text(recording, verdict))

@@ -140,11 +140,13 @@ def line_of(firing: ShownFiring) -> str:
 
 @dataclass
 class AlertBoard:
-    """All alerts of a desk, simulated, on the air or of a recording. listeners: are told of every firing."""
+    """All alerts of a desk, simulated, on the air or of a recording. listeners: are told of every firing; marked:
+    likewise, for the timeline of this run alone."""
 
     values: Values
     clock: Clock
     listeners: list[Callable[[ShownFiring], None]] = field(default_factory=list)
+    marked: Callable[[ShownFiring], None] = lambda firing: None
     _alerts: list[Alert] = field(default_factory=list)
     _firings: deque[tuple[ShownFiring, Mask]] = field(default_factory=lambda: deque(maxlen=MOST_FIRINGS))
     _added: int = 0
@@ -242,7 +244,7 @@ class AlertBoard:
             self._fired, alert.number, alert.text, self.values.time(), alert.count, ", ".join(named) + more
         )
         self._firings.append((firing, robots))
-        for listener in self.listeners:
+        for listener in (self.marked, *self.listeners):
             listener(firing)
 
     def shown(self) -> Alerts:

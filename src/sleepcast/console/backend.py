@@ -11,14 +11,17 @@ from itertools import islice
 from math import inf, isnan
 from typing import NoReturn
 
-from sleepcast.console import outgoing
+import msgspec
+
+from sleepcast.console import incoming, outgoing
 from sleepcast.console.account_table import AccountTable
 from sleepcast.console.alerts import AlertBoard, Alerted
 from sleepcast.console.completion import names_of
-from sleepcast.console.driver import Driver
+from sleepcast.console.driver import Driver, together
 from sleepcast.console.explanation import ShownWhy, show_why
 from sleepcast.console.histogram import Spread, spread
 from sleepcast.console.incoming import AlertMessage, Sort
+from sleepcast.console.past import Past
 from sleepcast.console.picking import Picked, picked
 from sleepcast.console.plots import Measure, Plots
 from sleepcast.console.sentences import Interpreter, Phrased, Understood
@@ -29,7 +32,7 @@ from sleepcast.core.errors import MisuseError, and_more
 from sleepcast.core.units import shown_value
 from sleepcast.language import Checked, Explanation, Finding, ReadError, Variable, format_value
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, SUPPORT, TIME_SLOT, unit_of
-from sleepcast.station import NO, UNKNOWN, YES, Preview, Report, Station
+from sleepcast.station import NO, UNKNOWN, YES, NoExplanationError, Preview, Report, Station
 
 STOP_AGAIN = 0.5
 """Seconds in which one more STOP adds nothing to the one that holds; the station itself repeats it."""
@@ -54,7 +57,8 @@ _KINDS = ("sensor", "actuator", "user", "support")
 
 class Backend:
     """See the module. began: the time of the station's clock with which that of the page begins. measures: of the
-    scenario. Its questions raise SleepcastError, with a sentence for the person who asked."""
+    scenario. past: what is kept of the run, None for nothing. Its questions raise SleepcastError, with a sentence for
+    the person who asked."""
 
     def __init__(
         self,
@@ -65,8 +69,9 @@ class Backend:
         *,
         began: float = 0.0,
         measures: Sequence[Measure] = (),
+        past: Past | None = None,
     ) -> None:
-        self.driver = driver
+        self.driver, self.past = driver, past
         self._swarm, self._station, self._clock = swarm, station, clock
         self._began = began
         self._ledger = AccountTable(station, swarm, began)
@@ -81,11 +86,22 @@ class Backend:
         """When each robot was asked to blink, s of the page's time."""
         self.alerts = AlertBoard(self.values, clock)
         driver.watchers.append(self.alerts.look)
+        if past is not None:
+            self.alerts.marked = lambda firing: past.marks.add(
+                firing.at, "alert", f"{firing.text}: {firing.count:,} robots"
+            )
 
     def hello(self) -> outgoing.Hello:
         """What a page needs first."""
         scene = self._swarm.scene
         return outgoing.Hello(scene, len(scene.names), names_of(self._swarm))
+
+    async def live(self) -> None:
+        """Let time pass, and do what is to be done aside, until cancelled."""
+        if self.past is None:
+            await self.driver.run()
+        else:
+            await together(self.driver.run(), self.past.live())
 
     def seek(self, time: float) -> NoReturn:
         """Refused: what lives cannot go back."""
@@ -205,9 +221,16 @@ class Backend:
 
     # ---- afterwards
 
-    def why(self, serial: int, robot: int, command: str) -> outgoing.Explained | Awaitable[outgoing.Explained]:
+    def why(
+        self, serial: int, robot: int, command: str
+    ) -> outgoing.Explained | Awaitable[outgoing.Explained | msgspec.Raw]:
         """How the robot with this index evaluated a command."""
-        explanation = self._station.why(self._name(robot), command)
+        try:
+            explanation = self._station.why(self._name(robot), command)
+        except NoExplanationError:
+            if self.past is None:
+                raise
+            return self.past.why(self.past.tick_of(self._swarm.now()), incoming.Why(serial, robot, command))
         return outgoing.Explained(serial, self._shown_why(explanation, robot, command))
 
     def _shown_why(self, explanation: Explanation, robot: int, command: str) -> ShownWhy:

@@ -93,7 +93,7 @@ class PageConnection(Generic[M]):
             await asyncio.sleep(BEAT)
             await self.say(Alive())
 
-    async def say(self, message: msgspec.Struct) -> None:
+    async def say(self, message: msgspec.Struct | msgspec.Raw) -> None:
         """Tell the page, if it is still there."""
         await self.send(encode(message).decode())
 

@@ -2,38 +2,59 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Awaitable, Iterator
 from typing import TypeAlias
 
 import msgspec
 
-from sleepcast.console import incoming
+from sleepcast.console import incoming, outgoing
 from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
+from sleepcast.console.driver import FrameSource
+from sleepcast.console.film import commands_of
+from sleepcast.console.look import Look
+from sleepcast.console.marks import clock_time
 from sleepcast.console.outgoing import Refused, Robot
+from sleepcast.console.past import Past
 from sleepcast.console.renewal import NOT_HERE, RenewableBackend
 from sleepcast.console.replay import ReplayBackend
 from sleepcast.console.table import RobotTable
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.station.validation import CountNeededError, DoubtError
 
-Answer: TypeAlias = msgspec.Struct
+Answer: TypeAlias = msgspec.Struct | msgspec.Raw
+OF_THEN = (outgoing.Commands, outgoing.Groups, outgoing.Obstacles, outgoing.Robot)
+"""News that are those of the time at which a page looks; all other news are of now."""
+QUESTIONS = (
+    *(incoming.Preview, incoming.Spread, incoming.Pick, incoming.Names, incoming.Members),
+    *(incoming.Sense, incoming.Rows, incoming.Range, incoming.Csv),
+)
+"""What can be asked of any time of a run."""
 
 
 class Dialogue:
-    """One page's part: its questions, and what it has been told already."""
+    """One page's part: its questions, and what it has been told already. turned: set when it looks at another time."""
 
     def __init__(self, desk: Backend | ReplayBackend) -> None:
         self._desk = desk
         self._table = RobotTable(desk.values)
         self._watched = -1
         self._sent: dict[str, bytes] = {}
+        self._look: Look | None = None
+        self._marked = -1
+        self.turned = asyncio.Event()
+
+    @property
+    def source(self) -> FrameSource:
+        """Where this page's frames come from."""
+        return self._desk.driver if self._look is None else self._look
 
     def hello(self) -> str:
         """The first words to a page, which knows nothing yet."""
         hello = self._desk.hello()
         data = encode(hello)
-        self._watched, self._sent = -1, {type(hello).__name__: data}
+        self._watched, self._marked, self._sent = -1, -1, {type(hello).__name__: data}
         return data.decode()
 
     def answer(self, message: incoming.Incoming) -> Answer | Awaitable[Answer] | None:
@@ -46,7 +67,13 @@ class Dialogue:
 
     def _answer(self, message: incoming.Incoming) -> Answer | Awaitable[Answer] | None:
         desk = self._desk
+        if self._look is not None and desk.past is not None:
+            found = self._of_then(message, self._look, desk.past)
+            if found is not None:
+                return found
         match message:
+            case incoming.Look(time):
+                self._look_at(time)
             case incoming.Stop():
                 desk.stop()
             case incoming.Release():
@@ -57,6 +84,8 @@ class Dialogue:
                 return desk.lease(serial, deed, group, seconds, to)
             case incoming.Watch(robot):
                 self._watched = robot
+                if self._look is not None:
+                    self._look.watched = robot
                 self._sent.pop(Robot.__name__, None)  # the page has forgotten what it was sent of it
             case incoming.Pace(running, factor):
                 desk.driver.set_pace(running, factor)
@@ -118,9 +147,65 @@ class Dialogue:
                 return desk.plots.drawn(message)
         return None
 
+    def _look_at(self, time: float | None) -> None:
+        """Look at another time; None is now."""
+        past = self._desk.past
+        if past is None or isinstance(self._desk, ReplayBackend):
+            raise MisuseError("There is no timeline here: nothing is kept of what was.")
+        if time is None:
+            self.leave()
+            return
+        if not past.film.poses.times:
+            raise MisuseError("Nothing is kept yet: time has not begun.")
+        if self._look is None:
+            self._look = Look(past, self._desk.driver)
+            self._look.watched = self._watched
+            self.turned.set()
+        self._look.seek(time)
+
+    def leave(self) -> None:
+        """Look at now, as at the start."""
+        if self._look is not None:
+            self._look.leave()
+            self._look = None
+            self.turned.set()
+
+    def _of_then(self, message: incoming.Incoming, look: Look, past: Past) -> Answer | Awaitable[Answer] | None:
+        """The answer of the time at which the page looks; None for what is a matter of now."""
+        match message:
+            case incoming.Send():
+                raise MisuseError(
+                    f"This page looks at {clock_time(look.time)}, and commands act on now. "
+                    "Go back to live (F8), then send it."
+                )
+            case incoming.Why():
+                return past.why(look.tick, message)
+            case incoming.Commands(serial):
+                return commands_of(past.film, look.time, serial)
+        return past.answer(look.tick, message) if isinstance(message, QUESTIONS) else None
+
+    def _news(self) -> Iterator[outgoing.Said]:
+        look, past = self._look, self._desk.past
+        if look is None:
+            yield from self._desk.news(self._watched)
+        else:
+            yield from look.news()
+            yield from (said for said in self._desk.news(-1) if not isinstance(said, OF_THEN))
+        if past is None:
+            return
+        if self._marked != past.marks.number:
+            self._marked = past.marks.number
+            yield outgoing.Marked(list(past.marks.all))
+        span = outgoing.Span(past.film.began, past.ended, kept=past.kept)
+        if look is not None:
+            span = msgspec.structs.replace(span, at=look.time, exact=look.exact, note=look.note)
+        elif isinstance(self._desk, ReplayBackend):
+            span = msgspec.structs.replace(span, note=self._desk.driver.note)
+        yield span
+
     def news(self) -> Iterator[str]:
         """What has changed since the page was last told."""
-        for message in self._desk.news(self._watched):
+        for message in self._news():
             data = encode(message)
             kind = type(message).__name__
             if self._sent.get(kind) != data:

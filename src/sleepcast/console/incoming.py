@@ -309,6 +309,12 @@ class Seek(Message):
     time: Annotated[float, Meta(ge=0.0, le=1e9)]
 
 
+class Look(Message):
+    """Show this page how everything was at this time (s) of the run; None: how it is now."""
+
+    time: Annotated[float, Meta(ge=0.0, le=1e9)] | None = None
+
+
 class Step(Message):
     """One tick, then stand still."""
 
@@ -381,6 +387,7 @@ Incoming = (
     | Release
     | Pace
     | Seek
+    | Look
     | Step
     | Watch
     | Drawn

@@ -11,6 +11,7 @@ from sleepcast.console.account_table import CommandRow
 from sleepcast.console.completion import ShownName
 from sleepcast.console.explanation import ShownWhy
 from sleepcast.console.failing import ShownFailing
+from sleepcast.console.marks import Mark
 from sleepcast.console.sensing import BodyView
 from sleepcast.console.view import Outline, Scene
 
@@ -165,6 +166,24 @@ class Safety(Said):
 
     latched: bool
     sentence: str
+
+
+class Span(Said):
+    """The part of the run that can be looked at: its begin and end, s. at: what this page looks at, s, None for now.
+    exact: whether what is shown is that very tick; note: why not, for a person. kept: what is kept, in a sentence."""
+
+    began: float
+    ended: float
+    at: float | None = None
+    exact: bool = True
+    note: str = ""
+    kept: str = ""
+
+
+class Marked(Said):
+    """What happened, for the timeline."""
+
+    marks: list[Mark]
 
 
 class ShownValue(msgspec.Struct, frozen=True):

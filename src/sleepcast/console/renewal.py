@@ -23,6 +23,7 @@ from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver, aside
 from sleepcast.console.incoming import Renew, Scenarios, Setup
 from sleepcast.console.outgoing import Hello, Said
+from sleepcast.console.past import Past
 from sleepcast.console.plots import Measure
 from sleepcast.console.view import Pace, ShownSlider, SwarmView
 from sleepcast.core.clock import Clock
@@ -93,7 +94,7 @@ class Note(Said):
 @dataclass(frozen=True, slots=True)
 class Run:
     """A swarm that a page can show, with its desk. prepare: see `Driver`. around: entered when the run is shown, and
-    left when another one is, or the program ends. measures: of its scenario, see `Plots`."""
+    left when another one is, or the program ends. measures: of its scenario, see `Plots`. past: see `Backend`."""
 
     swarm: SwarmView
     station: Station
@@ -101,6 +102,7 @@ class Run:
     prepare: Callable[[], None] | None
     around: AbstractContextManager[object]
     measures: Sequence[Measure] = ()
+    past: Past | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +166,7 @@ class Runs:
     async def live(self) -> None:
         """Let the run on the page live, and the next one when there is one, until cancelled."""
         while True:
-            running = asyncio.ensure_future(self.desk.driver.run())
+            running = asyncio.ensure_future(self.desk.live())
             changed = asyncio.ensure_future(self._changed.wait())
             try:
                 await asyncio.wait({running, changed}, return_when=asyncio.FIRST_COMPLETED)
@@ -226,7 +228,7 @@ class RenewableBackend(Backend):
     """The desk of a run that another one may follow. over: whether one has."""
 
     def __init__(self, run: Run, driver: Driver, clock: Clock, runs: Runs) -> None:
-        super().__init__(run.swarm, run.station, driver, clock, measures=run.measures)
+        super().__init__(run.swarm, run.station, driver, clock, measures=run.measures, past=run.past)
         self.over = False
         self._runs, self._number = runs, runs.number
 

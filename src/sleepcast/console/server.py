@@ -40,6 +40,7 @@ from sleepcast.console.network import Fleet, NetworkBackend
 from sleepcast.console.nomads.backend import NomadsBackend
 from sleepcast.console.nomads.session import NomadSession
 from sleepcast.console.nomads.view import Nomads
+from sleepcast.console.past import Past
 from sleepcast.console.renewal import Runs
 from sleepcast.console.replay import ReplayBackend
 from sleepcast.console.session import Session
@@ -87,13 +88,14 @@ def serve(
     *,
     address: Address,
     say: Callable[[str], None],
+    past: Past | None = None,
     around: AbstractContextManager[object] = NOTHING,
 ) -> None:
     """Serve the page and let the swarm run until Ctrl-C, which is raised on as KeyboardInterrupt after a clean stop.
 
-    The rest is as for `serve_backend`.
+    past: see `Backend`. The rest is as for `serve_backend`.
     """
-    desk = Backend(swarm, station, Driver(swarm, pace, clock), clock)
+    desk = Backend(swarm, station, Driver(swarm, pace, clock), clock, past=past)
     serve_backend(desk, clock, address=address, say=say, around=around)
 
 
@@ -147,7 +149,7 @@ def serve_backend(
 
     pages = serve_pages(
         app,
-        desk.driver.run,
+        desk.live,
         address=address,
         say=say,
         around=around,

@@ -16,6 +16,7 @@ from sleepcast.console import incoming
 from sleepcast.console.backend import Backend
 from sleepcast.console.connection import PageConnection
 from sleepcast.console.dialogue import Answer, Dialogue, refusal
+from sleepcast.console.driver import FrameSource
 from sleepcast.console.frames import still
 from sleepcast.console.replay import ReplayBackend
 from sleepcast.core.clock import Clock
@@ -47,6 +48,7 @@ class Session:
         try:
             await self._line.read(self._answer)
         finally:
+            self._dialogue.leave()
             others += self._waiting
             for task in others:
                 task.cancel()
@@ -77,13 +79,28 @@ class Session:
     # ---- what goes out
 
     async def _send_frames(self) -> None:
-        driver, number = self._desk.driver, 0
+        source, number = self._dialogue.source, 0
         while True:
-            frame = await driver.frame_after(number)
-            known, number = driver.changed <= number, driver.number
+            frame = await self._next_frame(source, number)
+            if source is not self._dialogue.source:
+                source, number = self._dialogue.source, 0
+                continue
+            known, number = source.changed <= number, source.number
             self._drawn.clear()
             await self._line.send(still(frame) if known else frame)
             await self._drawn.wait()
+
+    async def _next_frame(self, source: FrameSource, number: int) -> bytes:
+        """The next frame of a source; any, if the page looks elsewhere meanwhile."""
+        turned = self._dialogue.turned
+        waits = [asyncio.ensure_future(source.frame_after(number)), asyncio.ensure_future(turned.wait())]
+        try:
+            await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for wait in waits:
+                wait.cancel()
+        turned.clear()
+        return source.frame
 
     async def _send_news(self) -> None:
         while True:

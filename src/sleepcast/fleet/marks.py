@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Protocol
 
 import numpy as np
@@ -70,6 +70,12 @@ class Groups:
         self.shown: list[int] = []
         self.second = b""
         self._codes: dict[str, int] = {}
+
+    def expect(self, names: Iterable[str]) -> None:
+        """Number groups of these names first, in this order, whether there are any members or not."""
+        for name in names:
+            self.names.append(name)
+            self._codes[name.casefold()] = len(self.names)
 
     def look(self, minds: FleetMarks) -> bytes:
         """The number of each robot's newest group (0: none); updates the rest."""

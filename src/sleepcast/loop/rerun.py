@@ -93,8 +93,7 @@ class Rerun:
         self.swarm = swarm
         swarm.mission.clear()  # what it brought is among the inputs
         swarm.posted.clear()
-        self._inputs = inputs
-        self._posted, self._changes = inputs.places(self.tick)
+        self.follow(inputs)
 
     @property
     def tick(self) -> int:
@@ -114,9 +113,10 @@ class Rerun:
         if swarm.desk is None:
             swarm.radio.hear()  # where nobody sits at a desk, this would gather without end
 
-    def add(self, inputs: Inputs) -> None:
-        """More inputs, which came after all that are known."""
-        self._inputs = Inputs(self._inputs.posted + inputs.posted, self._inputs.changes + inputs.changes)
+    def follow(self, inputs: Inputs) -> None:
+        """Go on with these inputs, in place of those that were known."""
+        self._inputs = inputs
+        self._posted, self._changes = inputs.places(self.tick)
 
 
 def _change(world: World, change: WorldChange) -> None:

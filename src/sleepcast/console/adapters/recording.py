@@ -7,8 +7,8 @@ from dataclasses import replace
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.adapters.bodies import kind_of
 from sleepcast.console.adapters.swarm import outlines, scene_of
+from sleepcast.console.film import Marks, Timeline, Track, values_of
 from sleepcast.console.outgoing import ShownRule
-from sleepcast.console.replay import Marks, Timeline, Track, values_of
 from sleepcast.loop import vocabulary_of
 from sleepcast.loop.rerun import Inputs
 from sleepcast.simulator import Simulator

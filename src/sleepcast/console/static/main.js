@@ -30,6 +30,7 @@ import { splitter } from "./splitter.js";
 import { Table } from "./table.js";
 import { givenTheme, theme } from "./theme.js";
 import { Time } from "./time.js";
+import { Timeline } from "./timeline.js";
 import { Refusal, Wire } from "./wire.js";
 import { World } from "./world.js";
 
@@ -48,6 +49,7 @@ const robot = new RobotPane(document.querySelector(".robot"), wire);
 new Safety(document, wire);
 new NewRun(document, wire);
 const time = new Time(document, wire);
+const timeline = new Timeline(document.querySelector(".timeline"), wire);
 const drawer = new Drawer(document.querySelector(".drawer")); // panes are added below: drawer.add(...)
 const names = async () => (await wire.ask("names")).names;
 const table = new Table(document.querySelector(".table-pane"), wire, names);
@@ -70,6 +72,7 @@ let begun = false; // whether the prompt was filled once
 let groups = []; // {name, count, shown}, in the order of their codes in a frame
 let lit = null; // {caption, count}: what the lit robots are
 let faded = null; // the command whose light has gone out
+let marked = ""; // the command whose mark on the timeline was chosen
 let foretelling = false; // whether they are those that would obey what is typed, not those of the chosen command
 
 // ---- from the station
@@ -83,7 +86,6 @@ wire.addEventListener("hello", ({ detail }) => {
   if (detail.air) offerAir();
   find("recorded").hidden = detail.recorded === 0;
   find("recorded").textContent = detail.part ? `recording, part ${detail.part}` : "recording";
-  time.setRecorded(detail.began, detail.recorded);
   find("title").textContent = scene.title;
   document.title = `${scene.title} · sleepcast`;
   for (const story of document.querySelectorAll(".story")) story.textContent = scene.story;
@@ -112,6 +114,7 @@ wire.addEventListener("frame", ({ detail }) => {
   if (!world.scene) return;
   if (!world.setFrame(detail)) return;
   time.show(world.frame);
+  timeline.show(world.frame.time);
   legend.tick(performance.now());
   link?.follow();
   document.body.classList.toggle("waiting", world.frame.waiting);
@@ -128,7 +131,11 @@ wire.addEventListener("commands", ({ detail }) => {
     if (!prompt.editor.text) prompt.set(prompt.next?.text ?? "", !embedded);
     world.refit(); // a long command leaves less room for it
   }
-  if (robot.command === null && accounting.latest) robot.about(accounting.get(accounting.latest));
+  if (marked && accounting.get(marked)) accounting.choose(marked);
+  if (accounting.get(marked)) marked = "";
+  const latest = accounting.get(accounting.chosen) ?? accounting.get(accounting.latest) ?? null;
+  const gone = robot.command !== null && !accounting.get(robot.command.id); // it was sent later than this page looks at
+  if (gone || timeline.elsewhere || robot.command === null) if (latest?.id !== robot.command?.id) robot.about(latest);
 });
 
 wire.addEventListener("groups", ({ detail }) => {
@@ -370,6 +377,7 @@ const press = (id) => find(id).click();
 const ACTIONS = [
   ["Run or pause time", "Ctrl+Space", () => press("run")],
   ["Advance one tick", "Ctrl+.", () => press("step")],
+  ["Back to live", "F8", () => timeline.toLive()],
   ["STOP every robot", "F9", () => press("stop")],
   ["Release STOP", "", () => press("release")],
   ["Show everything on the map", "F", () => press("fit")],
@@ -412,7 +420,11 @@ find("zoom-in").addEventListener("click", () => world.zoom(1.4));
 find("zoom-out").addEventListener("click", () => world.zoom(1 / 1.4));
 find("fit").addEventListener("click", () => world.fit());
 
-find("scrub").addEventListener("input", () => world.forgetTrails());
+timeline.addEventListener("jump", () => world.forgetTrails());
+timeline.addEventListener("turned", () => robot.askWhy());
+timeline.addEventListener("mark", ({ detail }) => {
+  marked = detail.command; // its line is there when the news of then have come
+});
 
 const layers = new Layers(find("layer-menu"), find("layers"), world);
 world.addEventListener("trails", () => layers.toggle("trails"));

@@ -5,9 +5,6 @@ import { clock } from "./accounting.js";
 const FASTEST = 10000; // as fast as possible
 const SPEEDS = [0.5, 1, 2, 5, 10, 30, 60, 100, 300, FASTEST];
 const NEAR = 0.05; // of the wanted speed: what differs by less is the measuring
-const SCRUB_STEPS = 200; // of the slider from one end to the other, for the arrow keys
-const SEEK_EVERY = 33; // ms between two seeks: the film has no more pictures, and the station reads no more messages
-const HELD = 300; // ms after which a slider that was moved follows the pictures again, which come later than the hand
 const BEHIND = 0.93; // below, the page says that the wanted speed is not reached
 
 export class Time {
@@ -19,11 +16,7 @@ export class Time {
     this.find("run").addEventListener("click", () => this.toggle());
     this.find("step").addEventListener("click", () => this.step());
     this.find("speed").addEventListener("change", (event) => wire.tell("pace", { factor: Number(event.target.value) }));
-    this.scrub = this.find("scrub"); // null on a page that shows no recordings
-    this.scrub?.addEventListener("input", () => this.seek());
     this.preparing = this.find("preparing"); // null on the Nomads' page
-    this.sought = 0; // the timer after which a seek goes out, 0 if none waits
-    this.moved = -HELD; // when the slider was last moved by hand
     window.addEventListener("keydown", (event) => {
       if (!event.ctrlKey || event.altKey || event.metaKey) return;
       if (event.code === "Space") this.toggle();
@@ -41,30 +34,7 @@ export class Time {
     this.wire.tell("step");
   }
 
-  // When the recording that is shown begins and ends, in seconds; it ends at 0 where the swarm lives.
-  setRecorded(began, ended) {
-    const step = Math.ceil((1e6 * (ended - began)) / SCRUB_STEPS) / 1e6; // in whole us, so that so many reach the end
-    this.scrub.hidden = ended === 0;
-    this.scrub.min = String(began);
-    this.scrub.max = String(ended + step / 2);
-    this.scrub.step = String(step);
-  }
-
-  // Go where the slider stands, and where it stands then if it is being dragged.
-  seek() {
-    this.moved = performance.now();
-    this.scrub.setAttribute("aria-valuetext", clock(Number(this.scrub.value)));
-    this.sought ||= setTimeout(() => {
-      this.sought = 0;
-      this.wire.tell("seek", { time: Number(this.scrub.value) });
-    }, SEEK_EVERY);
-  }
-
   show(frame) {
-    if (this.scrub && !this.scrub.hidden && !this.sought && performance.now() - this.moved > HELD) {
-      this.scrub.value = String(frame.time);
-      this.scrub.setAttribute("aria-valuetext", clock(frame.time));
-    }
     if (frame.wanted !== this.wanted) this.offer(frame.wanted);
     this.wanted = frame.wanted;
     this.running = frame.running;

@@ -1,0 +1,285 @@
+"""The process that runs a swarm again, to answer for a moment of its past (see `console/rerunner`).
+
+It keeps three swarms: one where somebody looks, one that has just evaluated a command that was asked about, and one
+that runs ahead through a recording to keep states of it. Each goes on from where it is if that is nearer than the state
+that came with the question.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from multiprocessing import connection
+from time import perf_counter
+
+import msgspec
+
+from sleepcast.channel.message import HELD, Message
+from sleepcast.channel.message_batch import Answers, MessageBatch
+from sleepcast.console import incoming, outgoing
+from sleepcast.console.adapters.swarm import SwarmAdapter
+from sleepcast.console.backend import Backend
+from sleepcast.console.connection import encode
+from sleepcast.console.dialogue import Dialogue
+from sleepcast.console.driver import Driver
+from sleepcast.console.explanation import show_why
+from sleepcast.console.kept import Diary
+from sleepcast.console.marks import clock_time
+from sleepcast.console.rerunner import Found, Moment, Question, RerunError, digest
+from sleepcast.core.errors import SleepcastError
+from sleepcast.loop import Pace, Swarm, resume
+from sleepcast.loop.rerun import Rerun
+from sleepcast.loop.snapshots import copy_of
+from sleepcast.simulator import Simulator
+from sleepcast.simulator.snapshot import scenario_of
+from sleepcast.station import Station
+
+LOOK = 0.02
+"""Seconds of work between two looks whether the answer is still wanted."""
+NICE = 5
+"""How much less urgent it is than the swarm that lives."""
+BROKEN = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RecursionError, MemoryError)
+"""Exceptions that a recording with impossible contents may cause."""
+
+
+class GivenUpError(SleepcastError):
+    """Nobody waits for the answer any more, or it takes too long."""
+
+
+class _StillClock:
+    """A clock that stands still."""
+
+    def now(self) -> float:
+        return 0.0
+
+
+class _Held:
+    """Sees which robots answered that a STOP held them, as one of a swarm's witnesses."""
+
+    def __init__(self) -> None:
+        self._robots: dict[str, set[int]] = {}
+
+    def by(self, command: str, robot: int) -> bool:
+        """Whether this robot said so of a command."""
+        return robot in self._robots.get(command, ())
+
+    def ticking(self) -> None:
+        """Nothing."""
+
+    def posted(self, message: Message) -> None:
+        """Nothing."""
+
+    def said(self, batch: MessageBatch) -> None:
+        """Robots answer."""
+        said = batch.words
+        if isinstance(said, Answers) and HELD in said.sorts:
+            held = said.sort[batch.places] == said.sorts.index(HELD)
+            self._robots.setdefault(said.command, set()).update(batch.robots[held].tolist())
+
+    def ticked(self) -> None:
+        """Nothing."""
+
+
+class _Again:
+    """A swarm that is run again. began: the tick in which it did. differs: the first tick in which it was not as it
+    was seen."""
+
+    def __init__(self, moment: Moment, swarm: Swarm, groups: tuple[str, ...]) -> None:
+        self.run, self.began = moment.run, moment.base
+        self.differs: int | None = None
+        self.swarm = swarm
+        station = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm)
+        swarm.desk = station
+        self.held = _Held()
+        swarm.witnesses.append(self.held)
+        self.rerun = Rerun(swarm, moment.inputs)
+        self.view = SwarmAdapter(swarm)
+        clock = _StillClock()
+        pace = Pace(clock, swarm, 1.0)
+        pace.paused = True
+        driver = Driver(self.view, pace, clock)
+        driver.groups.expect(groups)
+        self.backend = Backend(self.view, station, driver, clock)
+        self.dialogue = Dialogue(self.backend)
+
+    def step(self, moment: Moment) -> None:
+        """One tick, which must lead where it led."""
+        self.rerun.step()
+        wanted = moment.checks.get(self.rerun.tick)
+        if wanted is not None and self.differs is None and digest(self.view.poses()) != wanted:
+            self.differs = self.rerun.tick
+
+
+class Past:
+    """See the module. given_up: whether nobody waits for the answer any more."""
+
+    def __init__(self, given_up: Callable[[], bool]) -> None:
+        self._given_up = given_up
+        self._swarms: dict[str, _Again] = {}
+        self._diary = Diary()
+
+    def answer(self, question: Question) -> Found:
+        """What is found at the moment of a question."""
+        try:
+            return self._answer(question)
+        except GivenUpError:
+            return Found(ended=True)
+        except SleepcastError as error:
+            return Found(error=str(error))
+        except BROKEN as error:
+            return Found(error=f"The past cannot be shown: {str(error).splitlines()[0][:300] or type(error).__name__}.")
+
+    def _answer(self, question: Question) -> Found:
+        match question.deed:
+            case "begin":
+                return self._begin(question)
+            case "advance":
+                return self._advance(question)
+            case "why":
+                return self._why(question)
+        again = self._at("look", question)
+        if question.deed == "state":
+            return Found(again.rerun.tick, state=copy_of(again.swarm).packed(), differs=again.differs)
+        if question.deed == "answer":
+            said = again.dialogue.answer(incoming.decode(question.message))
+            if not isinstance(said, msgspec.Struct):
+                raise RerunError("This cannot be told of the past.")
+            return Found(again.rerun.tick, said=encode(said), differs=again.differs)
+        return self._look(again, question.robot)
+
+    def _look(self, again: _Again, robot: int) -> Found:
+        view, groups = again.view, again.backend.driver.groups
+        codes, flags = groups.look(view.minds), again.backend.driver.flags()
+        marks = (codes, flags, tuple(groups.names), groups.second, view.colours())
+        news = again.backend.news(robot) if robot >= 0 else ()
+        said = next((encode(each) for each in news if isinstance(each, outgoing.Robot)), b"")
+        counts, shown = tuple(groups.counts), tuple(groups.shown)
+        return Found(view.tick, view.poses(), marks, counts, shown, said, differs=again.differs)
+
+    def _at(self, name: str, question: Question) -> _Again:
+        """The swarm at the moment of a question."""
+        moment = question.moment
+        again = self._near(name, moment, question.groups)
+        self._run(again, moment, question.patience, lambda: again.rerun.tick >= moment.tick)
+        return again
+
+    def _near(self, name: str, moment: Moment, groups: tuple[str, ...] = (), *, since: bool = False) -> _Again:
+        """A swarm from which the moment is near. since: it must have seen all that came after the moment's state."""
+        again = self._swarms.get(name)
+        if (
+            again is not None
+            and again.run == moment.run
+            and moment.base <= again.rerun.tick <= moment.tick
+            and (not since or again.began <= moment.base)
+        ):
+            again.rerun.follow(moment.inputs)
+            return again
+        self._swarms.pop(name, None)  # a large one goes before the next one comes
+        again = self._swarms[name] = _Again(moment, resume(moment.state), groups)
+        return again
+
+    def _run(self, again: _Again, moment: Moment, patience: float, done: Callable[[], bool]) -> None:
+        """Run on until it is done. Raises GivenUpError."""
+        began = looked = perf_counter()
+        while not done():
+            again.step(moment)
+            now = perf_counter()
+            if now - looked > LOOK:
+                looked = now
+                if self._given_up() or now - began > patience:
+                    raise GivenUpError("")
+
+    # ---- what is asked
+
+    def _begin(self, question: Question) -> Found:
+        """The state with which a run begins."""
+        data, seed = question.source
+        if question.moment.state:
+            swarm = resume(question.moment.state)
+        else:
+            swarm = Swarm(Simulator(scenario_of(data), seed))
+        swarm.desk = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm)
+        if not swarm.simulator.tick:
+            swarm.introduce()
+        return Found(swarm.simulator.tick, state=copy_of(swarm).packed())
+
+    def _advance(self, question: Question) -> Found:
+        """Run ahead for a while, or until there is a state to be kept."""
+        moment = question.moment
+        again = self._near("ahead", moment)
+        began = before = perf_counter()
+        while again.rerun.tick < moment.tick and not self._given_up():
+            again.step(moment)
+            now = perf_counter()
+            self._diary.worked(now - before)
+            before = now
+            if self._diary.due:
+                self._diary.begun()
+                state = copy_of(again.swarm).packed()
+                self._diary.kept(perf_counter() - now)
+                return Found(again.rerun.tick, state=state, differs=again.differs)
+            if now - began > question.patience:
+                break
+        return Found(again.rerun.tick, differs=again.differs)
+
+    def _why(self, question: Question) -> Found:
+        """Run on from before a command until the robot has evaluated it."""
+        asked, moment = incoming.decode(question.message), question.moment
+        if not isinstance(asked, incoming.Why):
+            raise RerunError("This is no question why.")
+        again = self._near("why", moment, since=True)
+        if again.rerun.tick > moment.base and self._forgot(again, asked):
+            self._swarms.pop("why")
+            again = self._near("why", moment)
+        fleet = again.swarm.fleet
+        last = _last_chance(moment, asked.command)
+
+        def done() -> bool:
+            found = fleet.evaluation_log.find(asked.robot, asked.command)
+            return found is not None or again.rerun.tick >= moment.tick or again.swarm.now() > last
+
+        self._run(again, moment, question.patience, done)
+        name = fleet.names[asked.robot]
+        if fleet.evaluation_log.find(asked.robot, asked.command) is None:
+            until = min(moment.tick * again.swarm.simulator.scenario.tick, last)
+            raise RerunError(f"{name} has not evaluated this command up to {clock_time(until)}: it did not receive it.")
+        held = again.held.by(asked.command, asked.robot)
+        why = show_why(fleet.at(asked.robot).why(asked.command), again.swarm.vocabulary, held=held)
+        return Found(again.rerun.tick, said=encode(outgoing.Explained(asked.serial, why)), differs=again.differs)
+
+    def _forgot(self, again: _Again, asked: incoming.Why) -> bool:
+        """Whether the robot may have evaluated the command, and the inputs are not kept any more."""
+        return again.swarm.fleet.evaluation_log.find(asked.robot, asked.command) is None
+
+
+def _last_chance(moment: Moment, command: str) -> float:
+    """Until when a robot evaluates a command, s."""
+    return max((each.deadline for _, each in moment.inputs.posted if each.id == command), default=0.0)
+
+
+def serve_past(pipe: connection.Connection) -> None:
+    """What the process does until its owner is gone. Ctrl-C is its owner's business."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(os, "nice"):
+        os.nice(NICE)
+    given_up = current = 0
+
+    def ended() -> bool:
+        """Read what has come meanwhile: nothing but numbers of questions that are given up."""
+        nonlocal given_up
+        while pipe.poll():
+            given_up = max(given_up, pipe.recv())
+        return given_up >= current
+
+    past = Past(ended)
+    try:
+        while True:
+            message = pipe.recv()
+            if isinstance(message, int):
+                given_up = max(given_up, message)
+                continue
+            current, question = message
+            pipe.send(Found(ended=True) if ended() else past.answer(question))
+    except (EOFError, OSError):
+        return

@@ -1,0 +1,155 @@
+"""The past of a simulated swarm while it runs: a witness of its ticks that keeps pictures, states and inputs.
+
+Pictures are taken as often as a recording takes them, until they fill `FILM`; then every second one is left out, and as
+many fewer are taken from then on. A state is copied between two ticks, and compressed on a thread of its own.
+"""
+
+from __future__ import annotations
+
+from threading import Thread
+
+from sleepcast.channel import Message
+from sleepcast.channel.message_batch import MessageBatch
+from sleepcast.console.account_table import AccountTable, CommandRow
+from sleepcast.console.adapters.again import serve_past
+from sleepcast.console.adapters.swarm import SwarmAdapter
+from sleepcast.console.film import Marks, Timeline
+from sleepcast.console.kept import Diary
+from sleepcast.console.past import Past
+from sleepcast.console.rerunner import Rerunner
+from sleepcast.core.clock import Clock
+from sleepcast.fleet.marks import Groups, flags_of
+from sleepcast.loop import Swarm
+from sleepcast.loop.rerun import InputLog
+from sleepcast.loop.snapshots import SwarmCopy, copy_of
+from sleepcast.station import Station
+
+FILM = 128 * 1024**2
+"""Bytes of pictures: nine thousand of a thousand robots, or ninety of a hundred thousand."""
+PICTURES_PER_SECOND = 10.0
+"""Pictures in a second of a person's time, when the scenario runs at its own speed."""
+TICKS_PER_PICTURE = 5
+"""Ticks between two pictures at least: more pictures would cost more than the ticks."""
+MOST_ACCOUNTS = 20_000
+"""Changes of accounts that are kept; older ones are left out where later ones are of the same command."""
+
+
+class LivePast(Past):
+    """See the module; it begins with the tick in which the swarm is."""
+
+    def __init__(self, view: SwarmAdapter, swarm: Swarm, station: Station, clock: Clock) -> None:
+        scenario = swarm.simulator.scenario
+        now = swarm.now()
+        film = Timeline(view.scene, now, scenario.speed_up, {}, swarm.vocabulary, began=now)
+        super().__init__(film, scenario.tick, swarm.telemetry_ticks, Rerunner(serve_past))
+        self._view, self._swarm, self._station, self._clock = view, swarm, station, clock
+        self._log = InputLog(swarm)
+        self.inputs = self._log.inputs
+        self._accounts = AccountTable(station, view)
+        self._rows: dict[str, CommandRow] = {}
+        self._groups = Groups()
+        self._every = max(TICKS_PER_PICTURE, round(scenario.speed_up / PICTURES_PER_SECOND / scenario.tick))
+        self._size, self._posted = 0, False
+        self._diary, self._packing, self._began = Diary(), False, 0.0
+        self._packed: tuple[int, bytes, float] | None = None
+        swarm.witnesses.append(self)
+
+    # ---- as a witness of the swarm
+
+    def ticking(self) -> None:
+        """A tick begins."""
+        if not self.film.poses.times:
+            self._picture()
+            self.states.add(self._view.tick, copy_of(self._swarm).packed())
+        self._log.ticking()
+        self._began = self._clock.now()
+
+    def posted(self, message: Message) -> None:
+        """The operator's message goes on the air in this tick."""
+        self._log.posted(message)
+        self._posted = True
+
+    def said(self, batch: MessageBatch) -> None:
+        """Nothing: it is known from the accounts."""
+
+    def ticked(self) -> None:
+        """A tick is over."""
+        self._log.ticked()
+        self.film.seconds = self._view.now()
+        tick = self._view.tick
+        if tick % self._every == 0 or self._posted:
+            self._posted = False
+            self._picture()
+        self._diary.worked(self._clock.now() - self._began)
+        self._keep(tick)
+
+    # ---- pictures
+
+    def _picture(self) -> None:
+        film, minds, now = self.film, self._view.minds, self._view.now()
+        poses = self._view.poses()
+        film.poses.add(now, (self._view.tick, poses))
+        codes, flags = self._groups.look(minds), flags_of(minds, self._view.exhausted())
+        marks = Marks(codes, flags, tuple(self._groups.names), self._groups.second, self._view.colours())
+        if film.marks.at(now) != marks:
+            film.marks.add(now, marks)
+            self._size += _size(marks)
+        self.marks.groups(now, self._groups.names, self._groups.counts)
+        rows = self._accounts.rows()
+        for row in rows:
+            if self._rows.get(row.id) is not row:
+                film.rows.add(now, row)
+        self._rows = {row.id: row for row in rows}
+        self.marks.rows(now, rows)
+        solid = self._view.obstacles()
+        if solid is not None and film.obstacles.at(now) != solid:
+            film.obstacles.add(now, solid)
+        self._size += len(poses)
+        if self._size > FILM:
+            self._thin()
+        if len(film.rows.times) > MOST_ACCOUNTS:
+            _drop_superseded(film)
+
+    def _thin(self) -> None:
+        """Leave out every second picture, and take half as many from now on."""
+        self._every *= 2
+        film, poses, marks = self.film, self.film.poses, self.film.marks
+        kept = [at for at, (tick, _) in enumerate(poses.values) if tick % self._every == 0 or at == 0]
+        poses.times, poses.values = [poses.times[at] for at in kept], [poses.values[at] for at in kept]
+        needed = sorted({max(0, marks.before(time) - 1) for time in poses.times})
+        marks.times, marks.values = [marks.times[at] for at in needed], [marks.values[at] for at in needed]
+        self._size = sum(len(data) for _, data in poses.values) + sum(
+            2 * len(each.groups) for each in film.marks.values
+        )
+
+    # ---- states
+
+    def _keep(self, tick: int) -> None:
+        """Keep a state if it is time to, and take over the one that is packed."""
+        if self._packed is not None:
+            at, state, cost = self._packed
+            self.states.add(at, state)
+            self._diary.kept(cost)
+            self._packed, self._packing = None, False
+        if not self._packing and self._diary.due:
+            self._packing = True
+            self._diary.begun()
+            began = self._clock.now()
+            copy = copy_of(self._swarm)
+            Thread(target=self._pack, args=(tick, copy, began), name="state", daemon=True).start()
+
+    def _pack(self, tick: int, copy: SwarmCopy, began: float) -> None:
+        self._packed = tick, copy.packed(), self._clock.now() - began
+
+
+def _size(marks: Marks) -> int:
+    return len(marks.groups) + len(marks.flags) + len(marks.second) + len(marks.colours)
+
+
+def _drop_superseded(film: Timeline) -> None:
+    """Leave out the older half of the accounts where there is a later one of the same command in it."""
+    rows = film.rows
+    half = len(rows.times) // 2
+    latest = {row.id: at for at, row in enumerate(rows.values[:half])}
+    kept = [*sorted(latest.values()), *range(half, len(rows.times))]
+    rows.times, rows.values = [rows.times[at] for at in kept], [rows.values[at] for at in kept]

@@ -1,0 +1,90 @@
+"""What is kept of a run so that its past can be shown: whole states, from which it can be run again.
+
+States are many bytes, so they are few: one for every `STATE_EVERY` seconds of work, but never so many that keeping them
+takes more than one part in `COST` of it, and no more than `MOST_BYTES` together. When these are full, states are left
+out where they stand closest together, measured by their age: what was just now is kept densely, what was long ago
+thinly.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+
+STATE_EVERY = 0.5
+"""Seconds of a machine's work between two kept states: so long takes it at most to come from one to the next."""
+COST = 20
+"""Times as long as it takes to keep a state must pass before the next one."""
+MOST_BYTES = 256 * 1024**2
+"""Of all kept states: two thousand of a thousand robots, or thirty-five of a hundred thousand."""
+YOUNG = 600.0
+"""Seconds of the run within which states are equally worth keeping, whatever their age."""
+
+
+class KeptStates:
+    """States of a run by their ticks, as bytes. tick: seconds in a tick. most: bytes of all."""
+
+    def __init__(self, tick: float, most: int = MOST_BYTES) -> None:
+        self._young, self._most = round(YOUNG / tick), most
+        self._ticks: list[int] = []
+        self._states: list[bytes] = []
+        self.size = 0
+        """Bytes of all."""
+
+    def __len__(self) -> int:
+        return len(self._ticks)
+
+    @property
+    def first(self) -> int | None:
+        """The tick of the first one, None if there is none."""
+        return self._ticks[0] if self._ticks else None
+
+    @property
+    def last(self) -> int | None:
+        """The tick of the last one, None if there is none."""
+        return self._ticks[-1] if self._ticks else None
+
+    def add(self, tick: int, state: bytes) -> None:
+        """Keep a state that is younger than all others."""
+        self._ticks.append(tick)
+        self._states.append(state)
+        self.size += len(state)
+        while self.size > self._most and len(self._ticks) > 2:
+            self._leave_out()
+
+    def before(self, tick: int) -> tuple[int, bytes] | None:
+        """The last state up to this tick, None if there is none."""
+        place = bisect_right(self._ticks, tick)
+        return (self._ticks[place - 1], self._states[place - 1]) if place else None
+
+    def _leave_out(self) -> None:
+        """Leave out the one that is missed least; never the first or the last."""
+        ticks, now = self._ticks, self._ticks[-1] + self._young
+        gaps = ((ticks[at + 1] - ticks[at - 1]) / (now - ticks[at]) for at in range(1, len(ticks) - 1))
+        place = 1 + min(enumerate(gaps), key=lambda each: each[1])[0]
+        self.size -= len(self._states[place])
+        del self._ticks[place], self._states[place]
+
+
+class Diary:
+    """Says when the next state is due. Work is told as it is done, s."""
+
+    def __init__(self) -> None:
+        self._since = 0.0
+        self._cost = 0.0
+
+    @property
+    def due(self) -> bool:
+        """Whether a state is to be kept now."""
+        return self._since >= max(STATE_EVERY, COST * self._cost)
+
+    def worked(self, seconds: float) -> None:
+        """So long took what was done since."""
+        self._since += seconds
+
+    def begun(self) -> None:
+        """A state is being kept."""
+        self._since = 0.0
+
+    def kept(self, seconds: float) -> None:
+        """So long took it to keep it."""
+        self._cost = seconds

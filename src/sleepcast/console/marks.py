@@ -1,0 +1,84 @@
+"""The marks on the timeline: commands, STOPs, faults, joins and alerts, each at the time at which it happened."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Sequence
+
+import msgspec
+
+from sleepcast.console.account_table import CommandRow
+
+MOST_MARKS = 300
+"""Marks that are kept, the latest: more cannot be told apart on a screen."""
+JOIN_EVERY = 0.02
+"""Part of the time since the start within which joins of one group are one mark."""
+LONGEST = 120
+"""Characters of a mark's text: its first line, which the list of commands has whole."""
+
+
+class Mark(msgspec.Struct, frozen=True):
+    """at: simulated s. kind: command, ask, stop, release, fault, join or alert. seen: from when on there is anything to
+    be seen of it, s. command: its id, "" for none."""
+
+    at: float
+    kind: str
+    text: str
+    seen: float
+    command: str = ""
+
+
+class Marks:
+    """Notices what is worth a mark, as it is told what is so."""
+
+    def __init__(self) -> None:
+        self.all: deque[Mark] = deque(maxlen=MOST_MARKS)
+        self.number = 0
+        """How many there have been."""
+        self._known: dict[str, int] = {}
+        """The commands that have a mark, each with the faults that were told."""
+        self._groups: dict[str, tuple[float, int]] = {}
+        """When each group had its last mark, and its members when it was looked at last."""
+
+    def add(self, at: float, kind: str, text: str, seen: float | None = None, command: str = "") -> None:
+        """Another mark."""
+        self.number += 1
+        self.all.append(Mark(at, kind, _first_line(text), at if seen is None else seen, command))
+
+    def sort(self) -> None:
+        """Put those that were noticed in another order into that of time."""
+        self.all = deque(sorted(self.all, key=lambda mark: mark.at), MOST_MARKS)
+
+    def rows(self, time: float, rows: Iterable[CommandRow]) -> None:
+        """What the accounts say at this time."""
+        for row in rows:
+            if row.id not in self._known:
+                self.add(row.at, row.kind, row.text or row.kind.upper(), time, row.id)
+                self._known[row.id] = 0
+            if row.fault and not self._known[row.id]:
+                self.add(time, "fault", f"{_robots(row.fault)}: fault in {row.text}", command=row.id)
+                self._known[row.id] = row.fault
+
+    def groups(self, time: float, names: Sequence[str], counts: Sequence[int]) -> None:
+        """How many are in each group at this time."""
+        for name, count in zip(names, counts, strict=True):
+            marked, before = self._groups.get(name, (-1.0, 0))
+            if count > before and (marked < 0.0 or time - marked > JOIN_EVERY * time):
+                self.add(time, "join", f"{name}: {_robots(count)}")
+                marked = time
+            self._groups[name] = marked, count
+
+
+def _robots(count: int) -> str:
+    return f"{count:,} robot{'s' * (count != 1)}"
+
+
+def _first_line(text: str) -> str:
+    first = text.strip().split("\n")[0]
+    return first if len(first) <= LONGEST else first[: LONGEST - 1] + "…"
+
+
+def clock_time(seconds: float) -> str:
+    """Seconds as the page writes times: 0:03:20."""
+    whole = int(seconds)
+    return f"{whole // 3600}:{whole // 60 % 60:02}:{whole % 60:02}"

@@ -1,0 +1,152 @@
+"""The past of a run: pictures of what was seen, and how to run it again from a kept state for what was not.
+
+Pictures are at hand at once and lie apart in time. Everything else (the very tick, the values and rules of a robot,
+why it did with a command what it did) is found by running again, in a process of its own (`rerunner`). What is run
+again must lead through the same poses as were seen: else it is not shown, and the page says so.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from bisect import bisect_right
+from typing import NoReturn
+
+import msgspec
+
+from sleepcast.console import incoming
+from sleepcast.console.connection import encode
+from sleepcast.console.film import Timeline
+from sleepcast.console.kept import KeptStates
+from sleepcast.console.marks import Marks, clock_time
+from sleepcast.console.rerunner import Deed, Found, Moment, Question, RerunError, Rerunner, digest
+from sleepcast.loop.rerun import Inputs
+
+
+class Past:
+    """See the module. film: what was seen. tick: seconds in a tick. telemetry: ticks between two reports of a robot.
+    inputs, states: what came from outside, and from where it can be run again; they grow. run: counts the runs of one
+    page. first: the first tick."""
+
+    def __init__(self, film: Timeline, tick: float, telemetry: int, rerunner: Rerunner) -> None:
+        self.film, self.tick = film, tick
+        self.inputs, self.states = Inputs(), KeptStates(tick)
+        self.marks = Marks()
+        self.run = 1
+        self._telemetry, self._rerunner = telemetry, rerunner
+
+    @property
+    def ended(self) -> float:
+        """The time of the last tick, s."""
+        return self.film.seconds
+
+    def tick_of(self, time: float) -> int:
+        """The tick of a time, or the nearest that there was."""
+        return round(min(max(time, self.film.began), self.ended) / self.tick)
+
+    @property
+    def kept(self) -> str:
+        """What is kept, in a sentence."""
+        pictures, states = self.film.poses.times, self.states
+        if not pictures:
+            return "Nothing is kept yet."
+        apart = (pictures[-1] - pictures[0]) / max(1, len(pictures) - 1)
+        return (
+            f"Kept since {clock_time(self.film.began)}: {len(pictures):,} pictures, every {apart:.3g} s, and "
+            f"{len(states):,} states ({states.size / 1e6:.1f} MB) from which every tick can be run again."
+        )
+
+    async def live(self) -> None:
+        """Do what is to be done aside, until cancelled."""
+        try:
+            await self._live()
+        finally:
+            self._rerunner.close()
+
+    async def _live(self) -> None:
+        await asyncio.Event().wait()
+
+    # ---- what can be asked
+
+    async def look(self, tick: int, robot: int) -> Found:
+        """How everything was at a tick, and a robot, -1 for none. Raises RerunError."""
+        return await self._ask("look", tick, robot=robot)
+
+    async def state(self, tick: int) -> bytes:
+        """The state at a tick, from which a run can go on. Raises RerunError."""
+        return (await self._ask("state", tick)).state
+
+    async def answer(self, tick: int, message: incoming.Message) -> msgspec.Raw:
+        """What the desk would have answered at a tick. Raises RerunError."""
+        return _said(await self._ask("answer", tick, message))
+
+    async def why(self, tick: int, asked: incoming.Why) -> msgspec.Raw:
+        """Why a robot did what it did with a command up to a tick. Raises RerunError."""
+        sent = next((at for at, message in self.inputs.posted if message.id == asked.command), None)
+        if sent is None:
+            raise RerunError("This command was not sent in the part of the run that is kept.")
+        if sent > tick:
+            raise RerunError(f"This command was sent later, at {clock_time(sent * self.tick)}.")
+        if not 0 <= asked.robot < len(self.film.scene.names):
+            raise RerunError(f"There is no robot number {asked.robot}.")
+        return _said(await self._ask("why", tick, asked, since=sent - 1))
+
+    async def _ask(
+        self,
+        deed: Deed,
+        tick: int,
+        message: incoming.Message | None = None,
+        *,
+        robot: int = -1,
+        since: int | None = None,
+    ) -> Found:
+        """since: the tick after which all must be seen, None for no matter."""
+        self.check(tick)
+        moment = self.moment(tick, since)
+        marks = self.film.marks_at(tick * self.tick)
+        data = b"" if message is None else encode(message)
+        found = await self._rerunner.ask(Question(deed, moment, robot, data, marks.names))
+        if found.ended:
+            raise RerunError("It takes too long to run again up to this moment.")
+        if found.differs is not None:
+            raise RerunError(self.difference(found.differs))
+        return found
+
+    def check(self, tick: int) -> None:
+        """Raises RerunError where a tick cannot be run again, or not now."""
+
+    def difference(self, tick: int) -> str:
+        """What is said where running again leads elsewhere from a tick on."""
+        at = clock_time(tick * self.tick)
+        return (
+            f"Run again, the robots are not where they were seen from {at} on{self._why_different()}. So nothing is "
+            "guessed: only what was kept is shown."
+        )
+
+    def _why_different(self) -> str:
+        return ": something besides commands and obstacles has changed this run"
+
+    def moment(self, tick: int, since: int | None = None) -> Moment:
+        """A moment with what is nearest to it. Raises RerunError for one from before what is kept."""
+        # A robot's telemetry must have come once, for previews.
+        early = tick - self._telemetry if since is None else since
+        found = self.states.before(early) or self.states.before(tick if since is None else since)
+        if found is None:
+            raise RerunError("This lies before everything that is kept of the run.")
+        base, state = found
+        return Moment(self.run, base, state, tick, self.inputs.between(base, tick), self._checks(base, tick))
+
+    def _checks(self, after: int, until: int) -> dict[int, bytes]:
+        poses = self.film.poses
+        half = 0.5 * self.tick
+        first = bisect_right(poses.times, after * self.tick + half)
+        last = bisect_right(poses.times, until * self.tick + half)
+        return {tick: digest(data) for tick, data in poses.values[first:last]}
+
+
+def _said(found: Found) -> msgspec.Raw:
+    return msgspec.Raw(found.said)
+
+
+def refuse_to_send(time: float) -> NoReturn:
+    """What is sent is sent now, so the page must show now. Raises RerunError."""
+    raise RerunError(f"This page shows {clock_time(time)}. Go back to live (F8) to send a command.")

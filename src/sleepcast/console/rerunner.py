@@ -1,0 +1,147 @@
+"""The process that runs a swarm again, beside the one that lives: what it is asked, and what it answers.
+
+The process (`adapters/again.py`) begins with the first question, which takes it a second. It knows nothing but what a
+question brings: a state, and what came from outside since. A question that nobody waits for any more is given up.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import suppress
+from dataclasses import dataclass, field
+from multiprocessing import connection, get_context
+from threading import Lock, Thread
+from typing import Literal
+
+import numpy as np
+
+from sleepcast.core.errors import SleepcastError
+from sleepcast.loop.rerun import Inputs
+
+Deed = Literal["begin", "look", "answer", "why", "state", "advance"]
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A moment of a run. run: which one. state: that of the tick `base`; inputs: all that came after it up to `tick`.
+    checks: digests of the poses that were seen then, by tick."""
+
+    run: int
+    base: int
+    state: bytes
+    tick: int
+    inputs: Inputs
+    checks: dict[int, bytes] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """deed: what is to be done at the moment. robot: the one that is looked at or asked, -1 for none. message: the
+    page's, for "answer"; the command, for "why". groups: names that are known already, in their order. patience:
+    seconds of work after which it is given up, or that "advance" takes. source: of the scenario, packed, and the seed,
+    for "begin"."""
+
+    deed: Deed
+    moment: Moment
+    robot: int = -1
+    message: bytes = b""
+    groups: tuple[str, ...] = ()
+    patience: float = 60.0
+    source: tuple[bytes, int] = (b"", 0)
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """An answer. tick: the moment's. poses: as in a frame; marks: groups, flags, the names of the groups, second groups
+    and colours, as in `replay.Marks`; counts, shown: of the groups.
+    said: what the page is to be told, as JSON. state: one that is to be kept, and how long that took, s.
+    differs: the first tick whose poses are not those that were seen, None if there is none. error: why there is no
+    answer. ended: whether it was given up, for the time that it took."""
+
+    tick: int = 0
+    poses: bytes = b""
+    marks: tuple[bytes, bytes, tuple[str, ...], bytes, bytes] = (b"", b"", (), b"", b"")
+    counts: tuple[int, ...] = ()
+    shown: tuple[int, ...] = ()
+    said: bytes = b""
+    state: bytes = b""
+    cost: float = 0.0
+    differs: int | None = None
+    error: str = ""
+    ended: bool = False
+
+
+def digest(poses: bytes) -> bytes:
+    """What tells poses from others: where everybody is. A recording has headings as quaternions, which are rounded."""
+    places = np.frombuffer(poses, "<f4").reshape(-1, 3)[:, :2]
+    return hashlib.blake2b(places.tobytes(), digest_size=16).digest()
+
+
+class RerunError(SleepcastError):
+    """The past cannot be shown, and why."""
+
+
+class Rerunner:
+    """See the module. work: what the process does with its end of the pipe until that is closed."""
+
+    def __init__(self, work: Callable[[connection.Connection], None]) -> None:
+        self._work = work
+        self._turn = asyncio.Lock()
+        self._sending = Lock()
+        self._pipe: connection.Connection | None = None
+        self._end: Callable[[], None] = lambda: None
+        self._number, self._ended = 0, False
+
+    async def ask(self, question: Question) -> Found:
+        """What it finds; others that ask meanwhile wait. Raises RerunError. To cancel this gives it up."""
+        async with self._turn:
+            self._number += 1
+            waiting: Future[Found] = Future()
+            Thread(target=self._exchange, args=(self._number, question, waiting), name="past", daemon=True).start()
+            done = asyncio.wrap_future(waiting)
+            try:
+                found = await asyncio.shield(done)
+            except asyncio.CancelledError:
+                with suppress(OSError):
+                    self._send(self._number)
+                await asyncio.wait([done])
+                raise
+        if found.error:
+            raise RerunError(found.error)
+        return found
+
+    def _exchange(self, number: int, question: Question, waiting: Future[Found]) -> None:
+        try:
+            pipe = self._begun()
+            self._send((number, question))
+            waiting.set_result(pipe.recv())
+        except (EOFError, OSError) as error:
+            self._pipe = None
+            why = "sleepcast is ending" if self._ended else f"the process that runs it again has ended ({error})"
+            waiting.set_result(Found(error=f"The past cannot be shown: {why}."))
+
+    def _send(self, what: object) -> None:
+        with self._sending:
+            if self._pipe is not None:
+                self._pipe.send(what)
+
+    def _begun(self) -> connection.Connection:
+        """The pipe to the process, which is begun if there is none."""
+        if self._pipe is None:
+            if self._ended:
+                raise EOFError
+            context = get_context("spawn")  # a fork would copy threads in the middle of something
+            self._pipe, theirs = context.Pipe()
+            process = context.Process(target=self._work, args=(theirs,), daemon=True)
+            process.start()
+            self._end = process.kill
+            theirs.close()
+        return self._pipe
+
+    def close(self) -> None:
+        """End the process."""
+        self._ended = True
+        self._end()

@@ -1,0 +1,222 @@
+// The timeline: a strip on which the whole run can be looked at while it goes on, or a recording; with marks of what
+// happened. A page that looks at the past says so, and one key brings it back to now.
+
+import { clock } from "./accounting.js";
+
+export const LIVE_KEY = "F8";
+const STEPS = 200; // from one end to the other, for the arrow keys
+const BIG = 20; // of these steps for Page Up and Page Down
+const SEEK_EVERY = 33; // ms between two seeks: the station has no more pictures, and reads no more messages
+const HELD = 300; // ms after which a strip that was moved follows the pictures again, which come later than the hand
+const LETTERS = { command: "", ask: "?", stop: "■", release: "▶", fault: "!", join: "+", alert: "▲" };
+
+export class Timeline extends EventTarget {
+  // on the page of a recording: seeks the recording; else looks at the past of a run, which is a matter of this page.
+  constructor(root, wire) {
+    super();
+    this.root = root;
+    this.wire = wire;
+    this.find = (name) => root.querySelector(`.${name}`);
+    this.strip = this.find("strip");
+    this.began = 0;
+    this.ended = 0;
+    this.now = 0; // what is shown, s
+    this.at = null; // what is looked at, s; null where it is now
+    this.recorded = false;
+    this.sought = 0; // the timer after which a seek goes out, 0 if none waits
+    this.moved = -HELD;
+    this.marks = [];
+    this.placed = 0; // the seconds for which the marks are placed
+    this.find("to-live").addEventListener("click", () => this.toLive());
+    this.strip.addEventListener("keydown", (event) => this.key(event));
+    this.strip.addEventListener("pointerdown", (event) => this.press(event));
+    this.strip.addEventListener("pointermove", (event) => this.strip.hasPointerCapture(event.pointerId) && this.go(this.timeAt(event)));
+    this.find("marks").addEventListener("click", (event) => this.choose(event));
+    window.addEventListener("keydown", (event) => {
+      if (event.key !== LIVE_KEY || event.repeat || this.recorded) return;
+      event.preventDefault();
+      this.toLive();
+    });
+    wire.addEventListener("span", ({ detail }) => this.setSpan(detail));
+    wire.addEventListener("marked", ({ detail }) => this.setMarks(detail.marks));
+    wire.addEventListener("hello", ({ detail }) => this.setRecorded(detail.began, detail.recorded));
+  }
+
+  // When the recording that is shown begins and ends, in seconds; it ends at 0 where the swarm lives.
+  setRecorded(began, ended) {
+    this.recorded = ended > 0;
+    this.marks = [];
+    this.setAt(null);
+    this.root.hidden = !this.recorded;
+    this.root.classList.toggle("recorded", this.recorded);
+    if (this.recorded) this.setEnds(began, ended);
+  }
+
+  // What the station keeps, and what this page looks at.
+  setSpan(span) {
+    this.root.hidden = false;
+    this.strip.title = span.kept;
+    if (!this.recorded) this.setEnds(span.began, span.ended);
+    if (performance.now() - this.moved > HELD && !this.sought) this.setAt(span.at);
+    this.note(span);
+  }
+
+  setEnds(began, ended) {
+    this.began = began;
+    this.ended = Math.max(began, ended);
+    this.strip.setAttribute("aria-valuemin", began.toFixed(2));
+    this.strip.setAttribute("aria-valuemax", this.ended.toFixed(2));
+    this.find("from").textContent = clock(began);
+    this.find("until").textContent = clock(this.ended);
+    this.draw();
+  }
+
+  // The time of the picture that is on the map.
+  show(time) {
+    if (this.recorded && (this.sought || performance.now() - this.moved <= HELD)) return;
+    this.now = time;
+    this.draw();
+  }
+
+  // What is looked at: a time, or null for now.
+  setAt(time) {
+    const before = this.at;
+    this.at = time;
+    document.body.classList.toggle("past", time !== null);
+    this.root.classList.toggle("looking", time !== null);
+    if ((before === null) !== (time === null)) this.dispatchEvent(new CustomEvent("turned", { detail: time }));
+    this.draw();
+  }
+
+  note(span) {
+    const said = this.find("moment");
+    const ago = Math.max(0, span.ended - (span.at ?? span.ended));
+    let text = "";
+    if (span.at !== null) text = `${clock(span.at)}, ${ago < 60 ? `${Math.round(ago)} s` : clock(ago)} ago. Live goes on.`;
+    if (span.note) text += ` ${span.note}`;
+    else if (span.at !== null && !span.exact) text += " Running it again …";
+    if (said.textContent !== text) said.textContent = text;
+    said.title = text;
+  }
+
+  // Whether what is shown is not what is now.
+  get elsewhere() {
+    return this.recorded || this.at !== null;
+  }
+
+  // The strip's time: what is looked at, else what is shown.
+  get time() {
+    return this.at ?? this.now;
+  }
+
+  draw() {
+    const span = Math.max(1e-9, this.ended - this.began);
+    const part = Math.min(1, Math.max(0, (this.time - this.began) / span));
+    this.find("hand").style.left = `${100 * (this.at === null && !this.recorded ? 1 : part)}%`;
+    const text = this.at === null && !this.recorded ? `${clock(this.ended)}, live` : clock(this.time);
+    this.strip.setAttribute("aria-valuenow", Math.min(this.time, this.ended).toFixed(2));
+    if (this.strip.getAttribute("aria-valuetext") !== text) this.strip.setAttribute("aria-valuetext", text);
+    this.place(span);
+  }
+
+  setMarks(marks) {
+    this.marks = marks;
+    const line = this.find("marks");
+    line.replaceChildren(
+      ...marks.map((mark, index) => {
+        const button = document.createElement("button");
+        button.type = "button";
+        button.tabIndex = -1; // the strip's own keys go from mark to mark
+        button.className = `mark ${mark.kind}`;
+        button.dataset.index = String(index);
+        button.textContent = LETTERS[mark.kind] ?? "";
+        button.title = `${clock(mark.at)} ${mark.text}`;
+        button.setAttribute("aria-label", `${mark.kind} at ${clock(mark.at)}: ${mark.text}`);
+        return button;
+      }),
+    );
+    this.placed = 0;
+    this.draw();
+  }
+
+  // Put the marks where they belong on a strip of so many seconds.
+  place(span) {
+    if (this.placed === span || !this.marks.length) return;
+    this.placed = span;
+    [...this.find("marks").children].forEach((button, index) => {
+      button.style.left = `${(100 * Math.max(0, this.marks[index].at - this.began)) / span}%`;
+    });
+  }
+
+  // ---- going there
+
+  timeAt(event) {
+    const box = this.strip.getBoundingClientRect();
+    return this.began + (this.ended - this.began) * Math.min(1, Math.max(0, (event.clientX - box.left) / box.width));
+  }
+
+  press(event) {
+    if (event.button !== 0 || event.target.closest(".mark")) return;
+    this.strip.setPointerCapture(event.pointerId);
+    this.strip.focus();
+    event.preventDefault();
+    this.go(this.timeAt(event));
+  }
+
+  choose(event) {
+    const button = event.target.closest(".mark");
+    if (!button) return;
+    const mark = this.marks[Number(button.dataset.index)];
+    this.strip.focus();
+    this.go(mark.seen);
+    this.dispatchEvent(new CustomEvent("mark", { detail: mark }));
+  }
+
+  // Look at a time, and where the strip stands then if it is being dragged.
+  go(time) {
+    const wanted = Math.min(this.ended, Math.max(this.began, time));
+    this.moved = performance.now();
+    if (this.recorded) this.now = wanted;
+    else this.setAt(wanted);
+    this.draw();
+    this.dispatchEvent(new CustomEvent("jump", { detail: wanted }));
+    this.sought ||= setTimeout(() => {
+      this.sought = 0;
+      if (this.recorded) this.wire.tell("seek", { time: this.now });
+      else if (this.at !== null) this.wire.tell("look", { time: this.at });
+    }, SEEK_EVERY);
+  }
+
+  toLive() {
+    if (this.recorded || this.at === null) return;
+    clearTimeout(this.sought);
+    this.sought = 0;
+    this.moved = performance.now();
+    this.setAt(null);
+    this.find("moment").textContent = "";
+    this.wire.tell("look", { time: null });
+    this.dispatchEvent(new CustomEvent("jump", { detail: null }));
+  }
+
+  key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const step = (this.ended - this.began) / STEPS;
+    const steps = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageUp: BIG, PageDown: -BIG }[event.key];
+    if (steps && event.shiftKey) this.toMark(Math.sign(steps));
+    else if (steps) this.go(this.time + steps * step);
+    else if (event.key === "Home") this.go(this.began);
+    else if (event.key === "End" && this.recorded) this.go(this.ended);
+    else if (event.key === "End" || event.key === "Escape") this.toLive();
+    else return;
+    event.preventDefault();
+  }
+
+  // The next mark in a direction.
+  toMark(direction) {
+    const times = this.marks.map((mark) => mark.seen).filter((seen) => (seen - this.time) * direction > 1e-6);
+    if (!times.length) return;
+    const next = direction > 0 ? Math.min(...times) : Math.max(...times);
+    this.go(next);
+    this.dispatchEvent(new CustomEvent("mark", { detail: this.marks.find((mark) => mark.seen === next) }));
+  }
+}

@@ -1,0 +1,121 @@
+"""The past of a run: what is run again of a moment is what was so then, to the last bit."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import msgspec
+import pytest
+
+from sleepcast.console import incoming, outgoing
+from sleepcast.console.adapters.live_past import LivePast
+from sleepcast.console.adapters.swarm import SwarmAdapter
+from sleepcast.console.backend import Backend
+from sleepcast.console.connection import encode
+from sleepcast.console.driver import Driver
+from sleepcast.console.rerunner import RerunError
+from sleepcast.core.clock import WallClock
+from sleepcast.core.errors import SleepcastError
+from sleepcast.loop import Pace
+from sleepcast.simulator import Changes, Circle, find_scenario
+from swarms import desk_of, drive, swarm_of
+
+ROBOTS, LAST = 12, 60
+WALL_AT = 33
+
+
+@dataclass
+class Run:
+    """A run with its past, and what was seen of it when it went on. robots: by tick and index, as JSON."""
+
+    past: LivePast
+    desk: Backend
+    robots: dict[tuple[int, int], bytes] = field(default_factory=dict)
+    poses: dict[int, bytes] = field(default_factory=dict)
+    whys: dict[tuple[int, str], bytes] = field(default_factory=dict)
+
+
+@pytest.fixture(scope="module")
+def run() -> Iterator[Run]:
+    """Some robots of crowd, with all sorts of commands, a STOP, and a wall that somebody puts there."""
+    scenario = find_scenario("crowd", Changes(robots=ROBOTS))
+    swarm = swarm_of(scenario, seed=4)
+    station, view, clock = desk_of(swarm), SwarmAdapter(swarm), WallClock()
+    past = LivePast(view, swarm, station, clock)
+    found = Run(past, Backend(view, station, Driver(view, Pace(clock, swarm, 1.0), clock), clock))
+    for _ in range(LAST):
+        if swarm.simulator.tick == WALL_AT:
+            swarm.simulator.world.add(Circle(scenario.width / 2, scenario.height / 2, 1.0))
+        drive(swarm, 1)
+        found.poses[view.tick] = view.poses()
+        for robot in (0, 7):
+            news = found.desk.news(robot)
+            found.robots[view.tick, robot] = next(encode(each) for each in news if isinstance(each, outgoing.Robot))
+    for command in station.commands():
+        for robot in range(ROBOTS):
+            try:
+                why = found.desk.why(1, robot, command.id)
+            except SleepcastError:
+                continue
+            assert isinstance(why, msgspec.Struct)
+            found.whys[robot, command.id] = encode(why)
+    yield found
+    past._rerunner.close()
+
+
+def values(robot: bytes) -> object:
+    """What is known of a robot but for its reports, which the station keeps."""
+    return msgspec.structs.replace(msgspec.json.decode(robot, type=outgoing.Robot), said=[])
+
+
+def test_every_moment_is_as_it_was(run: Run) -> None:
+    async def look() -> None:
+        for tick in (50, 20, 21, 34, 33, 12, 60):
+            for robot in (0, 7):
+                found = await run.past.look(tick, robot)
+                assert found.tick == tick
+                assert found.poses == run.poses[tick]
+                assert values(found.said) == values(run.robots[tick, robot]), f"{robot} at {tick}"
+
+    asyncio.run(look())
+
+
+def test_every_robot_says_why_as_it_did(run: Run) -> None:
+    assert len(run.whys) > 40
+
+    async def ask() -> None:
+        for (robot, command), wanted in run.whys.items():
+            assert bytes(await run.past.why(LAST, incoming.Why(1, robot, command))) == wanted
+
+    asyncio.run(ask())
+
+
+def test_a_command_of_later_was_not_evaluated_yet(run: Run) -> None:
+    last = max(run.past.inputs.posted, key=lambda each: each[0] if each[1].kind == "command" else -1)[1]
+    with pytest.raises(RerunError, match="was sent later"):
+        asyncio.run(run.past.why(5, incoming.Why(1, 0, last.id)))
+
+
+def test_what_would_have_obeyed_then_is_told(run: Run) -> None:
+    async def ask() -> outgoing.Previewed:
+        found = await run.past.answer(40, incoming.Preview(1, "(WHEN (IN chosen_ones) (ST))"))
+        return msgspec.json.decode(bytes(found), type=outgoing.Previewed)
+
+    found = asyncio.run(ask())
+    assert found.counted
+    assert found.yes + found.no == ROBOTS
+    assert found.yes > 0
+
+
+def test_a_run_that_was_changed_otherwise_is_not_guessed() -> None:
+    scenario = find_scenario("crowd", Changes(robots=ROBOTS))
+    swarm = swarm_of(scenario, seed=4)
+    past = LivePast(SwarmAdapter(swarm), swarm, desk_of(swarm), WallClock())
+    drive(swarm, 11)
+    swarm.simulator.bodies.place(3, 1.0, 1.0, 0.0)  # as no command does
+    drive(swarm, 20)
+    with pytest.raises(RerunError, match="not where they were seen from 0:00:01 on"):
+        asyncio.run(past.look(25, 0))
+    past._rerunner.close()

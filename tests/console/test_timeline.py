@@ -1,0 +1,99 @@
+"""The timeline on a living page: the past is looked at while the run goes on, and one key leads back."""
+
+from __future__ import annotations
+
+import re
+import struct
+
+import pytest
+from playwright.sync_api import BrowserContext, expect
+
+from console.running import PATIENCE, Page, Program, open_page
+from console.test_page import until
+
+expect.set_options(timeout=1000 * PATIENCE)
+
+
+def time_of(frame: bytes) -> float:
+    return float(struct.unpack_from("<d", frame, 16)[0])
+
+
+def next_time(page: Page) -> float:
+    return time_of(page.frame())
+
+
+def running(page: Page, until: float) -> None:
+    """Let time run until then at least."""
+    page.tell("pace", running=True)
+    while next_time(page) < until:
+        pass
+
+
+def test_the_past_is_a_matter_of_one_page(program: Program) -> None:
+    with open_page(program) as one, open_page(program) as other:
+        running(one, 4.0)
+        one.ask("send", text="(WHEN (> battery 50%) (JOIN early))")
+        running(one, 8.0)
+        one.tell("look", time=2.0)
+        while next_time(one) != 2.0:
+            pass
+        span = one.until("span", lambda found: found["at"] == 2.0 and found["exact"])
+        assert span["ended"] > 8.0
+        assert span["note"] == ""
+        one.until("commands", lambda found: found["rows"] == [])
+        assert other.wait_for("span")["at"] is None
+        before = next_time(other)
+        while next_time(other) < before + 1.0:
+            pass
+        one.tell("look", time=None)
+        while next_time(one) < 9.0:
+            pass
+        one.until("commands", lambda found: len(found["rows"]) == 1)
+
+
+def test_what_is_sent_and_stopped_acts_on_now(program: Program) -> None:
+    with open_page(program) as page:
+        running(page, 10.0)
+        page.tell("look", time=1.0)
+        refused = page.ask("send", text="(WHEN (> battery 50%) (JOIN late))")
+        assert refused["type"] == "refused"
+        assert "Go back to live (F8)" in refused["reason"]
+        page.tell("stop")
+        page.until("safety", lambda found: found["latched"])
+        page.tell("release")
+        page.until("safety", lambda found: not found["latched"])
+
+
+@pytest.mark.browser
+def test_the_past_is_scrubbed_and_left_by_one_key(program: Program, context: BrowserContext) -> None:
+    with open_page(program) as page:
+        running(page, 20.0)
+        page.ask("send", text="(WHEN (> battery 60%) (JOIN marked_ones))")
+        running(page, 24.0)
+    screen = context.new_page()
+    complaints: list[str] = []
+    screen.on("pageerror", lambda error: complaints.append(str(error)))
+    screen.goto(program.address)
+    strip, clock, said = screen.locator("#scrub"), screen.locator("#clock"), screen.locator(".timeline .moment")
+    expect(strip).to_be_visible()
+    box = strip.bounding_box()
+    assert box is not None
+    screen.mouse.click(box["x"] + 0.25 * box["width"], box["y"] + 2)
+    expect(said).to_contain_text(re.compile(r"ago\. Live goes on\.$"))
+    expect(screen.locator("body")).to_have_class(re.compile(r"\bpast\b"))
+    stood = clock.inner_text()
+    until(screen, lambda: "ago" in said.inner_text() and clock.inner_text() == stood)
+    strip.press("Home")
+    expect(clock).to_have_text("0:00:00")
+    mark = screen.locator(".timeline .mark.command").last
+    mark.click()
+    expect(screen.locator("#commands tr[aria-selected=true] code")).to_contain_text("marked_ones")
+    screen.locator("#map").focus()
+    screen.keyboard.press("ArrowRight")
+    expect(screen.locator("#pane-why .verdict")).to_contain_text("matched")
+    screen.locator("#text").fill("(WHEN (> battery 60%) (ST))")
+    screen.keyboard.press("F8")
+    expect(screen.locator("body")).not_to_have_class(re.compile(r"\bpast\b"))
+    expect(said).to_be_empty()
+    until(screen, lambda: clock.inner_text() > "0:00:23")
+    assert not complaints

@@ -20,6 +20,7 @@ import pytest
 
 from cli.calling import LONGEST, called
 from cli.terminal import terminal
+from console.running import Program, open_page
 from sleepcast.api import progress
 from sleepcast.api.assembly import assemble
 from sleepcast.cli import main, run
@@ -268,6 +269,22 @@ def test_the_page_is_served_until_ctrl_c(arguments: tuple[str, ...]) -> None:
 def _in_use(port: int) -> bool:
     with socket.socket() as probe:
         return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def test_alerts_are_told_in_the_terminal(tmp_path: Path) -> None:
+    with Program("run", write(tmp_path), "--page", "--alert", "marked") as program:
+        with open_page(program) as seen:
+            seen.until("alerts", lambda said: said["alerts"][0]["count"] == 0)
+            assert seen.ask("send", text="(WHEN (< id 3) (MARK))")["type"] == "sent"
+            seen.until("alerts", lambda said: bool(said["firings"]))
+        assert program.end() == 130
+    assert re.search(r"^alert at 0:00:\d\d: marked: rover1, rover2$", program.said, re.MULTILINE)
+
+
+def test_an_alert_that_is_no_test_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path)
+    assert main(["run", str(tmp_path), "--page", "--port", "0", "--alert", "(> tim 2s)"]) == 2
+    assert "did you mean time?" in capsys.readouterr().err
 
 
 def test_no_argument_is_the_demo_of_bravo(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import re
 import struct
 import time
@@ -157,6 +158,24 @@ def counted(air: Page, text: str, which: str, count: int) -> None:
 def matched(air: Page, text: str) -> list[int]:
     """On how many robots each command with this text matched, the oldest first."""
     return [row["matched"] for row in air.news["commands"]["rows"] if row["text"] == text]
+
+
+def test_predicates_by_hand_work_on_the_air(air: Page) -> None:
+    found = air.ask("pick", marks=base64.b64encode(b"\x07\0").decode())
+    assert (found["type"], found["count"]) == ("picked", 3)
+    assert found["tests"]
+    assert air.ask("preview", text=f"(WHEN {found['tests'][0]} (MARK))")["yes"] == 3
+    spread = air.ask("spread", text="(> id 5)", at=6)
+    assert (sum(spread["every"]), spread["whole"]) == (12, True)
+    assert air.ask("addalert", text="(KNOWN winked)")["type"] == "refused"  # nobody has that name yet
+    sent = air.ask("wink", robot=4)["command"]
+    account = air.until("commands", lambda said: any(row["id"] == sent and row["matched"] for row in said["rows"]))
+    assert next(row["silent"] for row in account["rows"] if row["id"] == sent) == 0
+    name = air.news["hello"]["scene"]["names"][4]
+    assert air.ask("addalert", text="marked")["type"] == "alerted"
+    firing = air.until("alerts", lambda said: bool(said["firings"]))["firings"][-1]
+    assert name in firing["robots"]
+    air.ask("removealert", alert=firing["alert"])
 
 
 def test_in_stages_one_a_tenth_and_all(air: Page) -> None:

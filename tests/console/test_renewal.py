@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 import struct
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ from console.running import PATIENCE, Page, Program, open_page
 from sleepcast.api.assembly import assemble
 from sleepcast.cli.page_runs import Beginning, PageRuns, run_file
 from sleepcast.console.adapters.swarm import SwarmAdapter
+from sleepcast.console.alerts import LOOK_EVERY
 from sleepcast.console.backend import Backend
 from sleepcast.console.dialogue import Dialogue
 from sleepcast.console.driver import Driver
@@ -121,6 +123,23 @@ class TestRenewing:
                 if again:
                     asyncio.run(runs.desk.renewal(Renew(1)))
             assert hashes[0] == hashes[1]
+
+    def test_alerts_watch_the_new_run_too(self, tmp_path: Path) -> None:
+        maker = maker_of(tmp_path)
+        with runs_of(maker) as runs:
+            said: list[str] = []
+            runs.desk.alerts.watch(["marked"], said.append)
+            asyncio.run(runs.desk.renewal(Renew(1)))
+            (alert,) = runs.desk.alerts.shown().alerts
+            assert (alert.text, alert.count, alert.fired) == ("marked", -1, 0)
+            assert maker.swarm is not None
+            maker.swarm.introduce()
+            runs.desk.alerts.look()
+            runs.desk.send(1, "(WHEN (< id 3) (MARK))", False)
+            maker.swarm.run(5.0)
+            time.sleep(LOOK_EVERY)
+            runs.desk.driver.draw()
+            assert said == ["alert at 0:00:05: marked: rover1, rover2"]
 
     def test_what_cannot_be_built_leaves_the_old_run(self, tmp_path: Path) -> None:
         maker = maker_of(tmp_path)

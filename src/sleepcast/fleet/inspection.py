@@ -222,7 +222,9 @@ class FleetTelemetry:
 
     def _ask(self, test: Program, rows: Rows) -> Mask:
         """Have these robots report everything that the test reads from now on; returns which of them already do."""
-        minds = {self._minds[number] for number in np.unique(self._state.mind[rows.index]).tolist()}
+        one = self._state.one_mind
+        there = [one] if one is not None else distinct(self._state.mind[rows.index])[0].tolist()
+        minds = {self._minds[number] for number in there}
         slots, _ = reads_of(test, minds)
         reported = np.ones(rows.size, np.bool_)
         for slot in self._state.slots() if slots is None else sorted(slots & {*self._state.slots()}):

@@ -207,10 +207,9 @@ class Station:
             raise MisuseError(f"cannot say what {text} comes to without doing it")
         times = self._roster.reported[: len(self._roster)]
         told = self._clock.now() - times <= self.stale_after
-        wanted = np.arange(len(times)) if places is None else places
-        known = np.flatnonzero(told[wanted])
-        fresh = wanted[known]
-        found = np.full(len(wanted), nan)
+        known = np.flatnonzero(told if places is None else told[places])
+        fresh = known if places is None else places[known]
+        found = np.full(len(times) if places is None else len(places), nan)
         found[known], reason, _ = self._table.values(program, fresh)
         return found, RobotNames(self._roster.names, fresh[reason > 0])
 

@@ -197,7 +197,8 @@ export class NumberDrag {
     const beside = free <= most;
     const left = Math.max(beside ? free : 10, Math.min(number.left - desk.left - box.offsetWidth / 2, most));
     box.style.left = `${left}px`;
-    box.style.top = beside ? `${counts.top - desk.top - 4}px` : `${editor.top - desk.top - box.offsetHeight - 6}px`;
+    const below = Math.min(counts.top - 4, window.innerHeight - box.offsetHeight - 4); // not beyond the window
+    box.style.top = beside ? `${below - desk.top}px` : `${editor.top - desk.top - box.offsetHeight - 6}px`;
   }
 }
 

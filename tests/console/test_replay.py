@@ -222,6 +222,8 @@ def test_the_table_shows_what_was_recorded_at_that_time(page: Page) -> None:
     assert levels[0] > 50.0
     assert {row[1] for row in found["rows"]} == {"full"}
     assert {row[2][3] for row in found["rows"]} == {"1"}
+    names = {name["name"]: name["range"] for name in page.ask("names")["names"]}
+    assert (names["battery"][-2:], names["full"]) == (" %", f"{found['total']} robots")
     (wrong,) = rows(page, "turn")["columns"]
     assert "turn" in wrong["problem"]
 

@@ -41,6 +41,11 @@ def test_a_long_run_is_thinned_and_covers_everything() -> None:
     assert filled(50.0, 0.1).every == LEAST_EVERY
 
 
+def test_it_tells_how_close_together_the_samples_are() -> None:
+    assert Series(1).told() == "0 samples"
+    assert filled(10.0, 0.5).told() == "20 samples, one every 0.5 s"
+
+
 def test_where_time_goes_back_the_future_is_forgotten() -> None:
     series = filled(10.0, 1.0)
     assert series.due(4.5)

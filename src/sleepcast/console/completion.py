@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +13,7 @@ from sleepcast.core.units import shown_value
 from sleepcast.language import Constant, HostFunction, Variable
 from sleepcast.language.functions import BUILT_IN
 from sleepcast.language.symbols import Group, Operator, UserVariable
-from sleepcast.language.vocabulary import ACTIVE0, BUFFERS
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Vocabulary
 
 
 class ShownName(msgspec.Struct, frozen=True):
@@ -27,21 +29,23 @@ class ShownName(msgspec.Struct, frozen=True):
 def names_of(swarm: SwarmView) -> list[ShownName]:
     """Every name that means something to these robots now."""
     minds = swarm.minds
+    found = names_in(swarm.vocabulary, lambda variable: minds.column(variable.slot))
+    return found + [shown for name in minds.heard() if (shown := _learned(name, minds)) is not None]
+
+
+def names_in(vocabulary: Vocabulary, column: Callable[[Variable], NDArray[np.float64]]) -> list[ShownName]:
+    """The names that robots know from the start. column: gives the values of a variable on all of them."""
     found = [ShownName(f.name, "function", f.doc, usage=f.usage) for f in BUILT_IN.values()]
-    for binding in swarm.vocabulary.bindings.values():
+    for binding in vocabulary.bindings.values():
         if isinstance(binding, HostFunction):
             found.append(ShownName(binding.name, "robot", binding.doc, usage=binding.usage))
         elif isinstance(binding, Constant):
             found.append(ShownName(binding.name, "constant", binding.doc, shown_value(binding.value, "")))
         elif not ACTIVE0 < binding.slot < ACTIVE0 + BUFFERS:  # sixty-three flags would bury the other names
-            found.append(_variable(binding, minds))
-    return found + [shown for name in minds.heard() if (shown := _learned(name, minds)) is not None]
-
-
-def _variable(variable: Variable, minds: MindsView) -> ShownName:
-    quantity = variable.quantity
-    values = _range(minds.column(variable.slot), quantity.shown_as or quantity.unit)
-    return ShownName(variable.name, variable.kind.value, quantity.doc, values)
+            quantity = binding.quantity
+            values = _range(column(binding), quantity.shown_as or quantity.unit)
+            found.append(ShownName(binding.name, binding.kind.value, quantity.doc, values))
+    return found
 
 
 def _learned(name: str, minds: MindsView) -> ShownName | None:

@@ -182,7 +182,7 @@ class Plots:
         series = plot.series
         added = asked.after >= 0.0 and asked.thinned == series.thinned
         columns = series.after(asked.after if added else -1.0)
-        told = f"A sample at least every {series.every:.3g} s."
+        told = series.told()
         return outgoing.Plotted(asked.serial, columns, added, series.thinned, told, plot.problem)
 
     def _scatter(self, plot: PlotSpec) -> tuple[list[list[float | None]], str]:

@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 
 from sleepcast.console import incoming, outgoing
+from sleepcast.console.completion import ShownName, names_in
 from sleepcast.console.plots import Measure, Plots, PlotSpec
 from sleepcast.console.series import Sample, columns_of
 from sleepcast.console.values import Column, Index, Mask, suggested_of, unit_for
@@ -149,6 +150,15 @@ class RecordedValues:
 
     def suggested(self) -> list[str]:
         return suggested_of(self._film.vocabulary)
+
+    def known(self) -> list[ShownName]:
+        """The names that an expression may use, with the ranges of their values."""
+        self._look()
+        everybody = Rows.run(0, len(self.names))
+        found = names_in(self._film.vocabulary, lambda variable: self._state.column(variable.slot, everybody))
+        return found + [
+            ShownName(name, "group", range=f"{int(members.sum())} robots") for name, members in self.groups()
+        ]
 
     def _known(self) -> RecordedNames:
         names = self._film.marks_at(self._now()).names

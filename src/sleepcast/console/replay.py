@@ -145,8 +145,8 @@ class ReplayBackend:
         return commands_of(self._film, self.driver.time, serial)
 
     def names(self, serial: int) -> outgoing.Named:
-        """No names: nothing can be typed."""
-        return outgoing.Named(serial, [])
+        """The names that an expression may use, with the ranges of their values now."""
+        return outgoing.Named(serial, self.values.known())
 
     def preview(self, serial: int, text: str) -> NoReturn:
         """Refused."""

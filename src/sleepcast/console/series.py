@@ -69,6 +69,13 @@ class Series:
         self._times.append(time)
         self._samples.append(sample)
 
+    def told(self) -> str:
+        """How close together the samples are, in words."""
+        count = len(self._times)
+        if count < 2:
+            return f"{count} samples"
+        return f"{count} samples, one every {(self._times[-1] - self._times[0]) / (count - 1):.2g} s"
+
     def after(self, time: float) -> list[list[float | None]]:
         """The times later than this one, then the values of every line; None for unknown."""
         return columns_of(self._times, self._samples, self._lines, int(np.searchsorted(self._times, time, "right")))

@@ -12,7 +12,7 @@ const BOTTOM = 48;
 const POINT = 2; // pixels: half of a point of a scatter plot
 
 // The text of an SVG file. plot: as the station tells it; data: x and the lines; range: {x: [low, high], y: [low, high]}
-// as shown on the page; colours: {ink, quiet, grid, ground, lines}.
+// as shown on the page; colours: {ink, quiet, grid, ground, line}.
 export function figure(plot, data, range, colours) {
   const [left, right] = range.x;
   const [low, high] = range.y;
@@ -58,18 +58,18 @@ function axes(plot, range, toX, toY, colours) {
   return found;
 }
 
-function drawn(plot, [x, ...lines], toX, toY, { lines: inks }) {
+function drawn(plot, [x, ...lines], toX, toY, { line: ink }) {
   if (plot.kind === "scatter") {
     const points = x.map((value, at) => `M${toX(value) - POINT} ${toY(lines[0][at]) - POINT}h${2 * POINT}v${2 * POINT}h${-2 * POINT}z`);
-    return [element("path", { d: points.join(""), fill: inks[0], "fill-opacity": 0.6 })];
+    return [element("path", { d: points.join(""), fill: ink, "fill-opacity": 0.6 })];
   }
   if (plot.kind === "histogram") {
     const half = x.length > 1 ? (toX(x[1]) - toX(x[0])) * 0.46 : 20;
     const bars = x.map((value, at) => `M${toX(value) - half} ${toY(0)}V${toY(lines[0][at])}h${2 * half}V${toY(0)}z`);
-    return [element("path", { d: bars.join(""), fill: inks[0] })];
+    return [element("path", { d: bars.join(""), fill: ink })];
   }
   const found = lines.map((line, at) =>
-    element("path", { d: path(x, line, toX, toY), fill: "none", stroke: inks[at % inks.length], "stroke-width": at ? 1 : 2 }),
+    element("path", { d: path(x, line, toX, toY), fill: "none", stroke: ink, "stroke-opacity": at ? 0.55 : 1, "stroke-width": at ? 1 : 2 }),
   );
   return found.reverse(); // the main line lies over the others
 }

@@ -13,14 +13,13 @@ const SOON = 50; // ms until the rest of an answer is asked for
 const HEIGHTS = [110, 300]; // pixels of a chart: at least, at most
 const AROUND = 112; // pixels of the pane above and below a chart, so that one row of cards fits
 const TIMES = [0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 21600, 43200, 86400];
-const INKS = [2, 1, 3, 4, 6]; // the robots' colours that the lines take
 
 // The colours of the page, for charts.
 function inks() {
   const css = getComputedStyle(document.documentElement);
   const colour = (name) => css.getPropertyValue(name).trim();
-  const [ink, quiet, grid, ground] = ["--ink", "--muted", "--line", "--panel"].map(colour);
-  return { ink, quiet, grid, ground, lines: INKS.map((number) => colour(`--robot-${number}`)) };
+  const [ink, quiet, grid, ground, line] = ["--ink", "--muted", "--line", "--panel", "--accent"].map(colour);
+  return { ink, quiet, grid, ground, line };
 }
 
 // One plot: its card, its numbers, and its chart.
@@ -128,14 +127,14 @@ class Card {
 
   series(colours) {
     const { plot } = this;
-    const [ink] = colours.lines;
+    const ink = colours.line;
     if (plot.kind === "scatter") return [{ stroke: ink, paths: () => null, points: { show: true, size: 4, fill: ink, stroke: ink, width: 0 } }];
     if (plot.kind === "histogram") return [{ stroke: ink, fill: ink, paths: uPlot.paths.bars({ size: [0.92, 100] }), points: { show: false } }];
     return plot.lines.map((_, at) => ({ stroke: at ? `${ink}90` : ink, width: at ? 1 : 2, points: { show: false }, spanGaps: false }));
   }
 
   // Lines around the main one are pairs, from the outermost to the innermost: what lies between two is shaded.
-  bands({ lines: [ink] }) {
+  bands({ line: ink }) {
     const count = this.plot.lines.length;
     const found = [];
     for (let low = 2; low <= count / 2 + 0.5; low += 1) found.push({ series: [count + 2 - low, low], fill: `${ink}28` });

@@ -1,0 +1,300 @@
+"""Prints how the operator's page holds up in Chromium without a graphics card, and the bars beside it.
+
+    python -m benchmarks.page [--quick] [--json]
+
+Frames a second with every pane open, for 1,000, 10,000 and 100,000 robots of `bravo` (with the table in the drawer, and
+with the plots; the slower of the two counts); how evenly the table of 100,000 scrolls; the bytes that a page is sent
+while time runs and no robot moves; the time from the STOP key to the first picture in which every robot is stopped,
+while the table of 100,000 is sorted time and again; and what memory the page and the program gain in eight simulated
+hours. A frame counts when the page says that it has drawn it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from time import monotonic, sleep
+from typing import TYPE_CHECKING
+
+from benchmarks.programs import QUIET, Program, chromium
+from benchmarks.report import Bar, described, machine, middle, number, table
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+FRAMES = {1_000: 30.0, 10_000: 30.0, 100_000: 10.0}
+"""Frames a second at least, by number of robots."""
+CLOSE = 0.95
+"""Of a bar of frames that is also what the program sends at most: two clocks never agree to the last frame."""
+REST = 60.0
+"""kB a second at most, to a page whose robots stand."""
+STOP = 100.0
+"""ms at most from the key to the picture in which every robot is stopped."""
+HITCH = 100.0
+"""ms: a frame of the screen that takes longer is seen as a hitch while one scrolls."""
+GROWTH = 10.0
+"""Per cent at most that memory may grow between the first quarter and the end of a long run."""
+HOURS = 8.0
+SECONDS, QUICK_SECONDS = 6.0, 1.0
+STOPS, QUICK_STOPS = 9, 2
+PATIENCE = 300.0
+"""Seconds for what a busy machine may take."""
+
+LISTEN = """
+  window.__page = { drawn: 0, bytes: 0, stoppedAt: 0, pressedAt: 0 };
+  const Real = window.WebSocket;
+  window.WebSocket = class extends Real {
+    constructor(...how) {
+      super(...how);
+      this.addEventListener("message", ({ data }) => {
+        const found = window.__page;
+        found.bytes += data.byteLength ?? data.length;
+        if (typeof data === "string" || found.stoppedAt || !found.pressedAt) return;
+        const view = new DataView(data);
+        const count = view.getUint32(4, true);
+        if (view.getUint8(3) === 1) return;
+        const flags = new Uint8Array(data, 32 + 13 * count, count);
+        if (flags.every((flag) => flag & 1)) found.stoppedAt = performance.now();
+      });
+    }
+    send(text) {
+      if (text.includes('"drawn"')) window.__page.drawn += 1;
+      super.send(text);
+    }
+  };
+  window.addEventListener("keydown", (event) => {
+    if (event.key === "F9") Object.assign(window.__page, { pressedAt: performance.now(), stoppedAt: 0 });
+  }, true);
+"""
+SCROLL = """
+  (seconds) => new Promise((done) => {
+    const body = document.querySelector(".table-rows");
+    const begun = performance.now();
+    const times = [];
+    let last = begun;
+    const step = (now) => {
+      times.push(now - last);
+      last = now;
+      body.scrollTop = (body.scrollTop + 3000) % (body.scrollHeight - body.clientHeight);
+      if (now - begun < 1000 * seconds) requestAnimationFrame(step);
+      else done(times.slice(1));
+    };
+    requestAnimationFrame(step);
+  })
+"""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A value that was measured. bar: what it is held against."""
+
+    bar: Bar
+    detail: str = ""
+
+
+@contextmanager
+def opened(robots: int, *options: str) -> Iterator[tuple[Program, Page]]:
+    """Bravo's page, with time running, a robot chosen and everything shown that there is; and the program behind it."""
+    from playwright.sync_api import sync_playwright
+
+    arguments = ("demo", "bravo", "--robots", str(robots), "--seed", "7", "--run", *options)
+    with Program(*arguments) as program, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium(), args=QUIET)
+        page = browser.new_page(viewport={"width": 1440, "height": 900}, color_scheme="light")
+        page.set_default_timeout(1000 * PATIENCE)
+        page.add_init_script(LISTEN)
+        page.goto(program.address)
+        page.wait_for_function("() => window.__page.drawn > 3")
+        page.locator("#map").focus()
+        page.keyboard.press("ArrowRight")
+        yield program, page
+        browser.close()
+
+
+def show(page: Page, pane: str) -> None:
+    """Open a pane of the drawer."""
+    tab = page.locator(f"#drawer-{pane}")
+    if tab.get_attribute("aria-selected") != "true":
+        tab.click()
+    if pane == "table":
+        page.wait_for_function("() => document.querySelector('.table-row .table-cell')?.textContent")
+    else:
+        page.wait_for_function("() => document.querySelector('.plot canvas')")
+
+
+def rate(page: Page, what: str, seconds: float) -> float:
+    """How much more there is in a second of one of the page's counts."""
+    before, begun = float(page.evaluate(f"window.__page.{what}")), monotonic()
+    sleep(seconds)
+    after, ended = float(page.evaluate(f"window.__page.{what}")), monotonic()
+    return (after - before) / (ended - begun)
+
+
+def frames(robots: int, seconds: float) -> Found:
+    """Frames a second with all panes open."""
+    wanted = FRAMES[robots] * (CLOSE if FRAMES[robots] >= 30.0 else 1.0)
+    name = f"{robots:,} robots, all panes open"
+    with opened(robots) as (_, page):
+        rates, costs = {}, []
+        work = worked(page)
+        for pane in ("table", "plots"):
+            show(page, pane)
+            sleep(min(2.0, seconds))
+            before, drawn = work(), float(page.evaluate("window.__page.drawn"))
+            rates[pane] = rate(page, "drawn", seconds)
+            after = float(page.evaluate("window.__page.drawn"))
+            costs.append(1000.0 * (work() - before) / max(1.0, after - drawn))
+    slowest = min(rates, key=lambda pane: rates[pane])
+    detail = ", ".join(f"{pane} {number(each)}" for pane, each in rates.items())
+    detail += f"; {number(max(costs))} ms of the processor a frame"
+    return Found(Bar(name, rates[slowest], wanted, "frames/s"), detail)
+
+
+def worked(page: Page) -> Callable[[], float]:
+    """What gives the seconds of the processor that the page's own thread has used from now on."""
+    session = page.context.new_cdp_session(page)
+    session.send("Performance.enable", {"timeDomain": "threadTicks"})
+
+    def work() -> float:
+        metrics = session.send("Performance.getMetrics")["metrics"]
+        return float(next(each["value"] for each in metrics if each["name"] == "TaskDuration"))
+
+    return work
+
+
+def at_rest(seconds: float) -> Found:
+    """What a page is sent while robots stand and time runs; moving they need some more."""
+    with opened(1_000) as (_, page):
+        show(page, "table")
+        moving = rate(page, "bytes", seconds) / 1000.0
+        page.keyboard.press("F9")
+        page.wait_for_function("() => window.__page.stoppedAt > 0")
+        sleep(2.0)
+        found = rate(page, "bytes", max(3.0, seconds)) / 1000.0
+    bar = Bar("1,000 robots at rest, with the table open", found, REST, "kB/s", at_least=False)
+    return Found(bar, f"while they move {number(moving)}")
+
+
+def large_table(seconds: float, stops: int) -> list[Found]:
+    """The table of 100,000: how it scrolls, and how soon STOP holds while it is sorted."""
+    with opened(100_000) as (_, page):
+        show(page, "table")
+        page.locator("#run").click()
+        times = page.evaluate(SCROLL, seconds)
+        page.locator("#run").click()
+        page.evaluate(
+            """window.__sorting = setInterval(() => document.querySelectorAll(".table-sort")[3].click(), 50)"""
+        )
+        latencies = []
+        for _ in range(stops):
+            sleep(0.7)
+            page.keyboard.press("F9")
+            page.wait_for_function("() => window.__page.stoppedAt > 0")
+            latencies.append(float(page.evaluate("window.__page.stoppedAt - window.__page.pressedAt")))
+            page.locator("#release").click()
+            page.wait_for_function("() => document.getElementById('stopped').hidden")
+            page.evaluate("window.__page.pressedAt = 0")
+    hitches = sum(time > HITCH for time in times)
+    return [
+        Found(
+            Bar("scrolling the table of 100,000: hitches", float(hitches), 0.0, "frames over 100 ms", at_least=False),
+            f"{len(times)} frames of the screen, the longest {max(times):.0f} ms",
+        ),
+        Found(
+            Bar("STOP, while the table of 100,000 is sorted", middle(latencies), STOP, "ms", at_least=False),
+            f"{min(latencies):.0f} to {max(latencies):.0f}, {stops} times",
+        ),
+    ]
+
+
+def long_run(hours: float) -> list[Found]:
+    """What memory grows in so many simulated hours, as fast as they pass, with the plots open and a command an hour."""
+    first: tuple[float, float] | None = None
+    with opened(200, "--speed", "10000") as (program, page):
+        show(page, "plots")
+        quarter, told = hours / 4.0, 0
+        while (now := hour(page)) < hours:
+            if first is None and now >= quarter:
+                first = memory(program, page)
+            if int(now) > told:
+                told = int(now)
+                page.locator("#text").fill(f"(WHEN (> fuel {told}%) (JOIN g{told}))")
+                page.keyboard.press("Enter")
+            sleep(0.2)
+        last = memory(program, page)
+        drawn = int(page.evaluate("window.__page.drawn"))
+    assert first is not None
+    found = []
+    for name, before, after in zip(("page", "program"), first, last, strict=True):
+        bar = Bar(
+            f"{hours:g} simulated hours: memory of the {name}", 100 * (after / before - 1), GROWTH, "%", at_least=False
+        )
+        found.append(Found(bar, f"from {before:.1f} to {after:.1f} MB in {drawn:,} frames"))
+    return found
+
+
+def hour(page: Page) -> float:
+    """Simulated hours on the page's clock."""
+    parts = [float(part) for part in page.locator("#clock").inner_text().split(":")]
+    return parts[0] + parts[1] / 60.0 + parts[2] / 3600.0
+
+
+def memory(program: Program, page: Page) -> tuple[float, float]:
+    """MB in use by the page's script, after what is not needed was let go; and by the program."""
+    session = page.context.new_cdp_session(page)
+    session.send("HeapProfiler.collectGarbage")
+    session.send("Performance.enable")
+    metrics = {each["name"]: each["value"] for each in session.send("Performance.getMetrics")["metrics"]}
+    session.detach()
+    status = Path(f"/proc/{program.process.pid}/status").read_text()
+    resident = next(line.split()[1] for line in status.splitlines() if line.startswith("VmRSS"))
+    return metrics["JSHeapUsedSize"] / 1e6, float(resident) / 1e3
+
+
+def measure(*, quick: bool) -> Iterator[Found]:
+    """Everything, one after the other."""
+    seconds = QUICK_SECONDS if quick else SECONDS
+    for robots in [1_000] if quick else FRAMES:
+        yield frames(robots, seconds)
+    yield at_rest(seconds)
+    if not quick:
+        yield from large_table(seconds, STOPS)
+    yield from long_run(0.2 if quick else HOURS)
+
+
+def shown(found: Sequence[Found]) -> str:
+    """The table."""
+    rows = []
+    for each in found:
+        bar = each.bar
+        wanted = f"{'>=' if bar.at_least else '<='} {number(bar.wanted)}"
+        verdict = "met" if bar.met else "MISSED"
+        rows.append([bar.name, number(bar.value or 0.0), bar.unit, wanted, verdict, each.detail])
+    return table(["what", "found", "", "wanted", "", "in detail"], rows)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.page", description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="few robots, short: to see that it works")
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
+    options = parser.parse_args()
+    if chromium() is None:
+        sys.exit("no Chromium, or playwright is not installed")
+    about, found = machine(), []
+    for each in measure(quick=options.quick):
+        print(each.bar.text, file=sys.stderr, flush=True)
+        found.append(each)
+    if options.json:
+        rows = [{**asdict(each), "met": each.bar.met} for each in found]
+        print(json.dumps({"machine": about, "rows": rows, "met": all(each.bar.met for each in found)}))
+        return
+    print(f"{described(about)}\n\n{shown(found)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -83,6 +83,23 @@ def test_robots_are_where_they_say_they_are(air: Page) -> None:
         assert time.monotonic() < end, "they drive, and it is to be seen"
 
 
+def test_the_table_and_the_plots_show_telemetry(air: Page) -> None:
+    def rows() -> list[list[Any]]:
+        found = air.ask("rows", columns=["x", "id"], sort=1, descending=True, where="(< id 9)", count=20, again=True)
+        listed: list[list[Any]] = found["rows"]
+        return listed
+
+    end = time.monotonic() + PATIENCE
+    while len(found := rows()) < 8:
+        assert time.monotonic() < end, found
+    assert [cells[1] for _, _, cells in found] == [str(number) for number in range(8, 0, -1)]
+    assert all(cells[0] not in ("", "unknown") for _, _, cells in found)
+    plot = air.ask("plot", kind="time", x="id", what="max")["number"]
+    while (drawn := air.ask("plotted", number=plot)["columns"][1])[-1:] != [12.0]:
+        assert time.monotonic() < end, drawn
+    air.ask("unplot", number=plot)
+
+
 def test_robots_that_stand_because_of_their_store_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     live_in(tmp_path, monkeypatch)
     uri, store = f"udp://239.255.83.78:{free_port()}?interface=lo", tmp_path / "two.store"

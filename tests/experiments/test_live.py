@@ -9,7 +9,7 @@ import pytest
 import sleepcast as sc
 from sleepcast.core.errors import SleepcastError
 from sleepcast.experiments import live
-from sleepcast.experiments.live import live_measures
+from sleepcast.experiments.live import live_measures, recorded_measures
 
 
 def test_the_measures_of_an_experiment_are_taken_when_asked() -> None:
@@ -31,6 +31,14 @@ def test_series_of_the_scenario_itself_are_among_them() -> None:
 
 def test_a_scenario_without_an_experiment_has_none() -> None:
     assert live_measures(sc.open("crowd", robots=5)) == []
+
+
+def test_a_recording_names_them_and_says_what_is_not_in_it() -> None:
+    ((name, text, read),) = recorded_measures("vicsek")
+    assert (name, text) == ("order", "polarization")
+    with pytest.raises(SleepcastError, match="not in a recording"):
+        read()
+    assert recorded_measures("crowd") == []
 
 
 def test_of_too_many_robots_nothing_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -73,8 +73,10 @@ def replay(
             from sleepcast.console import Address, serve_backend
             from sleepcast.console.adapters.recorded_past import RecordedPast
             from sleepcast.console.adapters.recording import load_timeline
+            from sleepcast.console.plots import Measure
             from sleepcast.console.replay import ReplayBackend, ReplayDriver
             from sleepcast.core.clock import WallClock
+            from sleepcast.experiments.live import recorded_measures
 
             film = load_timeline(recording)
             interrupts.release()  # the server has a way of its own to end in good order
@@ -82,7 +84,8 @@ def replay(
                 film = replace(film, speed=speed)
             clock, address = WallClock(), Address(host, port, insecure, not no_browser, allow)
             past = RecordedPast(recording, film)
-            desk = ReplayBackend(film, ReplayDriver(film, clock, past), past=past)
+            measures = [Measure(*each) for each in recorded_measures(recording.scenario.name)]
+            desk = ReplayBackend(film, ReplayDriver(film, clock, past), measures, past=past)
             serve_backend(desk, clock, address=address, say=announce)
             return 0
         verdict = _verify(interrupts, recording, quiet=quiet) if verify else None

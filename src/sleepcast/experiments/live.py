@@ -31,6 +31,16 @@ def live_measures(fleet: SimulatedFleet) -> list[Taken]:
     return found
 
 
+def recorded_measures(scenario: str) -> list[Taken]:
+    """The measures of the experiment of a scenario, for a recording: what no expression stands for is not in it."""
+    experiment = experiment_of_scenario(scenario)
+    return [] if experiment is None else [(name, text, _not_recorded) for name, text in experiment.measures.items()]
+
+
+def _not_recorded() -> float:
+    raise SleepcastError("This is measured of a running swarm, and is not in a recording.")
+
+
 def _taken(measure: Callable[[SimulatedFleet], float], fleet: SimulatedFleet) -> float:
     """Raises SleepcastError for a fleet that is too large."""
     if len(fleet) > MOST_ROBOTS:

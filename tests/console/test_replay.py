@@ -264,7 +264,14 @@ def test_a_plot_of_a_recording_shows_all_of_it(page: Page) -> None:
     times, mean = found["columns"]
     assert (times[0], times[-1], times) == (0.0, SECONDS, sorted(times))
     assert mean[0] > mean[-1] > 0.0  # rovers drive, which takes charge
-    (shown,) = page.until("plots", lambda said: said["plots"] != [])["plots"]
+    counted = page.ask("plot", kind="time", x="(IN full)", what="count")["number"]
+    while (found := page.ask("plotted", number=counted))["more"]:
+        pass
+    members = dict(zip(*found["columns"], strict=True))
+    assert {count for time, count in members.items() if time < 4.9} == {0.0}
+    assert {count for time, count in members.items() if time > 6.0} == {max(members.values())} != {0.0}
+    page.ask("unplot", number=counted)
+    (shown,) = page.until("plots", lambda said: len(said["plots"]) == 1)["plots"]
     assert shown["units"] == ["s", "%"]
     page.ask("unplot", number=number)
 

@@ -102,6 +102,8 @@ class RecordedValues:
         self._state = FleetState(film.vocabulary, range(1, len(film.scene.names) + 1), 0)
         self._read: bytes | None = None
         """The readings that are in the columns."""
+        self._sensors: set[str] = set()
+        """Those of which there have been readings."""
 
     @property
     def names(self) -> Sequence[str]:
@@ -161,7 +163,7 @@ class RecordedValues:
         ]
 
     def _known(self) -> RecordedNames:
-        names = self._film.marks_at(self._now()).names
+        names = self._film.marks_at(self._film.seconds).names  # a group that comes later is empty
         return RecordedNames(self._film.vocabulary, {name.casefold(): Group(name) for name in names})
 
     def _look(self) -> None:
@@ -170,14 +172,18 @@ class RecordedValues:
         data = film.values.at(time)
         if data is not self._read:
             self._read = data
-            for name, values in ({} if data is None else _readings(data)).items():
-                variable = film.vocabulary.bindings.get(name.casefold())
-                if isinstance(variable, Variable) and len(values) == everybody.size:
-                    self._state.assign(variable.slot, everybody, np.array(values, np.float64))
+            columns = {} if data is None else _readings(data)
+            for name in self._sensors | columns.keys():
+                variable, values = film.vocabulary.bindings.get(name.casefold()), columns.get(name, [])
+                if isinstance(variable, Variable):
+                    known = len(values) == everybody.size
+                    self._state.assign(variable.slot, everybody, np.array(values, np.float64) if known else nan)
+            self._sensors |= columns.keys()
         flags = np.frombuffer(film.marks_at(time).flags, np.uint8)
         for slot, bit in FLAGS:
             self._state.assign(slot, everybody, (flags & bit > 0).astype(np.float64))
         self._state.assign(TIME_SLOT, everybody, float(time))
+        self._state.groups.clear()
         for name, members in self.groups():
             self._state.groups[name.casefold()] = members
 

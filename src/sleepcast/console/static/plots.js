@@ -115,7 +115,7 @@ class Card {
     const times = plot.kind === "time" ? { incrs: TIMES, values: (_, values) => values.map(clock) } : { values: (_, values) => values.map(short) };
     return {
       legend: { show: false },
-      padding: [8, 10, 0, 0],
+      padding: [8, 24, 0, 0],
       cursor: { sync: plot.kind === "time" ? { key: "time" } : undefined, drag: { x: true, y: false }, points: { show: plot.kind !== "scatter" } },
       scales: { x: { time: false, range: plot.kind === "histogram" ? around : undefined }, y: { range: (_, low, high) => rangeOf(plot, low, high) } },
       axes: [{ ...axis, size: 28, space: 70, ...times }, { ...axis, size: 52, values: (_, values) => values.map(short) }],

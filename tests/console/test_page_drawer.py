@@ -122,12 +122,12 @@ def test_plots_are_added_drawn_and_taken_along(rovers: Page, tmp_path: Path) -> 
     until(page, lambda: page.locator(".plot canvas").count() == 2)
     assert painted(page) > 0
 
-    head, *lines = read(saved(page, "text=CSV >> nth=2", tmp_path))
+    head, *lines = read(saved(page, ".plot >> text=CSV", tmp_path))
     assert head == ["time (s)", "mean battery (%)", "min battery (%)", "max battery (%)"]
     assert len(lines) > 1
     assert all(float(low) <= float(mean) <= float(high) for _, mean, low, high in lines)
-    assert saved(page, "text=PNG", tmp_path).read_bytes().startswith(b"\x89PNG")
-    drawing = saved(page, "text=SVG", tmp_path).read_text(encoding="utf-8")
+    assert saved(page, ".plot >> text=PNG", tmp_path).read_bytes().startswith(b"\x89PNG")
+    drawing = saved(page, ".plot >> text=SVG", tmp_path).read_text(encoding="utf-8")
     assert "range of battery" in drawing
     assert drawing.count("<path") > 10
 

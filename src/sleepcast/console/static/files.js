@@ -6,7 +6,7 @@ export function download(name, type, parts) {
   link.href = URL.createObjectURL(new Blob(parts, { type }));
   link.download = name;
   link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10000); // the browser has read it by then
+  setTimeout(() => URL.revokeObjectURL(link.href), 60000); // a browser may ask first where to
 }
 
 // Put text on the clipboard; whether that was possible. A page that is not served from this machine may not do it.

@@ -1,6 +1,7 @@
 // The map as a file: a picture (PNG) of what is seen, and a film (WebM) of what comes, both with the legend, the scale and the
 // time. The page makes them itself, from its own canvases.
 
+import { download } from "./files.js";
 import { drawLabel } from "./ground.js";
 import { picture } from "./shapes.js";
 import { gridStep } from "./view.js";
@@ -28,7 +29,7 @@ export class Filming {
 
   save() {
     this.compose();
-    this.sheet.toBlob((blob) => download(blob, `${this.name}.png`), "image/png");
+    this.sheet.toBlob((blob) => download(`${this.name}.png`, "image/png", [blob]), "image/png");
   }
 
   begin() {
@@ -46,7 +47,7 @@ export class Filming {
       clearTimeout(this.timer);
       this.recorder = null;
       this.show();
-      download(new Blob(parts, { type: "video/webm" }), `${name}.webm`);
+      download(`${name}.webm`, "video/webm", parts);
     });
     this.recorder = recorder;
     this.timer = setTimeout(() => recorder.stop(), 1000 * LONGEST);
@@ -93,11 +94,4 @@ export class Filming {
     const caption = `${step.label}     ${this.time()}`;
     drawLabel(pen, view, caption, 20 + step.metres * view.scale, view.height - 16, colours.ink, colours.area, "13px", []);
   }
-}
-
-function download(blob, name) {
-  const address = URL.createObjectURL(blob);
-  const link = Object.assign(document.createElement("a"), { href: address, download: name });
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(address), 60000); // a browser may ask first where to
 }

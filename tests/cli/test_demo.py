@@ -317,6 +317,7 @@ def test_no_argument_is_the_demo_of_bravo(monkeypatch: pytest.MonkeyPatch) -> No
             "insecure": False,
             "allow": (),
             "no_browser": False,
+            "alerts": (),
             "record": None,
             "record_pictures": None,
             "record_readings": None,

@@ -23,6 +23,8 @@ PHONE: ViewportSize = {"width": 390, "height": 844}
 WIDE: ViewportSize = {"width": 2560, "height": 1440}
 WORK = 4_000
 """ms on the wall that robots get for each command."""
+ANSWER = 500
+"""ms after which the station has said whether it sent a command."""
 PATIENCE = 60_000
 """ms for whatever the page has to do."""
 
@@ -62,12 +64,12 @@ def send_all(page: Page) -> None:
     ready = page.locator("#ready button")
     for number in range(ready.count()):
         ready.nth(number).click()
-        page.wait_for_function(
-            "!document.querySelector('#send').disabled || !document.querySelector('#everybody').hidden"
-        )
-        if page.locator("#everybody").is_visible():
-            page.locator("#everybody-yes").check()
-        page.locator("#send").click()
+        page.locator("#preview.known").wait_for()
+        while page.locator("#text").input_value():  # what is doubted is sent by a second click
+            if page.locator("#everybody").is_visible():
+                page.locator("#everybody-yes").check()
+            page.locator("#send:enabled").click()
+            page.wait_for_timeout(ANSWER)
         page.wait_for_timeout(WORK)
 
 

@@ -23,6 +23,8 @@ PHONE: ViewportSize = {"width": 390, "height": 844}
 WIDE: ViewportSize = {"width": 2560, "height": 1440}
 WORK = 4_000
 """ms on the wall that robots get for each command."""
+SETTLED = 300
+"""ms after which the page has taken another theme or size."""
 ANSWER = 500
 """ms after which the station has said whether it sent a command."""
 PATIENCE = 60_000
@@ -35,6 +37,7 @@ def photograph(scenario: str, folder: Path) -> list[Path]:
 
     def snap(page: Page, what: str) -> None:
         path = folder / f"{scenario}-{what}.png"
+        page.wait_for_timeout(SETTLED)
         page.screenshot(path=path)
         taken.append(path)
 
@@ -51,7 +54,6 @@ def photograph(scenario: str, folder: Path) -> list[Path]:
         snap(page, "later-light")
         for size, name in ((PHONE, "phone"), (WIDE, "wide")):
             page.set_viewport_size(size)
-            page.wait_for_timeout(500)
             snap(page, f"{name}-light")
             page.locator("#theme").click()
             snap(page, f"{name}-dark")

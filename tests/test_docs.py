@@ -183,8 +183,11 @@ def test_the_commands_of_the_tutorial_are_obeyed() -> None:
     assert len(sent) > 5
     for block in sent:
         for text in block.text.strip().split("\n\n"):
+            foretold = ("not told about", "divides by zero") if block.sort == "bravo-fault" else ("not told about",)
             findings = [
-                finding.message for finding in desk.check(text).findings if "not told about" not in finding.message
+                finding.message
+                for finding in desk.check(text).findings
+                if not any(words in finding.message for words in foretold)
             ]
             command = desk.send(text)
             swarm.run(PATIENCE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -154,6 +155,30 @@ def test_where_no_browser_is_a_view_is_a_picture() -> None:
     data, _ = found
     assert "<svg" in str(data["text/html"])
     assert str(data["text/plain"]).startswith("view of bravo: 20 robots")
+
+
+class Listener:
+    """What a view tells its page, as the page would read it."""
+
+    def __init__(self) -> None:
+        self.rows: list[dict[str, object]] = []
+
+    def tell(self, content: dict[str, object], picture: bytes | None = None) -> None:
+        said = json.loads(str(content.get("say", "{}")))
+        if said.get("type") == "commands":
+            self.rows = said["rows"]
+
+
+def test_what_is_sent_while_time_stands_still_waits(tmp_path: Path) -> None:
+    fleet = sc.open("bravo", robots=20, seed=7).run(1, quiet=True)
+    fleet.view()
+    desk, page = fleet._desk, Listener()
+    assert desk is not None
+    desk.view(page).take({"open": True})
+    fleet.send("(WHEN (> fuel 50%) (MARK))", wait=0)
+    assert [(row["waiting"], row["silent"], row["matched"]) for row in page.rows] == [("paused", 20, 0)]
+    fleet.run(2, quiet=True)
+    assert [(row["waiting"], row["silent"]) for row in page.rows] == [("", 0)]
 
 
 def test_too_many_robots_are_refused() -> None:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from sleepcast.channel.message import MAX_NAME, RULE
+
+if TYPE_CHECKING:
+    from sleepcast.station.remote import RemoteMind
 
 MOST_RULES = 256
 """Rules that are remembered: as many as a robot has; of further ones nothing is known."""
@@ -28,3 +32,18 @@ class RuleFailures:
             return
         self.names[key] = name
         self.robots.setdefault(key, {})[place] = now
+
+    def left(self, robots: Sequence[str], minds: Mapping[str, RemoteMind]) -> Iterator[tuple[str, list[int]]]:
+        """The key of each rule that is still deactivated on any robot, and their places, ascending. robots: their
+        names by place; minds: what their telemetry says, which ends it where it is of later and says so."""
+        for key, reported in self.robots.items():
+            there = [place for place, heard in reported.items() if _holds(minds.get(robots[place]), key, heard)]
+            if there:
+                yield key, sorted(there)
+
+
+def _holds(mind: RemoteMind | None, key: str, heard: float) -> bool:
+    """Whether a robot has still the rule that it reported at a time, and does not run it."""
+    if mind is None or mind.learned is None or mind.reported_at <= heard:
+        return True
+    return any(rule.name.casefold() == key and not rule.active for rule in mind.rules())

@@ -118,6 +118,20 @@ def test_what_is_typed_so_far_is_foreseen_and_what_is_wrong_pointed_at(seat: Sea
     assert (doubtful.spot.wrong, "did you mean fuel" in doubtful.spot.message) == (False, True)
 
 
+def test_unknown_tests_and_failing_rules_are_shown(seat: Seat) -> None:
+    assert seat.foreseen("(WHEN (> fuell 1) (ST))").startswith("would obey: yes 0, no 0, unknown 3 (its test has no")
+    assert not seat.session.enter("(WHEN (> fuell 1) (DRIVE 1))")
+    assert "no robot has fuell" in seat.session.said
+    assert seat.session.enter("(WHEN (> fuell 1) (DRIVE 1))")
+    seat.run(1.0)
+    assert "did not match 0, unknown 3, fault 0" in seat.shown(90)
+    assert "r1               U" in seat.shown()
+    assert "!" not in panes.robots_title(seat.session)
+    seat.station.send("(WHEN (> id 0) (RULE guard (/ 1 0)))", standing=True)
+    seat.run(2.0)
+    assert panes.robots_title(seat.session).endswith("; ! guard fails on 2")
+
+
 def test_a_robot_that_was_not_heard_of_late_decides_nothing(seat: Seat) -> None:
     seat.scene.isolate("r1")
     seat.run(20.0)

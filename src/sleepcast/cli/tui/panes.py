@@ -112,6 +112,8 @@ def robots_title(session: Session) -> str:
     size = session.station.fleet_size
     lost += max(0, size - len(roster))
     unheard = f" of {size}" if size > len(roster) else ""
+    failing = session.station.failures.left(session.station.names, minds)
+    shown += "".join(f"; ! {printable(session.station.failures.names[key])} fails on {len(on)}" for key, on in failing)
     return f"Robots {len(roster)}{unheard}: S {stopped}, L {lost}{', by age' if session.by_age else ''}{shown}"
 
 

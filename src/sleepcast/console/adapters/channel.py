@@ -217,21 +217,12 @@ class FleetAdapter:
 
     def failing(self) -> list[FailingRule]:
         """The rules that robots have deactivated because of faults, unless their telemetry says that this is over."""
-        failures = self._station.failures
-        found = []
-        for key, robots in failures.robots.items():
-            there = [place for place, heard in robots.items() if self._fails(place, key, heard)]
-            if there:
-                places = np.array(sorted(there), np.intp)
-                found.append(FailingRule(key, printable(failures.names[key]), places, len(places)))
+        failures, names = self._station.failures, self._station.names
+        found = (
+            FailingRule(key, printable(failures.names[key]), np.array(places, np.intp), len(places))
+            for key, places in failures.left(names, self._telemetry.minds)
+        )
         return most_first(found)
-
-    def _fails(self, place: int, key: str, heard: float) -> bool:
-        """Whether the robot at a place has still the rule that it reported then, and does not run it."""
-        mind = self._telemetry.minds.get(self._station.names[place])
-        if mind is None or mind.learned is None or mind.reported_at <= heard:
-            return True
-        return any(rule.name.casefold() == key and not rule.active for rule in mind.rules())
 
     def pings(self) -> bytes:
         """Pings go from robot to robot; the desk does not hear them."""

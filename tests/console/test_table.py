@@ -5,14 +5,20 @@ from __future__ import annotations
 import csv
 from io import StringIO
 from itertools import count
+from statistics import median
+from time import thread_time
 
 import numpy as np
 import pytest
 
 from console.test_backend import Stand, stand
+from sleepcast.api.assembly import assemble
 from sleepcast.console import incoming, outgoing
+from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.table import ASK, CSV_ROWS, RobotTable
+from sleepcast.console.values import TelemetryValues
 from sleepcast.core.errors import MisuseError
+from sleepcast.simulator import Changes, find_scenario
 
 __all__ = ["stand"]
 
@@ -156,3 +162,20 @@ def test_csv_is_of_one_moment_and_is_begun_at_its_beginning(
     with pytest.raises(MisuseError, match="from its beginning"):
         table.csv(incoming.Csv(next(serials), 2))
     assert CSV_ROWS > 15
+
+
+def test_sorting_a_hundred_thousand_robots_is_done_within_a_few_frames() -> None:
+    """So that a STOP waits no longer: the desk does one thing at a time."""
+    swarm, station = assemble(find_scenario("bravo", Changes(100_000)), 7, mission=False)
+    for _ in range(25):
+        swarm.step()  # until telemetry holds what is asked for
+    table = RobotTable(TelemetryValues(SwarmAdapter(swarm), station))
+    taken = []
+    for _ in range(5):
+        rows(table, "(DIST x y vessel_x vessel_y)", "fuel", sort=0, where="(> fuel 50%)", count=60)
+        swarm.step()
+        begun = thread_time()
+        found = rows(table, "(DIST x y vessel_x vessel_y)", "fuel", sort=0, where="(> fuel 50%)", count=60)
+        taken.append(thread_time() - begun)
+    assert 0 < found.total < 100_000
+    assert median(taken) < 0.05, taken

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import isnan
+from pathlib import Path
 
 import pytest
 
@@ -39,6 +40,18 @@ def test_a_recording_names_them_and_says_what_is_not_in_it() -> None:
     with pytest.raises(SleepcastError, match="not in a recording"):
         read()
     assert recorded_measures("crowd") == []
+
+
+def test_of_a_scenario_of_ones_own_they_stand_beside_it(tmp_path: Path) -> None:
+    file = tmp_path / "experiment.toml"
+    file.write_text('scenario = "crowd"\n[measures]\nfar = "max x"\nodd = "nowhere.spread"\n', encoding="utf-8")
+    fleet = sc.open("crowd", robots=5)
+    far, odd = (read for _, _, read in live_measures(fleet, tmp_path))
+    assert far() == fleet["x"].max()
+    with pytest.raises(SleepcastError, match="nowhere"):
+        odd()
+    file.write_text("measures = 5", encoding="utf-8")
+    assert live_measures(fleet, tmp_path) == []
 
 
 def test_of_too_many_robots_nothing_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -150,7 +150,9 @@ class PageRuns:
             warm.set()
 
         pace = Pace(self._clock, swarm, scenario.speed_up if speed is None else speed)
-        measures = [Measure(*each) for each in live_measures(SimulatedFleet(swarm, station))]
+        place = Path(wish.scenario)
+        folder = place if place.is_dir() else place.parent if place.is_file() else None
+        measures = [Measure(*each) for each in live_measures(SimulatedFleet(swarm, station), folder)]
         seen = SwarmAdapter(swarm)
         past = LivePast(seen, swarm, station, self._clock)
         return Run(seen, station, pace, prepare, self._shown_as(swarm, station, wish, warm), measures, past)

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from math import nan
+from pathlib import Path
 
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.errors import SleepcastError
 from sleepcast.experiments.measures import read_measure
-from sleepcast.experiments.plan import experiment_of_scenario
+from sleepcast.experiments.plan import experiment_of_scenario, read_experiment
 
 MOST_ROBOTS = 20_000
 """Robots of which a measure of the group as a whole is taken while a page is served: of more it takes too long between
@@ -19,33 +20,46 @@ Taken = tuple[str, str, Callable[[], float]]
 """A measure: its name, its text, and what gives its value now, NaN for unknown."""
 
 
-def live_measures(fleet: SimulatedFleet) -> list[Taken]:
-    """The measures of the scenario's experiment, and the time series that its own file asks for. Raises MisuseError for
-    an experiment in which something is wrong."""
+def live_measures(fleet: SimulatedFleet, folder: Path | None = None) -> list[Taken]:
+    """The measures of the scenario's experiment, and the time series that its own file asks for. folder: of a scenario
+    that is not of the gallery. What is wrong with a measure is said when it is taken: a page opens all the same."""
     scenario = fleet.swarm.simulator.scenario
-    experiment = experiment_of_scenario(scenario.name)
-    found: list[Taken] = []
-    for name, text in experiment.measures.items() if experiment is not None else ():
-        found.append((name, text, partial(_taken, read_measure(text), fleet)))
-    found += [(spec.name, spec.name, partial(_latest, fleet, spec.name)) for spec in scenario.measures]
-    return found
+    found = [(name, text, partial(_taken, text, fleet)) for name, text in _texts(scenario.name, folder).items()]
+    return [*found, *((spec.name, spec.name, partial(_latest, fleet, spec.name)) for spec in scenario.measures)]
+
+
+def _texts(scenario: str, folder: Path | None) -> dict[str, str]:
+    """What the experiment of a scenario measures, by name; nothing if there is none, or none that can be read."""
+    try:
+        file = None if folder is None else folder / "experiment.toml"
+        if file is not None and file.is_file():
+            return read_experiment(file).measures
+        experiment = experiment_of_scenario(scenario)
+    except SleepcastError:  # `sleepcast sweep` says what is wrong with it
+        return {}
+    return {} if experiment is None else experiment.measures
 
 
 def recorded_measures(scenario: str) -> list[Taken]:
     """The measures of the experiment of a scenario, for a recording: what no expression stands for is not in it."""
-    experiment = experiment_of_scenario(scenario)
-    return [] if experiment is None else [(name, text, _not_recorded) for name, text in experiment.measures.items()]
+    return [(name, text, _not_recorded) for name, text in _texts(scenario, None).items()]
 
 
 def _not_recorded() -> float:
     raise SleepcastError("This is measured of a running swarm, and is not in a recording.")
 
 
-def _taken(measure: Callable[[SimulatedFleet], float], fleet: SimulatedFleet) -> float:
-    """Raises SleepcastError for a fleet that is too large."""
+def _taken(text: str, fleet: SimulatedFleet) -> float:
+    """Raises SleepcastError for what cannot be measured, and for a fleet that is too large."""
     if len(fleet) > MOST_ROBOTS:
         raise SleepcastError(f"This is measured of at most {MOST_ROBOTS:,} robots while a page is open.")
-    return measure(fleet)
+    measure = read_measure(text)
+    try:
+        return measure(fleet)
+    except SleepcastError:
+        raise
+    except Exception as error:  # a function in Python may do anything, and the page goes on
+        raise SleepcastError(f"{type(error).__name__}: {error}") from error
 
 
 def _latest(fleet: SimulatedFleet, name: str) -> float:

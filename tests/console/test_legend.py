@@ -76,6 +76,19 @@ def test_a_line_lights_its_robots_and_follows_them(page: Page, chromium: Browser
         expect(phone.locator("#legend-lines li").first).to_be_hidden()
 
 
+def test_the_icon_of_the_robot_follows_the_theme(page: Page) -> None:
+    page.locator("#map").focus()
+    page.keyboard.press("ArrowUp")
+    icon = page.locator("#robot-state canvas")
+    expect(icon).to_be_visible()
+    read = "canvas => canvas.toDataURL()"
+    light = icon.evaluate(read)
+    page.locator("#theme").click()
+    until(page, lambda: icon.evaluate(read) != light)
+    page.locator("#theme").click()
+    until(page, lambda: icon.evaluate(read) == light)
+
+
 def test_the_map_and_pictures_agree_on_looks(page: Page) -> None:
     found = page.evaluate(
         """async () => {

@@ -2,7 +2,7 @@
 // that are highlighted. The desk finds the shortest test that holds for exactly these, and one press puts it into the
 // prompt.
 
-import { MOST_SHAPES, sizesOf } from "./swarm.js";
+import { few, MOST_SHAPES, sizesOf } from "./swarm.js";
 import { Refusal } from "./wire.js";
 
 const PAUSE = 150; // ms: several robots may be clicked one after the other
@@ -168,7 +168,7 @@ export class Selecting extends EventTarget {
     const colour = this.world.colours.chosen;
     if (this.count) {
       const sizes = sizesOf(view, scene);
-      const points = frame.count > MOST_SHAPES;
+      const points = !few(view, frame, MOST_SHAPES);
       const frames = new Path2D();
       for (let i = 0; i < Math.min(frame.count, this.marks.length); i += 1) {
         if (!this.marks[i]) continue;

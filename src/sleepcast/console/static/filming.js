@@ -24,7 +24,6 @@ export class Filming {
     this.sheet = document.createElement("canvas");
     buttons.picture.addEventListener("click", () => this.save());
     buttons.film.addEventListener("click", () => (this.recorder ? this.recorder.stop() : this.begin()));
-    world.addEventListener("drawn", () => this.recorder && this.compose());
   }
 
   save() {
@@ -47,12 +46,21 @@ export class Filming {
       clearTimeout(this.timer);
       this.recorder = null;
       this.show();
-      download(`${name}.webm`, "video/webm", parts);
+      if (parts.some(({ size }) => size)) download(`${name}.webm`, "video/webm", parts);
+      else this.said("The film was stopped before its first picture.");
     });
     this.recorder = recorder;
     this.timer = setTimeout(() => recorder.stop(), 1000 * LONGEST);
     recorder.start(1000);
     this.show();
+    this.film();
+  }
+
+  // One picture of the film, and the next ones: also while no robot moves, a film goes on.
+  film() {
+    if (!this.recorder) return;
+    this.compose();
+    requestAnimationFrame(() => this.film());
   }
 
   show() {

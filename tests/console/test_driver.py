@@ -6,7 +6,7 @@ import asyncio
 import struct
 from pathlib import Path
 from threading import Event
-from time import thread_time
+from time import sleep, thread_time
 
 import pytest
 
@@ -121,6 +121,26 @@ def test_the_server_has_its_turn_however_fast_time_is_wanted(driver: Driver) -> 
             waits.append(thread_time() - start)
         # One turn of the driver lies in between: a slice, its last tick, perhaps a frame.
         assert sorted(waits)[25] < 5 * SLICE
+
+    drive(driver, job)
+
+
+def test_an_answer_does_not_wait_for_a_long_tick_before_each_of_its_steps(driver: Driver) -> None:
+    ticks: list[float] = []
+
+    def tick(budget: float) -> int:
+        ticks.append(budget)
+        sleep(5 * SLICE)
+        return 1
+
+    driver.pace.keep_up = tick  # type: ignore[method-assign]
+
+    async def job() -> None:
+        await driver.frame_after(1)
+        before = len(ticks)
+        for _ in range(8):
+            await asyncio.sleep(0.0)
+        assert len(ticks) - before <= 3
 
     drive(driver, job)
 

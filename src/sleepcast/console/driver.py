@@ -21,6 +21,9 @@ from sleepcast.fleet.marks import Groups, flags_of
 
 SLICE = 0.004
 """Seconds for which ticks may run before the server is served: unnoticed by people, long against a switch."""
+MOST_TURNS = 16
+"""Turns of the server after one slice at most. A single tick may take as long as many slices; what a page says passes
+through some eight steps until it is answered, one in each turn, and would wait for a tick before each of them."""
 FRAME_PERIOD = 1.0 / 30.0
 """Seconds between two frames at least."""
 
@@ -101,8 +104,11 @@ class Driver(FrameSource):
             if now >= self._frame_due:
                 self.wait_a_frame(now)
                 self.draw()
-            busy = now - began >= SLICE
-            await asyncio.sleep(0.0 if busy else self._frame_due - self._clock.now())
+            turns = int((self._clock.now() - began) / SLICE)
+            for _ in range(min(turns, MOST_TURNS)):
+                await asyncio.sleep(0.0)
+            if not turns:
+                await asyncio.sleep(self._frame_due - self._clock.now())
 
     @property
     def waiting(self) -> bool:

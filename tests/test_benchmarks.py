@@ -199,6 +199,17 @@ def test_the_neighbours_benchmark_times_every_function_and_has_its_bar() -> None
     assert found["bar"]["value"] is None  # it is about ten thousand robots
 
 
+def test_the_past_benchmark_answers_every_question_and_has_its_bar() -> None:
+    command = [sys.executable, "-m", "benchmarks.past", "--robots", "60", "1000", "--quick", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert [row["robots"] for row in found["rows"]] == [60, 1000]
+    assert all(0.0 < row["look"] <= row["slowest"] and row["why"] > 0.0 for row in found["rows"])
+    (bar,) = found["bars"]
+    assert bar["value"] is None  # it is about ten minutes
+
+
 def test_the_sockets_benchmark_counts_what_a_broadcast_and_connections_take(tmp_path: Path) -> None:
     picture = tmp_path / "sockets.svg"
     options = ("--quick", "--json", "--robots", "3", "30", "--out", str(picture))

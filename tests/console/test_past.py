@@ -62,7 +62,7 @@ def run() -> Iterator[Run]:
             assert isinstance(why, msgspec.Struct)
             found.whys[robot, command.id] = encode(why)
     yield found
-    past._rerunner.close()
+    past.close()
 
 
 def values(robot: bytes) -> object:
@@ -118,4 +118,4 @@ def test_a_run_that_was_changed_otherwise_is_not_guessed() -> None:
     drive(swarm, 20)
     with pytest.raises(RerunError, match="not where they were seen from 0:00:01 on"):
         asyncio.run(past.look(25, 0))
-    past._rerunner.close()
+    past.close()

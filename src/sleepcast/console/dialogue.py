@@ -26,6 +26,8 @@ from sleepcast.station.validation import CountNeededError, DoubtError
 Answer: TypeAlias = msgspec.Struct | msgspec.Raw
 OF_THEN = (outgoing.Commands, outgoing.Groups, outgoing.Obstacles, outgoing.Robot)
 """News that are those of the time at which a page looks; all other news are of now."""
+ACTS = (incoming.Send, incoming.Wink, incoming.Build, incoming.Shift, incoming.Clear)
+"""What changes the run, which can be done only now."""
 QUESTIONS = (
     *(incoming.Preview, incoming.Spread, incoming.Pick, incoming.Names, incoming.Members),
     *(incoming.Sense, incoming.Rows, incoming.Range, incoming.Csv),
@@ -172,12 +174,12 @@ class Dialogue:
 
     def _of_then(self, message: incoming.Incoming, look: Look, past: Past) -> Answer | Awaitable[Answer] | None:
         """The answer of the time at which the page looks; None for what is a matter of now."""
+        if isinstance(message, ACTS):
+            raise MisuseError(
+                f"This page looks at {clock_time(look.time)}, and whatever is done acts on now. "
+                "Go back to live (F8), then do it."
+            )
         match message:
-            case incoming.Send():
-                raise MisuseError(
-                    f"This page looks at {clock_time(look.time)}, and commands act on now. "
-                    "Go back to live (F8), then send it."
-                )
             case incoming.Why():
                 return past.why(look.tick, message)
             case incoming.Commands(serial):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 
-STATE_EVERY = 0.5
+STATE_EVERY = 0.2
 """Seconds of a machine's work between two kept states: so long takes it at most to come from one to the next."""
 COST = 20
 """Times as long as it takes to keep a state must pass before the next one."""

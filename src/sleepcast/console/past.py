@@ -60,7 +60,11 @@ class Past:
         try:
             await self._live()
         finally:
-            self._rerunner.close()
+            self.close()
+
+    def close(self) -> None:
+        """Let go of the process that runs it again."""
+        self._rerunner.close()
 
     async def _live(self) -> None:
         await asyncio.Event().wait()

@@ -48,6 +48,8 @@ GOOD = {
     "pace": {"running": False, "factor": 2.5},
     "seek": {"time": 12.5},
     "look": {"time": 12.5},
+    "fork": {"serial": 1, "time": 12.5},
+    "ghosts": {"on": False},
     "step": {},
     "watch": {"robot": -1},
     "drawn": {"number": 7},

@@ -9,7 +9,7 @@ from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING
 
-from sleepcast.api.assembly import assemble, assemble_from, warm_up
+from sleepcast.api.assembly import assemble, assemble_from, station_of, warm_up
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.cli.streams import complain
 from sleepcast.console.adapters.live_past import LivePast
@@ -20,11 +20,12 @@ from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.settings import toml_document
 from sleepcast.experiments.live import live_measures
-from sleepcast.loop import MAX_MINDS, Pace, Swarm, load
+from sleepcast.loop import MAX_MINDS, Pace, Swarm, load, resume
 from sleepcast.simulator import Changes, Scenario, added_scenarios, find_scenario, scenario_names
 from sleepcast.simulator.scenario.scenario import FILE, GALLERY
 from sleepcast.simulator.scenario.world_settings import MAX_SEED
 from sleepcast.station import Journal, Station
+from sleepcast.station.journal.journal import MemoryJournal
 
 if TYPE_CHECKING:
     from sleepcast.api.recording import RecordingPlan
@@ -142,7 +143,26 @@ class PageRuns:
                 scenario, wish.seed, mission=False, threads=beginning.threads, journal=beginning.journal
             )
         tell("Opening the page")
-        speed = beginning.speed if wish.scenario == beginning.home else None
+        return self._run(swarm, station, wish)
+
+    def fork(self, run: Run, state: bytes) -> Run:
+        """A run that goes on from a state of this one, with its desk and its past."""
+        old, before = run.station, run.past
+        assert isinstance(before, LivePast)
+        swarm = resume(state, threads=self._beginning.threads, name="the state of this run")
+        station = station_of(swarm, None if isinstance(old.journal, MemoryJournal) else old.journal)
+        station.restore(old.state())
+        station.go_back(swarm.now())
+        swarm.desk = station
+        found = self._run(swarm, station, self._current, run.pace.factor)
+        assert isinstance(found.past, LivePast)
+        found.past.go_on(before, state)
+        return found
+
+    def _run(self, swarm: Swarm, station: Station, wish: Wish, speed: float | None = None) -> Run:
+        beginning = self._beginning
+        if speed is None and wish.scenario == beginning.home:
+            speed = beginning.speed
         scenario, warm = swarm.simulator.scenario, Event()
 
         def prepare() -> None:

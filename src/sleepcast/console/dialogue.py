@@ -13,6 +13,7 @@ from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
 from sleepcast.console.driver import FrameSource
 from sleepcast.console.film import commands_of
+from sleepcast.console.frames import ghosts
 from sleepcast.console.look import Look
 from sleepcast.console.marks import clock_time
 from sleepcast.console.outgoing import Refused, Robot
@@ -46,6 +47,8 @@ class Dialogue:
         self._look: Look | None = None
         self._marked = -1
         self.turned = asyncio.Event()
+        self._ghosts, self._ghost_tick = True, -1
+        """Whether the page is to be shown another future, and the tick of which it was told last."""
 
     @property
     def source(self) -> FrameSource:
@@ -56,7 +59,7 @@ class Dialogue:
         """The first words to a page, which knows nothing yet."""
         hello = self._desk.hello()
         data = encode(hello)
-        self._watched, self._marked, self._sent = -1, -1, {type(hello).__name__: data}
+        self._watched, self._marked, self._ghost_tick, self._sent = -1, -1, -1, {type(hello).__name__: data}
         return data.decode()
 
     def answer(self, message: incoming.Incoming) -> Answer | Awaitable[Answer] | None:
@@ -76,6 +79,8 @@ class Dialogue:
         match message:
             case incoming.Look(time):
                 self._look_at(time)
+            case incoming.Ghosts(on):
+                self._ghosts, self._ghost_tick = on, -1
             case incoming.Stop():
                 desk.stop()
             case incoming.Release():
@@ -131,7 +136,7 @@ class Dialogue:
                 return desk.sense(serial, robot)
             case incoming.Commands(serial):
                 return desk.commands(serial)
-            case incoming.Scenarios() | incoming.Setup() | incoming.Renew():
+            case incoming.Scenarios() | incoming.Setup() | incoming.Renew() | incoming.Fork():
                 if not isinstance(desk, RenewableBackend):
                     raise MisuseError(NOT_HERE)
                 return desk.renewal(message)
@@ -172,6 +177,21 @@ class Dialogue:
             self._look = None
             self.turned.set()
 
+    def ghosts(self) -> bytes:
+        """Where robots were in another future at what this page shows, as bytes for it; empty if it knows, or there is
+        none. No place is told once that future has ended."""
+        past = self._desk.past
+        if not self._ghosts or past is None or past.other is None:
+            return b""
+        time = past.ended if self._look is None else self._look.time
+        film = past.other.film
+        found = film.poses.at(time) if time <= film.seconds else None
+        tick, poses = (past.tick_of(film.seconds) + 1, b"") if found is None else found
+        if tick == self._ghost_tick:
+            return b""
+        self._ghost_tick = tick
+        return ghosts(poses)
+
     def _of_then(self, message: incoming.Incoming, look: Look, past: Past) -> Answer | Awaitable[Answer] | None:
         """The answer of the time at which the page looks; None for what is a matter of now."""
         if isinstance(message, ACTS):
@@ -199,6 +219,11 @@ class Dialogue:
             self._marked = past.marks.number
             yield outgoing.Marked(list(past.marks.all))
         span = outgoing.Span(past.film.began, past.ended, kept=past.kept)
+        if past.other is not None:
+            forked = past.other.tick * past.tick
+            span = msgspec.structs.replace(span, forked=forked, difference=past.other.difference)
+        if isinstance(self._desk, RenewableBackend):
+            span = msgspec.structs.replace(span, may_fork=True)
         if look is not None:
             span = msgspec.structs.replace(span, at=look.time, exact=look.exact, note=look.note)
         elif isinstance(self._desk, ReplayBackend):

@@ -29,6 +29,10 @@ from __future__ import annotations
 
 import struct
 
+GHOSTS = 255
+"""The first byte of something else than a frame: where robots were in another future. Three bytes follow, then u32 n
+and f32 x 3n as in a frame."""
+
 VERSION = 2
 
 _HEADER = struct.Struct("<BBBxIIIdff")
@@ -63,3 +67,8 @@ def repeats(frame: bytes, before: bytes) -> bool:
 def still(frame: bytes) -> bytes:
     """The frame for a page that has drawn all robots as they are in it."""
     return frame[:3] + _STILL + frame[4 : _HEADER.size]
+
+
+def ghosts(poses: bytes) -> bytes:
+    """Where robots were in another future."""
+    return struct.pack("<BxxxI", GHOSTS, len(poses) // 12) + poses

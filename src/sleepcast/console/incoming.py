@@ -315,6 +315,19 @@ class Look(Message):
     time: Annotated[float, Meta(ge=0.0, le=1e9)] | None = None
 
 
+class Fork(Message):
+    """Let the run go on from how it was at this time (s); what came after that becomes another future."""
+
+    serial: Serial
+    time: Annotated[float, Meta(ge=0.0, le=1e9)]
+
+
+class Ghosts(Message):
+    """Whether to show this page where the robots were in the other future."""
+
+    on: bool
+
+
 class Step(Message):
     """One tick, then stand still."""
 
@@ -388,6 +401,8 @@ Incoming = (
     | Pace
     | Seek
     | Look
+    | Fork
+    | Ghosts
     | Step
     | Watch
     | Drawn

@@ -51,6 +51,15 @@ class KeptStates:
         while self.size > self._most and len(self._ticks) > 2:
             self._leave_out()
 
+    def until(self, tick: int) -> KeptStates:
+        """Those of before a tick, to be added to by another run."""
+        found = KeptStates(1.0, self._most)
+        found._young = self._young
+        for at, state in zip(self._ticks, self._states, strict=True):
+            if at < tick:
+                found.add(at, state)
+        return found
+
     def before(self, tick: int) -> tuple[int, bytes] | None:
         """The last state up to this tick, None if there is none."""
         place = bisect_right(self._ticks, tick)

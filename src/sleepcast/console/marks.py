@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 import msgspec
 
 from sleepcast.console.account_table import CommandRow
+from sleepcast.fleet.failing import FailingRule
 
 MOST_MARKS = 300
 """Marks that are kept, the latest: more cannot be told apart on a screen."""
@@ -37,6 +38,8 @@ class Marks:
         """How many there have been."""
         self._known: dict[str, int] = {}
         """The commands that have a mark, each with the faults that were told."""
+        self._failing: set[str] = set()
+        """The rules whose failing has a mark."""
         self._groups: dict[str, tuple[float, int]] = {}
         """When each group had its last mark, and its members when it was looked at last."""
 
@@ -58,6 +61,21 @@ class Marks:
             if row.fault and not self._known[row.id]:
                 self.add(time, "fault", f"{_robots(row.fault)}: fault in {row.text}", command=row.id)
                 self._known[row.id] = row.fault
+
+    def failing(self, time: float, rules: Iterable[FailingRule]) -> None:
+        """Which rules fail at this time."""
+        for rule in rules:
+            if rule.key not in self._failing:
+                self._failing.add(rule.key)
+                self.add(time, "fault", f"rule {rule.name} fails on {_robots(len(rule.robots))}: {rule.reason}")
+
+    def take(self, other: Marks, until: float) -> None:
+        """Go on from what another run had up to a time."""
+        self.all.extend(mark for mark in other.all if mark.seen <= until)
+        self.number = other.number + 1
+        here = {mark.command for mark in self.all}
+        self._known = {command: faults for command, faults in other._known.items() if command in here}
+        self._failing = {key for key in other._failing if any(mark.kind == "fault" for mark in self.all)}
 
     def groups(self, time: float, names: Sequence[str], counts: Sequence[int]) -> None:
         """How many are in each group at this time."""

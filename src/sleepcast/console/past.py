@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 from bisect import bisect_right
+from dataclasses import dataclass
 from typing import NoReturn
 
 import msgspec
@@ -22,6 +23,18 @@ from sleepcast.console.rerunner import Deed, Found, Moment, Question, RerunError
 from sleepcast.loop.rerun import Inputs
 
 
+@dataclass(slots=True)
+class OtherFuture:
+    """Another run that was the same up to a tick. film, inputs: of it. state: at that tick. difference: the first, in
+    words; "" while there is none, or it is looked for."""
+
+    tick: int
+    film: Timeline
+    inputs: Inputs
+    state: bytes
+    difference: str = ""
+
+
 class Past:
     """See the module. film: what was seen. tick: seconds in a tick. telemetry: ticks between two reports of a robot.
     inputs, states: what came from outside, and from where it can be run again; they grow. run: counts the runs of one
@@ -33,6 +46,8 @@ class Past:
         self.marks = Marks()
         self.run = 1
         self._telemetry, self._rerunner = telemetry, rerunner
+        self.other: OtherFuture | None = None
+        """What came in another run after the moment from which this one goes on."""
 
     @property
     def ended(self) -> float:
@@ -114,6 +129,15 @@ class Past:
         if found.differs is not None:
             raise RerunError(self.difference(found.differs))
         return found
+
+    async def compare(self, other: OtherFuture, tick: int) -> None:
+        """Find the first difference to another future, which there is up to this tick. Raises RerunError."""
+        base = other.tick
+        mine, yours = (each.between(base, tick) for each in (self.inputs, other.inputs))
+        moments = [Moment(self.run, base, other.state, tick, inputs) for inputs in (mine, yours)]
+        found = await self._rerunner.ask(Question("compare", moments[0], other=moments[1]))
+        if found.said:
+            other.difference = f"{clock_time(found.tick * self.tick)} (tick {found.tick:,}): {found.said.decode()}"
 
     def check(self, tick: int) -> None:
         """Raises RerunError where a tick cannot be run again, or not now."""

@@ -10,7 +10,7 @@ pressed while the next one is built keeps the old one.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field
 from types import TracebackType
@@ -21,7 +21,8 @@ import numpy as np
 
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver, aside
-from sleepcast.console.incoming import Renew, Scenarios, Setup
+from sleepcast.console.incoming import Fork, Renew, Scenarios, Setup
+from sleepcast.console.marks import clock_time
 from sleepcast.console.outgoing import Hello, Said
 from sleepcast.console.past import Past
 from sleepcast.console.plots import Measure
@@ -132,6 +133,9 @@ class RunMaker(Protocol):
         """A run as wished. tell: told what is done, as it begins; what it raises ends the work. Raises SleepcastError
         for what cannot be had."""
 
+    def fork(self, run: Run, state: bytes) -> Run:
+        """A run that goes on from a state of this one. Raises SleepcastError."""
+
 
 class GivenUpError(MisuseError):
     """The run that was being built is not wanted any more."""
@@ -144,7 +148,7 @@ class Runs:
         self.number = 1
         self.step = ""
         """What is being done to build another run."""
-        self._maker, self._clock, self._first = maker, clock, first
+        self._maker, self._clock, self._first, self._run = maker, clock, first, first
         self._around = ExitStack()
         self._changed = asyncio.Event()
         self._given_up = ""
@@ -188,14 +192,33 @@ class Runs:
     async def renew(self, serial: int, wish: Wish | None) -> Renewed:
         """Show another run, as wished or (None) as the one on the page was at its start. Raises SleepcastError; then
         the one on the page goes on."""
+
+        async def make() -> Run:
+            return await aside(lambda: self._maker.make(wish or self._maker.current, self._tell))
+
+        return await self._follow(serial, "Reading the scenario", make)
+
+    async def fork(self, serial: int, time: float) -> Renewed:
+        """Show a run that goes on from how this one was at a time. Raises SleepcastError; then this one goes on."""
+        past = self.desk.past
+        if past is None:
+            raise MisuseError("Nothing is kept of this run, so it cannot go on from an earlier moment.")
+
+        async def make() -> Run:
+            state = await past.state(past.tick_of(time))
+            return await aside(lambda: self._maker.fork(self._run, state))
+
+        return await self._follow(serial, "Going back", make)
+
+    async def _follow(self, serial: int, step: str, make: Callable[[], Awaitable[Run]]) -> Renewed:
         if self.step:
             raise MisuseError("Another run is being built already.")
         old = self.desk
         paused = old.driver.pace.paused
         old.driver.set_pace(running=False)
-        self.step, self._given_up = "Reading the scenario", ""
+        self.step, self._given_up = step, ""
         try:
-            run = await aside(lambda: self._maker.make(wish or self._maker.current, self._tell))
+            run = await make()
             self._tell(self.step)  # given up at the last moment
             around = ExitStack()
             around.enter_context(run.around)
@@ -207,6 +230,7 @@ class Runs:
         self._around.close()
         self._around = around
         self.number += 1
+        self._run = run
         self.desk = self._desk(run, waits=True)
         self.desk.alerts.adopt(old.alerts)
         old.over = True
@@ -240,7 +264,7 @@ class RenewableBackend(Backend):
         super().stop()
         self._runs.give_up("STOP was pressed: the new run was not started, and STOP holds in this one.")
 
-    async def renewal(self, message: Scenarios | Setup | Renew) -> Said:
+    async def renewal(self, message: Scenarios | Setup | Renew | Fork) -> Said:
         """The answer to what a page asks about other runs. Raises SleepcastError."""
         match message:
             case Scenarios(serial):
@@ -248,6 +272,8 @@ class RenewableBackend(Backend):
             case Setup(serial, scenario):
                 return await self._runs.choices(serial, scenario)
         self._refuse_doubt()
+        if isinstance(message, Fork):
+            return await self._runs.fork(message.serial, message.time)
         seed = None if message.seed is None else int(message.seed)
         same = not message.scenario
         wish = None if same else Wish(message.scenario, seed, message.robots, message.values)
@@ -272,7 +298,11 @@ class RenewableBackend(Backend):
         yield from super().news(watched)
 
     def _note(self) -> Note:
-        if self._number > 1 and self.driver.waiting:
+        if self.past is not None and self.past.other is not None:
+            if self.driver.waiting:
+                at = clock_time(self.past.other.tick * self.past.tick)
+                return Note(f"This run goes on from {at}: start it, or send a command. The other future is on the map.")
+        elif self._number > 1 and self.driver.waiting:
             return Note("This is a new run, another world: nothing that was sent before holds in it, STOP neither.")
         exhausted = self._swarm.exhausted()
         if exhausted is None or not exhausted.any():

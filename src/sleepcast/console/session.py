@@ -88,6 +88,8 @@ class Session:
             known, number = source.changed <= number, source.number
             self._drawn.clear()
             await self._line.send(still(frame) if known else frame)
+            if ghosts := self._dialogue.ghosts():
+                await self._line.send(ghosts)
             await self._drawn.wait()
 
     async def _next_frame(self, source: FrameSource, number: int) -> bytes:

@@ -150,6 +150,13 @@ class Answers(Mapping[str, Answer]):
             self._fault[robots] = np.where(fault > 0, fault + len(self._faults), 0)
             self._faults += faults
 
+    def go_back(self, time: float) -> None:
+        """Forget what was answered after `time`, s."""
+        late = self._heard > time
+        if late.any():
+            self._outcome[: len(late)][late] = 0
+            self._count = int(np.count_nonzero(self._outcome))
+
     def make_room(self) -> None:
         """Robots may have enrolled since the command was sent, and before the first answer there are no columns."""
         self._outcome = _longer(self._outcome, len(self.names))
@@ -603,6 +610,15 @@ class SentCommands:
         most = max(1, min(MAX_COMMANDS, MAX_ANSWERS // max(1, roster)))
         while len(self._commands) > most:
             del self._commands[next(iter(self._commands))]
+
+    def go_back(self, time: float) -> None:
+        """Forget what was sent and answered after `time`, s."""
+        self._commands = {key: each for key, each in self._commands.items() if each.message.issued <= time}
+        self._looks.clear()
+        latches = [each for each in self._commands.values() if each.kind in (Kind.STOP, Kind.RELEASE)]
+        self.latch = latches[-1] if latches else None
+        for command in self._commands.values():
+            command.answers.go_back(time)
 
     def state(self) -> tuple[list[CommandState], CommandState | None]:
         """The commands and the latch."""

@@ -108,6 +108,11 @@ class Roster:
         self.heard = state.heard.made(np.float64, shape, "when robots were heard")
         self.reported = state.told.made(np.float64, shape, "times of telemetry")
 
+    def go_back(self, time: float) -> None:
+        """Nobody was heard after `time`, s."""
+        np.minimum(self.heard, time, out=self.heard)
+        np.minimum(self.reported, time, out=self.reported)
+
     def observe(self, robots: Index | slice, now: float) -> None:
         """Store that the telemetry of these robots is of `now`, which may be some time ago."""
         self.heard[robots] = np.maximum(self.heard[robots], now)

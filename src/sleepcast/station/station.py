@@ -173,6 +173,16 @@ class Station:
             if isinstance(self.journal, MemoryJournal):
                 restore_journal(self.journal, desk.journal, self._roster.names)
 
+    def go_back(self, time: float) -> None:
+        """Know what it knew at `time`, s of its clock, of the commands that it has: for a run that goes on from then.
+        Numbers of messages are not used twice."""
+        with self._lock:
+            self._sent.go_back(time)
+            kept = [report for report in self.reports if report.heard <= time]
+            self.reports.clear()
+            self.reports.extend(kept)
+            self._roster.go_back(time)
+
     # ---- before sending
 
     def check(self, text: str) -> Checked:

@@ -22,6 +22,7 @@ from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
 from sleepcast.console.dialogue import Dialogue
+from sleepcast.console.differences import first_difference
 from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import show_why
 from sleepcast.console.kept import Diary
@@ -138,6 +139,8 @@ class Past:
                 return self._advance(question)
             case "why":
                 return self._why(question)
+            case "compare":
+                return self._compare(question)
         again = self._at("look", question)
         if question.deed == "state":
             return Found(again.rerun.tick, state=copy_of(again.swarm).packed(), differs=again.differs)
@@ -222,6 +225,21 @@ class Past:
             if now - began > question.patience:
                 break
         return Found(again.rerun.tick, differs=again.differs)
+
+    def _compare(self, question: Question) -> Found:
+        """Run both futures side by side up to their first difference."""
+        if question.other is None:
+            raise RerunError("There is no other future.")
+        self._swarms.clear()
+        futures = [_Again(moment, resume(moment.state), ()) for moment in (question.moment, question.other)]
+        one, other = futures
+        while one.rerun.tick < question.moment.tick:
+            one.step(question.moment)
+            other.step(question.other)
+            found = first_difference(one.swarm, other.swarm)
+            if found is not None:
+                return Found(one.rerun.tick, said=found.encode())
+        return Found(one.rerun.tick)
 
     def _why(self, question: Question) -> Found:
         """Run on from before a command until the robot has evaluated it."""

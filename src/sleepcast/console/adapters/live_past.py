@@ -6,6 +6,7 @@ many fewer are taken from then on. A state is copied between two ticks, and comp
 
 from __future__ import annotations
 
+import asyncio
 from threading import Thread
 
 from sleepcast.channel import Message
@@ -13,10 +14,10 @@ from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.console.account_table import AccountTable, CommandRow
 from sleepcast.console.adapters.again import serve_past
 from sleepcast.console.adapters.swarm import SwarmAdapter
-from sleepcast.console.film import Marks, Timeline
+from sleepcast.console.film import Kind, Marks, Timeline, Track
 from sleepcast.console.kept import Diary
-from sleepcast.console.past import Past
-from sleepcast.console.rerunner import Rerunner
+from sleepcast.console.past import OtherFuture, Past
+from sleepcast.console.rerunner import RerunError, Rerunner
 from sleepcast.core.clock import Clock
 from sleepcast.fleet.marks import Groups, flags_of
 from sleepcast.loop import Swarm
@@ -53,6 +54,44 @@ class LivePast(Past):
         self._diary, self._packing, self._began = Diary(), False, 0.0
         self._packed: tuple[int, bytes, float] | None = None
         swarm.witnesses.append(self)
+        self._diverged = asyncio.Event()
+
+    def go_on(self, before: LivePast, state: bytes) -> None:
+        """This run goes on from a state of another one, whose past is this one's, too."""
+        tick, now = self._view.tick, self._view.now()
+        film, old = self.film, before.film
+        film.began = old.began
+        cut(film.poses, old.poses, now)
+        cut(film.marks, old.marks, now)
+        cut(film.obstacles, old.obstacles, now)
+        cut(film.rows, old.rows, now)
+        self._groups.expect(film.marks_at(now).names)
+        self._every = before._every
+        self._size = sum(len(data) for _, data in film.poses.values) + sum(map(_size, film.marks.values))
+        earlier = before.inputs.between(-1, tick)
+        self.inputs.posted[:0], self.inputs.changes[:0] = earlier.posted, earlier.changes
+        self.states = before.states.until(tick)
+        self.states.add(tick, state)
+        self.marks.take(before.marks, now)
+        self.run = before.run + 1
+        self.other = OtherFuture(tick, old, before.inputs, state)
+
+    async def _live(self) -> None:
+        """Look for the first difference to another future, as soon as robots are elsewhere."""
+        await self._diverged.wait()
+        if self.other is not None:
+            try:
+                await self.compare(self.other, self._view.tick)
+            except RerunError as error:
+                self.other.difference = str(error)
+        await super()._live()
+
+    def _look_for_difference(self, tick: int, poses: bytes) -> None:
+        if self.other is None or self._diverged.is_set():
+            return
+        there = self.other.film.poses.at(self._view.now())
+        if there is not None and there[0] == tick and there[1] != poses:
+            self._diverged.set()
 
     # ---- as a witness of the swarm
 
@@ -89,11 +128,13 @@ class LivePast(Past):
         film, minds, now = self.film, self._view.minds, self._view.now()
         poses = self._view.poses()
         film.poses.add(now, (self._view.tick, poses))
+        self._look_for_difference(self._view.tick, poses)
         codes, flags = self._groups.look(minds), flags_of(minds, self._view.exhausted())
         marks = Marks(codes, flags, tuple(self._groups.names), self._groups.second, self._view.colours())
         if film.marks.at(now) != marks:
             film.marks.add(now, marks)
             self._size += _size(marks)
+        self.marks.failing(now, self._view.failing())
         self.marks.groups(now, self._groups.names, self._groups.counts)
         rows = self._accounts.rows()
         for row in rows:
@@ -140,6 +181,12 @@ class LivePast(Past):
 
     def _pack(self, tick: int, copy: SwarmCopy, began: float) -> None:
         self._packed = tick, copy.packed(), self._clock.now() - began
+
+
+def cut(into: Track[Kind], track: Track[Kind], time: float) -> None:
+    """Have what a track has up to a time."""
+    count = track.before(time)
+    into.times, into.values = track.times[:count], track.values[:count]
 
 
 def _size(marks: Marks) -> int:

@@ -9,6 +9,7 @@ import { Drawer } from "./drawer.js";
 import { Failing } from "./failing.js";
 import { Filming } from "./filming.js";
 import { Finder } from "./finder.js";
+import { ghostsOf } from "./ghosts.js";
 import { Layers } from "./layers.js";
 import { Legend } from "./legend.js";
 import { Lights } from "./light.js";
@@ -120,6 +121,9 @@ wire.addEventListener("frame", ({ detail }) => {
   document.body.classList.toggle("waiting", world.frame.waiting);
   prompt.setWaiting(world.frame.waiting);
 });
+
+wire.addEventListener("ghosts", ({ detail }) => world.setGhosts(ghostsOf(detail)));
+timeline.addEventListener("ghosts", ({ detail }) => detail || world.setGhosts(null));
 
 world.addEventListener("drawn", ({ detail }) => wire.tell("drawn", { number: detail.number }));
 

@@ -2,6 +2,7 @@
 // happened. A page that looks at the past says so, and one key brings it back to now.
 
 import { clock } from "./accounting.js";
+import { Refusal } from "./wire.js";
 
 export const LIVE_KEY = "F8";
 const STEPS = 200; // from one end to the other, for the arrow keys
@@ -37,6 +38,8 @@ export class Timeline extends EventTarget {
       event.preventDefault();
       this.toLive();
     });
+    this.find("fork").addEventListener("click", () => this.fork());
+    this.find("ghosts").addEventListener("click", () => this.toggleGhosts());
     wire.addEventListener("span", ({ detail }) => this.setSpan(detail));
     wire.addEventListener("marked", ({ detail }) => this.setMarks(detail.marks));
     wire.addEventListener("hello", ({ detail }) => this.setRecorded(detail.began, detail.recorded));
@@ -58,6 +61,11 @@ export class Timeline extends EventTarget {
     this.strip.title = span.kept;
     if (!this.recorded) this.setEnds(span.began, span.ended);
     if (performance.now() - this.moved > HELD && !this.sought) this.setAt(span.at);
+    this.forked = span.forked;
+    this.find("forked").hidden = this.forked === null;
+    if (this.forked !== null) this.find("forked").style.left = `${(100 * (this.forked - this.began)) / Math.max(1e-9, this.ended - this.began)}%`;
+    this.find("ghosts").hidden = this.forked === null;
+    this.find("fork").hidden = !span.may_fork || this.at === null;
     this.note(span);
   }
 
@@ -93,6 +101,7 @@ export class Timeline extends EventTarget {
     const ago = Math.max(0, span.ended - (span.at ?? span.ended));
     let text = "";
     if (span.at !== null) text = `${clock(span.at)}, ${ago < 60 ? `${Math.round(ago)} s` : clock(ago)} ago. Live goes on.`;
+    if (span.at === null && span.forked !== null) text = `Went on from ${clock(span.forked)}. ${span.difference ? `First difference at ${span.difference}.` : "No difference yet."}`;
     if (span.note) text += ` ${span.note}`;
     else if (span.at !== null && !span.exact) text += " Running it again …";
     if (said.textContent !== text) said.textContent = text;
@@ -196,6 +205,23 @@ export class Timeline extends EventTarget {
     this.find("moment").textContent = "";
     this.wire.tell("look", { time: null });
     this.dispatchEvent(new CustomEvent("jump", { detail: null }));
+  }
+
+  // Let the run go on from what is looked at.
+  async fork() {
+    try {
+      await this.wire.ask("fork", { time: this.at }, Infinity);
+    } catch (refusal) {
+      if (!(refusal instanceof Refusal)) throw refusal;
+      this.wire.emit("refused", { reason: refusal.message });
+    }
+  }
+
+  toggleGhosts() {
+    const on = this.find("ghosts").getAttribute("aria-pressed") !== "true";
+    this.find("ghosts").setAttribute("aria-pressed", String(on));
+    this.wire.tell("ghosts", { on });
+    this.dispatchEvent(new CustomEvent("ghosts", { detail: on }));
   }
 
   key(event) {

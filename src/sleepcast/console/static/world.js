@@ -6,6 +6,7 @@
 import { colourName, decode, EXHAUSTED, FLAG_NAMES } from "./frame.js";
 import { Density } from "./density.js";
 import { gestures } from "./gestures.js";
+import { drawGhosts } from "./ghosts.js";
 import { drawGround, drawPlaces } from "./ground.js";
 import { Pings } from "./pings.js";
 import { inksOf, looksOf, NONE, palette, sortsOf } from "./shapes.js";
@@ -40,6 +41,7 @@ export class World extends EventTarget {
     this.pointer = null; // the pixel at which the pointer is
     this.scene = null;
     this.frame = null;
+    this.ghosts = null; // where the robots were in another future
     this.latest = null; // the frame that came last, of this scene or of one that is on its way
     this.lit = null; // who was lit last; of these, `marks` has those whose light is drawn
     this.marks = { lit: null, glow: 1, chosen: -1, pointed: -1 };
@@ -116,6 +118,12 @@ export class World extends EventTarget {
 
   // Light these robots, 1 for each of them, null for none. All robots need no light: nothing would stand out. dark:
   // their light has gone out already.
+  // Where the robots were in another future; null for nowhere.
+  setGhosts(poses) {
+    this.ghosts = poses;
+    this.repaint("robots");
+  }
+
   setLit(lit, dark = false) {
     this.lit = lit;
     this.marks.lit = !dark && lit?.includes(0) ? lit : null;
@@ -323,6 +331,7 @@ export class World extends EventTarget {
     }
     pens.robots.clearRect(0, 0, view.width, view.height);
     const boxes = drawPlaces(pens.robots, view, scene.places, colours);
+    if (this.ghosts) drawGhosts(pens.robots, view, this.ghosts, frame.poses);
     drawSwarm(pens.robots, view, scene, frame, this.looks, this.marks, colours, boxes, this.ratio, this.shows("names"));
     if (this.shows("density")) this.density.draw(pens.robots, view, frame, colours.density, performance.now());
     drawPlaces(pens.robots, view, scene.places, colours);

@@ -1,0 +1,121 @@
+"""A run goes on from an earlier moment: the other future stays to be seen, and the first difference is named."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from console.running import Page, Program, open_page
+from sleepcast.console.differences import first_difference
+from sleepcast.console.kept import KeptStates
+from sleepcast.loop import resume
+from sleepcast.loop.snapshots import copy_of
+from sleepcast.simulator import Changes, find_scenario
+from sleepcast.station import Station
+from small_worlds import write
+from swarms import desk_of, drive, station_of, swarm_of
+
+GHOSTS = 255
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Iterator[Program]:
+    write(tmp_path)
+    with Program("run", tmp_path, "--page", "--speed", "5") as started:
+        yield started
+
+
+def time_of(frame: bytes) -> float:
+    return float(struct.unpack_from("<d", frame, 16)[0])
+
+
+def run_to(page: Page, until: float) -> None:
+    page.tell("pace", running=True)
+    while page.frame()[0] == GHOSTS or time_of(page.frames[-1]) < until:
+        pass
+
+
+def test_a_run_goes_on_from_an_earlier_moment(program: Program) -> None:
+    with open_page(program) as page:
+        run_to(page, 3.0)
+        page.ask("send", text="(WHEN (> battery 50%) (JOIN early))")
+        run_to(page, 6.0)
+        page.ask("send", text="(WHEN (IN early) (DRIVE 2m/s 0))")
+        run_to(page, 9.0)
+        assert page.until("span", lambda found: found["may_fork"])["forked"] is None
+        assert page.ask("fork", time=5.0)["type"] == "renewed"
+    with open_page(program) as page:
+        assert page.until("span", lambda found: found["forked"] == 5.0)["difference"] == ""
+        while page.frame()[0] == GHOSTS:
+            pass
+        assert time_of(next(frame for frame in page.frames if frame[0] != GHOSTS)) == 5.0
+        rows = page.until("commands", lambda found: bool(found["rows"]))["rows"]
+        assert [row["text"] for row in rows] == ["(WHEN (> battery 50%) (JOIN early))"]
+        assert rows[0]["matched"] + rows[0]["not_matched"] == 20
+        page.ask("send", text="(WHEN (NOT (IN early)) (JOIN others))")
+        run_to(page, 9.0)
+        told = page.until("span", lambda found: found["difference"] != "")["difference"]
+        assert "is in others, and was not before" in told
+        assert any(frame[0] == GHOSTS and len(frame) == 8 + 12 * 20 for frame in page.frames)
+        page.tell("look", time=1.0)
+        page.until("span", lambda found: found["at"] == 1.0 and found["exact"])
+        why = page.ask("why", robot=0, command=rows[0]["id"])
+        assert "sent later" in why["reason"]
+
+
+def test_the_first_difference_names_a_group_a_variable_or_a_place() -> None:
+    one = swarm_of(find_scenario("crowd", Changes(robots=12)), seed=4)
+    drive(one, 15)
+    state = copy_of(one).packed()
+    other = resume(state)
+    assert first_difference(one, other) is None
+    desk = Station(other.vocabulary, other.minds, other.post, other, epoch=2)
+    other.desk = desk
+    desk.send("(WHEN (= id 3) (JOIN lonely))", everybody=True)
+    one.desk = station_of(one)
+    while not other.fleet.members().get("lonely"):
+        one.step()
+        other.step()
+    assert "is not in lonely, and was before" in str(first_difference(one, other))
+    moved = resume(state)
+    moved.simulator.bodies.place(5, 1.0, 1.0, 0.0)
+    found = first_difference(resume(state), moved)
+    assert found is not None
+    assert found.startswith(f"the true x of {moved.simulator.names[5]} is")
+
+
+def test_a_desk_goes_back_to_what_it_knew() -> None:
+    swarm = swarm_of(find_scenario("crowd", Changes(robots=12)), seed=4)
+    drive(swarm, 41)
+    desk = desk_of(swarm)
+    sent = desk.commands()
+    before = swarm.now() - 2.0
+    desk.go_back(before)
+    kept = desk.commands()
+    assert 0 < len(kept) < len(sent)
+    assert all(command.message.issued <= before for command in kept)
+    assert all(answer.heard <= before for command in kept for answer in command.answers.values())
+    assert max(at for at in desk.roster.values() if at is not None) <= before
+    assert desk.send("(WHEN (= id 1) (MARK))").message.sequence > sent[-1].message.sequence
+
+
+def test_states_are_thinned_by_their_age() -> None:
+    states = KeptStates(0.1, 50 * 100)
+    for tick in range(0, 300_000, 100):
+        states.add(tick, bytes(100))
+    assert len(states) == 50
+    assert states.size <= 50 * 100
+    assert states.first == 0
+    assert states.last == 299_900
+    ticks = np.array(states._ticks)
+    gaps = np.diff(ticks)
+    assert gaps[-10:].mean() < gaps[:10].mean() / 2  # what was just now is kept densely
+    assert states.before(299_950) == (299_900, bytes(100))
+    early = states.until(150_000)
+    assert early.last is not None
+    assert early.last < 150_000
+    assert len(states) == 50

@@ -5,8 +5,9 @@
 Frames a second with every pane open, for 1,000, 10,000 and 100,000 robots of `bravo` (with the table in the drawer, and
 with the plots; the slower of the two counts); how evenly the table of 100,000 scrolls; the bytes that a page is sent
 while time runs and no robot moves; the time from the STOP key to the first picture in which every robot is stopped,
-while the table of 100,000 is sorted time and again; and what memory the page and the program gain in eight simulated
-hours. A frame counts when the page says that it has drawn it.
+while the table of 100,000 is sorted time and again; the time from a move of the pointer, which drags a number in the
+prompt, to the picture with the new count of 10,000 robots; and what memory the page and the program gain in eight
+simulated hours. A frame counts when the page says that it has drawn it.
 """
 
 from __future__ import annotations
@@ -37,6 +38,9 @@ STOP = 100.0
 """ms at most from the key to the picture in which every robot is stopped."""
 HITCH = 100.0
 """ms: a frame of the screen that takes longer is seen as a hitch while one scrolls."""
+DRAG = 50.0
+"""ms at most from the pointer that drags a number to the picture with the new count."""
+MOVES, QUICK_MOVES = 50, 5
 GROWTH = 10.0
 """Per cent at most that memory may grow between the first quarter and the end of a long run."""
 HOURS = 8.0
@@ -70,6 +74,19 @@ LISTEN = """
   window.addEventListener("keydown", (event) => {
     if (event.key === "F9") Object.assign(window.__page, { pressedAt: performance.now(), stoppedAt: 0 });
   }, true);
+"""
+DRAGGED = """
+  () => {
+    const found = (window.__dragged = []);
+    let moved = 0;
+    document.getElementById("text").addEventListener("pointermove", () => (moved = performance.now()), true);
+    new MutationObserver(() => {
+      const begun = moved;
+      if (!begun) return;
+      moved = 0;
+      requestAnimationFrame(() => setTimeout(() => found.push(performance.now() - begun)));
+    }).observe(document.getElementById("yes"), { childList: true, characterData: true, subtree: true });
+  }
 """
 SCROLL = """
   (seconds) => new Promise((done) => {
@@ -212,6 +229,28 @@ def large_table(seconds: float, stops: int) -> list[Found]:
     ]
 
 
+def dragged(robots: int, moves: int) -> Found:
+    """How soon the counts follow a number that is dragged. Moves that change no count are not counted."""
+    with opened(robots) as (_, page):
+        page.evaluate(DRAGGED)
+        box = page.locator("#backdrop .number").first.bounding_box()
+        if box is None:
+            raise RuntimeError("no number stands in the prompt")
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        page.mouse.move(x, y)
+        page.mouse.down()
+        for move in range(2, moves + 2):
+            page.mouse.move(x + 4 * move, y)
+            sleep(0.12)
+        times = sorted(page.evaluate("() => window.__dragged"))
+        page.mouse.up()
+    late = times[int(0.95 * len(times))]
+    return Found(
+        Bar(f"a number that is dragged, {robots:,} robots", middle(times), DRAG, "ms", at_least=False),
+        f"{len(times)} counts, 95 of 100 within {late:.0f} ms",
+    )
+
+
 def long_run(hours: float) -> list[Found]:
     """What memory grows in so many simulated hours, as fast as they pass, with the plots open and a command an hour."""
     first: tuple[float, float] | None = None
@@ -262,6 +301,7 @@ def measure(*, quick: bool) -> Iterator[Found]:
     for robots in [1_000] if quick else FRAMES:
         yield frames(robots, seconds)
     yield at_rest(seconds)
+    yield dragged(1_000, QUICK_MOVES) if quick else dragged(10_000, MOVES)
     if not quick:
         yield from large_table(seconds, STOPS)
     yield from long_run(0.2 if quick else HOURS)

@@ -48,6 +48,9 @@ def test_a_long_command_is_folded_and_nothing_has_to_be_scrolled(crowd: Page) ->
     assert box(crowd, "#text")["height"] < 40
     for part in ("html", ".accounting .table"):
         assert crowd.locator(part).evaluate("part => part.scrollHeight <= part.clientHeight"), part
+    crowd.set_viewport_size({"width": 640, "height": 400})  # a phone on its side
+    expect(crowd.locator("#send")).to_be_in_viewport(ratio=1.0)
+    crowd.set_viewport_size({"width": 1280, "height": 800})
     crowd.get_by_role("button", name="Show all").click()
     expect(crowd.locator("#folded")).to_be_hidden()
     assert box(crowd, "#text")["height"] > 100

@@ -382,6 +382,7 @@ const ACTIONS = [
   ["Run or pause time", "Ctrl+Space", () => press("run")],
   ["Advance one tick", "Ctrl+.", () => press("step")],
   ["Back to live", "F8", () => timeline.toLive()],
+  ["New run: scenario, robots, seed", "", () => find("renew").hidden || press("renew")],
   ["STOP every robot", "F9", () => press("stop")],
   ["Release STOP", "", () => press("release")],
   ["Show everything on the map", "F", () => press("fit")],

@@ -128,7 +128,7 @@ class ConnectedFleet(Fleet):
             if not sure and self.station.check(text).unknown:
                 look_around(self.station, self.telemetry, patience=AHEAD)
                 self._refuse_unknown(text)
-        return super().ask(text, wait=wait, only=only, but=but)
+        return super().ask(text, wait=wait, only=only, but=but, sure=sure)
 
     def release(self, *, wait: float = WAIT) -> CommandResult:
         with self._turn():

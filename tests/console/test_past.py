@@ -16,7 +16,7 @@ from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
 from sleepcast.console.driver import Driver
 from sleepcast.console.rerunner import RerunError
-from sleepcast.core.clock import WallClock
+from sleepcast.core.clock import ManualClock, WallClock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import Pace
 from sleepcast.simulator import Changes, Circle, find_scenario
@@ -112,7 +112,7 @@ def test_what_would_have_obeyed_then_is_told(run: Run) -> None:
 def test_a_run_that_was_changed_otherwise_is_not_guessed() -> None:
     scenario = find_scenario("crowd", Changes(robots=ROBOTS))
     swarm = swarm_of(scenario, seed=4)
-    past = LivePast(SwarmAdapter(swarm), swarm, desk_of(swarm), WallClock())
+    past = LivePast(SwarmAdapter(swarm), swarm, desk_of(swarm), ManualClock())  # so no state but the first is kept
     drive(swarm, 11)
     swarm.simulator.bodies.place(3, 1.0, 1.0, 0.0)  # as no command does
     drive(swarm, 20)

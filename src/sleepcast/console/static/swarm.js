@@ -5,6 +5,7 @@ import { addRing, addRobot, inkOf, LOOKS, NONE, SORTS } from "./shapes.js";
 import { drawLabel } from "./ground.js";
 
 export const MOST_SHAPES = 6000; // robots in sight; more become points
+const MOST_IN_PATH = 100; // robots; what filling a path takes grows faster than what is in it
 const OUTSIDE = 30; // pixels beside the map in which a robot may still be seen in part
 const MOST_LABELS = 45; // robots on the screen; more names would only cover them
 const DIMMED = 0.5; // opacity of the robots outside the lit ones
@@ -59,7 +60,7 @@ export function drawSwarm(pen, view, scene, frame, looks, marks, colours, boxes,
 
 function drawShapes(pen, view, scene, frame, looks, marks, colours) {
   const sizes = sizesOf(view, scene);
-  const halos = new Path2D();
+  const halos = [];
   const buckets = new Map();
   const rings = new Map(); // by look
   for (let i = 0; i < frame.count; i += 1) {
@@ -69,48 +70,64 @@ function drawShapes(pen, view, scene, frame, looks, marks, colours) {
     const size = sizes(i);
     const lit = marks.lit?.[i] === 1;
     if (lit) {
-      halos.moveTo(x + size + 4.5, y);
-      halos.arc(x, y, size + 4.5, 0, 2 * Math.PI);
+      const { halo } = room(halos, () => ({ halo: new Path2D() }));
+      halo.moveTo(x + size + 4.5, y);
+      halo.arc(x, y, size + 4.5, 0, 2 * Math.PI);
     }
     const look = looks.bodies[i];
     const flags = frame.flags[i];
     const key = look + LOOKS * ((flags & STILL ? 1 : 0) + (lit ? 2 : 0) + (flags & SILENT ? 4 : 0));
-    let bucket = buckets.get(key);
-    if (!bucket) buckets.set(key, (bucket = { bodies: new Path2D(), noses: new Path2D() }));
-    addRobot(bucket.bodies, bucket.noses, look, x, y, size, frame.poses[3 * i + 2] || 0); // NaN: it stands aside
+    if (!buckets.has(key)) buckets.set(key, []);
+    const { bodies, noses } = room(buckets.get(key), () => ({ bodies: new Path2D(), noses: new Path2D() }));
+    addRobot(bodies, noses, look, x, y, size, frame.poses[3 * i + 2] || 0); // NaN: it stands aside
     const ring = looks.rings ? looks.rings[i] : NONE;
     if (ring === NONE) continue;
-    if (!rings.has(ring)) rings.set(ring, new Path2D());
-    addRing(rings.get(ring), ring, x, y, size);
+    if (!rings.has(ring)) rings.set(ring, []);
+    addRing(room(rings.get(ring), () => ({ path: new Path2D() })).path, ring, x, y, size);
   }
   drawHalos(pen, halos, colours.lit, marks.glow);
   for (const key of [...buckets.keys()].sort((a, b) => a - b)) {
-    const { bodies, noses } = buckets.get(key);
     const ink = inkOf(key % LOOKS);
     const how = Math.floor(key / LOOKS);
     const lit = (how & 2) !== 0;
     pen.globalAlpha = how & 4 ? FAINT : marks.lit && !lit && ink === 0 ? 1 - (1 - DIMMED) * marks.glow : 1;
     pen.strokeStyle = pen.fillStyle = lit && ink === 0 ? colours.ink : colours.robots[ink];
     pen.lineWidth = 1.4;
-    pen.stroke(noses);
-    if (how & 1) pen.stroke(bodies);
-    else pen.fill(bodies);
+    for (const { bodies, noses } of buckets.get(key)) {
+      pen.stroke(noses);
+      if (how & 1) pen.stroke(bodies);
+      else pen.fill(bodies);
+    }
   }
   pen.globalAlpha = 1;
   pen.lineWidth = 1.1;
-  for (const [look, path] of rings) {
+  for (const [look, paths] of rings) {
     pen.strokeStyle = colours.robots[inkOf(look)];
-    pen.stroke(path);
+    for (const { path } of paths) pen.stroke(path);
   }
+}
+
+// The last of these paths if there is room in it for one more robot, else a new one.
+function room(paths, begin) {
+  const last = paths.at(-1);
+  if (last && last.robots < MOST_IN_PATH) {
+    last.robots += 1;
+    return last;
+  }
+  const next = { ...begin(), robots: 1 };
+  paths.push(next);
+  return next;
 }
 
 function drawHalos(pen, halos, colour, glow) {
   pen.fillStyle = pen.strokeStyle = colour;
-  pen.globalAlpha = 0.3 * glow;
-  pen.fill(halos);
-  pen.globalAlpha = glow;
   pen.lineWidth = 1.8;
-  pen.stroke(halos);
+  for (const { halo } of halos) {
+    pen.globalAlpha = 0.3 * glow;
+    pen.fill(halo);
+  }
+  pen.globalAlpha = glow;
+  for (const { halo } of halos) pen.stroke(halo);
   pen.globalAlpha = 1;
 }
 

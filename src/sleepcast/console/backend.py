@@ -218,6 +218,7 @@ class Backend:
     def _latch(self, latched: bool) -> None:
         self.driver.latched = latched
         self.driver.draw()
+        self.driver.hurry()
 
     # ---- afterwards
 

@@ -41,12 +41,15 @@ export class Filming {
     const { name } = this;
     const parts = [];
     const recorder = new MediaRecorder(this.sheet.captureStream(FRAMES), { mimeType });
-    recorder.addEventListener("dataavailable", ({ data }) => parts.push(data));
+    recorder.addEventListener("dataavailable", ({ data }) => {
+      if (data.size) parts.push(data);
+      if (this.recorder) this.show(parts.reduce((sum, { size }) => sum + size, 0));
+    });
     recorder.addEventListener("stop", () => {
       clearTimeout(this.timer);
       this.recorder = null;
       this.show();
-      if (parts.some(({ size }) => size)) download(`${name}.webm`, "video/webm", parts);
+      if (parts.length) download(`${name}.webm`, "video/webm", parts);
       else this.said("The film was stopped before its first picture.");
     });
     this.recorder = recorder;
@@ -63,10 +66,12 @@ export class Filming {
     requestAnimationFrame(() => this.film());
   }
 
-  show() {
+  // bytes: of the film so far.
+  show(bytes = 0) {
     const on = this.recorder !== null;
+    const size = bytes ? ` (${Math.ceil(bytes / 1000).toLocaleString("en")} kB)` : "";
     this.buttons.film.setAttribute("aria-pressed", String(on));
-    this.buttons.film.querySelector("span").textContent = on ? "Stop and save the film" : "Film the map (WebM)";
+    this.buttons.film.querySelector("span").textContent = on ? `Stop and save the film${size}` : "Film the map (WebM)";
     this.world.map.classList.toggle("filming", on);
   }
 

@@ -12,7 +12,7 @@ from bisect import bisect_right
 
 STATE_EVERY = 0.2
 """Seconds of a machine's work between two kept states: so long takes it at most to come from one to the next."""
-COST = 20
+COST = 10
 """Times as long as it takes to keep a state must pass before the next one."""
 MOST_BYTES = 256 * 1024**2
 """Of all kept states: two thousand of a thousand robots, or thirty-five of a hundred thousand."""

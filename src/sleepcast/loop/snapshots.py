@@ -34,6 +34,8 @@ FORMAT = 1
 KIND = "sleepcast snapshot"
 MAX_FILE = 4 * 1024**3
 """Bytes of one file: a million robots in the largest world take a quarter of it."""
+PARTS = 4
+"""Parts that are compressed separately, at one time."""
 MAX_ORDERS = 1_000
 """Orders of a mission, and messages waiting to be sent: as many as a mission script may hold."""
 
@@ -88,10 +90,13 @@ class SwarmCopy:
     def __init__(self, robots: int, parts: Sequence[bytes], desk: bytes | None) -> None:
         self._robots, self._parts, self._desk = robots, parts, desk
 
-    def packed(self) -> bytes:
+    def packed(self, threads: int = 1) -> bytes:
         """The snapshot. On any thread."""
-        with ThreadPoolExecutor(len(self._parts)) as pool:
-            simulator, fleet, radio, loop = pool.map(compressed, self._parts)
+        if threads > 1:
+            with ThreadPoolExecutor(threads) as pool:
+                simulator, fleet, radio, loop = pool.map(compressed, self._parts)
+        else:
+            simulator, fleet, radio, loop = map(compressed, self._parts)
         return msgspec.msgpack.encode(
             SnapshotFile(KIND, FORMAT, VERSION, self._robots, simulator, fleet, radio, loop, self._desk)
         )
@@ -102,7 +107,7 @@ def snapshot(swarm: Swarm) -> bytes:
 
     Raises SnapshotLostError if the swarm's state is too large, or its last tick was interrupted.
     """
-    return copy_of(swarm, desk=swarm.desk).packed()
+    return copy_of(swarm, desk=swarm.desk).packed(PARTS)
 
 
 def copy_of(swarm: Swarm, *, desk: Desk | None = None) -> SwarmCopy:

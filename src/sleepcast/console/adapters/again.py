@@ -11,7 +11,7 @@ import os
 import signal
 from collections.abc import Callable
 from multiprocessing import connection
-from time import perf_counter
+from time import perf_counter, thread_time
 
 import msgspec
 
@@ -219,8 +219,9 @@ class Past:
             before = now
             if self._diary.due:
                 self._diary.begun()
+                spent = thread_time()
                 state = copy_of(again.swarm).packed()
-                self._diary.kept(perf_counter() - now)
+                self._diary.kept(thread_time() - spent)
                 return Found(again.rerun.tick, state=state, differs=again.differs)
             if now - began > question.patience:
                 break

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from threading import Thread
+from time import thread_time
 
 from sleepcast.channel import Message
 from sleepcast.channel.message_batch import MessageBatch
@@ -175,12 +176,14 @@ class LivePast(Past):
         if not self._packing and self._diary.due:
             self._packing = True
             self._diary.begun()
-            began = self._clock.now()
+            began = thread_time()
             copy = copy_of(self._swarm)
-            Thread(target=self._pack, args=(tick, copy, began), name="state", daemon=True).start()
+            Thread(target=self._pack, args=(tick, copy, thread_time() - began), name="state", daemon=True).start()
 
-    def _pack(self, tick: int, copy: SwarmCopy, began: float) -> None:
-        self._packed = tick, copy.packed(), self._clock.now() - began
+    def _pack(self, tick: int, copy: SwarmCopy, copied: float) -> None:
+        began = thread_time()  # not the wall clock: what else the machine does makes no state dearer
+        state = copy.packed()
+        self._packed = tick, state, copied + thread_time() - began
 
 
 def cut(into: Track[Kind], track: Track[Kind], time: float) -> None:

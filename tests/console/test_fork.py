@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 
 from console.running import Page, Program, open_page
+from sleepcast.console.account_table import CommandRow
 from sleepcast.console.differences import first_difference
 from sleepcast.console.kept import KeptStates
+from sleepcast.console.marks import MOST_MARKS, Marks
+from sleepcast.fleet.failing import FailingRule
 from sleepcast.loop import resume
 from sleepcast.loop.snapshots import copy_of
 from sleepcast.simulator import Changes, find_scenario
@@ -119,3 +122,31 @@ def test_states_are_thinned_by_their_age() -> None:
     assert early.last is not None
     assert early.last < 150_000
     assert len(states) == 50
+
+
+def test_marks_tell_what_happened_once() -> None:
+    def row(fault: int) -> CommandRow:
+        return CommandRow("desk-1.1", "command", "(RULE a\n (/ 1 0))", 2.0, 5, 0, fault, 0, 5)
+
+    marks = Marks()
+    marks.rows(2.1, [row(0)])
+    marks.groups(3.0, ["bravo"], [0])
+    marks.groups(4.0, ["bravo"], [7])
+    marks.groups(4.01, ["bravo"], [8])
+    marks.rows(5.0, [row(3)])
+    marks.rows(6.0, [row(4)])
+    rule = FailingRule("a", "a", np.arange(2), 2, "divides by zero")
+    marks.failing(6.0, [rule])
+    marks.failing(7.0, [rule])
+    assert [(mark.kind, mark.at, mark.seen, mark.text) for mark in marks.all] == [
+        ("command", 2.0, 2.1, "(RULE a"),
+        ("join", 4.0, 4.0, "bravo: 7 robots"),
+        ("fault", 5.0, 5.0, "3 robots: fault in (RULE a"),
+        ("fault", 6.0, 6.0, "rule a fails on 2 robots: divides by zero"),
+    ]
+    following = Marks()
+    following.take(marks, 4.5)
+    assert [mark.kind for mark in following.all] == ["command", "join"]
+    for number in range(2 * MOST_MARKS):
+        marks.add(10.0 + number, "alert", "(< fuel 20%)")
+    assert len(marks.all) == MOST_MARKS

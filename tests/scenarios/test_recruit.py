@@ -49,7 +49,7 @@ def drive(seed: int, *, lost_at: float, seconds: float, forget: str = "", break_
         while fleet.time < seconds:
             if fleet.time < REPEATS * STEP:
                 for text in recruiting:
-                    fleet.send(text, wait=0, everybody=True)
+                    fleet.send(text, wait=0, everybody=True, sure=True)  # one declares what the next reads
             fleet.run(STEP, quiet=True)
             try:
                 convoy = set(np.flatnonzero(fleet["(IN convoy)"] > 0).tolist())

@@ -18,7 +18,7 @@ from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.film import Kind, Marks, Timeline, Track
 from sleepcast.console.kept import Diary
 from sleepcast.console.past import OtherFuture, Past
-from sleepcast.console.rerunner import RerunError, Rerunner
+from sleepcast.console.rerunner import Moment, RerunError, Rerunner
 from sleepcast.core.clock import Clock
 from sleepcast.fleet.marks import Groups, flags_of
 from sleepcast.loop import Swarm
@@ -52,7 +52,8 @@ class LivePast(Past):
         self._groups = Groups()
         self._every = max(TICKS_PER_PICTURE, round(scenario.speed_up / PICTURES_PER_SECOND / scenario.tick))
         self._size, self._posted = 0, False
-        self._diary, self._packing, self._began = Diary(), False, 0.0
+        self._diary, self._began = Diary(), 0.0
+        self._packer: Thread | None = None
         self._packed: tuple[int, bytes, float] | None = None
         swarm.witnesses.append(self)
         self._diverged = asyncio.Event()
@@ -100,7 +101,7 @@ class LivePast(Past):
         """A tick begins."""
         if not self.film.poses.times:
             self._picture()
-            self.states.add(self._view.tick, copy_of(self._swarm).packed())
+            self._copy(self._view.tick)
         self._log.ticking()
         self._began = self._clock.now()
 
@@ -166,19 +167,33 @@ class LivePast(Past):
 
     # ---- states
 
+    def moment(self, tick: int, since: int | None = None) -> Moment:
+        """See `Past`."""
+        if self.states.first is None and self._packer is not None:
+            self._packer.join()  # the first state is on its way
+        self._take_over()
+        return super().moment(tick, since)
+
     def _keep(self, tick: int) -> None:
         """Keep a state if it is time to, and take over the one that is packed."""
+        self._take_over()
+        if self._packer is None and self._diary.due:
+            self._copy(tick)
+
+    def _take_over(self) -> None:
         if self._packed is not None:
             at, state, cost = self._packed
             self.states.add(at, state)
             self._diary.kept(cost)
-            self._packed, self._packing = None, False
-        if not self._packing and self._diary.due:
-            self._packing = True
-            self._diary.begun()
-            began = thread_time()
-            copy = copy_of(self._swarm)
-            Thread(target=self._pack, args=(tick, copy, thread_time() - began), name="state", daemon=True).start()
+            self._packed = self._packer = None
+
+    def _copy(self, tick: int) -> None:
+        self._diary.begun()
+        began = thread_time()
+        copy = copy_of(self._swarm)
+        spent = thread_time() - began
+        self._packer = Thread(target=self._pack, args=(tick, copy, spent), name="state", daemon=True)
+        self._packer.start()
 
     def _pack(self, tick: int, copy: SwarmCopy, copied: float) -> None:
         began = thread_time()  # not the wall clock: what else the machine does makes no state dearer

@@ -406,16 +406,21 @@ export class Prompt extends EventTarget {
     const call = callAt(this.editor.tokens, this.editor.caret)?.toLowerCase();
     const known = call && this.names.find((name) => name.usage && name.name.toLowerCase() === call);
     if (!known) {
-      this.find("usage").textContent = this.waiting ? FIRST_HINT : HINT;
+      this.showHint();
       return;
     }
     const usage = Object.assign(document.createElement("code"), { textContent: known.usage });
     this.find("usage").replaceChildren(usage, ` ${known.doc}`);
   }
 
+  showHint() {
+    this.find("usage").textContent = this.waiting ? FIRST_HINT : HINT;
+  }
+
   setWaiting(waiting) {
     if (waiting === this.waiting) return;
     this.waiting = waiting;
+    this.showHint(); // also while nobody types
     this.showUsage();
   }
 

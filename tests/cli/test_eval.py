@@ -57,6 +57,9 @@ def test_reports_faults_and_warnings_go_to_standard_error(capsys: pytest.Capture
     assert said.splitlines() == [
         "fuel: 1 2.5",
         "3",
+        "warning: (/ 1 0) at 1:6 divides by zero, which is a fault",
+        "  (/ 1 0)",
+        "       ^",
         "fault: division by zero in (/ 1 0)",
         "told to other robots: (MARK)",
         'warning: unknown name "lost" at 1:4',

@@ -114,7 +114,8 @@ class Simulator:
         self.senses.step()
         if self.payload:
             self._step_payload(self.payload)
-        self.measuring.observe(self.tick, self.time)
+        if self.scenario.measures:
+            self.measuring.observe(self.tick, self.time)
 
     def _step_payload(self, payload: Payload) -> None:
         stopped = self.bodies.stopped

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.message import FOR, TELEMETRY
+from sleepcast.channel.message import FOR, RULE, TELEMETRY
 from sleepcast.channel.message_batch import Answers, MessageBatch
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
@@ -410,7 +410,7 @@ class Station:
             place = self._roster.hear(message.sender, now)
             if message.kind is Kind.REPORT:
                 self.reports.append(Report(message.sender, now, message.body))
-                if place is not None:
+                if place is not None and RULE in message.body:
                     self.failures.hear(place, message.body, now)
             elif message.kind is Kind.ANSWER:
                 command = self._sent.find(message.body.get("command"))

@@ -192,6 +192,7 @@ def maze() -> None:
               const [hours, minutes, seconds] = document.getElementById("clock").textContent.split(":").map(Number);
               return 3600 * hours + 60 * minutes + seconds >= {SECONDS};
             }}""")
+            page.locator("#legend", has_text="home").wait_for()  # the groups of that moment are news that come later
             taken = page.locator(".world").screenshot()
     apng.write(FOLDER / "maze.png", [apng.decoded(taken)], [LAST])
     print(f"maze.png: {(FOLDER / 'maze.png').stat().st_size / 1e6:.2f} MB")

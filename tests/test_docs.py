@@ -39,8 +39,8 @@ import numpy as np
 import pytest
 
 from language.cases import NodeMachine, Setting, apply_setting, mismatch, read_case
-from sentences.lexicons import lexicon_of
 from sleepcast.cli import program
+from sleepcast.cli.sentences import lexicon_of
 from sleepcast.core.units import UNITS
 from sleepcast.language import List, ReadError, check, read
 from sleepcast.language.classic import ClassicError, ClassicMachine

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sentences.lexicons import lexicon_of
+from sleepcast.cli.sentences import lexicon_of
 from sleepcast.language import Form, ReadError, Vocabulary, read, show
 from sleepcast.language.learned_names import LearnedNames
 from sleepcast.sentences import MAX_SENTENCE, Lexicon, SentenceError, from_sentence, to_sentence

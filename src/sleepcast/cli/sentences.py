@@ -28,7 +28,7 @@ def translate(sources: tuple[str, ...], scenario: str | None, as_json: bool) -> 
         raise MisuseError(
             "--sentence needs --scenario NAME: its robots, places and variables are the words of sentences"
         )
-    lexicon = _lexicon(scenario)
+    lexicon = lexicon_of(scenario)
     found = [_translation(source.strip(), lexicon) for source in sources]
     if as_json:
         put(json.dumps({"sentences": list(map(_as_dict, found))}))
@@ -38,7 +38,8 @@ def translate(sources: tuple[str, ...], scenario: str | None, as_json: bool) -> 
     return sum(not each.other for each in found)
 
 
-def _lexicon(scenario: str) -> Lexicon:
+def lexicon_of(scenario: str) -> Lexicon:
+    """The words of the robots of a scenario, by its name or file."""
     from sleepcast.loop import vocabulary_of
     from sleepcast.sentences import Lexicon
     from sleepcast.simulator import Simulator, find_scenario

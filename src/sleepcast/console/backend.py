@@ -32,7 +32,8 @@ from sleepcast.core.errors import MisuseError, and_more
 from sleepcast.core.units import shown_value
 from sleepcast.language import Checked, Explanation, Finding, ReadError, Variable, format_value
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, SUPPORT, TIME_SLOT, unit_of
-from sleepcast.station import NO, UNKNOWN, YES, NoExplanationError, Preview, Report, Station
+from sleepcast.station import NO, UNKNOWN, YES, Command, NoExplanationError, Preview, Report, Station
+from sleepcast.station.validation import Draft
 
 STOP_AGAIN = 0.5
 """Seconds in which one more STOP adds nothing to the one that holds; the station itself repeats it."""
@@ -177,15 +178,19 @@ class Backend:
         confirmed: bool = False,
     ) -> outgoing.Sent:
         """Broadcast `text`. count, confirmed: where the station asks for confirmation, see `Station.send`."""
-        if sort == "stages":
-            raise MisuseError("Only what goes over the air can be sent in stages.")
         if sort == "ask":
             sent = self._station.ask(text)
+        elif sort == "stages":
+            sent = self._send_in_stages(Draft(text, everybody=everybody, count=count, confirmed=confirmed))
         else:
             standing = sort == "standing"
             sent = self._station.send(text, standing=standing, everybody=everybody, count=count, confirmed=confirmed)
         self.driver.begin()
         return outgoing.Sent(serial, sent.id)
+
+    def _send_in_stages(self, draft: Draft) -> Command:
+        """Refused."""
+        raise MisuseError("Only what goes over the air can be sent in stages.")
 
     def halt(self) -> None:
         """Nothing goes out in stages here."""

@@ -14,12 +14,12 @@ from sleepcast.console.backend import Backend
 from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver
 from sleepcast.console.frames import SILENT
-from sleepcast.console.incoming import Sort
 from sleepcast.console.operators import OperatorsDesk
 from sleepcast.console.view import MindView, RuleView, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.language import Explanation
+from sleepcast.station import Command
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.roster import of_robots
 from sleepcast.station.validation import Draft
@@ -172,20 +172,9 @@ class NetworkBackend(Backend):
         yield from super().news(watched)
         yield self._operators.shown()
 
-    def send(
-        self,
-        serial: int,
-        text: str,
-        everybody: bool,
-        sort: Sort = "once",
-        count: int | None = None,
-        confirmed: bool = False,
-    ) -> outgoing.Sent:
-        """As every desk; or in stages."""
-        if sort != "stages":
-            return super().send(serial, text, everybody, sort, count, confirmed)
-        draft = Draft(text, everybody=everybody, count=count, confirmed=confirmed)
-        return outgoing.Sent(serial, self._operators.send_in_stages(draft).id)
+    def _send_in_stages(self, draft: Draft) -> Command:
+        """To one robot, to a tenth, to all."""
+        return self._operators.send_in_stages(draft)
 
     def halt(self) -> None:
         """Send no further stage."""

@@ -96,6 +96,8 @@ class OperatorsDesk:
         self._station, self._began = station, began
         self._leases: dict[str, _Kept] = {}
         self._staged: StagedSending | None = None
+        self._ended = ""
+        """Why a staged sending was ended that had gone well so far."""
 
     # ---- in stages
 
@@ -104,7 +106,7 @@ class OperatorsDesk:
         MisuseError while another one is under way."""
         if self._staged is not None and self._staged.current is not None:
             raise MisuseError("Another command is being sent in stages: wait for its end, or stop it there.")
-        self._staged = StagedSending(self._station, draft, GRACE)
+        self._staged, self._ended = StagedSending(self._station, draft, GRACE), "you stopped it"
         return self._staged.first
 
     def halt(self) -> None:
@@ -124,7 +126,7 @@ class OperatorsDesk:
         if last.last and last.good:
             return f"In stages: all {len(asked)} stages are done, for {sum(asked):,} robots.", False
         found = last.account
-        why = f"faults: {found.n_fault:,}, silent: {found.n_silent:,}" if not last.good else "you stopped it"
+        why = self._ended if last.good else f"faults: {found.n_fault:,}, silent: {found.n_silent:,}"
         return f"In stages: ended with stage {len(asked)} ({why}); the other robots were sent nothing.", False
 
     # ---- leases
@@ -145,8 +147,8 @@ class OperatorsDesk:
         if self._staged is not None:
             try:
                 self._staged.attend()
-            except SleepcastError:  # the next stage was refused, and the journal says why
-                self._staged.halt()
+            except SleepcastError as error:
+                self._ended = f"the next one was refused: {error}"
         now = self._station.now
         for kept in self._leases.values():
             if now - kept.sent >= kept.seconds / RENEWALS:

@@ -78,15 +78,16 @@ class StagedSending:
         self.first = self.current
 
     def attend(self) -> None:
-        """Go on to the next stage if this one is over and good."""
+        """Go on to the next stage if this one is over and good. Raises what sending raises: then nothing more is
+        sent."""
         sent, station = self.current, self._station
         if sent is None:
             return
         if station.awaits(sent) and station.now < station.answered(sent) + self._patience:
             return
-        stage = Stage(sent, station.accounting(sent.id), self._stages.over)
-        self.done.append(stage)
-        self.current = self._stages.send() if stage.good and not stage.last else None
+        self.halt()
+        if self.done[-1].good and not self.done[-1].last:
+            self.current = self._stages.send()
 
     def halt(self) -> None:
         """Send no further stage; what was sent, was sent."""

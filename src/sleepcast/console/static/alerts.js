@@ -2,6 +2,7 @@
 // told in a line at the top as well, whatever pane is open.
 
 import { clock, bytes } from "./accounting.js";
+import { label, make, section, write } from "./elements.js";
 import { Refusal } from "./wire.js";
 
 export class Alerts extends EventTarget {
@@ -31,18 +32,14 @@ export class Alerts extends EventTarget {
   }
 
   form(test) {
-    const form = make("form");
-    const taken = make("button", { type: "button", className: "from-prompt", title: "Take the test that stands in the prompt" }, "From the prompt");
-    taken.addEventListener("click", () => {
-      this.text.value = test() || this.text.value;
-      this.text.focus();
-    });
-    form.append(
+    const form = make(
+      "form",
+      {},
       label("Tell when", this.text),
       label("is true for more than", this.above),
       "robots",
       make("button", { type: "submit", className: "add" }, "Watch"),
-      taken,
+      fromPrompt(this.text, test),
     );
     form.addEventListener("submit", async (event) => {
       event.preventDefault();
@@ -52,15 +49,10 @@ export class Alerts extends EventTarget {
   }
 
   lights(test) {
-    const form = make("form");
     const off = make("button", { type: "button", title: "Put the command into the prompt that ends it" }, "Off");
-    const taken = make("button", { type: "button", className: "from-prompt", title: "Take the test that stands in the prompt" }, "From the prompt");
-    taken.addEventListener("click", () => {
-      this.meaning.value = test() || this.meaning.value;
-      this.meaning.focus();
-    });
     off.addEventListener("click", () => this.put("(WHEN (KNOWN light) (DEACTIVATE light) (UNMARK))"));
-    form.append(label("A robot shines while", this.meaning), make("button", { type: "submit" }, "Put into the prompt"), off, taken);
+    const put = make("button", { type: "submit" }, "Put into the prompt");
+    const form = make("form", {}, label("A robot shines while", this.meaning), put, off, fromPrompt(this.meaning, test));
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       this.put(`(RULE light (IF ${this.meaning.value.trim()} (MARK) (UNMARK)))`);
@@ -134,17 +126,15 @@ export class Alerts extends EventTarget {
     const now = alert.trouble || (alert.count < 0 ? "not known yet" : `true for ${alert.count.toLocaleString("en")} now`);
     const told = alert.fired ? `, told ${alert.fired === 1 ? "once" : `${alert.fired.toLocaleString("en")} times`}` : "";
     const text = `${above}: ${now}${told}${alert.muted ? ", muted" : ""}`;
-    if (about.textContent !== text) about.textContent = text;
+    write(about, text);
     about.classList.toggle("trouble", alert.trouble !== "");
   }
 
   entry(firing) {
-    const button = make("button", { type: "button", title: "Light these robots on the map" });
-    button.append(make("time", {}, clock(firing.at)), make("code", {}, firing.text), firing.robots);
+    const about = [make("time", {}, clock(firing.at)), make("code", {}, firing.text), firing.robots];
+    const button = make("button", { type: "button", title: "Light these robots on the map" }, ...about);
     button.addEventListener("click", () => this.light(firing));
-    const item = make("li");
-    item.append(button);
-    return item;
+    return make("li", {}, button);
   }
 
   // ---- what is new
@@ -181,25 +171,14 @@ export function testIn({ text, tokens, pairs }) {
   return end < 0 ? "" : text.slice(next.start, end + 1).replace(/\s+/g, " ");
 }
 
-function make(name, fields = {}, text = "") {
-  const { role, ariaPressed, ...rest } = fields;
-  const element = Object.assign(document.createElement(name), rest);
-  if (role) element.setAttribute("role", role);
-  if (ariaPressed) element.setAttribute("aria-pressed", ariaPressed);
-  if (text) element.textContent = text;
-  return element;
-}
-
-function section(title, ...parts) {
-  const found = make("section");
-  found.append(make("h2", {}, title), ...parts);
-  return found;
-}
-
-function label(text, field) {
-  const found = make("label");
-  found.append(`${text} `, field);
-  return found;
+// A button that puts the test of the prompt into a field, if there is one.
+function fromPrompt(field, test) {
+  const button = make("button", { type: "button", className: "from-prompt", title: "Take the test that stands in the prompt" }, "From the prompt");
+  button.addEventListener("click", () => {
+    field.value = test() || field.value;
+    field.focus();
+  });
+  return button;
 }
 
 function empty(text) {

@@ -1,60 +1,26 @@
-// What the chosen robot senses and believes, on the map: asked of the desk a few times a second while a layer shows it.
+// What the chosen robot senses and believes, on the map, while a layer shows it.
 
 import { drawBelief, drawCones, drawTouches } from "./sensing.js";
 import { sizesOf } from "./swarm.js";
-import { Refusal } from "./wire.js";
-
-const AGAIN = 200; // ms between an answer and the next question
 
 export class BodyLayer {
-  constructor(world, wire) {
+  constructor(world, senses) {
     this.world = world;
-    this.wire = wire;
-    this.known = null; // {robot, body} as the desk told it last
-    this.waiting = false; // for an answer
-    this.next = 0;
-    this.asked = null; // robot and tick of the last question
+    this.senses = senses;
     world.tools.push(this);
-    world.addEventListener("layers", () => {
-      this.asked = null;
-      this.ask();
-    });
-  }
-
-  get wanted() {
-    return this.world.shows("sensors") || this.world.shows("encoders");
-  }
-
-  // Ask again if anything may have changed since the last answer.
-  async ask() {
-    const { frame, marks } = this.world;
-    const now = performance.now();
-    if (!this.wanted || marks.chosen < 0 || !frame || this.waiting) return;
-    const same = this.asked?.robot === marks.chosen && (this.asked.tick === frame.tick || now < this.next);
-    if (same) return;
-    this.asked = { robot: marks.chosen, tick: frame.tick };
-    this.waiting = true;
-    try {
-      this.known = await this.wire.ask("sense", { robot: marks.chosen });
-      this.world.repaint("robots");
-    } catch (refusal) {
-      if (!(refusal instanceof Refusal)) throw refusal;
-      this.known = null; // nobody knows
-    } finally {
-      this.waiting = false;
-      this.next = performance.now() + AGAIN;
-    }
+    senses.shown.push(() => world.shows("sensors") || world.shows("encoders"));
+    senses.addEventListener("sensed", () => world.repaint("robots"));
+    world.addEventListener("layers", () => senses.renew());
   }
 
   // Drawn where the robot is in this frame, though it was asked a moment ago.
   draw(pen) {
-    const { world, known } = this;
+    const { world } = this;
+    const { body } = this.senses;
     const { view, frame, marks, colours, scene } = world;
-    this.ask();
-    if (!known || known.robot !== marks.chosen || known.robot >= frame.count) return;
-    const { body } = known;
-    const [x, y, heading] = frame.poses.subarray(3 * known.robot, 3 * known.robot + 3);
-    const size = sizesOf(view, scene)(known.robot);
+    if (!body || marks.chosen >= frame.count) return;
+    const [x, y, heading] = frame.poses.subarray(3 * marks.chosen, 3 * marks.chosen + 3);
+    const size = sizesOf(view, scene)(marks.chosen);
     if (world.shows("sensors")) {
       drawReaches(pen, view, [x, y], body.reaches, colours);
       if (body.sonars.length) drawCones(pen, view, [x, y, heading, heading], body.radius, body.sonars, body.farthest, colours.chosen, body.beam);

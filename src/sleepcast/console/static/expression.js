@@ -2,8 +2,10 @@
 
 import { tokens, wordAt } from "./lisp.js";
 import { Listbox } from "./listbox.js";
+import { choice, fitting } from "./names.js";
 
 const MOST_NAMES = 10; // names offered at once
+const SHORTEST = 2; // characters of a word for which names are offered
 const NAMES_AGE = 2000; // ms for which the names are good enough
 
 export class ExpressionField extends EventTarget {
@@ -56,17 +58,13 @@ export class ExpressionField extends EventTarget {
 
   offer() {
     const word = wordAt(tokens(this.field.value), this.field.selectionEnd);
-    const key = word?.text.toLowerCase() ?? "";
-    if (key.length < 2 || this.names.some((name) => name.name.toLowerCase() === key)) {
+    const found = word?.text.length >= SHORTEST ? fitting(this.names, word, MOST_NAMES) : null;
+    if (!found) {
       this.box.hide();
       return;
     }
-    const calls = word.kind === "head";
-    const fitting = this.names.filter((name) => (name.usage !== "") === calls && name.name.toLowerCase().includes(key));
-    const late = (name) => (name.name.toLowerCase().startsWith(key) ? 0 : 1);
-    fitting.sort((a, b) => late(a) - late(b) || a.name.localeCompare(b.name));
-    const parts = (name) => [["name", name.name], ["kind", name.kind], ["range", name.usage || name.range]];
-    this.box.show(fitting.slice(0, MOST_NAMES).map((name) => ({ value: name.name, parts: parts(name) })));
+    const brief = ({ value, parts }) => ({ value, parts: parts.slice(0, -1) }); // the field is too small for the explanation
+    this.box.show(found.map(choice).map(brief));
     this.place();
   }
 

@@ -2,9 +2,9 @@
 
 import { Accounting, bytes, clock } from "./accounting.js";
 import { Alerts, testIn } from "./alerts.js";
+import { Blanks } from "./blanks.js";
 import { BodyLayer } from "./body.js";
 import { NumberDrag } from "./drag.js";
-import { Blanks } from "./blanks.js";
 import { Drawer } from "./drawer.js";
 import { Failing } from "./failing.js";
 import { Filming } from "./filming.js";
@@ -16,8 +16,8 @@ import { Lights } from "./light.js";
 import { showLine } from "./line.js";
 import { Link } from "./link.js";
 import { Measure } from "./measure.js";
-import { ObstacleTool } from "./obstacles.js";
 import { NewRun } from "./newrun.js";
+import { ObstacleTool } from "./obstacles.js";
 import { Operators } from "./operators.js";
 import { Plots } from "./plots.js";
 import { Port } from "./port.js";
@@ -25,6 +25,7 @@ import { Prompt } from "./prompt.js";
 import { RobotPane } from "./robot.js";
 import { Safety } from "./safety.js";
 import { Selecting } from "./select.js";
+import { Senses } from "./senses.js";
 import { SensorsPane } from "./sensors.js";
 import { Sentence } from "./sentence.js";
 import { splitter } from "./splitter.js";
@@ -57,7 +58,8 @@ const table = new Table(document.querySelector(".table-pane"), wire, names);
 const plots = new Plots(document.querySelector(".plots-pane"), wire, names);
 drawer.add({ name: "table", title: "Table", element: table.root, shown: (open) => table.shown(open) });
 drawer.add({ name: "plots", title: "Plots", element: plots.root, shown: (open) => plots.shown(open) });
-const sensors = new SensorsPane(world, wire);
+const senses = new Senses(world, wire);
+const sensors = new SensorsPane(world, senses);
 drawer.add({ name: "sensors", title: "Sensors", element: sensors.root, shown: (open) => sensors.shown(open) });
 
 function address() {
@@ -116,6 +118,7 @@ wire.addEventListener("frame", ({ detail }) => {
   if (!world.setFrame(detail)) return;
   time.show(world.frame);
   timeline.show(world.frame.time);
+  senses.ask();
   legend.tick(performance.now());
   link?.follow();
   document.body.classList.toggle("waiting", world.frame.waiting);
@@ -191,6 +194,16 @@ function light(marks, caption, dark = false) {
   drawLegend();
 }
 
+// Whether a line of the legend, or a rule that fails, says who is lit.
+const litElsewhere = () => Boolean(legend.chosen) || failing.chosen !== null;
+
+// Nothing else says it any more: those that would obey what is typed, else those of the chosen command.
+function lightAgain() {
+  foretelling = prompt.editor.text.trim() !== "";
+  if (foretelling) prompt.tellPreview();
+  else lightChosen();
+}
+
 // What was touched last says who is lit: the text, the account, or the legend.
 prompt.addEventListener("typed", () => {
   legend.forget();
@@ -199,7 +212,7 @@ prompt.addEventListener("typed", () => {
 });
 
 prompt.addEventListener("preview", ({ detail }) => {
-  if (legend.chosen || failing.chosen !== null) return;
+  if (litElsewhere()) return;
   if (detail === null) lightChosen();
   else if (foretelling) light(detail.counted ? Uint8Array.from(bytes(detail.lit), (code) => (code === 1 ? 1 : 0)) : null, "would obey");
 });
@@ -218,7 +231,7 @@ prompt.addEventListener("sent", async ({ detail }) => {
 
 // Those that a command matched have been seen; whoever wants to see them again chooses the command.
 function fade(command) {
-  if (accounting.chosen !== command || foretelling || legend.chosen || failing.chosen !== null) return;
+  if (accounting.chosen !== command || foretelling || litElsewhere()) return;
   faded = command;
   world.fade();
 }
@@ -228,24 +241,23 @@ accounting.addEventListener("choose", ({ detail }) => {
   legend.forget();
   failing.forget();
   robot.about(detail ?? accounting.get(accounting.latest) ?? null);
-  foretelling = !detail && prompt.editor.text.trim() !== "";
-  if (foretelling) prompt.tellPreview();
-  else lightChosen();
+  foretelling = false;
+  if (detail) lightChosen();
+  else lightAgain();
 });
 
 accounting.addEventListener("counted", ({ detail }) => {
   robot.about(detail);
-  if (!foretelling && !legend.chosen && failing.chosen === null) lightChosen();
+  if (!foretelling && !litElsewhere()) lightChosen();
 });
 
 accounting.addEventListener("failing", ({ detail }) => failing.choose(detail));
 
 failing.addEventListener("light", ({ detail }) => {
   legend.forget();
-  foretelling = !detail && prompt.editor.text.trim() !== "";
+  foretelling = false;
   if (detail) light(detail.marks, detail.rule ? `rule ${detail.rule} fails` : "a rule fails");
-  else if (foretelling) prompt.tellPreview();
-  else lightChosen();
+  else lightAgain();
 });
 
 async function lightChosen() {
@@ -258,7 +270,7 @@ async function lightChosen() {
     const marks = await accounting.lit();
     const row = accounting.get(id);
     const caption = { stop: "stopped", release: "released", ask: "answered" }[row?.kind] ?? "matched";
-    if (id === accounting.chosen && row && !legend.chosen && failing.chosen === null) light(marks, caption, id === faded);
+    if (id === accounting.chosen && row && !litElsewhere()) light(marks, caption, id === faded);
   } catch (refusal) {
     if (!(refusal instanceof Refusal)) throw refusal;
     if (id === accounting.chosen) light(null); // nobody knows whom it matched
@@ -275,11 +287,7 @@ legend.addEventListener("light", ({ detail }) => {
     foretelling = false;
     light(detail.marks, "");
     if (legend.following) world.followAll(detail.marks);
-    return;
-  }
-  foretelling = prompt.editor.text.trim() !== "";
-  if (foretelling) prompt.tellPreview();
-  else lightChosen();
+  } else lightAgain();
 });
 
 legend.addEventListener("follow", ({ detail }) => world.followAll(detail ? world.lit : null));
@@ -433,7 +441,7 @@ timeline.addEventListener("mark", ({ detail }) => {
 
 const layers = new Layers(find("layer-menu"), find("layers"), world);
 world.addEventListener("trails", () => layers.toggle("trails"));
-new BodyLayer(world, wire);
+new BodyLayer(world, senses);
 const obstacles = new ObstacleTool(world, wire, find("obstacle-bar"), find("build"));
 new Measure(world, find("measure"), find("heard"));
 const films = { picture: find("save-picture"), film: find("save-film") };
@@ -443,7 +451,7 @@ new Filming(world, films, () => find("clock").textContent, () => legend.lines(),
   world.recolour();
   robot.recolour(world.colours);
   plots.recolour();
-  sensors.recolour();
+  sensors.draw();
   drawLegend();
 });
 

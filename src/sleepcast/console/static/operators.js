@@ -1,6 +1,7 @@
 // The operators' pane, on the air: who this desk is, who else commands, leases of groups, and what goes out in stages.
 
 import { clock } from "./accounting.js";
+import { label, make, section } from "./elements.js";
 import { Refusal } from "./wire.js";
 
 const WORDS = { take: "Take", request: "Ask for it", force: "Take by force", give: "Give back", grant: "Hand over" };
@@ -29,10 +30,11 @@ export class Operators {
   }
 
   form() {
-    const form = make("form");
     const button = (deed) => make("button", { type: "submit", value: deed, title: TITLES[deed] }, WORDS[deed]);
     this.force = button("force");
-    form.append(
+    const form = make(
+      "form",
+      {},
       label("Group", this.group),
       label("Seconds", this.seconds),
       button("take"),
@@ -93,33 +95,11 @@ const TITLES = {
   grant: "Hand it to the operator chosen beside this button",
 };
 
-function make(tag, properties = {}, text = "") {
-  const element = Object.assign(document.createElement(tag), properties);
-  if (text) element.textContent = text;
-  return element;
-}
-
-function label(text, field) {
-  const element = make("label", {}, `${text} `);
-  element.append(field);
-  return element;
-}
-
-function section(title, ...parts) {
-  const element = make("section");
-  element.append(make("h2", {}, title), ...parts);
-  return element;
-}
-
 // Lines that are only made anew when they say something else, so that a button in one keeps the focus.
 function list(element, rows, partsOf, none) {
   const key = JSON.stringify(rows);
   if (element.dataset.key === key) return;
   element.dataset.key = key;
-  const lines = rows.map((row) => {
-    const line = make("li");
-    line.append(...partsOf(row));
-    return line;
-  });
+  const lines = rows.map((row) => make("li", {}, ...partsOf(row)));
   element.replaceChildren(...(lines.length ? lines : [make("li", { className: "empty" }, none)]));
 }

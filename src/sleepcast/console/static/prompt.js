@@ -5,6 +5,7 @@ import { Fold } from "./fold.js";
 import { History } from "./history.js";
 import { callAt, isUnfinished, wordAt } from "./lisp.js";
 import { Listbox } from "./listbox.js";
+import { choice, fitting } from "./names.js";
 import { Search } from "./search.js";
 import { Refusal } from "./wire.js";
 
@@ -367,21 +368,12 @@ export class Prompt extends EventTarget {
 
   offerNames() {
     const word = this.begun();
-    const key = word?.text.toLowerCase();
-    if (!word || this.names.some((name) => name.name.toLowerCase() === key)) {
+    const found = word && fitting(this.names, word, MOST_NAMES);
+    if (!found) {
       this.completions.hide();
       return;
     }
-    const calls = word.kind === "head";
-    const fitting = this.names.filter((name) => (name.usage !== "") === calls && name.name.toLowerCase().includes(key));
-    const starts = (name) => (name.name.toLowerCase().startsWith(key) ? 0 : 1);
-    fitting.sort((a, b) => starts(a) - starts(b) || a.name.localeCompare(b.name));
-    this.completions.show(
-      fitting.slice(0, MOST_NAMES).map((name) => ({
-        value: name.name,
-        parts: [["name", name.name], ["kind", name.kind], ["range", name.usage || name.range], ["doc", name.doc]],
-      })),
-    );
+    this.completions.show(found.map(choice));
     this.placeCompletions(word.start);
   }
 

@@ -2,7 +2,7 @@
 
 import { palette } from "../shapes.js";
 import { colourOf } from "./drawing.js";
-import { make, write } from "./elements.js";
+import { make, write } from "../elements.js";
 
 const TABS = ["said", "commands"];
 const NONE = {

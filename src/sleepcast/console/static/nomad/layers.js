@@ -1,6 +1,6 @@
 // Layers: which are shown, and a way to erase each.
 
-import { make } from "./elements.js";
+import { make } from "../elements.js";
 import { LAYERS } from "./state.js";
 
 export class Layers extends EventTarget {

@@ -9,17 +9,15 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Sequence
 from math import nan
-from typing import Protocol
 
-import msgspec
 import numpy as np
 
 from sleepcast.console import incoming, outgoing
 from sleepcast.console.completion import ShownName, names_in
+from sleepcast.console.film import Timeline, values_of
 from sleepcast.console.plots import Measure, Plots, PlotSpec
 from sleepcast.console.series import Sample, columns_of
 from sleepcast.console.values import Column, Index, Mask, suggested_of, unit_for
-from sleepcast.console.view import Scene
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.fleet.inspection import QuietMemory
@@ -36,47 +34,6 @@ AT_ONCE = 0.25
 """Seconds for which the samples of one answer are made; the page asks for more."""
 FLAGS = ((FROZEN, 2), (SLEEPING, 4), (MARKED, 8))
 """The variables that the flags of a frame stand for, by bit."""
-
-
-class FilmMarks(Protocol):
-    """Groups and flags of a moment, a byte for each robot, see `replay.Marks`."""
-
-    @property
-    def groups(self) -> bytes: ...
-    @property
-    def second(self) -> bytes: ...
-    @property
-    def flags(self) -> bytes: ...
-    @property
-    def names(self) -> tuple[str, ...]: ...
-
-
-class FilmReadings(Protocol):
-    """What robots sensed, by time."""
-
-    def at(self, time: float, /) -> bytes | None:
-        """As JSON, for each sensor a list of all robots; None before the first."""
-
-
-class Film(Protocol):
-    """What is needed of a recording, see `replay.Timeline`."""
-
-    @property
-    def scene(self) -> Scene: ...
-    @property
-    def vocabulary(self) -> Vocabulary: ...
-    @property
-    def began(self) -> float: ...
-    @property
-    def seconds(self) -> float: ...
-    @property
-    def values(self) -> FilmReadings: ...
-
-    def marks_at(self, time: float, /) -> FilmMarks:
-        """The marks of a time."""
-
-
-_readings = msgspec.json.Decoder(dict[str, list[float | None]]).decode
 
 
 class RecordedNames(FreshNames):
@@ -96,7 +53,7 @@ class RecordedNames(FreshNames):
 class RecordedValues:
     """The values of a recording (`Values`). now: the time of it that is looked at, s."""
 
-    def __init__(self, film: Film, now: Callable[[], float]) -> None:
+    def __init__(self, film: Timeline, now: Callable[[], float]) -> None:
         self._film, self._now = film, now
         self._minds = Minds(film.vocabulary)
         self._state = FleetState(film.vocabulary, range(1, len(film.scene.names) + 1), 0)
@@ -172,7 +129,7 @@ class RecordedValues:
         data = film.values.at(time)
         if data is not self._read:
             self._read = data
-            columns = {} if data is None else _readings(data)
+            columns = {} if data is None else values_of(data)
             for name in self._sensors | columns.keys():
                 variable, values = film.vocabulary.bindings.get(name.casefold()), columns.get(name, [])
                 if isinstance(variable, Variable):
@@ -192,7 +149,9 @@ class RecordedPlots(Plots):
     """The plots of a recording. Those over time show all of it: samples are made when they are asked for, from far
     apart to close together."""
 
-    def __init__(self, film: Film, now: Callable[[], float], clock: Clock, measures: Sequence[Measure] = ()) -> None:
+    def __init__(
+        self, film: Timeline, now: Callable[[], float], clock: Clock, measures: Sequence[Measure] = ()
+    ) -> None:
         super().__init__(RecordedValues(film, now), clock, measures)
         self._film = film
         self._at = film.began

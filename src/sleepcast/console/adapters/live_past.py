@@ -69,7 +69,7 @@ class LivePast(Past):
         cut(film.rows, old.rows, now)
         self._groups.expect(film.marks_at(now).names)
         self._every = before._every
-        self._size = sum(len(data) for _, data in film.poses.values) + sum(map(_size, film.marks.values))
+        self._size = _pictures(film)
         earlier = before.inputs.between(-1, tick)
         self.inputs.posted[:0], self.inputs.changes[:0] = earlier.posted, earlier.changes
         self.states = before.states.until(tick)
@@ -161,9 +161,7 @@ class LivePast(Past):
         poses.times, poses.values = [poses.times[at] for at in kept], [poses.values[at] for at in kept]
         needed = sorted({max(0, marks.before(time) - 1) for time in poses.times})
         marks.times, marks.values = [marks.times[at] for at in needed], [marks.values[at] for at in needed]
-        self._size = sum(len(data) for _, data in poses.values) + sum(
-            2 * len(each.groups) for each in film.marks.values
-        )
+        self._size = _pictures(film)
 
     # ---- states
 
@@ -205,6 +203,11 @@ def cut(into: Track[Kind], track: Track[Kind], time: float) -> None:
     """Have what a track has up to a time."""
     count = track.before(time)
     into.times, into.values = track.times[:count], track.values[:count]
+
+
+def _pictures(film: Timeline) -> int:
+    """Bytes of all pictures."""
+    return sum(len(data) for _, data in film.poses.values) + sum(map(_size, film.marks.values))
 
 
 def _size(marks: Marks) -> int:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from sleepcast.console import incoming
 from sleepcast.console.incoming import AlertMessage
+from sleepcast.console.marks import clock_time
 from sleepcast.console.outgoing import Said
 from sleepcast.console.values import Values
 from sleepcast.core.clock import Clock
@@ -134,8 +135,7 @@ def _longer(mask: Mask, size: int) -> Mask:
 
 def line_of(firing: ShownFiring) -> str:
     """A firing on one line."""
-    minutes, seconds = divmod(int(firing.at), 60)
-    return f"alert at {minutes // 60}:{minutes % 60:02}:{seconds:02}: {firing.text}: {firing.robots}"
+    return f"alert at {clock_time(firing.at)}: {firing.text}: {firing.robots}"
 
 
 @dataclass

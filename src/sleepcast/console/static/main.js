@@ -7,6 +7,7 @@ import { BodyLayer } from "./body.js";
 import { NumberDrag } from "./drag.js";
 import { Drawer } from "./drawer.js";
 import { Failing } from "./failing.js";
+import { copy } from "./files.js";
 import { Filming } from "./filming.js";
 import { Finder } from "./finder.js";
 import { ghostsOf } from "./ghosts.js";
@@ -318,7 +319,7 @@ new NumberDrag(prompt, wire, find("spread"));
 
 const selecting = new Selecting(world, wire, find("selection"), find("lasso"));
 selecting.addEventListener("use", ({ detail }) => {
-  if (document.body.classList.contains("replay")) navigator.clipboard?.writeText(detail);
+  if (document.body.classList.contains("replay")) copy(detail);
   else prompt.set(`(WHEN ${detail} )`, true, `(WHEN ${detail} `.length);
 });
 

@@ -1,7 +1,7 @@
 // Changing the obstacles of a simulated world: corners are clicked, one after the other; an obstacle that stands is chosen by a
 // click, dragged, and taken away with Delete.
 
-import { encloses } from "./select.js";
+import { encloses } from "./polygon.js";
 import { Refusal } from "./wire.js";
 
 const CLOSE = 12; // pixels: a click so near to the first corner ends the polygon

@@ -2,6 +2,7 @@
 // that are highlighted. The desk finds the shortest test that holds for exactly these, and one press puts it into the
 // prompt.
 
+import { encloses } from "./polygon.js";
 import { few, MOST_SHAPES, sizesOf } from "./swarm.js";
 import { Refusal } from "./wire.js";
 
@@ -206,20 +207,6 @@ function corners(path, x, y, half) {
     path.lineTo(x + right * half, y + down * half);
     path.lineTo(x + right * (half - arm), y + down * half);
   }
-}
-
-// Whether a polygon (x and y of its corners in turn) encloses a point, by an odd number of its sides to the right of it.
-export function encloses(polygon, x, y) {
-  let inside = false;
-  let fromX = polygon.at(-2);
-  let fromY = polygon.at(-1);
-  for (let at = 0; at < polygon.length; at += 2) {
-    const toX = polygon[at];
-    const toY = polygon[at + 1];
-    if (fromY > y !== toY > y && x < ((toX - fromX) * (y - fromY)) / (toY - fromY) + fromX) inside = !inside;
-    [fromX, fromY] = [toX, toY];
-  }
-  return inside;
 }
 
 // Marks as the desk reads them: a bit for each robot, in base 64.

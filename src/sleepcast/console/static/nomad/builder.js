@@ -1,5 +1,6 @@
 // Obstacles: drawn corner by corner, chosen, moved, taken away.
 
+import { encloses } from "../polygon.js";
 import { outline } from "./drawing.js";
 
 const CLOSE = 10; // pixels: a click so near to the first corner ends the polygon
@@ -77,7 +78,7 @@ export class Builder extends EventTarget {
   // The obstacle under the pixel, or -1.
   at(px, py) {
     const [x, y] = this.pane.view.toWorld(px, py);
-    return this.state.solids.findLastIndex((corners) => inside(corners, x, y));
+    return this.state.solids.findLastIndex((corners) => encloses(corners.flat(), x, y));
   }
 
   // ---- hands
@@ -157,14 +158,4 @@ export class Builder extends EventTarget {
     pen.stroke();
     for (const [x, y] of this.corners) pen.fillRect(view.toScreenX(x) - 4, view.toScreenY(y) - 4, 8, 8);
   }
-}
-
-// Whether the point lies inside the polygon (an odd number of its sides is crossed on the way to the right).
-function inside(corners, x, y) {
-  let found = false;
-  for (let i = 0, k = corners.length - 1; i < corners.length; k = i, i += 1) {
-    const [[ax, ay], [bx, by]] = [corners[i], corners[k]];
-    if (ay > y !== by > y && x < ((bx - ax) * (y - ay)) / (by - ay) + ax) found = !found;
-  }
-  return found;
 }

@@ -1,5 +1,7 @@
 // A world as a file: the obstacles of one that is loaded, and a file with those that there are.
 
+import { download } from "../files.js";
+
 const MOST = 100_000; // characters, as console/nomads/incoming.py has it
 const LONGEST_NAME = 200;
 
@@ -24,11 +26,7 @@ export class Files extends EventTarget {
 
   save() {
     this.ask("save", {}, ({ text }) => {
-      const link = document.createElement("a");
-      link.href = URL.createObjectURL(new Blob([text], { type: "text/plain" }));
-      link.download = "world.txt";
-      link.click();
-      setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+      download("world.txt", "text/plain", [text]);
       return "The obstacles were saved as world.txt.";
     });
   }

@@ -2,6 +2,7 @@
 // Follow keeps them in the middle. On a narrow screen it is folded to one line.
 
 import { bytes } from "./accounting.js";
+import { write } from "./elements.js";
 import { colourName } from "./frame.js";
 import { keep, kept } from "./kept.js";
 import { colourCounts, LOOKS, lookOfColour, lookOfGroup, lookOfSort, picture, SORTS } from "./shapes.js";
@@ -114,8 +115,8 @@ export class Legend extends EventTarget {
     const hold = item.querySelector("button") ?? item;
     const [icon, number, words] = hold.children;
     const shown = count.toLocaleString("en");
-    if (number.textContent !== shown) number.textContent = shown;
-    if (words.textContent !== ` ${text}`) words.textContent = ` ${text}`;
+    write(number, shown);
+    write(words, ` ${text}`);
     icon.className = line.icon ?? "";
     if (line.look !== undefined && item.drawn !== this.world.colours) {
       item.drawn = this.world.colours; // of another theme, or not drawn yet

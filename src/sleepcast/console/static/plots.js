@@ -2,6 +2,7 @@
 // an image or as numbers. Nothing is asked for while the pane is closed.
 
 import { clock } from "./accounting.js";
+import { write } from "./elements.js";
 import { ExpressionField } from "./expression.js";
 import { figure, namesOf, numbers } from "./figure.js";
 import { download, fileName } from "./files.js";
@@ -78,7 +79,7 @@ class Card {
     const last = at ?? x.length - 1;
     const values = last >= 0 && (at !== null || this.plot.kind === "time") ? this.words(x, lines, last) : "";
     const text = [values, at === null ? this.summary : ""].filter(Boolean).join(" · ");
-    if (this.told.textContent !== text) this.told.textContent = text;
+    write(this.told, text);
     this.element.setAttribute("aria-label", `${this.plot.title}. ${text}`);
   }
 

@@ -1,6 +1,7 @@
 // The prompt: an expression is typed, checked by the station while one types, previewed, confirmed and sent.
 
 import { Editor } from "./editor.js";
+import { write } from "./elements.js";
 import { Fold } from "./fold.js";
 import { History } from "./history.js";
 import { callAt, isUnfinished, wordAt } from "./lisp.js";
@@ -208,7 +209,7 @@ export class Prompt extends EventTarget {
     const answer = this.preview?.counted ? this.preview : null;
     for (const name of ["yes", "no", "unknown"]) {
       const count = answer ? answer[name].toLocaleString("en") : "–";
-      if (this.find(name).textContent !== count) this.find(name).textContent = count;
+      write(this.find(name), count);
     }
     this.find("unknown").parentElement.title = answer?.reasons.map(([why, count]) => `${count}: ${why}`).join("\n") ?? "";
     this.find("preview").classList.toggle("known", answer !== null);

@@ -1,6 +1,7 @@
 // The robot pane: why the chosen robot obeyed a command or did not, what it knows, and the rules it runs.
 
 import { clock } from "./accounting.js";
+import { write } from "./elements.js";
 import { picture } from "./shapes.js";
 import { drawWhy } from "./why.js";
 import { Refusal } from "./wire.js";
@@ -140,7 +141,7 @@ function fill(pane, heads, rows, cellsOf, none) {
   rows.forEach((row, i) => {
     cellsOf(row).forEach((text, k) => {
       const cell = table.tBodies[0].rows[i].cells[k];
-      if (cell.textContent !== text) cell.textContent = text;
+      write(cell, text);
       cell.classList.toggle("none", text === "unknown");
     });
   });

@@ -1,5 +1,7 @@
 // STOP and RELEASE. STOP has one key that nobody types by accident, asks nothing and works everywhere on the page.
 
+import { write } from "./elements.js";
+
 export const STOP_KEY = "F9";
 
 const PATIENCE = 1000; // ms within which the station says that it has heard STOP
@@ -67,6 +69,6 @@ export class Safety {
 
   say(text) {
     this.find("stopped").hidden = false;
-    if (this.find("stopped-text").textContent !== text) this.find("stopped-text").textContent = text;
+    write(this.find("stopped-text"), text);
   }
 }

@@ -2,6 +2,7 @@
 // rows in sight, and some times a second for them anew, as long as the table can be seen.
 
 import { bytes } from "./accounting.js";
+import { write } from "./elements.js";
 import { ExpressionField } from "./expression.js";
 import { copy, download, fileName } from "./files.js";
 import { keep, kept } from "./kept.js";
@@ -175,7 +176,7 @@ export class Table extends EventTarget {
 
   say(text, wrong = false) {
     const place = this.find("told");
-    if (place.textContent !== text) place.textContent = text;
+    write(place, text);
     place.classList.toggle("wrong", wrong);
   }
 

@@ -2,6 +2,7 @@
 // happened. A page that looks at the past says so, and one key brings it back to now.
 
 import { clock } from "./accounting.js";
+import { write } from "./elements.js";
 import { Refusal } from "./wire.js";
 
 export const LIVE_KEY = "F8";
@@ -104,7 +105,7 @@ export class Timeline extends EventTarget {
     if (span.at === null && span.forked !== null) text = `Went on from ${clock(span.forked)}. ${span.difference ? `First difference at ${span.difference}.` : "No difference yet."}`;
     if (span.note) text += ` ${span.note}`;
     else if (span.at !== null && !span.exact) text += " Running it again …";
-    if (said.textContent !== text) said.textContent = text;
+    write(said, text);
     said.title = text;
   }
 

@@ -39,8 +39,8 @@ HANGS = 20.0
 """Seconds after which a text counts as hanging: far more than `SLOWEST`, because a busy machine pauses at times."""
 TEXTS = 60
 """Texts for one robot, before it is thrown away for a new one."""
-BLOCKS = 30_000
-"""Blocks of memory that may be held more at the end than after the first robots: some hundred kilobytes of caches."""
+BLOCKS = 1_000
+"""Blocks of memory that may be held more at the end than after the first robots: forty are seen."""
 MEGABYTES = 64
 """Growth of the process that is too much for caches and the allocator's own ways."""
 WORDS: tuple[str, ...] = (
@@ -232,7 +232,9 @@ def resident() -> float:
 
 
 def held() -> tuple[int, float]:
-    gc.collect()
+    """Blocks and megabytes in use. Collecting a vocabulary lets go of its programs; the next round collects those."""
+    while gc.collect():
+        pass
     return sys.getallocatedblocks(), resident()
 
 

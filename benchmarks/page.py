@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
 FRAMES = {1_000: 30.0, 10_000: 30.0, 100_000: 10.0}
 """Frames a second at least, by number of robots."""
-CLOSE = 0.95
-"""Of a bar of frames that is also what the program sends at most: two clocks never agree to the last frame."""
 REST = 60.0
 """kB a second at most, to a page whose robots stand."""
 STOP = 100.0
@@ -157,7 +155,6 @@ def rate(page: Page, what: str, seconds: float) -> float:
 
 def frames(robots: int, seconds: float) -> Found:
     """Frames a second with all panes open."""
-    wanted = FRAMES[robots] * (CLOSE if FRAMES[robots] >= 30.0 else 1.0)
     name = f"{robots:,} robots, all panes open"
     with opened(robots) as (_, page):
         rates, costs = {}, []
@@ -172,7 +169,7 @@ def frames(robots: int, seconds: float) -> Found:
     slowest = min(rates, key=lambda pane: rates[pane])
     detail = ", ".join(f"{pane} {number(each)}" for pane, each in rates.items())
     detail += f"; {number(max(costs))} ms of the processor a frame"
-    return Found(Bar(name, rates[slowest], wanted, "frames/s"), detail)
+    return Found(Bar(name, rates[slowest], FRAMES[robots], "frames/s"), detail)
 
 
 def worked(page: Page) -> Callable[[], float]:

@@ -12,8 +12,8 @@ import pytest
 
 from console.running import PATIENCE
 from sleepcast.console.adapters.swarm import SwarmAdapter
-from sleepcast.console.driver import FRAME_PERIOD, SLICE, Driver
-from sleepcast.core.clock import WallClock
+from sleepcast.console.driver import FRAME_PERIOD, HEARD_AFTER, SLICE, Driver
+from sleepcast.core.clock import ManualClock, WallClock
 from sleepcast.loop import Pace, Swarm
 from small_worlds import simulator
 
@@ -88,6 +88,24 @@ def test_frames_come_no_faster_than_the_eye_needs_them(driver: Driver) -> None:
         await asyncio.sleep(0.5)
         lasted = asyncio.get_running_loop().time() - start
         assert 1 <= driver.number - before <= lasted / FRAME_PERIOD + 2
+
+    drive(driver, job)
+
+
+def test_the_next_picture_after_a_stop_is_of_the_tick_that_heard_it(tmp_path: Path) -> None:
+    swarm = Swarm(simulator(tmp_path))
+    driver = Driver(SwarmAdapter(swarm), Pace(WallClock(), swarm, 10.0), ManualClock())  # so no frame is ever due
+
+    async def job() -> None:
+        await driver.frame_after(2)
+        driver.hurry()
+        sent, drawn = driver.swarm.tick, driver.number
+        assert tick_in(await driver.frame_after(drawn)) >= sent + HEARD_AFTER
+        assert driver.number == drawn + 1
+        driver.set_pace(running=False)
+        drawn = driver.number
+        driver.hurry()  # no tick will hear it now
+        assert driver.number == drawn + 1
 
     drive(driver, job)
 

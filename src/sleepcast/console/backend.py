@@ -222,7 +222,6 @@ class Backend:
 
     def _latch(self, latched: bool) -> None:
         self.driver.latched = latched
-        self.driver.draw()
         self.driver.hurry()
 
     # ---- afterwards

@@ -11,6 +11,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Coroutine
 from concurrent.futures import Future
+from math import inf
 from threading import Thread
 from typing import Any, TypeVar
 
@@ -24,8 +25,11 @@ SLICE = 0.004
 MOST_TURNS = 16
 """Turns of the server after one slice at most. A single tick may take as long as many slices; what a page says passes
 through some eight steps until it is answered, one in each turn, and would wait for a tick before each of them."""
-FRAME_PERIOD = 1.0 / 30.0
-"""Seconds between two frames at least."""
+FRAME_PERIOD = 1.0 / 32.0
+"""Seconds between two frames at least. People are promised 30 a second; a page and its program never keep exactly the
+same time, and each frame that comes late is one less."""
+HEARD_AFTER = 2
+"""Ticks from a STOP that is sent until robots stand: it is on its way in one, and heard in the other."""
 
 T = TypeVar("T")
 
@@ -83,6 +87,7 @@ class Driver(FrameSource):
         self.latched = False
         self._clock = clock
         self._frame_due = clock.now()
+        self._heard: float = inf
         self._wake = asyncio.Event()
 
     async def run(self) -> None:
@@ -101,7 +106,7 @@ class Driver(FrameSource):
             began = self._clock.now()
             self.advance(SLICE)
             now = self._clock.now()
-            if now >= self._frame_due:
+            if now >= self._frame_due or self.swarm.tick >= self._heard:
                 self.wait_a_frame(now)
                 self.draw()
             turns = int((self._clock.now() - began) / SLICE)
@@ -131,8 +136,13 @@ class Driver(FrameSource):
         return True
 
     def hurry(self) -> None:
-        """Draw what comes of the next two ticks at once: a STOP is on its way in one, and heard in the other."""
-        self._frame_due = self._clock.now() - FRAME_PERIOD
+        """Draw the tick in which a STOP that goes out now is heard as soon as it is over, and nothing in between: the
+        page would still be busy with that. If it takes longer than a frame may, a frame comes before."""
+        if self.held_up:
+            self.draw()
+            return
+        self._heard = self.swarm.tick + HEARD_AFTER
+        self._frame_due = self._clock.now() + FRAME_PERIOD
 
     def wait_a_frame(self, now: float) -> None:
         """The next frame is due a period after the one that is drawn at `now`."""
@@ -161,6 +171,8 @@ class Driver(FrameSource):
 
     def draw(self) -> None:
         """Make a new frame of what there is now, and tell those who wait for one."""
+        if self.swarm.tick >= self._heard:
+            self._heard = inf
         swarm, pace = self.swarm, self.pace
         minds = swarm.minds
         frame = pack(

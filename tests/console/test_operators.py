@@ -1,0 +1,59 @@
+"""Who commands on the air: how sending in stages goes on, and how it ends."""
+
+from __future__ import annotations
+
+import pytest
+
+from safety.scene import START, Scene
+from sleepcast.console.operators import GRACE, OperatorsDesk
+from sleepcast.station.journal.journal import JournalError
+from sleepcast.station.validation import Draft
+
+DRAFT = Draft("(WHEN (> x 3) (JOIN crew))", count=20)
+
+
+def begun(scene: Scene) -> OperatorsDesk:
+    desk = OperatorsDesk(scene.desk(), START)
+    desk.send_in_stages(DRAFT)
+    return desk
+
+
+def wait(scene: Scene, desk: OperatorsDesk) -> str:
+    """Let the answers to the stage that is under way come; gives what the page says then."""
+    scene.run(GRACE)
+    desk.attend()
+    return desk.shown().staging
+
+
+def test_a_stage_that_is_refused_is_not_counted_and_its_reason_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was counted as a stage that had been sent, and the page said that the operator had stopped it."""
+    scene = Scene(robots=20)
+    desk = begun(scene)
+
+    def full(*_: object, **__: object) -> None:
+        raise JournalError("no space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(scene.desk().journal, "append", full)
+        ended = wait(scene, desk)
+    assert ended == (
+        "In stages: ended with stage 1 (the next one was refused: no space left on device); "
+        "the other robots were sent nothing."
+    )
+    assert wait(scene, desk) == ended, "it stays so, though the journal can be written again"
+    assert len(scene.desk().commands()) == 1
+    assert not desk.shown().active
+    desk.send_in_stages(DRAFT)
+    assert wait(scene, desk).startswith("In stages: stage 2 is sent"), "another one may begin"
+
+
+def test_a_person_who_stops_it_is_told_so() -> None:
+    scene = Scene(robots=20)
+    desk = begun(scene)
+    assert wait(scene, desk).startswith("In stages: stage 2 is sent")
+    scene.run(GRACE)
+    desk.halt()
+    assert desk.shown().staging == (
+        "In stages: ended with stage 2 (you stopped it); the other robots were sent nothing."
+    )
+    assert len(scene.desk().commands()) == 2

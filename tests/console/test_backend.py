@@ -274,6 +274,26 @@ class TestStop:
         stand.desk.stop()
         assert "0 of 20 robots report stopped. Time stands still" in safety(stand)[1]
 
+    def test_before_time_begins_it_says_at_once_that_no_robot_moves(self, tmp_path: Path) -> None:
+        swarm = Swarm(simulator(tmp_path))
+        swarm.desk = station = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm)
+        view, clock = SwarmAdapter(swarm), ManualClock()
+        driver = Driver(view, Pace(clock, swarm, 1.0), clock, waits=True)
+        waiting = Stand(swarm, station, clock, Backend(view, station, driver, clock))
+        waiting.swarm.introduce()
+        waiting.desk.stop()
+        assert safety(waiting) == (
+            True,
+            "STOP holds: time has not begun, so no robot moves. All robots are sent STOP with the first tick.",
+        )
+        assert [row.waiting for row in waiting.desk.commands().rows] == ["for the start"]
+        assert driver.waiting, "STOP does not let time begin"
+        before = view.poses()
+        station.send("(DRIVE 1m/s 0)", everybody=True)
+        waiting.run()
+        assert safety(waiting) == (True, "STOP: all 20 robots report stopped.")
+        assert view.poses() == before, "no robot has moved by a command that was sent after it"
+
     def test_a_key_held_down_gives_one_stop_and_not_hundreds(self, stand: Stand) -> None:
         for _ in range(100):
             stand.desk.stop()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
+from sleepcast.console.driver import AT_START
 from sleepcast.console.failing import FailingRules, ShownFailing
 from sleepcast.console.view import SwarmView
 from sleepcast.station import Account, Command, Station
@@ -115,6 +116,8 @@ class AccountTable:
         still, "" while it runs."""
         found = self._station.accounting(stop.id)
         total = found.n_matched + found.n_silent
+        if held_up == AT_START:
+            return "STOP holds: time has not begun, so no robot moves. All robots are sent STOP with the first tick."
         if not total:
             return "STOP was sent, but no robot has been heard yet: none has confirmed it."
         if found.complete:

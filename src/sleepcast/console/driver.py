@@ -30,6 +30,8 @@ FRAME_PERIOD = 1.0 / 32.0
 same time, and each frame that comes late is one less."""
 HEARD_AFTER = 2
 """Ticks from a STOP that is sent until robots stand: it is on its way in one, and heard in the other."""
+AT_START = "for the start"
+"""What holds everything up while time has not begun, in words."""
 
 T = TypeVar("T")
 
@@ -122,7 +124,9 @@ class Driver(FrameSource):
 
     @property
     def held_up(self) -> str:
-        """Why nothing that is sent reaches robots now, in a word; "" while time runs."""
+        """Why nothing that is sent reaches robots now, in words; "" while time runs."""
+        if self.waiting:
+            return AT_START
         return "paused" if self.pace.paused else "" if self._ready else "compiling"
 
     def begin(self) -> None:

@@ -255,18 +255,20 @@ class Backend:
 
     def build(self, serial: int, corners: Sequence[tuple[float, float]]) -> outgoing.Built:
         """Put up an obstacle."""
-        self._editor().build(corners)
-        return outgoing.Built(serial)
+        return outgoing.Built(serial, *self._editor().build(corners))
 
     def shift(self, serial: int, version: int, place: int, across: float, up: float) -> outgoing.Built:
         """Move an obstacle."""
-        self._editor().shift(version, place, across, up)
-        return outgoing.Built(serial)
+        return outgoing.Built(serial, *self._editor().shift(version, place, across, up))
 
     def clear(self, serial: int, version: int, place: int) -> outgoing.Built:
         """Take an obstacle away."""
-        self._editor().clear(version, place)
-        return outgoing.Built(serial)
+        return outgoing.Built(serial, *self._editor().clear(version, place))
+
+    def undo(self, serial: int, change: int, again: bool) -> outgoing.Undone:
+        """Undo a change of the obstacles, or (again) do once more what was undone."""
+        self._editor().undo(change, again)
+        return outgoing.Undone(serial)
 
     def _editor(self) -> ObstacleEditor:
         editor = self._swarm.editor

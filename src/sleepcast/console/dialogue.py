@@ -27,7 +27,7 @@ from sleepcast.station.validation import CountNeededError, DoubtError
 Answer: TypeAlias = msgspec.Struct | msgspec.Raw
 OF_THEN = (outgoing.Commands, outgoing.Groups, outgoing.Obstacles, outgoing.Robot)
 """News that are those of the time at which a page looks; all other news are of now."""
-ACTS = (incoming.Send, incoming.Wink, incoming.Build, incoming.Shift, incoming.Clear)
+ACTS = (incoming.Send, incoming.Wink, incoming.Build, incoming.Shift, incoming.Clear, incoming.Undo)
 """What changes the run, which can be done only now."""
 QUESTIONS = (
     *(incoming.Preview, incoming.Spread, incoming.Pick, incoming.Names, incoming.Members),
@@ -132,6 +132,8 @@ class Dialogue:
                 return desk.shift(serial, version, place, across, up)
             case incoming.Clear(serial, version, place):
                 return desk.clear(serial, version, place)
+            case incoming.Undo(serial, change, again):
+                return desk.undo(serial, change, again)
             case incoming.Sense(serial, robot):
                 return desk.sense(serial, robot)
             case incoming.Commands(serial):

@@ -207,6 +207,14 @@ class Clear(Message):
     place: Annotated[int, Meta(ge=0, le=1_000_000)]
 
 
+class Undo(Message):
+    """Undo a change of the obstacles by its number, or (again) do once more what was undone."""
+
+    serial: Serial
+    change: Number
+    again: bool = False
+
+
 class Sense(Message):
     """What the body of a robot (by its index) senses now."""
 
@@ -389,6 +397,7 @@ Incoming = (
     | Build
     | Shift
     | Clear
+    | Undo
     | Commands
     | Rows
     | Range

@@ -121,7 +121,16 @@ class Joined(Said):
 
 
 class Built(Said):
-    """The obstacles were changed as asked for."""
+    """The obstacles were changed as asked for. change: the number of this change, by which it can be undone; obstacle:
+    that of the obstacle."""
+
+    serial: int
+    change: int
+    obstacle: int
+
+
+class Undone(Said):
+    """A change of the obstacles was undone, or done again."""
 
     serial: int
 

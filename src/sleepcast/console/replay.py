@@ -212,6 +212,10 @@ class ReplayBackend:
         """Refused."""
         self._refuse()
 
+    def undo(self, serial: int, change: int, again: bool) -> NoReturn:
+        """Refused."""
+        self._refuse()
+
     def sense(self, serial: int, robot: int) -> outgoing.Sensed:
         """What the body of a robot sensed when that was recorded last."""
         film = self._film

@@ -6,7 +6,7 @@ The console knows no simulator and no loop. The roof gives it something with the
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import msgspec
 import numpy as np
@@ -116,6 +116,14 @@ class MindsView(FleetMarks, Protocol):
         """Every name that any robot has learned, as written."""
 
 
+class ObstacleChange(NamedTuple):
+    """A change that was made. change: its number, by which it can be undone; obstacle: that of the thing, which it
+    keeps while others come and go."""
+
+    change: int
+    obstacle: int
+
+
 class ObstacleEditor(Protocol):
     """Changes what is solid. A thing is known by its place among the obstacles of this version. All raise MisuseError,
     and change nothing then."""
@@ -124,14 +132,17 @@ class ObstacleEditor(Protocol):
     def version(self) -> int:
         """Counts the changes."""
 
-    def build(self, corners: Sequence[tuple[float, float]]) -> None:
+    def build(self, corners: Sequence[tuple[float, float]]) -> ObstacleChange:
         """Add a polygon with these corners, m."""
 
-    def shift(self, version: int, place: int, across: float, up: float) -> None:
+    def shift(self, version: int, place: int, across: float, up: float) -> ObstacleChange:
         """Move a thing by this vector, m."""
 
-    def clear(self, version: int, place: int) -> None:
+    def clear(self, version: int, place: int) -> ObstacleChange:
         """Take a thing away."""
+
+    def undo(self, change: int, again: bool) -> None:
+        """Undo a change, or (again) do once more what was undone."""
 
 
 class SwarmView(Protocol):

@@ -1,18 +1,22 @@
 """Obstacles that people build, move and clear away in a simulated world while robots are in it.
 
 A thing is known by its place in the list of obstacles and by the version of the world for which that list was made: if
-something else has changed meanwhile, it is refused, and never another thing is moved.
+something else has changed meanwhile, it is refused, and never another thing is moved. A change can be undone and done
+again while the thing is as that change, or its undoing, left it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from sleepcast.console.view import ObstacleChange
 from sleepcast.core.errors import MisuseError
-from sleepcast.simulator import Polygon, Simulator
+from sleepcast.simulator import Polygon, Shape, Simulator
 
 MAX_THINGS = 2_000
 """Obstacles of a world that people may change: after each change the page is told all of them."""
+MAX_CHANGES = 200
+"""Changes that can be undone; of earlier ones nothing is kept."""
 
 
 class WorldEditor:
@@ -21,26 +25,61 @@ class WorldEditor:
     def __init__(self, simulator: Simulator) -> None:
         self._world = simulator.world
         self._size = simulator.scenario.width, simulator.scenario.height
+        self._changes: dict[int, tuple[int, Shape | None, Shape | None]] = {}
+        """Of each change that can be undone: the thing's number in the world, and how it was before and after."""
+        self._last = 0
 
     @property
     def version(self) -> int:
         """Counts the changes."""
         return self._world.version
 
-    def build(self, corners: Sequence[tuple[float, float]]) -> None:
+    def build(self, corners: Sequence[tuple[float, float]]) -> ObstacleChange:
         """Add a polygon with these corners, m. Raises MisuseError for what is none, or lies outside the world."""
+        self._room()
+        self._within(corners)
+        shape = Polygon(tuple(corners))
+        return self._changed(self._world.add(shape), None)
+
+    def shift(self, version: int, place: int, across: float, up: float) -> ObstacleChange:
+        """Move a thing by this vector, m. Raises MisuseError."""
+        number = self._number(version, place)
+        before = self._world.shapes[number]
+        self._world.move(number, across, up)
+        return self._changed(number, before)
+
+    def clear(self, version: int, place: int) -> ObstacleChange:
+        """Take a thing away. Raises MisuseError."""
+        number = self._number(version, place)
+        before = self._world.shapes[number]
+        self._world.remove(number)
+        return self._changed(number, before)
+
+    def undo(self, change: int, again: bool) -> None:
+        """Undo a change by its number, or (again) do it once more. Raises MisuseError where that is not possible."""
+        if change not in self._changes:
+            raise MisuseError(f"Only the last {MAX_CHANGES} changes of obstacles can be undone.")
+        number, before, after = self._changes[change]
+        expected, wanted = (before, after) if again else (after, before)
+        if self._world.shapes.get(number) != expected:
+            raise MisuseError(f"Obstacle {number} has been changed by somebody else meanwhile.")
+        if wanted is None:
+            self._world.remove(number)
+        else:
+            if expected is None:
+                self._room()
+            self._world.put(number, wanted)
+
+    def _changed(self, number: int, before: Shape | None) -> ObstacleChange:
+        """Keep how a thing was before a change that has been made, and how it is now."""
+        self._last += 1
+        self._changes[self._last] = number, before, self._world.shapes.get(number)
+        self._changes.pop(self._last - MAX_CHANGES, None)
+        return ObstacleChange(self._last, number)
+
+    def _room(self) -> None:
         if len(self._world.shapes) >= MAX_THINGS:
             raise MisuseError(f"There are {MAX_THINGS:,} obstacles, as many as can be changed here: clear some first.")
-        self._within(corners)
-        self._world.add(Polygon(tuple(corners)))
-
-    def shift(self, version: int, place: int, across: float, up: float) -> None:
-        """Move a thing by this vector, m. Raises MisuseError."""
-        self._world.move(self._number(version, place), across, up)
-
-    def clear(self, version: int, place: int) -> None:
-        """Take a thing away. Raises MisuseError."""
-        self._world.remove(self._number(version, place))
 
     def _within(self, corners: Sequence[tuple[float, float]]) -> None:
         width, height = self._size

@@ -14,8 +14,9 @@ const LAYERS = [
 ];
 
 export class Layers {
-  // menu: the element that holds the layers. button: opens it.
-  constructor(menu, button, world) {
+  // menu: the element that holds the layers. button: opens it. undo: as of undo.js.
+  constructor(menu, button, world, undo) {
+    this.undo = undo;
     this.menu = menu;
     this.button = button;
     this.world = world;
@@ -53,6 +54,13 @@ export class Layers {
   }
 
   set(name, on) {
+    const before = this.shown[name];
+    this.put(name, on);
+    const title = LAYERS.find((layer) => layer.name === name).title.toLowerCase();
+    this.undo.did(`${on ? "show" : "hide"} ${title}`, () => this.put(name, before), () => this.put(name, on));
+  }
+
+  put(name, on) {
     this.shown[name] = on;
     this.boxes.get(name).checked = on;
     keep(KEY, this.shown);

@@ -34,6 +34,7 @@ import { Table } from "./table.js";
 import { givenTheme, theme } from "./theme.js";
 import { Time } from "./time.js";
 import { Timeline } from "./timeline.js";
+import { Undo } from "./undo.js";
 import { Refusal, Wire } from "./wire.js";
 import { World } from "./world.js";
 
@@ -42,6 +43,7 @@ const embedded = document.body.classList.contains("embedded"); // in a notebook,
 
 const wire = new Wire(embedded ? () => new Port() : () => new WebSocket(address()), !embedded);
 const world = new World(document.querySelector(".world"));
+const undo = new Undo(find("undone"));
 const legend = new Legend(find("legend"), wire, world);
 const prompt = new Prompt(document.querySelector(".desk"), wire);
 const sentence = new Sentence(document.querySelector(".desk"), wire);
@@ -317,7 +319,7 @@ world.addEventListener("moved", () => {
 
 new NumberDrag(prompt, wire, find("spread"));
 
-const selecting = new Selecting(world, wire, find("selection"), find("lasso"));
+const selecting = new Selecting(world, wire, find("selection"), find("lasso"), undo);
 selecting.addEventListener("use", ({ detail }) => {
   if (document.body.classList.contains("replay")) copy(detail);
   else prompt.set(`(WHEN ${detail} )`, true, `(WHEN ${detail} `.length);
@@ -415,7 +417,7 @@ function goTo(x, y) {
 
 new Finder(find("finder"), [
   () => prompt.ready.map(({ title, text }) => ({ kind: "command", title, hint: text, run: () => prompt.set(text) })),
-  () => ACTIONS.map(([title, hint, run]) => ({ kind: "action", title, hint, run })),
+  () => [...ACTIONS, ...undo.choices].map(([title, hint, run]) => ({ kind: "action", title, hint, run })),
   () => [...drawer.panes].map(([name, { tab }]) => ({ kind: "pane", title: tab.textContent, run: () => drawer.open(name) })),
   () => groups.map(({ name, count }) => ({ kind: "group", title: name, hint: `${count.toLocaleString("en")} robots`, run: () => prompt.set(`(WHEN (IN ${name}) )`) })),
   () => [...(world.scene?.places ?? []), ...(world.scene?.lights ?? [])].map(({ name, x, y }) => ({ kind: "place", title: name, run: () => goTo(x, y) })),
@@ -440,10 +442,10 @@ timeline.addEventListener("mark", ({ detail }) => {
   marked = detail.command; // its line is there when the news of then have come
 });
 
-const layers = new Layers(find("layer-menu"), find("layers"), world);
+const layers = new Layers(find("layer-menu"), find("layers"), world, undo);
 world.addEventListener("trails", () => layers.toggle("trails"));
 new BodyLayer(world, senses);
-const obstacles = new ObstacleTool(world, wire, find("obstacle-bar"), find("build"));
+const obstacles = new ObstacleTool(world, wire, find("obstacle-bar"), find("build"), undo);
 new Measure(world, find("measure"), find("heard"));
 const films = { picture: find("save-picture"), film: find("save-film") };
 new Filming(world, films, () => find("clock").textContent, () => legend.lines(), refused);

@@ -12,8 +12,9 @@ const DRAWING = "The first corner again, or Enter, puts it up; Backspace takes t
 const CHOSEN = "Drag it, or take it away.";
 
 export class ObstacleTool {
-  // bar: tells what can be done; button: switches it.
-  constructor(world, wire, bar, button) {
+  // bar: tells what can be done; button: switches it. undo: as of undo.js.
+  constructor(world, wire, bar, button, undo) {
+    this.undo = undo;
     this.world = world;
     this.wire = wire;
     this.bar = bar;
@@ -27,6 +28,8 @@ export class ObstacleTool {
     button.addEventListener("click", () => this.switch(!this.on));
     bar.querySelector(".remove").addEventListener("click", () => this.remove());
     bar.querySelector(".done").addEventListener("click", () => this.switch(false));
+    bar.querySelector(".undo").addEventListener("click", () => undo.undo());
+    undo.addEventListener("change", () => this.say());
     world.map.addEventListener("keydown", (event) => {
       if (!this.on || event.ctrlKey || event.metaKey || event.altKey || !this.key(event.key)) return;
       event.preventDefault();
@@ -67,14 +70,24 @@ export class ObstacleTool {
   say(refusal = "") {
     this.bar.hidden = !this.on;
     this.bar.querySelector(".remove").hidden = this.chosen < 0;
+    const [[last]] = this.undo.choices;
+    this.bar.querySelector(".undo").hidden = !this.undo.done.length;
+    this.bar.querySelector(".undo").textContent = last;
     this.bar.querySelector(".said").textContent = refusal || (this.corners.length ? DRAWING : this.chosen < 0 ? BUILD : CHOSEN);
   }
 
   // ---- what the desk is asked
 
-  async ask(kind, fields) {
+  // verb: what is done to the obstacle.
+  change(verb, kind, fields) {
+    this.undo.wait(this.ask(verb, kind, fields));
+  }
+
+  async ask(verb, kind, fields) {
     try {
-      await this.wire.ask(kind, fields);
+      const { change, obstacle } = await this.wire.ask(kind, fields);
+      const turn = (again) => this.wire.ask("undo", { change, again });
+      this.undo.did(`${verb} obstacle ${obstacle}`, () => turn(false), () => turn(true));
       this.choose(-1);
     } catch (refusal) {
       if (!(refusal instanceof Refusal)) throw refusal;
@@ -90,11 +103,11 @@ export class ObstacleTool {
     }
     const { corners } = this;
     this.corners = [];
-    this.ask("build", { corners });
+    this.change("add", "build", { corners });
   }
 
   remove() {
-    if (this.chosen >= 0) this.ask("clear", { version: this.world.scene.version, place: this.chosen });
+    if (this.chosen >= 0) this.change("remove", "clear", { version: this.world.scene.version, place: this.chosen });
   }
 
   // ---- hands
@@ -139,7 +152,7 @@ export class ObstacleTool {
         this.world.repaint("robots");
       },
       drop: (moved) => {
-        if (moved && this.shift) this.ask("shift", { version, place: this.chosen, across: this.shift[0], up: this.shift[1] });
+        if (moved && this.shift) this.change("move", "shift", { version, place: this.chosen, across: this.shift[0], up: this.shift[1] });
       },
     };
   }

@@ -11,9 +11,10 @@ const PATIENCE = 30000; // ms for which the search may take: it goes on beside t
 const APART = 3; // pixels between two corners of a lasso
 
 export class Selecting extends EventTarget {
-  // bar: the element that tells what is selected. button: switches the lasso.
-  constructor(world, wire, bar, button) {
+  // bar: the element that tells what is selected. button: switches the lasso. undo: as of undo.js.
+  constructor(world, wire, bar, button, undo) {
     super();
+    this.undo = undo;
     this.world = world;
     this.wire = wire;
     this.bar = bar;
@@ -59,6 +60,15 @@ export class Selecting extends EventTarget {
 
   // Select these robots: 1 for each. pause: ms without another change before their test is asked for.
   set(marks, pause = PAUSE) {
+    const before = this.marks;
+    this.put(marks, pause);
+    const after = this.marks;
+    if (before.length === after.length && before.every((mark, index) => mark === after[index])) return;
+    const name = this.count ? `select ${this.count.toLocaleString("en")} ${this.count === 1 ? "robot" : "robots"}` : "clear the selection";
+    this.undo.did(name, () => this.put(before), () => this.put(after));
+  }
+
+  put(marks, pause = PAUSE) {
     this.marks = Uint8Array.from(marks, (mark) => (mark ? 1 : 0));
     this.changed(pause);
   }

@@ -116,10 +116,17 @@ class World:
         self._changed()
 
     def put(self, number: int, shape: Shape) -> None:
-        """Set the thing with this number to `shape`, new or not: this is how a recorded run is repeated."""
+        """Set the thing with this number to `shape`, new or not: this is how a recorded run is repeated, and how a
+        change is undone. Things keep the order of their numbers. Raises MisuseError for an invalid shape or too many
+        solids."""
         before = self._shapes.get(number)
-        self._sides += len(rows_of(shape)) - (len(rows_of(before)) if before is not None else 0)
+        sides = self._sides + len(rows_of(shape)) - (len(rows_of(before)) if before is not None else 0)
+        if sides > MAX_SOLIDS:
+            raise MisuseError(f"the world is full: at most {MAX_SOLIDS} walls and sides of polygons fit; remove some")
+        self._sides = sides
         self._shapes[number] = shape
+        if before is None and number < self._next:
+            self._shapes = dict(sorted(self._shapes.items()))
         self._next = max(self._next, number + 1)
         self._changed()
 

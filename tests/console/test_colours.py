@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 import sleepcast.console
 from sleepcast.api.looks import INKS
 
-CSS = (Path(sleepcast.console.__file__).parent / "static" / "style.css").read_text(encoding="utf-8")
+STATIC = Path(sleepcast.console.__file__).parent / "static"
+CSS = (STATIC / "style.css").read_text(encoding="utf-8")
 LIGHT, DARK = CSS.split('data-theme="dark"')[:2]
 GROUPS = range(1, 8)
 

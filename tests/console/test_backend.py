@@ -201,7 +201,7 @@ class TestSending:
         stand.desk.send(1, "(FORGET guard)", True)
         stand.run()
         assert all(row.failing == () for row in stand.desk.commands().rows)
-        with pytest.raises(MisuseError, match="The rule guard does not fail on any robot now"):
+        with pytest.raises(MisuseError, match="The rule guard does not fail on any robot at this time"):
             stand.desk.failed(2, "guard")
 
     def test_who_cannot_have_heard_yet_is_waiting_not_silent(self, stand: Stand) -> None:

@@ -12,9 +12,9 @@ import pytest
 from console.running import Page, Program, open_page
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.differences import first_difference
+from sleepcast.console.failing import ShownFailing
 from sleepcast.console.kept import KeptStates
 from sleepcast.console.marks import MOST_MARKS, Marks
-from sleepcast.fleet.failing import FailingRule
 from sleepcast.loop import resume
 from sleepcast.loop.snapshots import copy_of
 from sleepcast.simulator import Changes, find_scenario
@@ -135,7 +135,7 @@ def test_marks_tell_what_happened_once() -> None:
     marks.groups(4.01, ["bravo"], [8])
     marks.rows(5.0, [row(3)])
     marks.rows(6.0, [row(4)])
-    rule = FailingRule("a", "a", np.arange(2), 2, "divides by zero")
+    rule = ShownFailing("a", 2, 2, "divides by zero")
     marks.failing(6.0, [rule])
     marks.failing(7.0, [rule])
     assert [(mark.kind, mark.at, mark.seen, mark.text) for mark in marks.all] == [

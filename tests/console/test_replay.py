@@ -20,11 +20,16 @@ import sleepcast as sc
 from console.running import PATIENCE, Page, Program, number, open_page
 from console.test_page import until
 from sleepcast.console.account_table import MOST_ROWS
+from sleepcast.console.adapters.recorded_past import RecordedPast
 from sleepcast.console.adapters.recording import load_timeline
-from sleepcast.console.outgoing import Groups, ShownGroup
+from sleepcast.console.film import Track
+from sleepcast.console.outgoing import Failing, Groups, ShownGroup
 from sleepcast.console.replay import ReplayBackend, ReplayDriver
 from sleepcast.core.clock import ManualClock
+from sleepcast.core.errors import MisuseError
+from sleepcast.fleet.failing import RECENT
 from sleepcast.simulator.recording.foxglove import read_poses
+from sleepcast.simulator.recording.recorder import FAILING
 from sleepcast.simulator.recording.recording import entries, load_recording
 from small_worlds import write
 
@@ -128,6 +133,38 @@ def test_second_groups_and_colours_are_recorded(tmp_path: Path) -> None:
     told = {type(said).__name__: said for said in desk.news(0)}
     assert told["Groups"] == Groups([ShownGroup("a", 2, 1), ShownGroup("b", 1, 1)])
     assert told["Robot"].groups == ["a", "b"]  # type: ignore[attr-defined]
+
+
+def test_rules_that_fail_are_recorded_once_for_each_change(tmp_path: Path) -> None:
+    file = tmp_path / "run.mcap"
+    with sc.open("shepherding", seed=1) as fleet, fleet.record(file, pictures=0.5):
+        fleet.send("(WHEN (<= id 2) (RULE guard (/ 1 (- (MOD tick 4) 2))))")  # fails in every fourth tick
+        fleet.run(6)
+        fleet.send("(WHEN (= id 2) (FORGET guard))")
+        fleet.run(4)
+    recording = load_recording(file)
+    assert len([entry for entry in entries(file, recording) if entry.topic == FAILING]) == 2
+    film = load_timeline(recording)
+    desk = ReplayBackend(film, ReplayDriver(film, ManualClock()))
+
+    def told(time: float) -> list[tuple[str, int]]:
+        desk.seek(time)
+        (found,) = (said for said in desk.news(-1) if isinstance(said, Failing))
+        assert found.recent == RECENT * film.speed
+        return [(each.rule, each.robots) for each in found.rules]
+
+    assert (told(0.0), told(4.0)) == ([], [("guard", 2)])
+    assert desk.failed(1, "Guard").outcomes[:4] == b"\1\1\0\0"
+    assert told(10.0) == [("guard", 1)]
+    assert desk.failed(1, "").outcomes[:4] == b"\1\0\0\0"
+    past = RecordedPast(recording, film)
+    past.close()
+    (mark,) = (mark for mark in past.marks.all if mark.kind == "fault")
+    assert mark.text.startswith("rule guard fails on 2 robots: division by zero")
+    film.failures = Track()  # a recording of before this was recorded
+    assert told(4.0) == []
+    with pytest.raises(MisuseError, match="does not fail on any robot at this time"):
+        desk.failed(1, "guard")
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import re
 import struct
 
@@ -33,6 +34,8 @@ def test_the_past_is_a_matter_of_one_page(program: Program) -> None:
     with open_page(program) as one, open_page(program) as other:
         running(one, 4.0)
         one.ask("send", text="(WHEN (> battery 50%) (JOIN early))")
+        one.ask("send", text="(WHEN (IN early) (RULE guard (/ 1 0)))")
+        one.until("failing", lambda found: bool(found["rules"]))
         running(one, 8.0)
         one.tell("look", time=2.0)
         while next_time(one) != 2.0:
@@ -41,6 +44,8 @@ def test_the_past_is_a_matter_of_one_page(program: Program) -> None:
         assert span["ended"] > 8.0
         assert span["note"] == ""
         one.until("commands", lambda found: found["rows"] == [])
+        one.until("failing", lambda found: not found["rules"])
+        assert one.ask("failed", rule="guard")["type"] == "refused"
         assert other.wait_for("span")["at"] is None
         before = next_time(other)
         while next_time(other) < before + 1.0:
@@ -48,7 +53,12 @@ def test_the_past_is_a_matter_of_one_page(program: Program) -> None:
         one.tell("look", time=None)
         while next_time(one) < 9.0:
             pass
-        one.until("commands", lambda found: len(found["rows"]) == 1)
+        one.until("commands", lambda found: len(found["rows"]) == 2)
+        (rule,) = one.until("failing", lambda found: bool(found["rules"]))["rules"]
+        one.tell("look", time=8.0)
+        one.until("span", lambda found: found["at"] == 8.0)
+        marks = base64.b64decode(one.ask("failed", rule="guard")["outcomes"])
+        assert marks.count(1) == rule["robots"]
 
 
 def test_what_is_sent_and_stopped_acts_on_now(program: Program) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import numpy as np
 
 from fleet.twins import vocabulary
@@ -28,10 +30,9 @@ class Flock:
         self.fleet.receive(Message("desk", 1, self.sent, Kind.COMMAND, 0.0, text=text))
         self.think(ticks)
 
-    def failing(self) -> list[tuple[str, list[int], int, str]]:
-        return [
-            (rule.name, rule.robots.tolist(), rule.inactive, rule.reason) for rule in failing_rules(self.fleet.memory)
-        ]
+    def failing(self, since: float = inf) -> list[tuple[str, list[int], int, str]]:
+        found = failing_rules(self.fleet.memory, since)
+        return [(rule.name, rule.robots.tolist(), rule.inactive, rule.reason) for rule in found]
 
 
 def test_nothing_fails_at_first() -> None:
@@ -75,4 +76,21 @@ def test_robots_name_the_rule_that_they_deactivate() -> None:
     assert [report.body for report in reports] == [
         {"label": "rule Guard deactivated", "values": [], RULE: "Guard"} for _ in range(6)
     ]
-    assert np.array_equal(failing_rules(flock.fleet.memory)[0].robots, np.arange(6))
+    assert np.array_equal(failing_rules(flock.fleet.memory, inf)[0].robots, np.arange(6))
+
+
+def test_a_rule_that_fails_now_and_then_keeps_failing_for_a_while() -> None:
+    flock = Flock()
+    flock.do("(RULE Guard (/ 1 (- 3 (MOD tick 10))))")
+    flock.think(11)
+    assert flock.failing() == []
+    assert [(name, robots) for name, robots, *_ in flock.failing(0.3)] == [("Guard", [0, 1, 2, 3, 4, 5])]
+    assert flock.failing(0.31) == [], "its last fault was at 0.3 s"
+    for _ in range(25):
+        flock.think()
+        told = flock.failing(flock.tick / 10 - 1.0)
+        assert [robots for _, robots, *_ in told] == [list(range(6))], "it fails once a second: nothing flickers"
+    flock.do("(WHEN (> id 3) (FORGET guard))")
+    assert [robots for _, robots, *_ in flock.failing(0.0)] == [[0, 1, 2]]
+    flock.do("(WHEN (= id 1) (RULE guard (MARK)))")
+    assert [robots for _, robots, *_ in flock.failing(0.0)] == [[1, 2]], "another rule of that name has had no fault"

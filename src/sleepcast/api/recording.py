@@ -19,18 +19,22 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.version import VERSION
+from sleepcast.fleet.failing import MOST_TOLD, RECENT, failing_rules
 from sleepcast.fleet.marks import Groups, flags_of
 from sleepcast.loop import Swarm, snapshot
 from sleepcast.loop.rerun import WorldLog
 from sleepcast.simulator import Scenario
 from sleepcast.simulator.recording.recorder import (
     ACCOUNTING,
+    FAILING,
     MARKS,
     ONE_FILE,
     READINGS,
     RULES,
     STATE,
     AccountBody,
+    FailureBody,
+    FailuresBody,
     MarksBody,
     Recorder,
     Rotation,
@@ -73,6 +77,8 @@ class RecordingWitness:
         self._rules: dict[int, list[tuple[str, str, bool]]] = {}
         """The rules of robots that have any, as they were recorded last."""
         self._answers: dict[str, int] = {}
+        self._failing = FailuresBody([])
+        """The rules that fail, as they were recorded last."""
         self._unmarked = True
         """Whether groups or flags may have changed since they were recorded."""
         self._exhausted = b""
@@ -145,6 +151,18 @@ class RecordingWitness:
                 self._answers[command.id] = len(command.answers)
                 self._account(command, now)
 
+        self._look_at_failures(now)
+
+    def _look_at_failures(self, now: float) -> None:
+        """Record which rules fail, if that has changed."""
+        simulator = self._swarm.simulator
+        rules = failing_rules(self._swarm.fleet.memory, now - RECENT * simulator.scenario.speed_up)[:MOST_TOLD]
+        count = len(simulator.names)
+        found = FailuresBody([FailureBody(r.name, len(r.robots), r.inactive, r.reason, r.bits(count)) for r in rules])
+        if found != self._failing:
+            self._failing = found
+            self._recorder.note(FAILING, now, found)
+
     def _account(self, command: Command, now: float) -> None:
         account = self._station.accounting(command.id)
         counts = (account.n_matched, account.n_not_matched, account.n_fault, account.n_silent)
@@ -164,7 +182,8 @@ class RecordingWitness:
             if rules:
                 self._note_rules(index, now)
         self._painter.begin()
-        self._answers.clear()  # accounts and marks come with the next picture
+        self._answers.clear()  # accounts, failing rules and marks come with the next picture
+        self._failing = FailuresBody([])
         self._unmarked = True
         self.look()
 

@@ -247,7 +247,8 @@ class Backend:
 
     def failed(self, serial: int, rule: str) -> outgoing.Answered:
         """On which robots a rule ("": any rule) fails now."""
-        return outgoing.Answered(serial, self._ledger.failing.robots(rule))
+        robots = self._ledger.failing.now.robots(rule, len(self._swarm.scene.names))
+        return outgoing.Answered(serial, robots)
 
     def members(self, serial: int, group: int) -> outgoing.Joined:
         """Who is in the group with this code."""
@@ -299,7 +300,7 @@ class Backend:
     def news(self, watched: int) -> Iterator[outgoing.Said]:
         """Everything that may have changed; `watched`: the index of the robot that the page looks at, or -1."""
         yield self.commands()
-        yield outgoing.Failing(self._ledger.failing.shown())
+        yield outgoing.Failing(self._ledger.failing.now.rules, self._swarm.recent)
         groups = self.driver.groups
         shown = zip(groups.names, groups.counts, groups.shown, strict=True)
         yield outgoing.Groups([outgoing.ShownGroup(*group) for group in shown])

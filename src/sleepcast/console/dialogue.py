@@ -25,7 +25,7 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.station.validation import CountNeededError, DoubtError
 
 Answer: TypeAlias = msgspec.Struct | msgspec.Raw
-OF_THEN = (outgoing.Commands, outgoing.Groups, outgoing.Obstacles, outgoing.Robot)
+OF_THEN = (outgoing.Commands, outgoing.Failing, outgoing.Groups, outgoing.Obstacles, outgoing.Robot)
 """News that are those of the time at which a page looks; all other news are of now."""
 ACTS = (incoming.Send, incoming.Wink, incoming.Build, incoming.Shift, incoming.Clear, incoming.Undo)
 """What changes the run, which can be done only now."""
@@ -206,6 +206,8 @@ class Dialogue:
                 return past.why(look.tick, message)
             case incoming.Commands(serial):
                 return commands_of(past.film, look.time, serial)
+            case incoming.Failed(serial, rule):
+                return past.film.failed(look.time, serial, rule)
         return past.answer(look.tick, message) if isinstance(message, QUESTIONS) else None
 
     def _news(self) -> Iterator[outgoing.Said]:

@@ -1,24 +1,24 @@
 """Rules that fail, for the page: which, on how many robots, and by which command they came.
 
 A rule that fails on a robot came by the latest command that stores a rule of this name and that this robot obeyed.
-Rules that robots were given in another way belong to no command.
+Rules that robots were given in another way belong to no command. What fails is kept with the pictures of a run, live or
+recorded, so that it can be told of any of its moments.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import msgspec
 import numpy as np
 
 from sleepcast.console.view import SwarmView
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.fleet.failing import FailingRule
+from sleepcast.fleet.failing import MOST_TOLD, FailingRule
 from sleepcast.station import FAULT, MATCHED, Command, Station
 from sleepcast.station.account import HELD_BY_STOP
 
-MOST_SHOWN = 20
-"""Failing rules that a page is told; more would not be read."""
 _OBEYED = (MATCHED, HELD_BY_STOP, FAULT)
 """Outcomes of robots that may have stored a rule: a fault may have come after that."""
 
@@ -33,20 +33,53 @@ class ShownFailing(msgspec.Struct, frozen=True):
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class Failures:
+    """What fails at a moment: rules, and of each for every robot a bit that says whether it fails there
+    (`FailingRule.bits`)."""
+
+    rules: tuple[ShownFailing, ...] = ()
+    bits: tuple[bytes, ...] = ()
+
+    @classmethod
+    def of(cls, rules: Sequence[FailingRule], count: int) -> Failures:
+        """What is told of these rules on so many robots."""
+        told = rules[:MOST_TOLD]
+        shown = (ShownFailing(r.name, len(r.robots), r.inactive, r.reason) for r in told)
+        return cls(tuple(shown), tuple(rule.bits(count) for rule in told))
+
+    def robots(self, rule: str, count: int) -> bytes:
+        """For each of so many robots whether this rule ("": any rule) fails there, a byte each. Raises MisuseError."""
+        each = zip(self.rules, self.bits, strict=True)
+        chosen = [bits for shown, bits in each if not rule or shown.rule.casefold() == rule.casefold()]
+        if rule and not chosen:
+            raise MisuseError(f"The rule {rule} does not fail on any robot at this time.")
+        marks = np.zeros(count, np.uint8)
+        for bits in chosen:
+            marks |= np.unpackbits(np.frombuffer(bits, np.uint8), count=count, bitorder="little")
+        return marks.tobytes()
+
+    @property
+    def size(self) -> int:
+        """Bytes that it takes, about."""
+        return sum(map(len, self.bits))
+
+
 class FailingRules:
-    """The rules that failed when `look` was last called. rules: those on most robots first."""
+    """The rules that failed when `look` was last called (`now`)."""
 
     def __init__(self, station: Station, swarm: SwarmView) -> None:
         self._station, self._swarm = station, swarm
-        self.rules: list[FailingRule] = []
+        self.now = Failures()
         self._by_command: dict[str, tuple[ShownFailing, ...]] = {}
         self._stored: dict[str, frozenset[str]] = {}
 
     def look(self, commands: Sequence[Command]) -> None:
         """See what fails now, and by which of these commands, the oldest first, it came."""
-        self.rules = self._swarm.failing()
+        rules = self._swarm.failing()
+        self.now = Failures.of(rules, len(self._swarm.scene.names))
         found: dict[str, list[ShownFailing]] = {}
-        for rule in self.rules[:MOST_SHOWN]:
+        for rule in rules[:MOST_TOLD]:
             left = rule.robots
             for command in reversed(commands):
                 if not left.size or rule.key not in self._stores(command):
@@ -75,17 +108,3 @@ class FailingRules:
     def of(self, command: str) -> tuple[ShownFailing, ...]:
         """What fails of what the command with this id brought."""
         return self._by_command.get(command, ())
-
-    def shown(self) -> list[ShownFailing]:
-        """All that fails."""
-        return [ShownFailing(r.name, len(r.robots), r.inactive, r.reason) for r in self.rules[:MOST_SHOWN]]
-
-    def robots(self, rule: str) -> bytes:
-        """For each robot of the scene whether this rule ("": any rule) fails there, a byte each. Raises MisuseError."""
-        marks = np.zeros(len(self._swarm.scene.names), np.uint8)
-        chosen = [each for each in self.rules if not rule or each.key == rule.casefold()]
-        if rule and not chosen:
-            raise MisuseError(f"The rule {rule} does not fail on any robot now.")
-        for each in chosen:
-            marks[each.robots[each.robots < len(marks)]] = 1
-        return marks.tobytes()

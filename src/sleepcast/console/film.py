@@ -16,11 +16,13 @@ import msgspec
 
 from sleepcast.console import outgoing
 from sleepcast.console.account_table import MOST_ROWS, CommandRow
+from sleepcast.console.failing import Failures
 from sleepcast.console.frames import pack
 from sleepcast.console.rerunner import Found
 from sleepcast.console.sensing import BodyKind
 from sleepcast.console.view import Outline, Scene
 from sleepcast.core.units import shown_value
+from sleepcast.fleet.failing import RECENT
 from sleepcast.language import Vocabulary
 
 MOST_SAID = 20
@@ -68,11 +70,12 @@ class Marks:
 
 @dataclass(slots=True)
 class Timeline:
-    """A recording as the page shows it. began, seconds: when it begins and ends. speed: at which it is shown at first.
-    part: of a recording in several files, 0 if there is one. poses: as in a frame, with the tick. rows: every account
-    as it came. values: JSON, for each sensor a list of all robots, null for unknown; units: of the sensors, as people
-    read them. vocabulary: what robots know from the start. kinds: of the bodies, in the order of the scene's sizes.
-    rules, said: by robot. obstacles: what is solid, as in a scene, from the first change on."""
+    """A recording as the page shows it. began, seconds: when it begins and ends. speed: at which it is shown at
+    first. part: of a recording in several files, 0 if there is one. poses: as in a frame, with the tick. rows:
+    every account as it came. failures: the rules that fail. values: JSON, for each sensor a list of all robots,
+    null for unknown; units: of the sensors, as people read them. vocabulary: what robots know from the start.
+    kinds: of the bodies, in the order of the scene's sizes. rules, said: by robot. obstacles: what is solid, as in
+    a scene, from the first change on."""
 
     scene: Scene
     seconds: float
@@ -89,11 +92,20 @@ class Timeline:
     rules: dict[str, Track[list[outgoing.ShownRule]]] = field(default_factory=dict)
     said: dict[str, Track[str]] = field(default_factory=dict)
     obstacles: Track[tuple[tuple[Outline, ...], ...]] = field(default_factory=Track)
+    failures: Track[Failures] = field(default_factory=Track)
 
     def marks_at(self, time: float) -> Marks:
         """The marks at `time`; before the first, nobody is in a group."""
         nothing = bytes(len(self.scene.names))
         return self.marks.at(time) or Marks(nothing, nothing, ())
+
+    def failures_at(self, time: float) -> Failures:
+        """The rules that failed at `time`."""
+        return self.failures.at(time) or Failures()
+
+    def failed(self, time: float, serial: int, rule: str) -> outgoing.Answered:
+        """On which robots a rule ("": any rule) failed at `time`. Raises MisuseError."""
+        return outgoing.Answered(serial, self.failures_at(time).robots(rule, len(self.scene.names)))
 
     def latched_at(self, time: float) -> bool:
         """Whether STOP held at `time`."""
@@ -123,6 +135,7 @@ def frame_of(
 def news_of(film: Timeline, time: float, watched: int, found: Found | None = None) -> Iterator[outgoing.Said]:
     """Everything that may have changed at a time; see `Backend.news`."""
     yield commands_of(film, time)
+    yield outgoing.Failing(film.failures_at(time).rules, RECENT * film.speed)
     yield outgoing.Groups(_counted(film.marks_at(time)) if found is None else _groups_in(found))
     if film.obstacles.times:
         changed = film.obstacles.at(time)

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 import msgspec
 
 from sleepcast.console.account_table import CommandRow
-from sleepcast.fleet.failing import FailingRule
+from sleepcast.console.failing import ShownFailing
 
 MOST_MARKS = 300
 """Marks that are kept, the latest: more cannot be told apart on a screen."""
@@ -62,12 +62,13 @@ class Marks:
                 self.add(time, "fault", f"{_robots(row.fault)}: fault in {row.text}", command=row.id)
                 self._known[row.id] = row.fault
 
-    def failing(self, time: float, rules: Iterable[FailingRule]) -> None:
+    def failing(self, time: float, rules: Iterable[ShownFailing]) -> None:
         """Which rules fail at this time."""
         for rule in rules:
-            if rule.key not in self._failing:
-                self._failing.add(rule.key)
-                self.add(time, "fault", f"rule {rule.name} fails on {_robots(len(rule.robots))}: {rule.reason}")
+            key = rule.rule.casefold()
+            if key not in self._failing:
+                self._failing.add(key)
+                self.add(time, "fault", f"rule {rule.rule} fails on {_robots(rule.robots)}: {rule.reason}")
 
     def take(self, other: Marks, until: float) -> None:
         """Go on from what another run had up to a time."""

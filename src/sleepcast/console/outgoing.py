@@ -151,9 +151,11 @@ class Commands(Said):
 
 
 class Failing(Said):
-    """The rules that fail on any robot now, those on most robots first."""
+    """The rules that fail on any robot, those on most robots first. recent: simulated seconds after a fault for which
+    its rule counts as failing."""
 
-    rules: list[ShownFailing]
+    rules: tuple[ShownFailing, ...]
+    recent: float = 0.0
 
 
 class ShownGroup(msgspec.Struct, frozen=True):

@@ -237,9 +237,9 @@ class ReplayBackend:
         ranges = [read(f"sonar{number}") for number in range(kind.sonars)]
         return outgoing.Sensed(serial, robot, kind.sensing((x, y, heading), believed, ranges))
 
-    def failed(self, serial: int, rule: str) -> NoReturn:
-        """Refused: faults of rules are not recorded."""
-        raise MisuseError("A recording stores the rules of robots, not which of them fail.")
+    def failed(self, serial: int, rule: str) -> outgoing.Answered:
+        """On which robots a rule ("": any rule) failed at this time."""
+        return self._film.failed(self.driver.time, serial, rule)
 
     def outcomes(self, serial: int, command: str) -> NoReturn:
         """Refused: answers are recorded as counts."""

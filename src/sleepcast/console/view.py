@@ -174,8 +174,12 @@ class SwarmView(Protocol):
     def obstacles(self) -> tuple[tuple[Outline, ...], ...] | None:
         """What is solid now, as in the scene; None while it is what the scene says."""
 
+    @property
+    def recent(self) -> float:
+        """Simulated seconds after a fault for which its rule counts as failing."""
+
     def failing(self) -> list[FailingRule]:
-        """The rules that fail on any robot now, those on most robots first."""
+        """The rules that fail on any robot now or have a short while ago, those on most robots first."""
 
     def pings(self) -> bytes:
         """Who has pinged since this was last asked: as in a frame, empty for nobody."""

@@ -294,6 +294,8 @@ class RuleStatistics:
         self._counted = 0
         self._in_row: NDArray[np.int8] | None = None
         """Allocated by the first fault."""
+        self._failed_at: Column | None = None
+        """When each robot had its last fault, s; not part of the state, since only people are told."""
         self.last_fault: dict[int, str] = {}
         self._sink = Sink(self.last_value, self._fresh, None)
 
@@ -365,10 +367,20 @@ class RuleStatistics:
         """Number of consecutive evaluations with a fault, for each of these robots."""
         return np.zeros(rows.size, np.int8) if self._in_row is None else self._in_row[rows.index]
 
-    def failed(self, rows: Rows, faulted: Mask) -> None:
-        """Count an evaluation on these robots; `faulted` marks those where it had a fault."""
+    def failing(self, since: float) -> Index:
+        """The robots whose last evaluation had a fault, or one at this time (s) or later, ascending."""
+        if self._in_row is None:
+            return np.zeros(0, np.intp)
+        failing = self._in_row > 0
+        return np.flatnonzero(failing if self._failed_at is None else failing | (self._failed_at >= since))
+
+    def failed(self, rows: Rows, faulted: Mask, now: Column) -> None:
+        """Count an evaluation on these robots; `faulted` marks those where it had a fault. now: their times, s."""
         if self._in_row is None:
             self._in_row = np.zeros(len(self._fresh), np.int8)
+        if self._failed_at is None:
+            self._failed_at = filled(-inf, np.float64, len(self._fresh))
+        self._failed_at[rows.take(faulted).index] = now[faulted]
         self._in_row[rows.index] = np.where(faulted, np.minimum(self._in_row[rows.index], 100) + 1, 0)
 
     # ---- what happens to an expression
@@ -391,6 +403,8 @@ class RuleStatistics:
         self.last_value[rows.index] = nan
         if self._in_row is not None:
             self._in_row[rows.index] = 0
+        if self._failed_at is not None:
+            self._failed_at[rows.index] = -inf
         if self.last_fault:
             for robot in rows.robots.tolist():
                 self.last_fault.pop(robot, None)

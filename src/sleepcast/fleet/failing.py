@@ -1,4 +1,7 @@
-"""Rules that fail: whose last evaluation met a fault, and on which robots."""
+"""Rules that fail: whose last evaluation had a fault, or one a short while ago, and on which robots.
+
+A rule that fails now and then counts as failing in between, so that what people are told of it stays calm.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,11 @@ import numpy as np
 
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.state import Index, Mind, Rows
+
+RECENT = 3.0
+"""Seconds of a person's time after a fault for which its rule counts as failing."""
+MOST_TOLD = 20
+"""Failing rules that a person is told of; more would not be read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,10 +30,16 @@ class FailingRule:
     inactive: int
     reason: str = ""
 
+    def bits(self, count: int) -> bytes:
+        """For each of so many robots a bit that says whether it fails there, the first in bit 0 of the first byte."""
+        marks = np.zeros(count, np.bool_)
+        marks[self.robots[self.robots < count]] = True
+        return np.packbits(marks, bitorder="little").tobytes()
 
-def failing_rules(memory: FleetMemory) -> list[FailingRule]:
-    """The rules of a fleet that fail now: those on most robots first."""
-    found = filter(None, (_failing(memory, key) for key in memory.statistics.faulted()))
+
+def failing_rules(memory: FleetMemory, since: float) -> list[FailingRule]:
+    """The rules of a fleet that fail now, or had a fault at this time (s) or later: those on most robots first."""
+    found = filter(None, (_failing(memory, key, since) for key in memory.statistics.faulted()))
     return most_first(found)
 
 
@@ -34,10 +48,9 @@ def most_first(rules: Iterable[FailingRule]) -> list[FailingRule]:
     return sorted(rules, key=lambda rule: (-len(rule.robots), rule.key))
 
 
-def _failing(memory: FleetMemory, key: str) -> FailingRule | None:
+def _failing(memory: FleetMemory, key: str, since: float) -> FailingRule | None:
     tally = memory.statistics[key]
-    everybody = Rows.run(0, memory.state.count)
-    rows = Rows.of(np.flatnonzero(tally.in_row(everybody)))
+    rows = Rows.of(tally.failing(since))
     rows = rows.take(memory.where(rows, lambda mind: key in mind.rules))  # it may have been forgotten since
     if rows.size == 0:
         return None

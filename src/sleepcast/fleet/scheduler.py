@@ -21,6 +21,7 @@ from sleepcast.fleet.native.compiler import Kernel, moment
 from sleepcast.fleet.native.kernels import Plan
 from sleepcast.fleet.state import Mask, Mind, Rows
 from sleepcast.language.program import Program
+from sleepcast.language.vocabulary import TIME_SLOT
 from sleepcast.mind.limits import FAILED, MAX_FAULTS_IN_ROW, TICK_STEPS
 from sleepcast.mind.rules import Rule
 
@@ -252,7 +253,7 @@ class BatchScheduler:
         tally.most_steps = max(tally.most_steps, int(np.max(steps, initial=0)))
         tally.fired(rows, memory.matched[rows.index])
         if first or tally.faulted:
-            tally.failed(rows, faulted)
+            tally.failed(rows, faulted, memory.state.column(TIME_SLOT, rows))
         if first:
             tally.last_fault.update(first)
             self._deactivate(key, tally, rows.take(faulted))

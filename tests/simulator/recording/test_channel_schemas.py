@@ -11,7 +11,14 @@ import pytest
 from sleepcast.channel import Message
 from sleepcast.simulator.packing import TYPE
 from sleepcast.simulator.recording import channel_schemas
-from sleepcast.simulator.recording.recorder import AccountBody, MarksBody, RulesBody, WorldChange
+from sleepcast.simulator.recording.recorder import (
+    AccountBody,
+    FailureBody,
+    FailuresBody,
+    MarksBody,
+    RulesBody,
+    WorldChange,
+)
 
 
 @pytest.mark.parametrize(
@@ -19,6 +26,8 @@ from sleepcast.simulator.recording.recorder import AccountBody, MarksBody, Rules
     [
         (channel_schemas.ACCOUNTING, AccountBody),
         (channel_schemas.MARKS, MarksBody),
+        (channel_schemas.FAILING, FailuresBody),
+        (channel_schemas.FAILING["properties"]["rules"]["items"], FailureBody),  # type: ignore[index]
         (channel_schemas.RULES, RulesBody),
         (channel_schemas.POSTED["properties"]["message"], Message),  # type: ignore[index]
     ],

@@ -215,6 +215,11 @@ class FleetAdapter:
     def exhausted(self) -> None:
         """Nobody knows what these robots drive with."""
 
+    @property
+    def recent(self) -> float:
+        """A rule counts as failing as long as robots have deactivated it."""
+        return 0.0
+
     def failing(self) -> list[FailingRule]:
         """The rules that robots have deactivated because of faults, unless their telemetry says that this is over."""
         failures, names = self._station.failures, self._station.names

@@ -67,6 +67,7 @@ class LivePast(Past):
         cut(film.marks, old.marks, now)
         cut(film.obstacles, old.obstacles, now)
         cut(film.rows, old.rows, now)
+        cut(film.failures, old.failures, now)
         self._groups.expect(film.marks_at(now).names)
         self._every = before._every
         self._size = _pictures(film)
@@ -136,9 +137,13 @@ class LivePast(Past):
         if film.marks.at(now) != marks:
             film.marks.add(now, marks)
             self._size += _size(marks)
-        self.marks.failing(now, self._view.failing())
         self.marks.groups(now, self._groups.names, self._groups.counts)
         rows = self._accounts.rows()
+        failures = self._accounts.failing.now
+        if film.failures_at(now) != failures:
+            film.failures.add(now, failures)
+            self._size += failures.size
+        self.marks.failing(now, failures.rules)
         for row in rows:
             if self._rows.get(row.id) is not row:
                 film.rows.add(now, row)
@@ -156,11 +161,11 @@ class LivePast(Past):
     def _thin(self) -> None:
         """Leave out every second picture, and take half as many from now on."""
         self._every *= 2
-        film, poses, marks = self.film, self.film.poses, self.film.marks
+        film, poses = self.film, self.film.poses
         kept = [at for at, (tick, _) in enumerate(poses.values) if tick % self._every == 0 or at == 0]
         poses.times, poses.values = [poses.times[at] for at in kept], [poses.values[at] for at in kept]
-        needed = sorted({max(0, marks.before(time) - 1) for time in poses.times})
-        marks.times, marks.values = [marks.times[at] for at in needed], [marks.values[at] for at in needed]
+        _keep_seen(film.marks, poses.times)
+        _keep_seen(film.failures, poses.times)
         self._size = _pictures(film)
 
     # ---- states
@@ -205,9 +210,16 @@ def cut(into: Track[Kind], track: Track[Kind], time: float) -> None:
     into.times, into.values = track.times[:count], track.values[:count]
 
 
+def _keep_seen(track: Track[Kind], times: list[float]) -> None:
+    """Leave out what a track has at none of these times."""
+    needed = sorted({at - 1 for time in times if (at := track.before(time))})
+    track.times, track.values = [track.times[at] for at in needed], [track.values[at] for at in needed]
+
+
 def _pictures(film: Timeline) -> int:
     """Bytes of all pictures."""
-    return sum(len(data) for _, data in film.poses.values) + sum(map(_size, film.marks.values))
+    marks = sum(map(_size, film.marks.values)) + sum(each.size for each in film.failures.values)
+    return sum(len(data) for _, data in film.poses.values) + marks
 
 
 def _size(marks: Marks) -> int:

@@ -47,6 +47,8 @@ class RecordedPast(Past):
         for time, marks in groups:
             counts = [marks.groups.count(code) for code in range(1, len(marks.names) + 1)]
             self.marks.groups(time, marks.names, counts)
+        for time, failures in zip(film.failures.times, film.failures.values, strict=True):
+            self.marks.failing(time, failures.rules)
         self.marks.sort()
 
     @property

@@ -7,8 +7,10 @@ from dataclasses import replace
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.adapters.bodies import kind_of
 from sleepcast.console.adapters.swarm import outlines, scene_of
+from sleepcast.console.failing import Failures, ShownFailing
 from sleepcast.console.film import Marks, Timeline, Track, values_of
 from sleepcast.console.outgoing import ShownRule
+from sleepcast.fleet.failing import MOST_TOLD
 from sleepcast.loop import vocabulary_of
 from sleepcast.loop.rerun import Inputs
 from sleepcast.simulator import Simulator
@@ -16,6 +18,7 @@ from sleepcast.simulator.packing import unpack
 from sleepcast.simulator.recording.foxglove import read_log, read_poses
 from sleepcast.simulator.recording.recorder import (
     ACCOUNTING,
+    FAILING,
     GROUPS,
     LOG,
     MARKS,
@@ -28,6 +31,7 @@ from sleepcast.simulator.recording.recorder import (
     RULES,
     SCENE,
     AccountBody,
+    FailuresBody,
     MarksBody,
     RulesBody,
     WorldChange,
@@ -94,6 +98,8 @@ class TimelineBuilder:
                 film.rows.add(time, self._waiting.pop(0))
         elif entry.topic == ACCOUNTING:
             self._account(time, decoded(AccountBody, data))
+        elif entry.topic == FAILING:
+            film.failures.add(time, self._failures(decoded(FailuresBody, data)))
         elif entry.topic == RULES:
             self._keep(time, decoded(RulesBody, data))
         elif entry.topic == OBSTACLES:
@@ -114,6 +120,16 @@ class TimelineBuilder:
                     held=found.held,
                 ),
             )
+
+    def _failures(self, found: FailuresBody) -> Failures:
+        if len(found.rules) > MOST_TOLD:
+            raise ValueError(f"{len(found.rules)} rules that fail, at most {MOST_TOLD} are recorded")
+        size = -(-self._count // 8)
+        for rule in found.rules:
+            if len(rule.robots) != size:
+                raise ValueError(f"{len(rule.robots)} bytes of robots, wanted {size} for {self._count} robots")
+        shown = (ShownFailing(each.rule, each.count, each.inactive, each.reason) for each in found.rules)
+        return Failures(tuple(shown), tuple(each.robots for each in found.rules))
 
     def _change(self, time: float, found: WorldChange) -> None:
         for number in found.gone:

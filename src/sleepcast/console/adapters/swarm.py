@@ -16,7 +16,7 @@ from sleepcast.console.adapters.obstacles import editor_of
 from sleepcast.console.sensing import BodyView
 from sleepcast.console.view import ShownSlider
 from sleepcast.core.model import NamedArea
-from sleepcast.fleet.failing import FailingRule, failing_rules
+from sleepcast.fleet.failing import RECENT, FailingRule, failing_rules
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Area, Circle, Scenario, Shape, Wall
@@ -86,9 +86,14 @@ class SwarmAdapter:
         """Which robots have used up one of the scene's supplies, so that they stand; None where no robot can."""
         return self._swarm.simulator.exhausted()
 
+    @property
+    def recent(self) -> float:
+        """Simulated seconds after a fault for which its rule counts as failing."""
+        return RECENT * self._swarm.simulator.scenario.speed_up
+
     def failing(self) -> list[FailingRule]:
-        """The rules that fail on any robot now."""
-        return failing_rules(self._swarm.fleet.memory)
+        """The rules that fail on any robot now or have a short while ago."""
+        return failing_rules(self._swarm.fleet.memory, self.now() - self.recent)
 
     def pings(self) -> bytes:
         """Who has pinged since this was last asked, a byte for each robot; see `Simulator.pinged`."""

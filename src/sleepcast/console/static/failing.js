@@ -1,6 +1,7 @@
 // Rules that fail: a badge with their number, which lights the robots on which they do.
 
 import { bytes } from "./accounting.js";
+import { short } from "./scales.js";
 import { Refusal } from "./wire.js";
 
 export class Failing extends EventTarget {
@@ -11,10 +12,11 @@ export class Failing extends EventTarget {
     this.rules = []; // {rule, robots, inactive, reason}
     this.chosen = null; // the rule whose robots are lit, "" for all rules, null for none
     badge.addEventListener("click", () => this.choose(this.chosen === null ? "" : null));
-    wire.addEventListener("failing", ({ detail }) => this.set(detail.rules));
+    wire.addEventListener("failing", ({ detail }) => this.set(detail.rules, detail.recent));
   }
 
-  set(rules) {
+  // recent: simulated seconds after a fault for which its rule counts as failing.
+  set(rules, recent) {
     this.rules = rules;
     const { badge } = this;
     badge.hidden = rules.length === 0;
@@ -28,8 +30,9 @@ export class Failing extends EventTarget {
           const off = inactive ? `, deactivated on ${count(inactive)}` : "";
           return `Rule ${rule} fails on ${count(robots)} robots${off}${reason ? `: ${reason}` : ""}`;
         }),
+        recent ? `A rule counts as failing for ${short(recent)} s after a fault.` : "",
         "Click to highlight these robots.",
-      ].join("\n");
+      ].filter(Boolean).join("\n");
       badge.setAttribute("aria-label", badge.title);
     }
     if (this.chosen !== null) this.choose(this.fails(this.chosen) ? this.chosen : null);

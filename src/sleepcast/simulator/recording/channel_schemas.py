@@ -74,6 +74,22 @@ RULES = _object(
     {"robot": _TEXT, "rules": _list(_object({"name": _TEXT, "text": _TEXT, "active": _TRUTH}))},
     "all expressions stored on a robot",
 )
+FAILING = _object(
+    {
+        "rules": _list(
+            _object(
+                {
+                    "rule": _TEXT | _said("the name of the rule"),
+                    "count": _COUNT,
+                    "inactive": _COUNT | _said("robots among them that have deactivated it"),
+                    "reason": _TEXT | _said("the fault of one of them"),
+                    "robots": _bytes("for each robot a bit, 1 if it fails there; the first in bit 0 of the first byte"),
+                }
+            )
+        )
+    },
+    "all rules that fail now or have a short while ago, those on most robots first, 20 at most",
+)
 MARKS = _object(
     {
         "tick": _TICK,

@@ -8,6 +8,7 @@
     /readings             JSON                    sensor values: for each sensor a list in the robots' order
     /accounting           JSON                    the outcome of a command, as counts
     /rules                JSON                    the expressions stored on a robot, whenever they have changed
+    /failing              JSON                    the rules that fail, and on which robots, whenever that has changed
     /sleepcast/marks      JSON                    groups and flags of the robots, whenever they may have changed
     /sleepcast/posted     JSON                    every message of the operator, and the tick in which it was sent
     /sleepcast/state      JSON                    the hash of the state, with its tick
@@ -73,7 +74,7 @@ CHUNKS_PER_PART = 8
 NANO = 1_000_000_000
 
 POSES, POINTS, SCENE, GROUPS, LOG = "/poses", "/points", "/scene", "/groups", "/log"
-READINGS, ACCOUNTING, RULES = "/readings", "/accounting", "/rules"
+READINGS, ACCOUNTING, RULES, FAILING = "/readings", "/accounting", "/rules", "/failing"
 MARKS, POSTED, STATE = "/sleepcast/marks", "/sleepcast/posted", "/sleepcast/state"
 OBSTACLES = "/sleepcast/obstacles"
 ABOUT, FOLLOWING, SCENARIO, SNAPSHOT = "sleepcast", "following", "scenario", "snapshot"
@@ -180,6 +181,23 @@ class RulesBody(msgspec.Struct):
     rules: list[RuleBody]
 
 
+class FailureBody(msgspec.Struct):
+    """A rule that fails. count: robots on which it does; inactive: those among them that have deactivated it; reason:
+    the fault of one of them; robots: for each robot a bit, the first in bit 0 of the first byte."""
+
+    rule: str
+    count: int
+    inactive: int
+    reason: str
+    robots: bytes
+
+
+class FailuresBody(msgspec.Struct):
+    """All rules that fail, those on most robots first."""
+
+    rules: list[FailureBody]
+
+
 @dataclass(frozen=True, slots=True)
 class WorldChange:
     """A change of the solid things, by their numbers in the world, before anything moved in the tick of this number.
@@ -226,6 +244,7 @@ class Recorder:
             READINGS: ("Readings", channel_schemas.readings(sensors)),
             ACCOUNTING: ("Accounting", channel_schemas.ACCOUNTING),
             RULES: ("Rules", channel_schemas.RULES),
+            FAILING: ("Failing", channel_schemas.FAILING),
             MARKS: ("Marks", channel_schemas.MARKS),
             POSTED: ("Posted", channel_schemas.POSTED),
             STATE: ("State", channel_schemas.STATE),

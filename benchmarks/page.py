@@ -7,7 +7,8 @@ with the plots; the slower of the two counts); how evenly the table of 100,000 s
 while time runs and no robot moves; the time from the STOP key to the first picture in which every robot is stopped,
 while the table of 100,000 is sorted time and again; the time from a move of the pointer, which drags a number in the
 prompt, to the picture with the new count of 10,000 robots; and what memory the page and the program gain in eight
-simulated hours. A frame counts when the page says that it has drawn it.
+simulated hours; and what a frame spends on the names of 1,000 robots. A frame counts when the page says that it has
+drawn it.
 """
 
 from __future__ import annotations
@@ -39,6 +40,8 @@ HITCH = 100.0
 DRAG = 50.0
 """ms at most from the pointer that drags a number to the picture with the new count."""
 MOVES, QUICK_MOVES = 50, 5
+NAMES = 1.0
+"""ms of a frame at most for placing and drawing the names of 1,000 robots."""
 GROWTH = 10.0
 """Per cent at most that the page's memory may grow between the first quarter and the end of a long run."""
 PAST = 400.0
@@ -104,6 +107,20 @@ SCROLL = """
     };
     requestAnimationFrame(step);
   })
+"""
+
+
+NAMED = """
+  async () => {
+    const { Labels } = await import("/static/labels.js");
+    const real = Labels.prototype.draw;
+    window.__names = [];
+    Labels.prototype.draw = function draw(...what) {
+      const begun = performance.now();
+      real.apply(this, what);
+      window.__names.push(performance.now() - begun);
+    };
+  }
 """
 
 
@@ -251,6 +268,20 @@ def dragged(robots: int, moves: int) -> Found:
     )
 
 
+def names(seconds: float) -> Found:
+    """What names cost while 1,000 robots move, and the map is zoomed in and out."""
+    with opened(1_000) as (_, page):
+        page.evaluate(NAMED)
+        for key in "+++---":
+            page.keyboard.press(key)
+            sleep(seconds / 6.0)
+        times = sorted(page.evaluate("() => window.__names"))
+    return Found(
+        Bar("names of 1,000 robots", middle(times), NAMES, "ms a frame", at_least=False),
+        f"{len(times)} frames, 95 of 100 within {times[int(0.95 * len(times))]:.2f} ms",
+    )
+
+
 def long_run(hours: float) -> list[Found]:
     """What memory grows in so many simulated hours, as fast as they pass, with the plots open and a command an hour."""
     first: tuple[float, float] | None = None
@@ -308,6 +339,7 @@ def measure(*, quick: bool) -> Iterator[Found]:
     yield at_rest(seconds)
     yield dragged(1_000, QUICK_MOVES) if quick else dragged(10_000, MOVES)
     if not quick:
+        yield names(seconds)
         yield from large_table(seconds, STOPS)
     yield from long_run(0.2 if quick else HOURS)
 

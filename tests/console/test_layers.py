@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -92,6 +93,90 @@ def test_layers_are_shown_remembered_and_switched_by_keys(page: Page) -> None:
     expect(page.locator("#layer-density")).to_be_checked()
     page.locator("#map").press("t")
     expect(page.locator("#layer-trails")).to_be_checked()
+
+
+LABELS = """
+async () => {
+  const { Labels } = await import("/static/labels.js");
+  const { View } = await import("/static/view.js");
+  const [count, side] = [1000, 1000];
+  let seed = 7;
+  const chance = () => (seed = (seed * 48271) % 2147483647) / 2147483647;
+  const poses = Float32Array.from({ length: 3 * count }, () => side * chance());
+  const groups = new Uint8Array(count);
+  for (let i = 0; i < 9; i += 1) {
+    groups[i] = 1;
+    poses.set([500 + i, 500 - i, 0], 3 * i);
+  }
+  const scene = {
+    names: Array.from({ length: count }, (_, i) => `robot${i}`), groups: [{ name: "bravo" }],
+    places: [{ name: "home", x: 300, y: 300 }, { name: "home too", x: 302, y: 300 }], lights: [], areas: [],
+  };
+  const picked = new Uint8Array(count);
+  picked[777] = 1;
+  const what = {
+    scene, frame: { count, poses, groups }, marks: { chosen: 555, pointed: -1 },
+    sizes: () => 5, picked, robots: true, ratio: 1,
+    colours: { ground: "#fff", ink: "#000", quiet: "#555", place: "#a00", robots: Array(9).fill("#00a") },
+  };
+  const view = new View();
+  view.resize(1200, 800);
+  view.fit([0, 0, side, side]);
+  const labels = new Labels();
+  const wide = (text) => 7 * text.length;
+  const look = () => {
+    const found = labels.arrange(view, what, wide);
+    const over = found.filter((a, i) => found.slice(i + 1).some((b) =>
+      Math.abs(a.y - b.y) < 16 && a.x < b.x + wide(b.text) && b.x < a.x + wide(a.text)));
+    return { texts: found.map(({ text }) => text), over: over.length };
+  };
+  const far = look();
+  const panned = [far];
+  for (let step = 0; step < 40; step += 1) {
+    view.pan(3, 2);
+    panned.push(look());
+  }
+  const inside = (robot) => robot < 0
+    || (view.toScreenX(poses[3 * robot]) < 1100 && view.toScreenY(poses[3 * robot + 1]) < 700);
+  const lost = panned.slice(1).map(({ texts }, at) =>
+    panned[at].texts.filter((text) => !texts.includes(text) && inside(scene.names.indexOf(text))));
+  view.fit([0, 0, side, side]);
+  const zoomed = [];
+  for (let step = 0; step < 30; step += 1) {
+    zoomed.push(look());
+    view.zoom(1.1);
+  }
+  view.fit([0, 0, side, side]);
+  what.robots = false;
+  const plain = look();
+  what.robots = true;
+  const pen = Object.assign(document.createElement("canvas"), { width: 1200, height: 800 }).getContext("2d");
+  const times = [];
+  for (let step = 0; step < 120; step += 1) {
+    view.fit([0, 0, side, side]);
+    view.pan(step, 0);
+    const begun = performance.now();
+    labels.draw(pen, view, what);
+    times.push(performance.now() - begun);
+  }
+  return { far, lost, zoomed, plain, over: [...panned, ...zoomed].filter(({ over }) => over).length, times };
+}
+"""
+
+
+def test_names_thin_out_and_stay_while_the_map_moves(page: Page) -> None:
+    found = page.evaluate(LABELS)
+    assert found["over"] == 0  # no name lies over another
+    first = found["far"]["texts"]
+    assert {"robot555", "robot777", "home", "bravo"} < set(first)  # the chosen one, the selected one, a place, a group
+    assert "home too" not in first
+    assert found["lost"] == [[]] * 40  # who has a name keeps it
+    numbers = [len(look["texts"]) for look in found["zoomed"]]
+    assert numbers[0] < 15
+    assert max(numbers) > 35
+    assert max(abs(after - before) for before, after in pairwise(numbers)) < 12  # by and by
+    assert found["plain"]["texts"] == ["robot555", "home"]
+    assert sorted(found["times"])[len(found["times"]) // 2] < 1.0  # ms a frame
 
 
 def test_a_distance_is_measured_in_the_unit_of_the_map(page: Page) -> None:

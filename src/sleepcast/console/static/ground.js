@@ -1,4 +1,5 @@
-// What lies under the robots: the area, the grid with its unit, obstacles, named areas, lights. And, over them, the places' names.
+// What lies under the robots: the area, the grid with its unit, obstacles, named areas, lights. And, over them, the places.
+// The names of all these are in labels.js.
 
 import { gridStep } from "./view.js";
 
@@ -29,8 +30,8 @@ export function drawGround(pen, view, scene, colours) {
   for (const light of scene.lights) drawLight(pen, view, light, colours);
 }
 
-// An area that robots know by name: its outline, and the name inside its upper left corner.
-function drawArea(pen, view, { name, corners }, colours) {
+// The outline of an area that robots know by name.
+function drawArea(pen, view, { corners }, colours) {
   const xs = corners.map(([x]) => view.toScreenX(x));
   const ys = corners.map(([, y]) => view.toScreenY(y));
   pen.beginPath();
@@ -42,15 +43,12 @@ function drawArea(pen, view, { name, corners }, colours) {
   pen.lineWidth = 1.2;
   pen.stroke();
   pen.setLineDash([]);
-  const top = Math.min(...ys);
-  const left = Math.min(...xs.filter((_, corner) => ys[corner] - top < 1));
-  drawLabel(pen, view, name, left + 6, top + 12, colours.place, colours.area, "600 12px", []);
   pen.globalAlpha = 1;
 }
 
-const GLOW = 70; // pixels
+export const GLOW = 70; // pixels
 
-// A light: its glow on the ground, as wide on every scale, and its name.
+// A light: its glow on the ground, as wide on every scale.
 function drawLight(pen, view, light, colours) {
   const x = view.toScreenX(light.x);
   const y = view.toScreenY(light.y);
@@ -63,7 +61,6 @@ function drawLight(pen, view, light, colours) {
   pen.arc(x, y, GLOW, 0, 2 * Math.PI);
   pen.fill();
   pen.globalAlpha = 1;
-  drawLabel(pen, view, light.name, x + 10, y - 0.75 * GLOW, colours.ink, colours.area, "600 13px", []);
 }
 
 // Lines of the world's frame every `step` metres.
@@ -86,9 +83,8 @@ export function drawGrid(pen, view, step, colour) {
   pen.stroke();
 }
 
-// Places: a crossed ring where it is, and the name beside it. Returns the boxes that the names take.
+// Places: a crossed ring where each is.
 export function drawPlaces(pen, view, places, colours) {
-  const boxes = [];
   for (const place of places) {
     const x = view.toScreenX(place.x);
     const y = view.toScreenY(place.y);
@@ -104,9 +100,7 @@ export function drawPlaces(pen, view, places, colours) {
     pen.strokeStyle = colours.place;
     pen.lineWidth = 2.2;
     pen.stroke();
-    boxes.push(...drawLabel(pen, view, place.name, x + 17, y, colours.place, colours.ground, "600 13px", []));
   }
-  return boxes;
 }
 
 // A name at a point, left out where it would cover one of the boxes; the box it took, in a list of one or none.

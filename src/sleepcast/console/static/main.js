@@ -325,7 +325,10 @@ selecting.addEventListener("use", ({ detail }) => {
   else prompt.set(`(WHEN ${detail} )`, true, `(WHEN ${detail} `.length);
 });
 
-selecting.addEventListener("change", () => table.setPicked(selecting.marks));
+selecting.addEventListener("change", () => {
+  world.picked = selecting.marks;
+  table.setPicked(selecting.marks);
+});
 
 table.addEventListener("choose", ({ detail }) => world.choose(detail));
 table.addEventListener("pick", ({ detail }) => {

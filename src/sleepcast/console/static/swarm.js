@@ -2,12 +2,10 @@
 
 import { SILENT, STILL } from "./frame.js";
 import { addRing, addRobot, inkOf, LOOKS, NONE, SORTS } from "./shapes.js";
-import { drawLabel } from "./ground.js";
 
 export const MOST_SHAPES = 6000; // robots in sight; more become points
 const MOST_IN_PATH = 100; // robots; what filling a path takes grows faster than what is in it
 const OUTSIDE = 30; // pixels beside the map in which a robot may still be seen in part
-const MOST_LABELS = 45; // robots on the screen; more names would only cover them
 const DIMMED = 0.5; // opacity of the robots outside the lit ones
 const FAINT = 0.35; // opacity of robots that may be elsewhere by now
 
@@ -41,9 +39,9 @@ export function few(view, { poses, count }, most) {
   return true;
 }
 
-// looks: as of shapes.js. names: whether robots have their names beside them. marks: {lit: Uint8Array with 1 for each
+// looks: as of shapes.js. marks: {lit: Uint8Array with 1 for each
 // robot that is lit, or null; glow: of 1 how bright; chosen, pointed: indices or -1}
-export function drawSwarm(pen, view, scene, frame, looks, marks, colours, boxes, ratio, names) {
+export function drawSwarm(pen, view, scene, frame, looks, marks, colours, ratio) {
   if (few(view, frame, MOST_SHAPES)) drawShapes(pen, view, scene, frame, looks, marks, colours);
   else drawPoints(pen, view, scene, frame, looks, marks, colours, ratio);
   const sizes = sizesOf(view, scene);
@@ -55,7 +53,6 @@ export function drawSwarm(pen, view, scene, frame, looks, marks, colours, boxes,
     pen.lineWidth = width;
     pen.stroke();
   }
-  drawNames(pen, view, scene, frame, marks, colours, boxes, sizes, names ? MOST_LABELS : 0);
 }
 
 function drawShapes(pen, view, scene, frame, looks, marks, colours) {
@@ -174,22 +171,4 @@ function packed(pen, colour) {
     packedColours.set(colour, ((255 << 24) | (blue << 16) | (green << 8) | red) >>> 0);
   }
   return packedColours.get(colour);
-}
-
-function drawNames(pen, view, scene, frame, marks, colours, boxes, sizes, most) {
-  const named = marks.chosen >= 0 && marks.chosen < frame.count ? [marks.chosen] : [];
-  const visible = [];
-  for (let i = 0; i < frame.count && visible.length <= most; i += 1) {
-    const x = view.toScreenX(frame.poses[3 * i]);
-    const y = view.toScreenY(frame.poses[3 * i + 1]);
-    if (x > 0 && y > 0 && x < view.width && y < view.height) visible.push(i);
-  }
-  if (visible.length <= most) named.push(...visible);
-  for (const i of new Set(named)) {
-    const x = view.toScreenX(frame.poses[3 * i]) + sizes(i) + 9;
-    const y = view.toScreenY(frame.poses[3 * i + 1]);
-    const strong = i === marks.chosen;
-    const font = strong ? "600 12px" : "11px";
-    boxes.push(...drawLabel(pen, view, scene.names[i], x, y, strong ? colours.ink : colours.quiet, colours.ground, font, boxes));
-  }
 }

@@ -8,6 +8,7 @@ import { Density } from "./density.js";
 import { gestures } from "./gestures.js";
 import { drawGhosts } from "./ghosts.js";
 import { drawGround, drawPlaces } from "./ground.js";
+import { Labels } from "./labels.js";
 import { Pings } from "./pings.js";
 import { inksOf, looksOf, NONE, palette, sortsOf } from "./shapes.js";
 import { drawSwarm, few, sizesOf } from "./swarm.js";
@@ -36,6 +37,8 @@ export class World extends EventTarget {
     this.trails = new Trails();
     this.pings = new Pings();
     this.density = new Density();
+    this.labels = new Labels();
+    this.picked = null; // 1 for each robot that is selected by hand
     this.told = null; // the frame that was last said to be drawn
     this.layers = {}; // whether each is shown, by name, as of layers.js
     this.pointer = null; // the pixel at which the pointer is
@@ -330,14 +333,16 @@ export class World extends EventTarget {
       if (this.shows("trails")) this.trails.draw(pens.trails, view, inksOf(this.looks.bodies), colours.robots, this.scene.area);
     }
     pens.robots.clearRect(0, 0, view.width, view.height);
-    const boxes = drawPlaces(pens.robots, view, scene.places, colours);
     if (this.ghosts) drawGhosts(pens.robots, view, this.ghosts, frame.poses);
-    drawSwarm(pens.robots, view, scene, frame, this.looks, this.marks, colours, boxes, this.ratio, this.shows("names"));
+    drawSwarm(pens.robots, view, scene, frame, this.looks, this.marks, colours, this.ratio);
     if (this.shows("density")) this.density.draw(pens.robots, view, frame, colours.density, performance.now());
     drawPlaces(pens.robots, view, scene.places, colours);
+    const { marks, picked, ratio } = this;
+    const sizes = sizesOf(view, scene);
+    this.labels.draw(pens.robots, view, { scene, frame, marks, colours, ratio, sizes, picked, robots: this.shows("names") });
     for (const tool of this.tools) tool.draw?.(pens.robots);
     this.drawTip();
-    if (this.shows("pings") && this.pings.draw(pens.robots, view, frame, sizesOf(view, scene), colours, performance.now())) this.repaint("robots");
+    if (this.shows("pings") && this.pings.draw(pens.robots, view, frame, sizes, colours, performance.now())) this.repaint("robots");
     if (frame === this.told) return;
     this.told = frame;
     this.dispatchEvent(new CustomEvent("drawn", { detail: frame }));

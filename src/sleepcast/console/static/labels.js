@@ -1,0 +1,216 @@
+// The names on the map: of places, lights, areas, groups and robots. No two lie over each other. The farther away one is, the
+// fewer robots have theirs; those that had it keep it while there is room, so that nothing flickers as one moves the map.
+
+import { GLOW } from "./ground.js";
+import { inkOf, lookOfGroup } from "./shapes.js";
+
+const ALL = 45; // robots in sight that may all have their names
+const THINNING = 0.6; // with 10 times as many in sight, a quarter as many of them have their names
+const SLACK = 1.15; // names beyond that go only when there are so many times as many
+const GAP = 6; // pixels around a name that comes; one that is there needs none
+const HALF = 9; // pixels: half a name's height
+const TOGETHER = 90; // pixels: a group whose robots are farther from its middle has no place for a name
+const CODES = 256; // of groups in a frame; 0 is none
+const MOST = 6000; // robots in sight; with more, only the chosen one has its name
+
+const FONTS = { place: "600 13px", light: "600 13px", area: "600 12px", group: "600 12px", chosen: "600 12px", robot: "11px" };
+
+export class Labels {
+  constructor() {
+    this.sprites = new Sprites();
+    this.shown = new Set(); // robots that have their names
+    this.names = null; // those of the scene that `shown` is of
+  }
+
+  // what: {scene, frame, marks, colours, ratio, sizes: as of swarm.js, picked: 1 for each selected robot, robots: whether these and
+  // groups have names, all but the chosen one}
+  draw(pen, view, what) {
+    const labels = this.arrange(view, what, (text, font) => this.sprites.width(text, font));
+    this.sprites.draw(pen, labels, what.colours, what.ratio);
+  }
+
+  // The names that are seen, and where: {text, font, colour, x, y}. width: gives that of a text, in pixels.
+  arrange(view, what, width) {
+    const { scene, frame, marks, colours } = what;
+    if (scene.names !== this.names) this.shown.clear();
+    this.names = scene.names;
+    const found = [];
+    const boxes = []; // left, top, right, bottom of each name that is there, in turn
+    const put = (text, kind, colour, x, y, gap) => {
+      const font = FONTS[kind];
+      const right = x + width(text, font);
+      if (right < 0 || x > view.width || y + HALF < 0 || y - HALF > view.height) return false;
+      if (hits(boxes, x - 2 - gap, y - HALF - gap, right + 2 + gap, y + HALF + gap)) return false;
+      boxes.push(x - 2, y - HALF, right + 2, y + HALF);
+      found.push({ text, font, colour, x, y });
+      return true;
+    };
+    const robot = (i, kind, colour, gap) => {
+      const x = view.toScreenX(frame.poses[3 * i]) + what.sizes(i) + 9;
+      return put(scene.names[i], kind, colour, x, view.toScreenY(frame.poses[3 * i + 1]), gap);
+    };
+
+    const { chosen } = marks;
+    if (chosen >= 0 && chosen < frame.count) robot(chosen, "chosen", colours.ink, 0);
+    for (const { name, x, y } of scene.places) put(name, "place", colours.place, view.toScreenX(x) + 17, view.toScreenY(y), 0);
+    for (const { name, x, y } of scene.lights) put(name, "light", colours.ink, view.toScreenX(x) + 10, view.toScreenY(y) - 0.75 * GLOW, 0);
+    for (const area of scene.areas) put(area.name, "area", colours.place, ...cornerOf(view, area), 0);
+    if (!what.robots) {
+      this.shown.clear();
+      return found;
+    }
+    for (const { code, x, y } of middles(view, frame)) {
+      const group = scene.groups?.[code - 1];
+      if (group) put(group.name, "group", colours.robots[inkOf(lookOfGroup(code))], x - width(group.name, FONTS.group) / 2, y, 0);
+    }
+    this.shown = this.some(view, what, robot);
+    return found;
+  }
+
+  // Give robots their names: first who is pointed at or selected, then who had one, then others by their number.
+  some(view, { frame, marks, picked, colours }, robot) {
+    const seen = inSight(view, frame, MOST);
+    if (!seen) return new Set();
+    const most = Math.max(1, Math.floor(seen.length <= ALL ? ALL : ALL * (ALL / seen.length) ** THINNING));
+    const now = new Set();
+    const give = (i, limit, gap) => {
+      if (now.size < limit && i !== marks.chosen && !now.has(i) && robot(i, "robot", colours.quiet, gap)) now.add(i);
+    };
+    const first = (i) => i === marks.pointed || picked?.[i] === 1;
+    for (const i of seen) if (first(i)) give(i, SLACK * most, this.shown.has(i) ? 0 : GAP);
+    for (const i of seen) if (this.shown.has(i)) give(i, SLACK * most, 0);
+    for (const i of seen) {
+      if (now.size >= most) break;
+      give(i, most, GAP);
+    }
+    return now;
+  }
+}
+
+function hits(boxes, left, top, right, bottom) {
+  for (let at = 0; at < boxes.length; at += 4) {
+    if (left < boxes[at + 2] && right > boxes[at] && top < boxes[at + 3] && bottom > boxes[at + 1]) return true;
+  }
+  return false;
+}
+
+// The robots on the screen, by their numbers; null if there are more than `most`.
+function inSight(view, { poses, count }, most) {
+  const [left, top] = view.toWorld(0, 0);
+  const [right, bottom] = view.toWorld(view.width, view.height);
+  const seen = [];
+  for (let i = 0; i < count; i += 1) {
+    const [x, y] = [poses[3 * i], poses[3 * i + 1]];
+    if (x < left || x > right || y > top || y < bottom) continue;
+    if (seen.length === most) return null;
+    seen.push(i);
+  }
+  return seen;
+}
+
+// The middle of each group that keeps together on this screen, in pixels. A robot counts for its newest group.
+function middles(view, { poses, groups, count }) {
+  const sums = new Float64Array(4 * CODES); // of each group: robots, x, y, and the squares of both
+  for (let i = 0; i < count; i += 1) {
+    const at = 4 * groups[i];
+    const [x, y] = [poses[3 * i], poses[3 * i + 1]];
+    sums[at] += 1;
+    sums[at + 1] += x;
+    sums[at + 2] += y;
+    sums[at + 3] += x * x + y * y;
+  }
+  const found = [];
+  for (let code = 1; code < CODES; code += 1) {
+    const [number, across, up, square] = sums.subarray(4 * code, 4 * code + 4);
+    if (number < 2) continue;
+    const [x, y] = [across / number, up / number];
+    const spread = Math.sqrt(Math.max(0, square / number - x * x - y * y)) * view.scale;
+    if (spread < TOGETHER) found.push({ code, x: view.toScreenX(x), y: view.toScreenY(y) - spread - 16 });
+  }
+  return found;
+}
+
+// Inside the upper left corner of an area.
+function cornerOf(view, { corners }) {
+  const ys = corners.map(([, y]) => view.toScreenY(y));
+  const top = Math.min(...ys);
+  const left = Math.min(...corners.filter((_, corner) => ys[corner] - top < 1).map(([x]) => view.toScreenX(x)));
+  return [left + 6, top + 12];
+}
+
+// ---- texts as pictures: a text with its edge takes long to draw, a picture of it does not
+
+const SIDE = 1024; // pixels of the sheet that holds them
+const EDGE = 4; // pixels around a text, for its edge
+const HIGH = 22;
+
+class Sprites {
+  constructor() {
+    this.widths = new Map();
+    this.sheet = document.createElement("canvas");
+    this.pen = this.sheet.getContext("2d");
+    this.full = false; // whether it was just now
+    this.clear(null, 1);
+  }
+
+  width(text, font) {
+    const key = `${font} ${text}`;
+    let found = this.widths.get(key);
+    if (found === undefined) {
+      this.pen.font = `${font} system-ui, sans-serif`;
+      this.widths.set(key, (found = this.pen.measureText(text).width));
+    }
+    return found;
+  }
+
+  // Nothing is on the sheet: it is full, or colours or the screen are others.
+  clear(colours, ratio) {
+    this.colours = colours;
+    this.ratio = ratio;
+    this.sheet.width = this.sheet.height = SIDE * ratio;
+    this.pen.scale(ratio, ratio);
+    this.places = new Map(); // of each text, [x, y, width]
+    this.widths.clear();
+    this.x = this.y = 0;
+  }
+
+  draw(pen, labels, colours, ratio) {
+    if (colours !== this.colours || ratio !== this.ratio) this.clear(colours, ratio);
+    this.full = false;
+    let places = labels.map((label) => this.place(label)); // all before any is used: what changes a sheet has it copied
+    if (this.full) places = labels.map((label) => this.place(label));
+    labels.forEach((label, number) => {
+      if (!places[number]) return;
+      const [x, y, width] = places[number];
+      const [left, top] = [label.x - EDGE, label.y - HIGH / 2].map((at) => Math.round(at * ratio) / ratio);
+      pen.drawImage(this.sheet, x * ratio, y * ratio, width * ratio, HIGH * ratio, left, top, width, HIGH);
+    });
+  }
+
+  // Where on the sheet a text is, which may have been drawn just now.
+  place({ text, font, colour }) {
+    const key = `${font} ${colour} ${text}`;
+    const known = this.places.get(key);
+    if (known) return known;
+    const width = Math.ceil(this.width(text, font)) + 2 * EDGE;
+    if (width > SIDE) return null;
+    if (this.x + width > SIDE) [this.x, this.y] = [0, this.y + HIGH];
+    if (this.y + HIGH > SIDE) {
+      this.clear(this.colours, this.ratio);
+      this.full = true;
+    }
+    const { pen, x, y } = this;
+    pen.font = `${font} system-ui, sans-serif`;
+    pen.textBaseline = "middle";
+    pen.lineJoin = "round";
+    pen.lineWidth = 4;
+    pen.strokeStyle = this.colours.ground;
+    pen.strokeText(text, x + EDGE, y + HIGH / 2);
+    pen.fillStyle = colour;
+    pen.fillText(text, x + EDGE, y + HIGH / 2);
+    const place = [x, y, width];
+    this.places.set(key, place);
+    this.x += width;
+    return place;
+  }
+}

@@ -20,7 +20,7 @@ from slow import SLOW
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-pytest.register_assert_rewrite("channel_contract", "robot_contract", "language.cases")
+pytest.register_assert_rewrite("channel_contract", "sleepcast.testing.robot_contract", "language.cases")
 
 BUSY = [HealthCheck.too_slow]
 settings.register_profile("ordinary", deadline=None, suppress_health_check=BUSY, derandomize=True, print_blob=True)

@@ -24,10 +24,11 @@ import click
 import pytest
 
 from channel.test_udp import free_port
+from installing import install
 from sleepcast.cli import program
 from test_docs import ROOT, SHELL, blocks_of, write_files
 
-PAGES = {"first-study": 5, "on-the-air": 20, "run-experiments": 8, "use-from-python": 1}
+PAGES = {"first-study": 5, "on-the-air": 20, "run-experiments": 8, "use-from-python": 1, "write-a-bridge": 3}
 """Commands at least that each page shows."""
 FIGURE = "docs/pictures/first-study.svg"
 USUAL, GROUP = "239.255.83.76 47123", "239.255.83.79"
@@ -47,6 +48,8 @@ class Reader:
 
     folder: Path
     port: int
+    added: Path
+    """Where packages are that the page tells its reader to install."""
     running: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
 
     def start(self, line: str, output: int) -> subprocess.Popen[bytes]:
@@ -60,7 +63,13 @@ class Reader:
         return subprocess.Popen(
             ["env", "--default-signal=INT", "bash", "-c", f"exec 2>&1; exec {line}"],
             cwd=self.folder,
-            env={**SHELL, "HOME": str(self.folder), "PYTHONWARNINGS": "ignore"},
+            env={
+                **SHELL,
+                "HOME": str(self.folder),
+                "PYTHONWARNINGS": "ignore",
+                "PYTHONPATH": str(self.added),
+                "PATH": f"{self.added}/bin{os.pathsep}{SHELL['PATH']}",
+            },
             stdin=subprocess.DEVNULL,
             stdout=output,
         )
@@ -89,8 +98,8 @@ class Reader:
 
 
 @pytest.fixture
-def reader(tmp_path: Path) -> Iterator[Reader]:
-    found = Reader(tmp_path, free_port())
+def reader(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
+    found = Reader(tmp_path, free_port(), tmp_path_factory.mktemp("added"))
     yield found
     for process in found.running.values():
         os.kill(process.pid, signal.SIGKILL)
@@ -101,6 +110,8 @@ def reader(tmp_path: Path) -> Iterator[Reader]:
 def test_a_how_to_on_the_air_can_be_followed(reader: Reader, page: str) -> None:
     followed, path = 0, ROOT / "docs" / "howto" / f"{page}.md"
     write_files(path, reader.folder)
+    for package in re.findall(r"`pip install \./(examples/\w+)`", path.read_text()):
+        install(ROOT / package, reader.added)
     for file in reader.folder.glob("*.py"):
         file.write_text(file.read_text().replace(SAID, URI.format(reader.port)))
     for block in blocks_of(path):

@@ -5,7 +5,7 @@ it is asked what it senses, and takes a `Setpoint`. Everything that may move a r
 the body keeps its own limits: whatever is asked of it, it does no more than `Limits` allows, and nothing once
 it is stopped.
 
-A simulated robot, a robot behind the Nomad wire and a real one are all a `Robot`; tests/robot_contract.py
+A simulated robot, a robot behind the Nomad wire and a real one are all a `Robot`; testing/robot_contract.py
 says what that promises. SI units throughout; positions in the world's frame (x east, y north), angles
 counter-clockwise from the x axis.
 """

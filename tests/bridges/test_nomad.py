@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from importlib.metadata import EntryPoint
 from math import hypot, inf, isclose, isnan, nan, pi
 from random import Random
 from typing import cast
@@ -11,18 +12,20 @@ from typing import cast
 import pytest
 
 from nomad.serving import LONGEST, Served, serving
-from robot_contract import Rig, RobotContract
-from sleepcast.bridges import BodyError, open_robot
+from sleepcast.bridges import BodyError, BusyError, Opening, OutOfReachError, open_robot
+from sleepcast.bridges.body import MAX_ERRANDS, FencedError
 from sleepcast.bridges.nomad import model_of
-from sleepcast.bridges.nomad_robot import MAX_ERRANDS, SCOUT, BusyError, FencedError, NomadRobot
+from sleepcast.bridges.nomad_robot import SCOUT, NomadRobot
 from sleepcast.core.clock import ManualClock
+from sleepcast.core.errors import MisuseError
 from sleepcast.loop import vocabulary_of
-from sleepcast.nomad.client import LostError, Nomad, RefusedError
+from sleepcast.nomad.client import Nomad, RefusedError
 from sleepcast.nomad.units import TENTH
 from sleepcast.robot import Limits, Setpoint
 from sleepcast.simulator.engine import NumPyMachine
 from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 from sleepcast.simulator.nomads.nomads import NomadWorld
+from sleepcast.testing.robot_contract import BridgeContract, BridgeRig, Rig, RobotContract
 
 TICK = 0.1
 
@@ -47,7 +50,7 @@ def running(world: NomadWorld) -> Iterator[Served]:
 
 
 def reach(served: Served, tail: str = "#1", *, in_step: bool = False) -> NomadRobot:
-    return cast(NomadRobot, open_robot(f"nomad://127.0.0.1:{served.port}{tail}", in_step=in_step))
+    return cast(NomadRobot, open_robot(f"nomad://127.0.0.1:{served.port}{tail}", Opening(in_step)))
 
 
 @pytest.fixture
@@ -101,6 +104,22 @@ class TestScoutBehindAServer(RobotContract):
     @pytest.fixture
     def rig(self, robot: NomadRobot) -> Rig:
         return LookOnly(robot, waiting(robot), resolution=2 * TENTH)
+
+
+class TestScoutInItsOwnTime(BridgeContract):
+    @pytest.fixture
+    def rig(self, stepped: Served) -> Iterator[Rig]:
+        clock, nomad = ManualClock(), Nomad.connect("127.0.0.1", stepped.port)
+
+        def cut() -> None:
+            body._nomad.connection.close()
+            body._nomad.connection.port = 1
+
+        def mend() -> None:
+            body._nomad.connection.port = stepped.port
+
+        with NomadRobot(nomad, SCOUT, model_of(SCOUT), clock=clock) as body:
+            yield BridgeRig(body, clock, lambda _: None, cut, mend, resolution=2 * TENTH, step=TICK)
 
 
 class TestNomad200BehindAServer(RobotContract):
@@ -314,9 +333,9 @@ def test_a_body_that_was_out_of_reach_is_at_rest_when_it_is_found_again(running:
         robot._nomad.connection.close()
         until(lambda: robot.lost != "", robot.sense)
         until(lambda: world.observe(0).speeds[:2] == (0.0, 0.0))  # its server has stopped it
-        with pytest.raises(LostError, match="the body is out of reach"):
+        with pytest.raises(OutOfReachError, match="the body is out of reach"):
             robot.turn_axes(0.3, 0.3)
-        with pytest.raises(LostError, match="the body is out of reach"):
+        with pytest.raises(OutOfReachError, match="the body is out of reach"):
             robot.say("nobody hears this")
         robot.act(Setpoint(0.3, 0.0))
         robot.stop()
@@ -344,10 +363,7 @@ def test_zeroing_takes_its_time_and_stop_does_not_wait_for_it(running: Served) -
 
 
 def test_what_the_server_refuses_is_told(robot: NomadRobot) -> None:
-    def refused(nomad: Nomad) -> object:
-        return nomad.special_request(1, 40)
-
-    robot._send(refused)
+    robot.send(lambda: robot._nomad.special_request(1, 40))
     robot.sense()
     assert [text.partition(" with")[0] for text in robot.complaints()] == ["the server refused special_request"]
     assert robot.sense().time > 0
@@ -370,9 +386,12 @@ def test_what_the_server_refuses_is_told(robot: NomadRobot) -> None:
         ("nomad://127.0.0.1/extra#1", "has no host, or more"),
         ("nomad://127.0.0.1#0", "robots are numbered from 1"),
         ("nomad://127.0.0.1#one", "robots are numbered from 1"),
-        ("nomad://127.0.0.1#" + "9" * 5000, "robots are numbered from 1"),
+        ("nomad://127.0.0.1#" + "9" * 500, "robots are numbered from 1"),
         ("nomad://127.0.0.1?sped=1#1", "did you mean speed"),
-        ("nomad://127.0.0.1?type=nomad20#1", "there is no type 'nomad20'; there are scout, nomad200"),
+        (
+            "nomad://127.0.0.1?type=nomad20#1",
+            r"there is no type 'nomad20' \(did you mean nomad200\?\); there are scout, nomad200",
+        ),
         ("nomad://127.0.0.1?speed=fast#1", "speed is a number above 0"),
         ("nomad://127.0.0.1?turn_rate=nan#1", "turn_rate is a number above 0"),
         ("nomad://127.0.0.1?speed=#1", "speed is a number above 0"),
@@ -383,6 +402,19 @@ def test_a_uri_that_leads_nowhere(uri: str, error: str) -> None:
         open_robot(uri)
 
 
+def test_what_is_installed_is_named() -> None:
+    with pytest.raises(BodyError, match=r"names no body \(did you mean sim\?\).*; installed are .*nomad.*sim"):
+        open_robot("simm:maze")
+
+
+def test_a_body_that_nothing_would_stop_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    added = EntryPoint("loose", "bridges.test_nomad:Loose", "sleepcast.bodies")
+    monkeypatch.setattr(EntryPoint, "load", lambda _: lambda uri, opening: object())
+    monkeypatch.setattr("sleepcast.core.extensions.extensions", lambda _: {"loose": added})
+    with pytest.raises(MisuseError, match="gives a object, which is no BridgedBody: nothing would bring it to rest"):
+        open_robot("loose://here")
+
+
 def test_a_robot_that_there_is_not(running: Served) -> None:
     with pytest.raises(RefusedError, match="has no robot 2"):
         reach(running, "#2")
@@ -391,7 +423,7 @@ def test_a_robot_that_there_is_not(running: Served) -> None:
 def test_a_fence_holds_whatever_the_mind_asks(stepped: Served, world: NomadWorld) -> None:
     limits = Limits(0.5, inf, 1.0, fence=(-1.0, -0.5, 1.5, 0.8))
     chance, reached = Random(3), 0.0
-    with cast(NomadRobot, open_robot(f"nomad://127.0.0.1:{stepped.port}#1", in_step=True, limits=limits)) as robot:
+    with cast(NomadRobot, open_robot(f"nomad://127.0.0.1:{stepped.port}#1", Opening(True, limits))) as robot:
         for tick in range(250):
             if tick % 10 == 0:
                 speed, turn = chance.uniform(-2.0, 2.0), chance.uniform(-3.0, 3.0)
@@ -423,7 +455,7 @@ def test_a_fence_holds_whatever_the_mind_asks(stepped: Served, world: NomadWorld
 def test_a_least_range_holds_whatever_the_mind_asks(stepped: Served, world: NomadWorld) -> None:
     world.add([(1.5, -1.0), (1.7, -1.0), (1.7, 1.0), (1.5, 1.0)])
     limits = Limits(inf, inf, inf, least_range=0.4)
-    with cast(NomadRobot, open_robot(f"nomad://127.0.0.1:{stepped.port}#1", in_step=True, limits=limits)) as robot:
+    with cast(NomadRobot, open_robot(f"nomad://127.0.0.1:{stepped.port}#1", Opening(True, limits))) as robot:
         for _ in range(60):
             robot.drive(1.0, 0.0)
             robot.sense()

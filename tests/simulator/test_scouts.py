@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from machines import ALL, MACHINES
-from robot_contract import Rig, RobotContract
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.bodies.body import TUMBLE
@@ -17,6 +16,7 @@ from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.motion.steps import SKIN
 from sleepcast.simulator.world.grid import distance
 from sleepcast.simulator.world.world import Circle, Wall
+from sleepcast.testing.robot_contract import Rig, RobotContract
 from small_worlds import scouts
 
 OPEN = ('width = "12m"\nheight = "12m"\nedge = "wall"', 'width = "1km"\nheight = "1km"')

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from robot_contract import Rig, RobotContract
 from sleepcast.core.clock import ManualClock
 from sleepcast.robot import Setpoint
 from sleepcast.simulator import SingleRobot
 from sleepcast.simulator.single_robot import MOST_AT_ONCE
+from sleepcast.testing.robot_contract import Rig, RobotContract
 from small_worlds import simulator
 
 

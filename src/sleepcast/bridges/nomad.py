@@ -5,15 +5,16 @@ from __future__ import annotations
 
 from math import inf, pi
 
-from sleepcast.bridges.nomad_robot import BASES, FRESH, PATIENCE, Base, NomadRobot
+from sleepcast.bridges import Opening
+from sleepcast.bridges.address import BodyError, read_body_address
+from sleepcast.bridges.body import FRESH, PATIENCE
+from sleepcast.bridges.nomad_robot import BASES, Base, NomadRobot
 from sleepcast.core.model import HostFunction, Quantity
 from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, Dimension
 from sleepcast.nomad.client import PORT, Nomad
 from sleepcast.nomad.state import RING
 from sleepcast.nomad.units import INCH, INFRARED_STEP, NOTHING_HEARD, NOTHING_NEAR
-from sleepcast.robot import Geometry, RobotModel
-
-__all__ = ["BASES", "PORT", "open_nomad"]
+from sleepcast.robot import Geometry, Limits, RobotModel
 
 _RANGE = NOTHING_HEARD * INCH
 _VOLTS = (0.0, 13.0)
@@ -163,11 +164,31 @@ def model_of(base: Base) -> RobotModel:
     )
 
 
-def open_nomad(host: str, port: int, robot: int, base: Base, *, in_step: bool = False) -> NomadRobot:
-    """Take over a Nomad; see `open_robot`. Raises LostError, RefusedError."""
-    nomad = Nomad.connect(host, port, robot=robot, timeout=PATIENCE)
+EXAMPLE = "nomad://127.0.0.1:7019#1"
+SETTINGS = {"type": "scout", "speed": "inf", "turn_rate": "inf"}
+"""What can be set of a Nomad in its URI, and what holds otherwise."""
+
+
+def open_body(uri: str, opening: Opening) -> NomadRobot:
+    """Take over the Nomad at `nomad://HOST:PORT#ROBOT`, a Scout behind a Nserver; if wanted, of another type, or with
+    lower limits of speed (m/s) and turn rate (rad/s): `nomad://HOST:PORT?type=nomad200&speed=0.3&turn_rate=1#ROBOT`.
+
+    Raises BodyError, LostError, RefusedError.
+    """
+    address = read_body_address(uri, EXAMPLE, SETTINGS)
+    base = BASES[address.choice("type", tuple(BASES))]
+    said = Limits(address.number("speed", unit="m/s"), address.number("turn_rate", unit="rad/s"), inf)
+    base, robot = base.limited(said.within(opening.limits)), _number(uri, address.part or "1")
+    port = PORT if address.port is None else address.port
+    nomad = Nomad.connect(address.host, port, robot=robot, timeout=PATIENCE)
     try:
-        return NomadRobot(nomad, base, model_of(base), in_step=in_step)
+        return NomadRobot(nomad, base, model_of(base), in_step=opening.in_step)
     except BaseException:
         nomad.close()
         raise
+
+
+def _number(uri: str, text: str) -> int:
+    if not text.isascii() or not text.isdigit() or not 1 <= int(text[:6]) < 100_000 or len(text) > 5:
+        raise BodyError(f"{uri!r:.100}: robots are numbered from 1, so #{text:.20} is none; for example #1")
+    return int(text)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -14,15 +12,11 @@ from sleepcast.cli.air import chosen_store, no_store_option, options, store_opti
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.options import restraints
 from sleepcast.cli.streams import complain
-from sleepcast.core.errors import MisuseError, did_you_mean
-
-if TYPE_CHECKING:
-    from sleepcast.bridges import RealRobot
-    from sleepcast.robot import Limits
+from sleepcast.core.errors import MisuseError
 
 STANDARD, NOMAD = "standard", "nomad"
-SIMULATED, SCENARIO = "sim", "bravo"
-"""The address of a body in the simulator, and whose world it has unless it says otherwise."""
+SIMULATED = "sim"
+"""The scheme of a body in the simulator."""
 LONGEST_TICK = 0.5
 """s: a body that its mind does not look at for a second is brought to rest."""
 
@@ -93,7 +87,7 @@ def node(
     """Run one robot's mind with the body at URI until Ctrl-C, which stops the body first.
 
     `sim` is a body in the simulator, alone in the world of the scenario bravo; `sim:maze`, or the path of a scenario,
-    is one in another world.
+    is one in another world. Installed packages may add others.
 
     With --channel it obeys commands from the air, signed with keys that it trusts (`sleepcast send`, `sleepcast keys`).
     Lines on standard input are commands, STOP and RELEASE included. A FILE has expressions, evaluated at the start, or
@@ -116,7 +110,7 @@ def node(
     """
     _check_name(name)
     with Interrupts() as interrupts, ExitStack() as stack:
-        from sleepcast.bridges import SCHEMES, UNLIMITED, open_robot
+        from sleepcast.bridges import UNLIMITED, Opening, open_robot
         from sleepcast.channel.plain_datagrams import Datagrams
         from sleepcast.cli.node_life import NodeProcess, StartScript, read_start_script
         from sleepcast.mind.authority import read_lease
@@ -135,14 +129,10 @@ def node(
                 raise MisuseError("--lockstep and --channel do not go together: deadlines on the air are of real time")
             air = AirOptions(channel, fleet, key, trust, folder, skew=skew, rate=rate)
             session = stack.enter_context(closing(session_for(air, name, robot=True, say=complain, store=store)))
+        if vocabulary == NOMAD and uri.partition(":")[0] == SIMULATED:
+            raise MisuseError("a body in the simulator has the vocabulary that its scenario says: no --vocabulary")
         number, kept = _id(name, number), UNLIMITED if limits is None else read_limits(limits)
-        if uri.partition(":")[0] == SIMULATED:
-            if vocabulary == NOMAD:
-                raise MisuseError("a body in the simulator has the vocabulary that its scenario says: no --vocabulary")
-            robot = stack.enter_context(_simulated(uri, seed, number, lockstep, kept))
-        else:
-            _check_scheme(uri, SCHEMES)
-            robot = stack.enter_context(open_robot(uri, in_step=lockstep, limits=kept))
+        robot = stack.enter_context(open_robot(uri, Opening(lockstep, kept, number, seed)))
         interrupts.defer()
         nomad = vocabulary == NOMAD
         life = NodeProcess(
@@ -151,26 +141,6 @@ def node(
         life.begin(built_in, beginning)
         life.go_on(interrupts.check, 0.0 if lockstep else tick, seconds)
     return 0
-
-
-def _check_scheme(uri: str, real: Mapping[str, str]) -> None:
-    """Raises MisuseError for a body of no family. real: families of real ones, with an example each."""
-    scheme = uri.partition(":")[0]
-    if scheme not in real:
-        known = ", ".join((SIMULATED, f"{SIMULATED}:{SCENARIO}", *real.values()))
-        raise MisuseError(f"{uri!r:.100} names no body{did_you_mean(scheme, (SIMULATED, *real))}; wanted, say, {known}")
-
-
-def _simulated(uri: str, seed: int, number: int, in_step: bool, limits: Limits) -> RealRobot:
-    """A body in the simulator. Raises MisuseError for a scenario that there is not."""
-    from sleepcast.core.clock import WallClock
-    from sleepcast.core.counter_rng import key
-    from sleepcast.simulator import Changes, SafetyLimits, Simulator, SingleRobot, choose, find_scenario, limited
-
-    scenario = limited(find_scenario(uri.partition(":")[2] or SCENARIO, Changes(1, None, True)), limits)
-    # Another one begins elsewhere; for one body no kernels need be loaded.
-    simulator = Simulator(scenario, key(seed, "alone", number) >> 1, choose("numpy", 1))
-    return SingleRobot(simulator, None if in_step else WallClock(), SafetyLimits(simulator, limits))
 
 
 def _check_name(name: str) -> None:

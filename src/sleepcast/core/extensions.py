@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, PackageNotFoundError, distribution, entry_points
 
 from sleepcast.core.errors import MisuseError
 
@@ -10,6 +10,16 @@ from sleepcast.core.errors import MisuseError
 def extensions(group: str) -> dict[str, EntryPoint]:
     """The entry points of this group that installed packages have, by name, sorted."""
     return {each.name: each for each in sorted(entry_points(group=group), key=lambda each: each.name)}
+
+
+def find_extension(group: str, name: str) -> EntryPoint | None:
+    """The entry point of this group with this name, None if there is none. Those of sleepcast itself come first: no
+    package can take the place of one, and they are found without looking at all packages."""
+    try:
+        own = distribution("sleepcast").entry_points.select(group=group, name=name)
+    except PackageNotFoundError:  # only its source is there
+        own = entry_points(group=group, name=name)
+    return next(iter(own), None) or extensions(group).get(name)
 
 
 def load_extension(found: EntryPoint, what: str) -> object:

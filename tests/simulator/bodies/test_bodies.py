@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_contract import Rig, RobotContract
 from sleepcast.robot import Setpoint
 from sleepcast.simulator import Body, Saying, Simulator
 from sleepcast.simulator.bodies.body import TUMBLE
+from sleepcast.testing.robot_contract import Rig, RobotContract
 from small_worlds import simulator
 
 

@@ -25,6 +25,7 @@ from sleepcast.channel.envelope import MAX_DATAGRAM
 from sleepcast.channel.message import TO_OPERATOR, Kind
 from sleepcast.channel.transports.address import EXAMPLE, AddressError, split_address
 from sleepcast.channel.transports.bpf_filter import drop_kinds, keep_kinds
+from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError, did_you_mean
 
 _MOST_AT_ONCE = 2_048
@@ -232,3 +233,8 @@ def _hint(error: OSError) -> str:
     if error.errno in (errno.ENODEV, errno.ENETUNREACH, errno.EADDRNOTAVAIL):
         return "; this machine has no way there: name an interface with ?interface=NAME"
     return ""
+
+
+def open_udp(uri: str, clock: Clock) -> UdpTransport:
+    """The entry point of `udp:`, which has no use for a clock."""
+    return UdpTransport(uri)

@@ -21,6 +21,7 @@ from threading import Lock
 from sleepcast.channel.envelope import MAX_DATAGRAM
 from sleepcast.channel.transports.address import AddressError, split_address
 from sleepcast.channel.transports.transport import WakeUp
+from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 
 try:
@@ -178,3 +179,8 @@ def _refusal(uri: str, site: ZenohAddress, error: str) -> str:
     if not site.listen:
         return f"{uri}: no router answers at {site.place}: start one there, or be one with ?listen"
     return f"{uri}: zenoh cannot listen at {site.place}: {error.partition(' at /')[0]}"
+
+
+def open_zenoh(uri: str, clock: Clock) -> ZenohTransport:
+    """The entry point of `zenoh:`, which has no use for a clock."""
+    return ZenohTransport(uri)

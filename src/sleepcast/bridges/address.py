@@ -1,0 +1,72 @@
+"""Addresses of bodies: `SCHEME://HOST:PORT?SETTING=VALUE&...#PART`. An error says what was wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf
+from urllib.parse import parse_qsl, urlsplit
+
+from sleepcast.core.errors import MisuseError, did_you_mean
+
+MAX_URI = 1_000
+"""Characters of an address: more than names, settings and their values need."""
+MAX_SETTINGS = 64
+
+
+class BodyError(MisuseError):
+    """A URI that leads to no body."""
+
+
+@dataclass(frozen=True, slots=True)
+class BodyAddress:
+    """Where a body is. port: None if not said; part: what stands behind #. settings: with what holds otherwise."""
+
+    uri: str
+    host: str
+    port: int | None
+    part: str
+    settings: Mapping[str, str]
+
+    def number(self, key: str, least: float = 0.0, most: float = inf, unit: str = "") -> float:
+        """A setting that is a number above `least`, or `most` at most. Raises BodyError."""
+        try:
+            found = float(self.settings[key])
+        except ValueError:
+            found = least
+        if not least < found <= most:
+            bounds = f"a number above {least:g}" + (f" and up to {most:g}" if most < inf else "")
+            what = f"{key} is {bounds}{unit and f', in {unit}'}, not {self.settings[key]!r:.40}"
+            raise BodyError(f"{self.uri!r:.100}: {what}")
+        return found
+
+    def choice(self, key: str, choices: tuple[str, ...]) -> str:
+        """A setting that is one of these. Raises BodyError."""
+        found = self.settings[key]
+        if found not in choices:
+            known = f"{did_you_mean(found, choices)}; there are {', '.join(choices)}"
+            raise BodyError(f"{self.uri!r:.100}: there is no {key} {found!r:.40}{known}")
+        return found
+
+
+def read_body_address(uri: str, example: str, settings: Mapping[str, str]) -> BodyAddress:
+    """An address in its parts. example: one that is right, for errors. settings: those that may stand behind the
+    question mark, and what holds otherwise. Raises BodyError."""
+    wanted = f"wanted something like {example}"
+    if len(uri) > MAX_URI:
+        raise BodyError(f"{uri!r:.80}... is too long; {wanted}")
+    try:
+        parts = urlsplit(uri)
+        port = parts.port
+        given = parse_qsl(parts.query, keep_blank_values=True, max_num_fields=MAX_SETTINGS)
+    except ValueError as error:
+        raise BodyError(f"{uri!r:.100} leads nowhere ({error}); {wanted}") from None
+    if parts.path not in ("", "/") or not parts.hostname:
+        raise BodyError(f"{uri!r:.100} has no host, or more than one; {wanted}")
+    found = dict(settings)
+    for key, text in given:
+        if key not in settings:
+            known = f"{did_you_mean(key, settings)}; there are {', '.join(settings)}"
+            raise BodyError(f"{uri!r:.100}: there is no setting {key!r:.40}{known}")
+        found[key] = text
+    return BodyAddress(uri, parts.hostname, port, parts.fragment, found)

@@ -1,0 +1,383 @@
+"""What every bridge has in common, below the language: the courier, the watchdog, the limits, STOP.
+
+A mind never waits, and every word with a robot is a wait. So the connection belongs to a thread of its own, the
+courier, which goes round: it takes along what the mind wants done, and lays down what was measured. The mind only reads
+what lies there, and notes what it wants. A bridge derives from `BridgedBody` and says four things: how a motion is
+sent, how the robot is measured, how it is reached again, and how it is let go.
+
+Everything that moves the robot is a `Motion` that goes through `move`, and each round decides what becomes of it:
+
+    watchdog    a mind that has not looked at its body for `UNATTENDED` s has lost it: the body is brought to rest
+    STOP, hold  the body rests, whatever is asked
+    limits      speed and turn rate are brought within them, changes of speed are spread over time; what would pass the
+                fence, or come too near to something, becomes rest. A body that does not know where it is stands, if it
+                has a fence
+    reach       a robot that is gone is looked for again and again, ever less often. Meanwhile what is asked is refused;
+                when it is back, the body is at rest, and nothing old resumes
+
+No expression, and no bridge, can change that. In step, for simulations that wait for their programs, there is no
+courier: each `sense` is one round, and a robot that is gone is the end.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from math import isfinite, isnan, nan
+from threading import Event, Lock, Thread
+from types import TracebackType
+from typing import ClassVar, Self
+
+from sleepcast.core.clock import Clock, WallClock
+from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.robot import Limits, Reading, RobotModel, Setpoint
+
+UNATTENDED = 1.0
+"""Seconds without a look from the mind after which the body is brought to rest."""
+ROUND = 0.05
+"""Seconds between two rounds of the courier when there is nothing to take along: half of a usual tick."""
+PATIENCE = 5.0
+"""Seconds for an answer: a robot that needs longer has been lost."""
+SOONEST, LATEST = 0.5, 10.0
+"""Seconds between two tries to find a robot that is gone: at first, and after it has not been found for long."""
+MAX_ERRANDS = 64
+"""Things to be done that wait for the courier; what finds no room is refused, and the language counts a fault."""
+MAX_COMPLAINTS = 100
+"""Sentences that wait to be read; the oldest go."""
+LAG = 0.25
+"""Seconds from a look at what is ahead to when what follows from it is done: two rounds, and ticks of the robot."""
+FRESH = 1.0
+"""Seconds after which what was measured counts as unknown: the robot, or the way to it, has got stuck."""
+
+
+class OutOfReachError(SleepcastError):
+    """The body cannot be reached, now or for good."""
+
+
+class BusyError(SleepcastError):
+    """The body has more to do than it can remember."""
+
+
+class FencedError(SleepcastError):
+    """A body that is kept within a fence is to believe that it is elsewhere."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """What a body is to do. sort: "rest", "speeds" (values: speed in m/s, turn rate in rad/s), or one of the
+    bridge's own."""
+
+    sort: str
+    values: tuple[float, ...] = ()
+
+
+REST = Motion("rest")
+
+
+class BridgedBody(ABC):
+    """See the module. Its sensors have x, y, heading, speed and turn_rate among them if it can keep a fence.
+
+    model: what it answers to. clock: by which the mind's looks are timed. in_step: see the module; a bridge whose robot
+    cannot wait for its programs refuses it.
+    """
+
+    RENEWS: ClassVar[bool] = True
+    """Whether the robot is told its motion in each round, or only another one."""
+    KEEPS_ACCELERATION: ClassVar[bool] = False
+    """Whether the robot itself changes its speed no faster than its limits say."""
+    FAILURES: ClassVar[tuple[type[Exception], ...]] = (OutOfReachError, OSError)
+    """What is raised where the robot cannot be reached."""
+    REFUSALS: ClassVar[tuple[type[Exception], ...]] = (MisuseError,)
+    """What is raised where the robot, or the bridge, does not do one thing, and everything else goes on."""
+
+    def __init__(self, model: RobotModel, *, clock: Clock | None = None, in_step: bool = False) -> None:
+        self.model, self._clock, self._in_step = model, clock or WallClock(), in_step
+        self._lock = Lock()
+        """Held to change what follows; never while anybody waits for the robot."""
+        self._motion = REST
+        self._told: Motion | None = None
+        """What the robot was last told, the very object."""
+        self._stopped = self._held = False
+        self._errands: deque[Callable[[], object]] = deque()
+        self._complaints: deque[str] = deque(maxlen=MAX_COMPLAINTS)
+        self._lost: Exception | None = None
+        """Why the robot is out of reach, None while it is not."""
+        self._pause, self._next = SOONEST, 0.0
+        """Seconds to the next try to find it, and when that is."""
+        self._attended = self._heard = self._clock.now()
+        self._speed, self._paced = 0.0, nan
+        """The speed that the robot was last told, m/s, and when."""
+        self._wake, self._ending, self._given_up = Event(), False, in_step
+        self._courier = Thread(target=self._go_round, name="courier", daemon=True)
+
+    # ---- what a bridge says
+
+    @abstractmethod
+    def carry_out(self, motion: Motion) -> object:
+        """Send a motion to the robot. Raises one of `FAILURES` where it cannot be reached, one of `REFUSALS` for
+        what it does not do."""
+
+    @abstractmethod
+    def measure(self) -> None:
+        """Bring what `reading` gives up to date, if this has not been done on the way. Raises one of `FAILURES`."""
+
+    @abstractmethod
+    def reading(self) -> Reading:
+        """What was measured last, without looking anew. Its time never goes back."""
+
+    @abstractmethod
+    def seek(self) -> None:
+        """Reach the robot again, which was gone. Raises one of `FAILURES` while it is not there."""
+
+    @abstractmethod
+    def leave(self) -> None:
+        """Bring the robot to rest, if it can be reached, and let go of it; `lost` says if that has failed."""
+
+    def course(self, motion: Motion) -> tuple[float, float] | None:
+        """Speed and turn rate, m/s and rad/s, of a motion, the greatest that it may come to; None for one that needs
+        not be watched, or watches itself."""
+        return (motion.values[0], motion.values[1]) if motion.sort == "speeds" else None
+
+    def nearest(self, first: float, last: float) -> float:
+        """Distance to the nearest thing between two angles, rad counter-clockwise from the heading; NaN if unknown."""
+        return nan
+
+    # ---- a Robot
+
+    def begin(self) -> None:
+        """Let the courier go round, unless the body is in step."""
+        if not self._in_step:
+            self._courier.start()
+
+    def narrow(self, limits: Limits) -> None:
+        """Keep these limits, too. Raises MisuseError for one that this body cannot keep."""
+        names = {sensor.name for sensor in self.model.sensors}
+        if limits.fence is not None and not {"x", "y", "heading", "speed", "turn_rate"} <= names:
+            raise MisuseError(f"a {self.model.name} does not know where it is, so it cannot keep within a fence")
+        if limits.least_range > 0.0 and not self.model.geometry.sonars:
+            raise MisuseError(f"a {self.model.name} has no range sensors, so it cannot keep a range to anything")
+        self.model = replace(self.model, limits=self.model.limits.within(limits))
+
+    @property
+    def stopped(self) -> bool:
+        return self._stopped
+
+    def sense(self) -> Reading:
+        if self._in_step and self._lost is None:
+            self.round()
+        if self._lost is not None and self._given_up:  # nobody looks for it
+            raise self._lost
+        self._attended = self._clock.now()
+        return self.reading()
+
+    def now(self) -> float:
+        return self.reading().time
+
+    def act(self, wanted: Setpoint) -> None:
+        motion = self._motion
+        speed, turn = (self.course(motion) if motion.sort == "speeds" else None) or (0.0, 0.0)
+        with suppress(OutOfReachError):
+            self.drive(
+                speed if isnan(wanted.speed) else wanted.speed, turn if isnan(wanted.turn_rate) else wanted.turn_rate
+            )
+
+    def drive(self, speed: float, turn_rate: float) -> None:
+        """Drive on at this speed and turn rate, as far as the limits allow."""
+        most = self.model.limits
+        speed, turn_rate = clamped(speed, most.speed), clamped(turn_rate, most.turn_rate)
+        self.move(Motion("speeds", (speed, turn_rate)) if speed or turn_rate else REST)
+
+    def stop(self) -> None:
+        with self._lock:
+            self._stopped, self._motion = True, REST
+        self._wake.set()
+
+    def release(self) -> None:
+        self._stopped = False
+
+    def hold(self, still: bool) -> None:
+        with self._lock:
+            self._held = still
+            if still and self._motion.sort != "speeds":  # how much of it is left, nobody knows
+                self._motion = REST
+        self._wake.set()
+
+    @property
+    def stale(self) -> bool:
+        """Whether what was measured is too old to count."""
+        return self._clock.now() - self._heard > FRESH
+
+    # ---- its end
+
+    def complaints(self) -> list[str]:
+        """What has gone wrong since the last call."""
+        said: list[str] = []
+        while self._complaints:
+            said.append(self._complaints.popleft())
+        return said
+
+    @property
+    def lost(self) -> str:
+        return str(self._lost or "")
+
+    def close(self) -> None:
+        """Bring the robot to rest, if it can be reached, and let go of it."""
+        if self._ending:
+            return
+        self._ending = True
+        self._wake.set()
+        if self._courier.is_alive():
+            self._courier.join(PATIENCE + 1.0)
+        self.leave()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # ---- what the mind leaves for the courier: for functions of a bridge
+
+    def move(self, motion: Motion) -> None:
+        """Do this from now on. Raises OutOfReachError."""
+        with self._lock:
+            self._check_reach()
+            if not self._stopped:
+                self._motion = motion
+        self._wake.set()
+
+    def send(self, errand: Callable[[], object]) -> None:
+        """Have this done, in the order of the calls; it must not move the robot. Raises OutOfReachError, BusyError."""
+        with self._lock:
+            self._check_reach()
+            if len(self._errands) >= MAX_ERRANDS:
+                raise BusyError(f"{MAX_ERRANDS} requests wait already to be sent to the robot")
+            self._errands.append(errand)
+        self._wake.set()
+
+    def complain(self, sentence: str) -> None:
+        """Say at the node that something has gone wrong."""
+        self._complaints.append(sentence)
+
+    def keep_its_place(self) -> None:
+        """A fence means nothing to a body that can be talked into being elsewhere. Raises FencedError."""
+        if self.model.limits.fence is not None:
+            raise FencedError("this robot is kept within a fence, so its position may not be set")
+
+    def rest(self) -> None:
+        """Forget what was asked: the robot has lost or found itself anew, and nothing old may resume."""
+        with self._lock:
+            self._motion, self._told, self._speed = REST, None, 0.0
+            self._errands.clear()
+
+    def _check_reach(self) -> None:
+        if self._lost is not None:
+            raise OutOfReachError("the body is out of reach, and does nothing")
+
+    # ---- the courier
+
+    def _go_round(self) -> None:
+        try:
+            while not self._ending:
+                self._wake.wait(ROUND)
+                self._wake.clear()
+                self.round()
+        finally:  # nothing should get here but the end; if something does, the mind must not go on without a body
+            if not self._ending:
+                self._given_up = True
+                self._lost = OutOfReachError("the thread that talks to the robot has died: please report what it said")
+
+    def round(self) -> None:
+        """One round with the robot: what brings to rest first, then errands, then other motion, then the measuring."""
+        if self._lost is not None:
+            self._seek()
+            return
+        with self._lock:
+            if not self._in_step and self._clock.now() - self._attended > UNATTENDED:
+                self._motion = REST
+            if self.model.limits.are_watched and not self._may_go_on(self._motion):
+                self._motion = REST
+            motion = REST if self._stopped or self._held else self._motion
+            errands, self._errands = list(self._errands), deque()
+        motion = self._paced_motion(motion)
+        todo: list[Callable[[], object]] = list(errands)
+        if self.RENEWS or motion is not self._told:
+            todo.insert(0 if motion is REST else len(todo), lambda: self.carry_out(motion))
+            self._told = motion
+        try:
+            for errand in todo:
+                self._do(errand)
+            self.measure()
+        except self.FAILURES as error:
+            self._lose(error)
+        else:
+            self._heard = self._clock.now()
+
+    def _do(self, errand: Callable[[], object]) -> None:
+        try:
+            errand()
+        except self.REFUSALS as error:
+            self.complain(str(error))
+
+    def _paced_motion(self, motion: Motion) -> Motion:
+        """The motion with no more change of speed than the time since the last round allows."""
+        if self.KEEPS_ACCELERATION or motion.sort not in ("rest", "speeds"):
+            self._speed = 0.0
+            return motion
+        now = self.reading().time if self._in_step else self._clock.now()
+        passed = min(now - self._paced, LAG) if isfinite(self._paced) else 0.0
+        self._paced = now
+        wanted, turn = (motion.values[0], motion.values[1]) if motion.sort == "speeds" else (0.0, 0.0)
+        self._speed += clamped(wanted - self._speed, self.model.limits.acceleration * max(passed, 0.0))
+        if motion is REST and self._speed == 0.0:
+            return REST
+        return Motion("speeds", (self._speed, turn))
+
+    def _may_go_on(self, motion: Motion) -> bool:
+        """Whether this motion keeps the body within its fence and off what is in its way."""
+        course = self.course(motion)
+        if course is None:
+            return True
+        names, values = (sensor.name for sensor in self.model.sensors), self.reading().values
+        known = dict(zip(names, values, strict=True)) if self._in_step or not self.stale else {}
+        x, y, heading, speed, turning = (known.get(n, nan) for n in ("x", "y", "heading", "speed", "turn_rate"))
+        wanted, turn = course
+        if self.model.limits.fence is not None and isnan(x + y + heading):
+            return wanted == 0.0
+        turn = max(abs(turn), 0.0 if isnan(turning) else abs(turning))
+        going = self.model.limits.speed if isnan(speed) else speed
+        return self.model.limits.may_go_on((x, y, heading), going, wanted, turn, LAG, self.nearest)
+
+    def _lose(self, why: Exception) -> None:
+        """The robot is gone: nothing that is wanted of it now will be wanted when it is back."""
+        self._lost = why
+        self.rest()
+        self._pause, self._next = SOONEST, self._clock.now() + SOONEST
+        self.complain(f"the body is out of reach: {why}")
+
+    def _seek(self) -> None:
+        """Look for the robot, if it is time to."""
+        if self._clock.now() < self._next:
+            return
+        try:
+            self.seek()
+        except self.FAILURES as error:
+            if str(error) != self.lost:
+                self.complain(f"the body is still out of reach: {error}")
+            self._lost, self._pause = error, min(2.0 * self._pause, LATEST)
+            self._next = self._clock.now() + self._pause
+            return
+        self.rest()
+        self._heard = self._clock.now()
+        self._lost = None
+        self.complain("the body is within reach again, and at rest until a command moves it")
+
+
+def clamped(value: float, most: float) -> float:
+    """The value, brought within `most` on both sides."""
+    return min(max(value, -most), most)

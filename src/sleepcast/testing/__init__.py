@@ -1,0 +1,1 @@
+"""What packages with robots of their own test them with: `robot_contract`."""

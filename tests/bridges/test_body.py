@@ -1,0 +1,115 @@
+"""What keeps real bodies safe, tried on a body in this process whose rover forgets where it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from math import inf, nan
+
+import pytest
+
+from sleepcast.bridges import BridgedBody, BusyError, Motion
+from sleepcast.bridges.body import MAX_ERRANDS, ROUND
+from sleepcast.core.clock import ManualClock
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.model import Quantity
+from sleepcast.robot import Geometry, Limits, Reading, RobotModel, Setpoint
+
+SENSORS = tuple(Quantity(name) for name in ("x", "y", "heading", "speed", "turn_rate"))
+MODEL = RobotModel("cart", SENSORS, (), (), Limits(1.0, 1.0, 2.0), Geometry(0.1))
+
+
+class Cart(BridgedBody):
+    """Does nothing but note what it is told."""
+
+    def __init__(self, clock: ManualClock, model: RobotModel = MODEL) -> None:
+        super().__init__(model, clock=clock)
+        self.told: list[Motion] = []
+        self.x, self.time = 0.0, 0.0
+
+    def carry_out(self, motion: Motion) -> None:
+        self.told.append(motion)
+
+    def measure(self) -> None:
+        self.time += ROUND
+
+    def reading(self) -> Reading:
+        return Reading(self.time, (self.x, 0.0, 0.0, 0.0, 0.0)[: len(self.model.sensors)])
+
+    def seek(self) -> None:
+        raise AssertionError("it is never gone")
+
+    def leave(self) -> None:
+        self.told.append(Motion("rest"))
+
+
+@pytest.fixture
+def clock() -> ManualClock:
+    return ManualClock()
+
+
+@pytest.fixture
+def cart(clock: ManualClock) -> Cart:
+    return Cart(clock)
+
+
+def pass_time(cart: Cart, clock: ManualClock, seconds: float) -> None:
+    for _ in range(round(seconds / ROUND)):
+        clock.advance(ROUND)
+        cart.round()
+
+
+def test_a_body_that_does_not_know_where_it_is_stands_if_it_has_a_fence(cart: Cart, clock: ManualClock) -> None:
+    cart.narrow(Limits(inf, inf, inf, fence=(-9.0, -9.0, 9.0, 9.0)))
+    cart.act(Setpoint(0.5))
+    pass_time(cart, clock, 0.5)
+    assert cart.told[-1].values[0] == pytest.approx(0.5)
+    cart.x = nan
+    pass_time(cart, clock, 0.5)
+    assert cart.told[-1].sort == "rest"
+    cart.x = 0.0
+    pass_time(cart, clock, 0.2)
+    assert cart.told[-1].sort == "rest", "nothing old resumes"
+
+
+def test_limits_that_a_body_cannot_keep_are_refused(cart: Cart, clock: ManualClock) -> None:
+    with pytest.raises(MisuseError, match="a cart has no range sensors"):
+        cart.narrow(Limits(inf, inf, inf, least_range=1.0))
+    blind = Cart(clock, replace(MODEL, sensors=SENSORS[3:]))
+    with pytest.raises(MisuseError, match="a cart does not know where it is, so it cannot keep within a fence"):
+        blind.narrow(Limits(inf, inf, inf, fence=(0.0, 0.0, 1.0, 1.0)))
+
+
+def test_changes_of_speed_are_spread_over_time_those_of_stop_among_them(cart: Cart, clock: ManualClock) -> None:
+    cart.act(Setpoint(1.0))
+    pass_time(cart, clock, 0.7)
+    cart.stop()
+    pass_time(cart, clock, 1.0)
+    speeds = [motion.values[0] if motion.values else 0.0 for motion in cart.told]
+    assert max(abs(after - before) for before, after in pairwise(speeds)) <= 2.0 * ROUND + 1e-9
+    assert (max(speeds), speeds[-1]) == (1.0, 0.0)
+
+
+def test_a_motion_of_a_bridge_ends_with_the_mind_and_with_a_hold(cart: Cart, clock: ManualClock) -> None:
+    for end in (lambda: cart.hold(True), lambda: pass_time(cart, clock, 1.2)):
+        cart.sense()
+        cart.move(Motion("dock"))
+        pass_time(cart, clock, 0.1)
+        assert cart.told[-1].sort == "dock"
+        end()
+        cart.hold(False)
+        pass_time(cart, clock, 0.1)
+        assert cart.told[-1].sort == "rest"
+
+
+def test_more_errands_than_it_remembers_are_refused_and_one_that_fails_is_told(cart: Cart, clock: ManualClock) -> None:
+    def refuse() -> None:
+        raise MisuseError("no lamp here")
+
+    for _ in range(MAX_ERRANDS):
+        cart.send(refuse)
+    with pytest.raises(BusyError, match="64 requests wait"):
+        cart.send(refuse)
+    pass_time(cart, clock, 0.1)
+    assert cart.complaints() == ["no lamp here"] * MAX_ERRANDS
+    assert cart.lost == ""

@@ -1,0 +1,76 @@
+"""Which part of a message decides whether it is for this robot."""
+
+from sleepnode.checker import Function
+from sleepnode.functions import PURE, arguments_of
+from sleepnode.reader import head_of
+
+_LOOKING = ("in", "inside", "to-edge", "prob", "random", "gauss")
+_PLAIN = ("and", "or", "known", "cond", "if", "when", "progn", "let", "dotimes", "dice")
+
+
+def deciding(checker, form):
+    """The form that decides whether a message is for this robot: its first COND, IF, WHEN or AND; None if it has
+    none."""
+    head = head_of(form)
+    if head == "and":
+        return form if leading(checker, form) else None
+    if head in ("if", "when") or (head == "cond" and len(form) > 1):
+        return form
+    if head in ("progn", "let"):
+        for part in form[2 if head == "let" else 1 :]:
+            if _tested(part):
+                return deciding(checker, part)
+    return None
+
+
+def _tested(form):
+    head = head_of(form)
+    if head in ("progn", "let"):
+        return any([_tested(part) for part in form[2 if head == "let" else 1 :]])
+    return head in ("cond", "if", "when", "and")
+
+
+def leading(checker, form):
+    """How many operands of an AND only look and do nothing, from the first on."""
+    count = 0
+    for part in form[1:]:
+        if _acts(checker, part, ()):
+            break
+        count += 1
+    return count
+
+
+def _acts(checker, form, local):
+    """Whether a form changes the robot or speaks."""
+    head = head_of(form)
+    if not head:
+        return False
+    found = checker.mind.binding(head)
+    rest = form[1:]
+    if isinstance(found, Function):
+        if found.acts:
+            return True
+    elif checker.sort_of(head) == "operator":
+        pass
+    elif arguments_of(head) is None:
+        return False  # a function that the robot does not have does nothing, nor do its arguments
+    elif head == "setq":
+        if not (rest and isinstance(rest[0], str) and rest[0].lower() in local):
+            return True
+        rest = form[2:]
+    elif head in _LOOKING:
+        return any([_acts(checker, part, local) for part in rest if isinstance(part, list)])
+    elif head not in _PLAIN and head not in PURE:
+        return True
+    if head in ("cond", "dice"):
+        rest = [part for clause in rest if isinstance(clause, list) for part in clause]
+    elif head in ("let", "dotimes") and rest and isinstance(rest[0], list):
+        pairs = rest[0] if head == "let" else [rest[0]]
+        names = tuple(
+            [pair[0].lower() for pair in pairs if isinstance(pair, list) and pair and isinstance(pair[0], str)]
+        )
+        values = [pair[1] for pair in pairs if isinstance(pair, list) and len(pair) > 1]
+        return any([_acts(checker, part, local) for part in values]) or any(
+            [_acts(checker, part, local + names) for part in rest[1:]]
+        )
+    return any([_acts(checker, part, local) for part in rest])

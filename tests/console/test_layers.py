@@ -179,6 +179,55 @@ def test_names_thin_out_and_stay_while_the_map_moves(page: Page) -> None:
     assert sorted(found["times"])[len(found["times"]) // 2] < 1.0  # ms a frame
 
 
+POINTS = """
+async (groups) => {
+  const { drawSwarm } = await import("/static/swarm.js");
+  const { looksOf, palette, sortsOf } = await import("/static/shapes.js");
+  const { View } = await import("/static/view.js");
+  const count = 8000;
+  const side = 100;
+  const frame = { count, poses: new Float32Array(3 * count) };
+  frame.groups = new Uint8Array(count);
+  for (let i = 0; i < count; i += 1) frame.poses.set([(i % side) + 0.5, Math.floor(i / side) + 0.5, 0], 3 * i);
+  for (let group = 1; group <= groups; group += 1) frame.groups[side * 40 + 5 * group] = group;
+  const scene = { area: [0, 0, side, 80], sizes: [[count, 0.1]] };
+  const canvas = Object.assign(document.createElement("canvas"), { width: 850, height: 680 });
+  const view = new View();
+  view.resize(850, 680);
+  view.fit(scene.area);
+  const pen = canvas.getContext("2d");
+  const lit = new Uint8Array(count);
+  lit[0] = 1;
+  const colours = palette();
+  const look = (marks, at, half) => {
+    pen.clearRect(0, 0, 850, 680);
+    const looks = looksOf(frame, sortsOf(scene.sizes, count));
+    drawSwarm(pen, view, scene, frame, looks, { chosen: -1, pointed: -1, ...marks }, colours, 1);
+    return at.map((robot) => {
+      const x = Math.round(view.toScreenX(frame.poses[3 * robot]));
+      const y = Math.round(view.toScreenY(frame.poses[3 * robot + 1]));
+      const { data } = pen.getImageData(x - half, y - half, 2 * half + 1, 2 * half + 1);
+      return Array.from({ length: (2 * half + 1) ** 2 }, (_, pixel) => data[4 * pixel + 3]);
+    });
+  };
+  const members = Array.from({ length: groups }, (_, group) => side * 40 + 5 * (group + 1));
+  return {
+    shapes: look({ lit: null, glow: 1 }, members, 3),
+    dim: look({ lit, glow: 1 }, [1, 0], 0),
+    gone: look({ lit, glow: 0 }, [1], 0),
+  };
+}
+"""
+
+
+def test_points_of_groups_differ_without_colour(page: Page) -> None:
+    found = page.evaluate(POINTS, 7)
+    assert len({tuple(shape) for shape in found["shapes"]}) == 7
+    (other,), (lit,) = found["dim"]
+    assert (lit, 60 < other < 100) == (255, True)  # who is not lit steps back
+    assert found["gone"] == [[255]]
+
+
 def test_a_distance_is_measured_in_the_unit_of_the_map(page: Page) -> None:
     world = box(page.locator("#map"))
     x, y = world["x"] + 300, world["y"] + 200

@@ -1,4 +1,5 @@
-// The robots on the map, in one batch: shapes while those in sight are few enough to tell apart, else points in one image.
+// The robots on the map, in one batch: shapes while those in sight are few enough to tell apart, else
+// points in one image, in which robots of groups still have small shapes while there is room for these.
 
 import { SILENT, STILL } from "./frame.js";
 import { addRing, addRobot, inkOf, LOOKS, NONE, SORTS } from "./shapes.js";
@@ -7,6 +8,9 @@ export const MOST_SHAPES = 6000; // robots in sight; more become points
 const MOST_IN_PATH = 100; // robots; what filling a path takes grows faster than what is in it
 const OUTSIDE = 30; // pixels beside the map in which a robot may still be seen in part
 const DIMMED = 0.5; // opacity of the robots outside the lit ones
+const DIMMED_POINTS = 0.3; // the same where robots are points
+const LEAST_STAMP = 5; // pixels: the least side at which the shapes of groups are told apart
+const LARGEST_STAMP = 9;
 const FAINT = 0.35; // opacity of robots that may be elsewhere by now
 
 const SMALLEST = 4.4; // pixels: half a robot's length when everything is in sight
@@ -128,11 +132,10 @@ function drawHalos(pen, halos, colour, glow) {
   pen.globalAlpha = 1;
 }
 
-// The side of a robot's point, in pixels of the screen: 1 to 3, so that robots all over the area leave most of it free.
-function pointSize(view, scene, count, ratio) {
+// The pixels of the screen that each robot would have if all had as many.
+function roomOf(view, scene, count, ratio) {
   const [left, bottom, right, top] = scene.area;
-  const room = ((right - left) * (top - bottom) * (view.scale * ratio) ** 2) / count;
-  return Math.min(3, Math.max(1, Math.round(Math.sqrt(room / 6))));
+  return ((right - left) * (top - bottom) * (view.scale * ratio) ** 2) / count;
 }
 
 let image = null; // kept between frames: a screenful of pixels
@@ -142,33 +145,64 @@ function drawPoints(pen, view, scene, frame, looks, marks, colours, ratio) {
   if (image?.width !== width || image.height !== height) image = pen.createImageData(width, height);
   const pixels = new Uint32Array(image.data.buffer);
   pixels.fill(0);
-  const inks = Array.from({ length: LOOKS }, (_, look) => packed(pen, colours.robots[inkOf(look)]));
-  const dot = (i, side, ink) => {
+  const room = roomOf(view, scene, frame.count, ratio);
+  const size = Math.min(3, Math.max(1, Math.round(Math.sqrt(room / 6)))); // points leave most of the area free
+  const plain = Math.min(2, size); // of robots that look like their sort
+  const side = Math.min(LARGEST_STAMP, Math.floor(Math.sqrt(room) / ratio)) * ratio;
+  const stamps = side >= LEAST_STAMP * ratio ? stampsOf(Math.round(side)) : null;
+  const { bodies } = looks;
+  const put = (i, more, ink) => {
     const x = Math.round(view.toScreenX(frame.poses[3 * i]) * ratio);
     const y = Math.round(view.toScreenY(frame.poses[3 * i + 1]) * ratio);
-    if (x < 0 || y < 0 || x + side > width || y + side > height) return;
-    for (let row = y * width + x; row < (y + side) * width + x; row += width) pixels.fill(ink, row, row + side);
+    const stamp = bodies[i] < SORTS ? null : stamps?.(bodies[i]);
+    const long = stamp ? stamp.side : (bodies[i] < SORTS ? plain : size) + more;
+    const [left, top] = stamp ? [x - (long >> 1), y - (long >> 1)] : [x, y];
+    if (left < 0 || top < 0 || left + long > width || top + long > height) return;
+    const first = top * width + left;
+    if (stamp) for (const [across, down] of stamp.dots) pixels[first + down * width + across] = ink;
+    else for (let row = first; row < first + long * width; row += width) pixels.fill(ink, row, row + long);
   };
-  const size = pointSize(view, scene, frame.count, ratio);
-  const { bodies } = looks;
-  const plain = Math.min(2, size); // of robots that look like their sort
-  for (let i = 0; i < frame.count; i += 1) dot(i, bodies[i] < SORTS ? plain : size, inks[bodies[i]]);
+  const dim = marks.lit ? 1 - (1 - DIMMED_POINTS) * marks.glow : 1;
+  const inks = Array.from({ length: LOOKS }, (_, look) => packed(pen, colours.robots[inkOf(look)], dim));
+  for (let i = 0; i < frame.count; i += 1) put(i, 0, inks[bodies[i]]);
   if (marks.lit) {
     const bright = packed(pen, colours.lit);
-    for (let i = 0; i < frame.count; i += 1) if (marks.lit[i] === 1) dot(i, size + 1, bright);
+    for (let i = 0; i < frame.count; i += 1) if (marks.lit[i] === 1) put(i, 1, bright);
   }
   pen.putImageData(image, 0, 0);
 }
 
+let stamps = { side: 0, known: new Map() }; // of the size that was wanted last
+
+// Gives, for a look, its body as the pixels of a small picture: {side, dots: [across, down] each}.
+function stampsOf(side) {
+  if (stamps.side !== side) stamps = { side, known: new Map() };
+  return (look) => {
+    if (!stamps.known.has(look)) stamps.known.set(look, stampOf(look, side));
+    return stamps.known.get(look);
+  };
+}
+
+function stampOf(look, side) {
+  const pen = new OffscreenCanvas(side, side).getContext("2d");
+  const body = new Path2D();
+  addRobot(body, new Path2D(), look, side / 2, side / 2, side / 2.7, 0);
+  pen.fill(body);
+  const { data } = pen.getImageData(0, 0, side, side);
+  const dots = [];
+  for (let at = 0; at < side * side; at += 1) if (data[4 * at + 3] > 127) dots.push([at % side, Math.floor(at / side)]);
+  return { side, dots };
+}
+
 const packedColours = new Map();
 
-// A CSS colour as one number in the order of an image's bytes.
-function packed(pen, colour) {
+// A CSS colour as one number in the order of an image's bytes. alpha: of 1.
+function packed(pen, colour, alpha = 1) {
   if (!packedColours.has(colour)) {
     pen.fillStyle = colour; // any colour reads back as #rrggbb
     const number = Number.parseInt(pen.fillStyle.slice(1), 16);
     const [red, green, blue] = [number >> 16, (number >> 8) & 255, number & 255];
-    packedColours.set(colour, ((255 << 24) | (blue << 16) | (green << 8) | red) >>> 0);
+    packedColours.set(colour, (blue << 16) | (green << 8) | red);
   }
-  return packedColours.get(colour);
+  return ((Math.round(255 * alpha) << 24) | packedColours.get(colour)) >>> 0;
 }

@@ -23,6 +23,8 @@ SLOW = {
     "console/test_page_first.py": 15,
     "loop/test_snapshots.py": 28,
     "cli/test_air.py": 28,
+    "tak/test_bridge.py": 10,
+    "tak/test_event.py": 3,
     "cli/test_record.py": 25,
     "network/test_clocks.py": 23,
     "cli/test_interrupts.py": 22,

@@ -28,7 +28,14 @@ from installing import install
 from sleepcast.cli import program
 from test_docs import ROOT, SHELL, blocks_of, write_files
 
-PAGES = {"first-study": 5, "on-the-air": 20, "run-experiments": 8, "use-from-python": 1, "write-a-bridge": 3}
+PAGES = {
+    "first-study": 5,
+    "on-the-air": 20,
+    "run-experiments": 8,
+    "tak": 3,
+    "use-from-python": 1,
+    "write-a-bridge": 3,
+}
 """Commands at least that each page shows."""
 FIGURE = "docs/pictures/first-study.svg"
 USUAL, GROUP = "239.255.83.76 47123", "239.255.83.79"
@@ -57,8 +64,11 @@ class Reader:
         if words[0] == "sleepcast":
             _, command, _ = program.resolve_command(click.Context(program), words[1:])
             assert command is not None
+            last = words[1]
+            if isinstance(command, click.Group):
+                last, command = words[2], command.commands[words[2]]
             if any(each.name == "channel" for each in command.params):
-                line = line.replace(words[1], f"{words[1]} --channel '{URI.format(self.port)}'", 1)
+                line = line.replace(f" {last}", f" {last} --channel '{URI.format(self.port)}'", 1)
         line = line.replace(USUAL, f"{GROUP} {self.port}")
         return subprocess.Popen(
             ["env", "--default-signal=INT", "bash", "-c", f"exec 2>&1; exec {line}"],

@@ -49,7 +49,7 @@ PIPELINES = {  # rooms within a room, and its modules: each imports only what st
 }
 GROUND = frozenset({"core"})  # everybody may import it
 HOUSE = {
-    "core": room(libraries="msgspec numpy"),
+    "core": room(libraries="msgspec numpy", late="pyproj"),
     "language": room(),
     "sentences": room("language"),
     "channel": room(libraries="msgspec numpy cbor2 nacl zenoh"),
@@ -63,6 +63,7 @@ HOUSE = {
     "testing": room("robot bridges"),
     "loop": room("language channel mind node fleet simulator robot", "msgspec"),
     "station": room("language channel mind", "msgspec numpy"),
+    "tak": room("channel station", late="takproto google"),
     "console": room(
         "language sentences channel robot nomad node fleet simulator loop station",
         "starlette uvicorn msgspec numpy",
@@ -73,7 +74,7 @@ HOUSE = {
     "experiment_page": room("loop console experiments", "starlette msgspec"),
     "gym": room("language api experiments", "gymnasium pettingzoo numpy"),
     "cli": room(
-        "language sentences channel robot mind nomad node fleet simulator bridges loop station api experiments "
+        "language sentences channel robot mind nomad node fleet simulator bridges loop station tak api experiments "
         "experiment_page console",
         "click rich prompt_toolkit msgspec numpy",
     ),

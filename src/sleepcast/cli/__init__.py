@@ -52,6 +52,7 @@ COMMANDS = {
     "why": ("sleepcast.cli.who", "why"),
     "watch": ("sleepcast.cli.watch", "watch"),
     "console": ("sleepcast.cli.console", "console"),
+    "bridge": ("sleepcast.cli.bridge", "bridge"),
     "roster": ("sleepcast.cli.roster", "roster"),
     "keys": ("sleepcast.cli.keys", "keys"),
 }

@@ -1,0 +1,110 @@
+"""The bridge: it asks robots for telemetry, tells other maps, and tells robots of the markers that are set there."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from sleepcast.core.errors import SleepcastError, printable
+from sleepcast.core.geodesy import LocalMap
+from sleepcast.station.network import NetworkStation
+from sleepcast.station.remote import TelemetryClient
+from sleepcast.station.validation import SendPolicy
+from sleepcast.tak.event import Event
+from sleepcast.tak.link import Link
+from sleepcast.tak.picture import GROUND_ROBOT, Markers, NamedPlace, Picture, command
+
+LISTEN = 0.05
+"""Seconds between two looks at what robots say."""
+LEAST_BETWEEN = 2.0
+"""Seconds between two commands about places at least: somebody may drag a marker to and fro."""
+
+Say = Callable[[str], None]
+
+
+class TakBridge:
+    """Between a fleet on the air and other maps.
+
+    fleet: its name, as others see it. every: s between two pictures. markers: whether those of others become places of
+    robots; whoever may set one then says where the place is. type: of a robot's event. say: takes what the person at
+    the terminal must know.
+    """
+
+    def __init__(
+        self,
+        station: NetworkStation,
+        telemetry: TelemetryClient,
+        link: Link,
+        map: LocalMap,
+        say: Say,
+        *,
+        fleet: str,
+        every: float,
+        markers: bool = False,
+        type: str = GROUND_ROBOT,
+    ) -> None:
+        station.caution = SendPolicy()  # nobody is here whom the desk could ask
+        self._station, self._telemetry, self._link, self._say, self._every = station, telemetry, link, say, every
+        self._picture = Picture(map, fleet, type)
+        self._markers = Markers(map, fleet) if markers else None
+        self._untold: dict[str, NamedPlace] = {}
+        self._places: dict[str, NamedPlace] = {}
+        self._may_tell, self._heard = 0.0, 0
+        self._said: set[str] = set()
+
+    async def run(self) -> None:
+        """Go on until cancelled. Raises what the channel raises."""
+        tasks = [asyncio.ensure_future(self._link.run(self._take)), asyncio.ensure_future(self._serve())]
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+            ended = await asyncio.gather(*tasks, return_exceptions=True)
+        for error in ended:
+            if isinstance(error, BaseException) and not isinstance(error, asyncio.CancelledError):
+                raise error
+
+    async def _serve(self) -> None:
+        due = 0.0
+        while True:
+            self._station.pump()
+            now = self._station.now
+            if now >= due:
+                due = now + self._every
+                minds, fresh = self._telemetry.minds.values(), self._station.stale_after + self._every
+                self._link.send(self._picture.events(minds, now, self._every, fresh, self._places))
+                self._telemetry.look()
+            if self._untold or len(self._station.roster) != self._heard:
+                self._tell(now)
+            await asyncio.sleep(LISTEN)
+
+    def _take(self, event: Event) -> None:
+        """Another map's event."""
+        found = None if self._markers is None else self._markers.take(event)
+        if isinstance(found, str):
+            self._complain(found)
+        elif found is not None:
+            self._places[found.key] = self._untold[found.key] = found
+
+    def _tell(self, now: float) -> None:
+        """Tell robots of new places, and of all where a robot is new."""
+        if now < self._may_tell:
+            return
+        self._may_tell = now + LEAST_BETWEEN
+        robots = len(self._station.roster)
+        told = self._untold if robots == self._heard else self._places
+        for place in list(told.values()):
+            try:
+                self._station.send(command(place), everybody=True, confirmed=True)
+                if place.key in self._untold:
+                    self._say(f"{place.key} is at x = {place.x:.1f} m, y = {place.y:.1f} m for all robots.")
+            except SleepcastError as error:
+                self._complain(f"Robots cannot be told of {place.key}: {printable(str(error))}")
+        self._untold, self._heard = {}, robots
+
+    def _complain(self, sentence: str) -> None:
+        """Say a sentence, once."""
+        if sentence not in self._said and len(self._said) < 1_000:
+            self._said.add(sentence)
+            self._say(sentence)

@@ -1,0 +1,136 @@
+"""The command `bridge tak` between robots on the air and a real TAK server, with another client of that server."""
+
+from __future__ import annotations
+
+import asyncio
+import configparser
+import json
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+
+import pytest
+
+from channel.test_udp import free_port
+from cli.calling import called
+from processes import SLEEPCAST, running
+from sleepcast.tak.event import Event, read_xml
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")  # it would like another library for what is not done here
+    import pytak
+
+PATIENCE = 90.0
+"""Seconds that a busy machine may take."""
+SETTINGS = """
+[taky]
+hostname = localhost
+bind_ip = 127.0.0.1
+public_ip = 127.0.0.1
+root_dir = {folder}
+[cot_server]
+port = {port}
+[dp_server]
+upload_path = {folder}
+[ssl]
+enabled = false
+"""
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A user with no keys and no memory of any fleet."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    for name in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    return tmp_path
+
+
+@contextmanager
+def tak_server(folder: Path, port: int) -> Iterator[None]:
+    """A TAK server that takes connections."""
+    (folder / "taky.conf").write_text(SETTINGS.format(folder=folder, port=port))
+    command = (Path(sys.executable).with_name("taky"), "-c", folder / "taky.conf")
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as server:
+        try:
+            yield
+        finally:
+            server.kill()
+
+
+async def heard(port: int, marker: Event, wanted: set[str]) -> dict[str, Event]:
+    """What another client of the server, which sets a marker, hears of these uids: the latest event of each."""
+    config = configparser.ConfigParser()
+    config["client"] = {"COT_URL": f"tcp://127.0.0.1:{port}"}
+    ends = time.monotonic() + PATIENCE
+    while True:
+        try:
+            reader, writer = await pytak.protocol_factory(config["client"])
+            break
+        except OSError:  # the server is still starting
+            assert time.monotonic() < ends
+            await asyncio.sleep(0.1)
+    incoming: asyncio.Queue[bytes] = asyncio.Queue()
+    outgoing: asyncio.Queue[bytes] = asyncio.Queue()
+    workers = [
+        asyncio.ensure_future(pytak.RXWorker(incoming, config["client"], reader).run()),
+        asyncio.ensure_future(pytak.TXWorker(outgoing, config["client"], writer).run()),
+    ]
+    found: dict[str, Event] = {}
+    now = time.time()
+    await outgoing.put(Event("other", "a-f-G-U-C", 36.6, -121.9, now, now + 99.0, "other").xml())
+    try:
+        while not wanted <= set(found):
+            await outgoing.put(marker.xml())
+            event = read_xml(await asyncio.wait_for(incoming.get(), ends - time.monotonic()))
+            found[event.uid] = event
+    finally:
+        for worker in workers:
+            worker.cancel()
+        await asyncio.gather(*workers, return_exceptions=True)
+        writer.transport.abort()
+    return found
+
+
+def line(process: subprocess.Popen[str]) -> str:
+    assert process.stdout is not None
+    return process.stdout.readline()
+
+
+def test_robots_groups_and_places_are_seen_and_markers_become_places(home: Path) -> None:
+    channel, port = f"udp://239.255.83.76:{free_port()}?interface=lo", free_port()
+    now = time.time()
+    marker = Event("m1", "b-m-p-s-m", 36.601, -121.9, now, now + 99.0, "Depot 1")
+    server = ("--server", f"tcp://127.0.0.1:{port}", "--origin", "36.6,-121.9", "--markers", "--every", "0.2")
+
+    def swarm() -> AbstractContextManager[subprocess.Popen[str]]:
+        return running(*SLEEPCAST, "swarm", "3", "--channel", channel, up="up")
+
+    with swarm(), running(*SLEEPCAST, "bridge", "tak", *server, "--channel", channel) as bridge:
+        assert "is gone" in line(bridge)
+        with tak_server(home, port):
+            assert "is back" in line(bridge)
+            joined = called("send", "--all", "--count", "3", "(JOIN bravo)", "--channel", channel)
+            assert joined.status == 0, joined.err
+            wanted = {
+                *(f"sleepcast.r{number}" for number in (1, 2, 3)),
+                "sleepcast.group.bravo",
+                "sleepcast.place.vessel",
+            }
+            found = asyncio.run(heard(port, marker, wanted))
+            assert line(bridge).startswith("depot_1 is at x = ")
+            known = called("watch", "--once", "--json", "--show", "x,y,depot_1_x,depot_1_y", "--channel", channel)
+        assert "is gone" in line(bridge)
+    robots = json.loads(known.out)["robots"]
+    assert len(robots) == 3
+    for robot in robots:
+        values = robot["values"]
+        assert values["depot_1_x"] == pytest.approx(0.0, abs=0.1)
+        assert values["depot_1_y"] == pytest.approx(111.0, abs=0.5)
+    assert found["sleepcast.group.bravo"].callsign == "bravo (3)"
+    assert found["sleepcast.r2"].callsign == "r2"
+    assert "sleepcast.place.depot_1" not in found  # it is on that map already

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,9 @@ from sleepcast.console.differences import first_difference
 from sleepcast.console.failing import ShownFailing
 from sleepcast.console.kept import KeptStates
 from sleepcast.console.marks import MOST_MARKS, Marks
-from sleepcast.loop import resume
+from sleepcast.fleet.state import Rows
+from sleepcast.language.vocabulary import Variable, VariableKind
+from sleepcast.loop import Swarm, resume
 from sleepcast.loop.snapshots import copy_of
 from sleepcast.simulator import Changes, find_scenario
 from sleepcast.station import Station
@@ -59,10 +63,11 @@ def test_a_run_goes_on_from_an_earlier_moment(program: Program) -> None:
         rows = page.until("commands", lambda found: bool(found["rows"]))["rows"]
         assert [row["text"] for row in rows] == ["(WHEN (> battery 50%) (JOIN early))"]
         assert rows[0]["matched"] + rows[0]["not_matched"] == 20
-        page.ask("send", text="(WHEN (NOT (IN early)) (JOIN others))")
+        page.ask("send", text="(WHEN (NOT (IN early)) (PROGN (DEFVAR Plan) (SETQ Plan 7)))")
         run_to(page, 9.0)
-        told = page.until("span", lambda found: found["difference"] != "")["difference"]
-        assert "is in others, and was not before" in told
+        span = page.until("span", lambda found: found["difference"] != "")
+        assert re.search(r"\(tick \d+\): Plan of \S+ is 7, and was unknown before", span["difference"])
+        assert 5.0 < span["differs"] < 6.0
         assert any(frame[0] == GHOSTS and len(frame) == 8 + 12 * 20 for frame in page.frames)
         page.tell("look", time=1.0)
         page.until("span", lambda found: found["at"] == 1.0 and found["exact"])
@@ -71,10 +76,8 @@ def test_a_run_goes_on_from_an_earlier_moment(program: Program) -> None:
 
 
 def test_the_first_difference_names_a_group_a_variable_or_a_place() -> None:
-    one = swarm_of(find_scenario("crowd", Changes(robots=12)), seed=4)
-    drive(one, 15)
-    state = copy_of(one).packed()
-    other = resume(state)
+    state = early_state()
+    one, other = resume(state), resume(state)
     assert first_difference(one, other) is None
     desk = Station(other.vocabulary, other.minds, other.post, other, epoch=2)
     other.desk = desk
@@ -89,6 +92,57 @@ def test_the_first_difference_names_a_group_a_variable_or_a_place() -> None:
     found = first_difference(resume(state), moved)
     assert found is not None
     assert found.startswith(f"the true x of {moved.simulator.names[5]} is")
+
+
+@cache
+def early_state() -> bytes:
+    swarm = swarm_of(find_scenario("crowd", Changes(robots=12)), seed=4)
+    drive(swarm, 15)
+    return copy_of(swarm).packed()
+
+
+def apart(text: str, ours: str = "", ticks: int = 20) -> tuple[str | None, Swarm, Swarm]:
+    """The first difference between a run in which this was sent and one in which something else was."""
+    state = early_state()
+    one, other = resume(state), resume(state)
+    for swarm, said in ((one, text), (other, ours)):
+        swarm.desk = desk = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm, epoch=2)
+        if said:
+            desk.send(said, everybody=True)
+    for _ in range(ticks):
+        one.step()
+        other.step()
+        found = first_difference(one, other)
+        if found is not None:
+            return found, one, other
+    return None, one, other
+
+
+def test_the_first_difference_names_a_variable_that_robots_have_learned() -> None:
+    found, one, _ = apart("(WHEN (= id 3) (PROGN (DEFVAR Threat) (SETQ Threat 5)))")
+    assert found == f"Threat of {one.simulator.names[2]} is 5, and was unknown before"
+    both = "(PROGN (DEFVAR Threat) (SETQ Threat (* 2 id)))"
+    found, one, _ = apart(both, both.replace("2 id", "3 id"))
+    assert found == f"Threat of {one.simulator.names[0]} is 2, and was 3 before; 11 more differ"
+
+
+def test_the_first_difference_names_what_a_sensor_says() -> None:
+    assert apart("")[0] is None
+    watching = "(WHEN (= id 2) (RULE look (WHEN (< fuel -1) (MARK))))"
+    found, one, other = apart(watching, watching)
+    assert found is None
+    for swarm, x in ((one, 30.0), (other, 40.0)):
+        swarm.simulator.bodies.place(1, x, 20.0, 0.0)
+        swarm.step()
+    sensor = re.fullmatch(r"(\w+) of (\S+) is (\S+ \S+), and was (\S+ \S+) before", str(first_difference(one, other)))
+    assert sensor is not None
+    assert sensor[2] == one.simulator.names[1]
+    kind = one.vocabulary.bindings[sensor[1].casefold()]
+    assert isinstance(kind, Variable)
+    assert kind.kind is VariableKind.SENSOR
+    other.thought = Rows.run(0, 0)
+    unasked = first_difference(one, other)
+    assert str(unasked).startswith("the true x of"), "what was measured for one of them only does not count"
 
 
 def test_a_desk_goes_back_to_what_it_knew() -> None:

@@ -223,9 +223,12 @@ class Dialogue:
             self._marked = past.marks.number
             yield outgoing.Marked(list(past.marks.all))
         span = outgoing.Span(past.film.began, past.ended, kept=past.kept)
-        if past.other is not None:
-            forked = past.other.tick * past.tick
-            span = msgspec.structs.replace(span, forked=forked, difference=past.other.difference)
+        other = past.other
+        if other is not None:
+            differs = None if other.differs is None else other.differs * past.tick
+            span = msgspec.structs.replace(
+                span, forked=other.tick * past.tick, differs=differs, difference=other.difference
+            )
         if isinstance(self._desk, RenewableBackend):
             span = msgspec.structs.replace(span, may_fork=True)
         if look is not None:

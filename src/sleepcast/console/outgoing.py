@@ -182,7 +182,8 @@ class Safety(Said):
 class Span(Said):
     """The part of the run that can be looked at: its begin and end, s. at: what this page looks at, s, None for now.
     exact: whether what is shown is that very tick; note: why not, for a person. kept: what is kept, in a sentence.
-    forked: when this run left another one, s, None if it did not; difference: the first between the two, in words.
+    forked: when this run left another one, s, None if it did not; differs: the time of the first difference between the
+    two, s; difference: what it is, in words.
     may_fork: whether it can go on from any moment."""
 
     began: float
@@ -192,6 +193,7 @@ class Span(Said):
     note: str = ""
     kept: str = ""
     forked: float | None = None
+    differs: float | None = None
     difference: str = ""
     may_fork: bool = False
 

@@ -25,13 +25,14 @@ from sleepcast.loop.rerun import Inputs
 
 @dataclass(slots=True)
 class OtherFuture:
-    """Another run that was the same up to a tick. film, inputs: of it. state: at that tick. difference: the first, in
-    words; "" while there is none, or it is looked for."""
+    """Another run that was the same up to a tick. film, inputs: of it. state: at that tick. differs: the tick of the
+    first difference, None while there is none, or it is looked for; difference: what it is, in words."""
 
     tick: int
     film: Timeline
     inputs: Inputs
     state: bytes
+    differs: int | None = None
     difference: str = ""
 
 
@@ -137,6 +138,7 @@ class Past:
         moments = [Moment(self.run, base, other.state, tick, inputs) for inputs in (mine, yours)]
         found = await self._rerunner.ask(Question("compare", moments[0], other=moments[1]))
         if found.said:
+            other.differs = found.tick
             other.difference = f"{clock_time(found.tick * self.tick)} (tick {found.tick:,}): {found.said.decode()}"
 
     def check(self, tick: int) -> None:

@@ -7,8 +7,10 @@ keeps both while a swarm runs; `Rerun` gives them to another swarm that begins i
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
+from typing import TypeVar
 
 from sleepcast.channel import Message
 from sleepcast.channel.message_batch import MessageBatch
@@ -16,6 +18,8 @@ from sleepcast.loop.swarm import Swarm
 from sleepcast.simulator import World
 from sleepcast.simulator.recording.recorder import WorldChange
 from sleepcast.simulator.world.world import Shape
+
+Input = TypeVar("Input")
 
 
 @dataclass(slots=True)
@@ -31,10 +35,24 @@ class Inputs:
         (first, earliest), (end, latest) = self.places(after), self.places(until)
         return Inputs(self.posted[first:end], self.changes[earliest:latest])
 
+    def leaves(self, other: Inputs) -> int | None:
+        """The first tick with something that only one of the two has, None if both are equal."""
+        posted = _apart(self.posted, other.posted, lambda each: each[0])
+        changed = _apart(self.changes, other.changes, lambda each: each.tick)
+        return min((tick for tick in (posted, changed) if tick is not None), default=None)
+
     def places(self, tick: int) -> tuple[int, int]:
         """How many messages and how many changes had come when this tick was over."""
         posted = bisect_right(self.posted, tick, key=lambda each: each[0])
         return posted, bisect_right(self.changes, tick, key=lambda each: each.tick)
+
+
+def _apart(some: Sequence[Input], others: Sequence[Input], tick_of: Callable[[Input], int]) -> int | None:
+    """The tick of the first that only one has."""
+    for one, other in zip_longest(some, others):
+        if one != other:
+            return min(tick_of(each) for each in (one, other) if each is not None)
+    return None
 
 
 class WorldLog:

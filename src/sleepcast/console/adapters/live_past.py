@@ -34,6 +34,8 @@ TICKS_PER_PICTURE = 5
 """Ticks between two pictures at least: more pictures would cost more than the ticks."""
 MOST_ACCOUNTS = 20_000
 """Changes of accounts that are kept; older ones are left out where later ones are of the same command."""
+HEARD = 20
+"""Ticks after a command within which robots have heard it, so that two futures may differ that look alike."""
 
 
 class LivePast(Past):
@@ -57,6 +59,9 @@ class LivePast(Past):
         self._packed: tuple[int, bytes, float] | None = None
         swarm.witnesses.append(self)
         self._diverged = asyncio.Event()
+        self._compared, self._alike_until = 0, 0
+        """The tick up to which two futures were compared last, and that before which it is not worth while to compare
+        them again if they look alike."""
 
     def go_on(self, before: LivePast, state: bytes) -> None:
         """This run goes on from a state of another one, whose past is this one's, too."""
@@ -80,21 +85,37 @@ class LivePast(Past):
         self.other = OtherFuture(tick, old, before.inputs, state)
 
     async def _live(self) -> None:
-        """Look for the first difference to another future, as soon as robots are elsewhere."""
-        await self._diverged.wait()
-        if self.other is not None:
-            try:
-                await self.compare(self.other, self._view.tick)
-            except RerunError as error:
-                self.other.difference = str(error)
+        """Look for the first difference to another future, as soon as there may be one."""
+        other = self.other
+        try:
+            while other is not None and other.differs is None:
+                await self._diverged.wait()
+                tick = self._view.tick
+                await self.compare(other, tick)
+                self._compared = tick
+                self._alike_until = tick + max(HEARD, tick - other.tick)  # all take twice as long as the last
+                self._diverged.clear()
+        except RerunError as error:
+            assert other is not None
+            other.difference = str(error)
         await super()._live()
 
-    def _look_for_difference(self, tick: int, poses: bytes) -> None:
-        if self.other is None or self._diverged.is_set():
+    def _look_for_difference(self, tick: int) -> None:
+        """Called with every picture."""
+        other = self.other
+        if other is None or other.differs is not None or self._diverged.is_set() or tick < self._compared + HEARD:
             return
-        there = self.other.film.poses.at(self._view.now())
-        if there is not None and there[0] == tick and there[1] != poses:
+        now, here, there = self._view.now(), self.film, other.film
+        seen = there.poses.at(now)
+        apart = seen is not None and seen[0] == tick
+        apart = apart and (seen != here.poses.at(now) or there.marks.at(now) != here.marks.at(now))
+        if apart or (tick >= self._alike_until and self._differ_unseen(other, tick)):
             self._diverged.set()
+
+    def _differ_unseen(self, other: OtherFuture, tick: int) -> bool:
+        """Whether something has come in one future only, and robots have heard it."""
+        left = self.inputs.between(other.tick, tick).leaves(other.inputs.between(other.tick, tick))
+        return left is not None and tick - left >= HEARD
 
     # ---- as a witness of the swarm
 
@@ -131,7 +152,6 @@ class LivePast(Past):
         film, minds, now = self.film, self._view.minds, self._view.now()
         poses = self._view.poses()
         film.poses.add(now, (self._view.tick, poses))
-        self._look_for_difference(self._view.tick, poses)
         codes, flags = self._groups.look(minds), flags_of(minds, self._view.exhausted())
         marks = Marks(codes, flags, tuple(self._groups.names), self._groups.second, self._view.colours())
         if film.marks.at(now) != marks:
@@ -153,6 +173,7 @@ class LivePast(Past):
         if solid is not None and film.obstacles.at(now) != solid:
             film.obstacles.add(now, solid)
         self._size += len(poses)
+        self._look_for_difference(self._view.tick)
         if self._size > FILM:
             self._thin()
         if len(film.rows.times) > MOST_ACCOUNTS:

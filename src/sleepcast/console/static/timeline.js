@@ -102,7 +102,7 @@ export class Timeline extends EventTarget {
     const ago = Math.max(0, span.ended - (span.at ?? span.ended));
     let text = "";
     if (span.at !== null) text = `${clock(span.at)}, ${ago < 60 ? `${Math.round(ago)} s` : clock(ago)} ago. Live goes on.`;
-    if (span.at === null && span.forked !== null) text = `Went on from ${clock(span.forked)}. ${span.difference ? `First difference at ${span.difference}.` : "No difference yet."}`;
+    if (span.at === null && span.forked !== null) text = `Went on from ${clock(span.forked)}. ${differenceOf(span)}`;
     if (span.note) text += ` ${span.note}`;
     else if (span.at !== null && !span.exact) text += " Running it again …";
     write(said, text);
@@ -246,4 +246,9 @@ export class Timeline extends EventTarget {
     this.go(next);
     this.dispatchEvent(new CustomEvent("mark", { detail: this.marks.find((mark) => mark.seen === next) }));
   }
+}
+
+// How two futures differ, in a sentence; or why that is not known.
+function differenceOf({ differs, difference }) {
+  return differs === null ? difference || "No difference yet." : `First difference at ${difference}.`;
 }

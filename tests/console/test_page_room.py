@@ -95,6 +95,24 @@ def test_the_side_is_made_wider_by_hand_and_stays_so(rovers: Page) -> None:
     assert side.evaluate("side => side.offsetWidth") == narrower
 
 
+def test_a_square_world_has_the_height_and_the_side_is_never_empty(rovers: Page) -> None:
+    boxes = [rovers.locator(name).bounding_box() for name in ("#map", ".side", ".desk")]
+    assert all(box is not None for box in boxes)
+    world, side, desk = (box for box in boxes if box is not None)
+    assert world["height"] > 0.9 * (side["height"] + desk["height"])
+    assert desk["x"] == pytest.approx(side["x"])
+    assert desk["y"] == pytest.approx(side["y"] + side["height"])
+    glance = rovers.locator(".glance")
+    expect(glance.get_by_role("row").filter(has_text="battery")).to_contain_text("%")
+    expect(glance).to_contain_text("0 held still")
+    find(rovers, "rover3")
+    expect(glance).to_be_hidden()
+    rovers.set_viewport_size({"width": 1024, "height": 768})
+    below = rovers.locator(".desk").bounding_box()
+    assert below is not None
+    assert below["x"] == 0
+
+
 def test_the_sensors_of_the_chosen_robot_are_drawn(rovers: Page) -> None:
     rovers.locator("#drawer-sensors").click()
     pane = rovers.locator(".sensing")

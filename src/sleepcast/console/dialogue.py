@@ -14,6 +14,7 @@ from sleepcast.console.connection import encode
 from sleepcast.console.driver import FrameSource
 from sleepcast.console.film import commands_of
 from sleepcast.console.frames import ghosts
+from sleepcast.console.glance import glance
 from sleepcast.console.look import Look
 from sleepcast.console.marks import clock_time
 from sleepcast.console.outgoing import Refused, Robot
@@ -30,7 +31,7 @@ OF_THEN = (outgoing.Commands, outgoing.Failing, outgoing.Groups, outgoing.Obstac
 ACTS = (incoming.Send, incoming.Wink, incoming.Build, incoming.Shift, incoming.Clear, incoming.Undo)
 """What changes the run, which can be done only now."""
 QUESTIONS = (
-    *(incoming.Preview, incoming.Spread, incoming.Pick, incoming.Names, incoming.Members),
+    *(incoming.Preview, incoming.Spread, incoming.Pick, incoming.Names, incoming.Glance, incoming.Members),
     *(incoming.Sense, incoming.Rows, incoming.Range, incoming.Csv),
 )
 """What can be asked of any time of a run."""
@@ -114,6 +115,8 @@ class Dialogue:
                 return desk.send(serial, text, everybody, sort, count, confirmed)
             case incoming.Names(serial):
                 return desk.names(serial)
+            case incoming.Glance(serial):
+                return glance(desk.values, serial)
             case incoming.Phrase(serial, text):
                 return desk.phrase(serial, text)
             case incoming.Understand(serial, text):

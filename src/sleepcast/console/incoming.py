@@ -94,6 +94,12 @@ class Names(Message):
     serial: Serial
 
 
+class Glance(Message):
+    """What the fleet is like now: quantities over all robots."""
+
+    serial: Serial
+
+
 class Phrase(Message):
     """What an expression says, as a sentence."""
 
@@ -387,6 +393,7 @@ Incoming = (
     | Halt
     | Lease
     | Names
+    | Glance
     | Why
     | Outcomes
     | Failed

@@ -11,6 +11,7 @@ import { copy } from "./files.js";
 import { Filming } from "./filming.js";
 import { Finder } from "./finder.js";
 import { ghostsOf } from "./ghosts.js";
+import { Glance } from "./glance.js";
 import { Layers } from "./layers.js";
 import { Legend } from "./legend.js";
 import { Lights } from "./light.js";
@@ -50,6 +51,7 @@ const sentence = new Sentence(document.querySelector(".desk"), wire);
 const blanks = new Blanks(find("blanks"), prompt);
 const accounting = new Accounting(document.querySelector(".accounting"), wire);
 const failing = new Failing(find("failing"), wire);
+const glance = new Glance(document.querySelector(".glance"), wire);
 const robot = new RobotPane(document.querySelector(".robot"), wire);
 new Safety(document, wire);
 new NewRun(document, wire);
@@ -72,6 +74,7 @@ function address() {
   return found;
 }
 
+const UPRIGHT = 1.35; // times as wide as high: worlds below it leave room beside the map
 const LIT_FOR = 8000; // ms for which those that a command matched are lit
 
 let begun = false; // whether the prompt was filled once
@@ -92,6 +95,7 @@ wire.addEventListener("hello", ({ detail }) => {
   if (detail.air) offerAir();
   find("recorded").hidden = detail.recorded === 0;
   find("recorded").textContent = detail.part ? `recording, part ${detail.part}` : "recording";
+  if (find("title").textContent !== scene.title) document.body.classList.toggle("upright", !detail.air && isUpright(scene.area));
   find("title").textContent = scene.title;
   document.title = `${scene.title} · sleepcast`;
   for (const story of document.querySelectorAll(".story")) story.textContent = scene.story;
@@ -108,6 +112,11 @@ wire.addEventListener("hello", ({ detail }) => {
   drawLegend();
 });
 
+// Whether a world needs height more than width. On the air it may become another one with every robot that drives away.
+function isUpright([left, bottom, right, top]) {
+  return right - left < UPRIGHT * (top - bottom);
+}
+
 // What only robots on the air need: who commands them, and sending in stages.
 function offerAir() {
   if (drawer.panes.has("operators")) return;
@@ -123,6 +132,7 @@ wire.addEventListener("frame", ({ detail }) => {
   timeline.show(world.frame.time);
   senses.ask();
   legend.tick(performance.now());
+  glance.tick(performance.now(), world.scene, world.frame, timeline.elsewhere);
   link?.follow();
   document.body.classList.toggle("waiting", world.frame.waiting);
   prompt.setWaiting(world.frame.waiting);

@@ -13,8 +13,8 @@ import { Refusal } from "./wire.js";
 const PAUSE = 120; // ms without a key before the text is checked
 const AGAIN = 1000; // ms after which the robots have moved enough to ask again who would obey
 const NAMES_AGE = 2000; // ms for which the ranges of values in the list of names are good enough
-const HINT = "Enter sends · Shift+Enter starts a new line · ↑ recalls earlier commands · Tab completes a name";
-const FIRST_HINT = "Time has not started: Enter sends this command and starts it · Shift+Enter starts a new line";
+const HINT = "↑ recalls earlier commands";
+const FIRST_HINT = "Enter starts time";
 const MOST_NAMES = 12; // names offered at once
 const MOST_CHARACTERS = 16384; // of a command, as console/incoming.py has it
 

@@ -1,0 +1,49 @@
+"""The fleet at a glance: for what these robots sense first, the least, the middle and the greatest value over all."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+
+from sleepcast.console.outgoing import Said
+from sleepcast.console.values import Column, Values
+from sleepcast.core.units import shown_value
+
+POSE = ("x", "y", "heading")
+"""The map shows these better than any number,"""
+OF_PLACES = ("_x", "_y")
+"""and where places are, which robots are told under such names."""
+
+
+class ShownQuantity(msgspec.Struct, frozen=True):
+    """A quantity with its unit. shown: least, median and greatest value, as people read them; none where no robot knows
+    it. unknown: robots that do not know it."""
+
+    name: str
+    shown: list[str]
+    unknown: int = 0
+
+
+class Glance(Said):
+    """The fleet at a glance."""
+
+    serial: int
+    quantities: list[ShownQuantity]
+
+
+def glance(values: Values, serial: int) -> Glance:
+    """The quantities that a table shows at first, over all robots."""
+    names = [name for name in values.suggested() if name not in POSE and not name.endswith(OF_PLACES)]
+    return Glance(serial, [_over(values, name) for name in names])
+
+
+def _over(values: Values, name: str) -> ShownQuantity:
+    found, _ = values.of(name)
+    return ShownQuantity(name, _shown(found, values.unit(name)), int(np.count_nonzero(np.isnan(found))))
+
+
+def _shown(found: Column, unit: str) -> list[str]:
+    known = found[~np.isnan(found)]
+    if not known.size:
+        return []
+    return [shown_value(float(number), unit) for number in (known.min(), np.median(known), known.max())]

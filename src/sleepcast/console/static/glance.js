@@ -1,0 +1,71 @@
+// The fleet at a glance, in the room of the robot pane while no robot is chosen: what robots sense first, over all of
+// them, and how many stand still, have used up what they drive with, or are not heard.
+
+import { make, write } from "./elements.js";
+import { EXHAUSTED, SILENT, STILL } from "./frame.js";
+import { Refusal } from "./wire.js";
+
+const REFRESH = 1000; // ms between two looks
+const HEADS = ["", "least", "median", "greatest"];
+
+export class Glance {
+  constructor(root, wire) {
+    this.root = root;
+    this.wire = wire;
+    this.body = make("tbody");
+    const heads = HEADS.map((text) => make("th", { scope: "col" }, text));
+    this.table = make("table", {}, make("thead", {}, make("tr", {}, ...heads)), this.body);
+    this.told = make("p", { className: "told" });
+    root.append(this.told, this.table);
+    this.looked = -Infinity;
+    this.time = null; // simulated s of the frame at the last look,
+    this.asked = null; // and of the one about which was asked last
+  }
+
+  // A frame has come. past: whether it shows another time than now; its values are made by running again, so they are
+  // asked for only once the time stays the same.
+  tick(now, scene, frame, past) {
+    if (now - this.looked < REFRESH || !this.root.offsetParent) return;
+    this.looked = now;
+    this.tell(scene, frame);
+    const stays = frame.time === this.time;
+    this.time = frame.time;
+    if (frame.time !== this.asked && (stays || !past)) this.ask();
+  }
+
+  async ask() {
+    this.asked = this.time;
+    try {
+      this.show((await this.wire.ask("glance")).quantities);
+    } catch (refusal) {
+      if (!(refusal instanceof Refusal)) throw refusal; // else the next look tells
+    }
+  }
+
+  show(quantities) {
+    this.table.hidden = quantities.length === 0;
+    while (this.body.rows.length > quantities.length) this.body.lastChild.remove();
+    while (this.body.rows.length < quantities.length) {
+      this.body.append(make("tr", {}, make("th", { scope: "row" }), ...HEADS.slice(1).map(() => make("td"))));
+    }
+    quantities.forEach(({ name, shown, unknown }, place) => {
+      const [head, ...cells] = this.body.rows[place].cells;
+      write(head, unknown && shown.length ? `${name} (${unknown.toLocaleString("en")} unknown)` : name);
+      cells.forEach((cell, at) => {
+        write(cell, shown[at] ?? "unknown");
+        cell.classList.toggle("none", !shown.length);
+      });
+    });
+  }
+
+  tell(scene, { flags }) {
+    const count = (flag) => flags.reduce((sum, each) => sum + (each & flag ? 1 : 0), 0).toLocaleString("en");
+    const said = [
+      [count(STILL), "held still"],
+      ...(scene.supplies.length ? [[count(EXHAUSTED), `without ${scene.supplies.join(" or ")}`]] : []),
+      [count(SILENT), "not heard lately"],
+      ...(scene.unheard ? [[scene.unheard.toLocaleString("en"), "never heard"]] : []),
+    ];
+    write(this.told, said.map((parts) => parts.join(" ")).join(" · "));
+  }
+}

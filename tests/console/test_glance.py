@@ -1,0 +1,32 @@
+"""The fleet at a glance: quantities over all robots, of a swarm and of a page that looks at another time."""
+
+from __future__ import annotations
+
+from statistics import median
+
+from console.test_backend import Stand, stand
+from sleepcast.console import incoming
+from sleepcast.console.dialogue import QUESTIONS, Dialogue
+from sleepcast.console.glance import Glance
+
+__all__ = ["stand"]
+
+
+def glance(stand: Stand) -> Glance:
+    found = Dialogue(stand.desk).answer(incoming.decode('{"type": "glance", "serial": 3}'))
+    assert isinstance(found, Glance)
+    return found
+
+
+def test_it_says_least_median_and_greatest(stand: Stand) -> None:
+    found = glance(stand)
+    levels = [100 * stand.level(name) for name in stand.swarm.minds]
+    wanted = [f"{value:.4g} %" for value in (min(levels), median(levels), max(levels))]
+    battery = next(quantity for quantity in found.quantities if quantity.name == "battery")
+    assert found.serial == 3
+    assert (battery.shown, battery.unknown) == (wanted, 0)
+    assert not {"x", "y", "heading"} & {quantity.name for quantity in found.quantities}
+
+
+def test_it_can_be_asked_of_any_time() -> None:
+    assert incoming.Glance in QUESTIONS

@@ -17,16 +17,21 @@ export class Glance {
     this.table = make("table", {}, make("thead", {}, make("tr", {}, ...heads)), this.body);
     this.told = make("p", { className: "told" });
     root.append(this.told, this.table);
-    this.looked = -Infinity;
+    this.news = null; // {scene, frame, past} as of the latest frame
     this.time = null; // simulated s of the frame at the last look,
     this.asked = null; // and of the one about which was asked last
+    setInterval(() => this.look(), REFRESH);
   }
 
-  // A frame has come. past: whether it shows another time than now; its values are made by running again, so they are
-  // asked for only once the time stays the same.
-  tick(now, scene, frame, past) {
-    if (now - this.looked < REFRESH || !this.root.offsetParent) return;
-    this.looked = now;
+  // A frame has come. past: whether its values are made by running again.
+  take(scene, frame, past) {
+    this.news = { scene, frame, past };
+  }
+
+  // What is made by running again is asked for only once the time stays the same.
+  look() {
+    if (!this.news || !this.root.offsetParent) return;
+    const { scene, frame, past } = this.news;
     this.tell(scene, frame);
     const stays = frame.time === this.time;
     this.time = frame.time;

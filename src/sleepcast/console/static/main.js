@@ -132,7 +132,7 @@ wire.addEventListener("frame", ({ detail }) => {
   timeline.show(world.frame.time);
   senses.ask();
   legend.tick(performance.now());
-  glance.tick(performance.now(), world.scene, world.frame, timeline.elsewhere);
+  glance.take(world.scene, world.frame, document.body.classList.contains("past"));
   link?.follow();
   document.body.classList.toggle("waiting", world.frame.waiting);
   prompt.setWaiting(world.frame.waiting);

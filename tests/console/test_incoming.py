@@ -26,6 +26,7 @@ GOOD = {
     "halt": {},
     "lease": {"serial": 1, "deed": "take", "group": "bravo", "seconds": 30.0},
     "names": {"serial": 1},
+    "glance": {"serial": 1},
     "phrase": {"serial": 3, "text": "(MARK)"},
     "understand": {"serial": 4, "text": "all robots stop"},
     "why": {"serial": 1, "robot": 0, "command": "desk-1.1"},

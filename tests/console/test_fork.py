@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from playwright.sync_api import BrowserContext, expect
 
 from console.running import Page, Program, open_page
 from sleepcast.console.account_table import CommandRow
@@ -29,10 +30,11 @@ from swarms import desk_of, drive, station_of, swarm_of
 GHOSTS = 255
 
 
-@pytest.fixture
-def program(tmp_path: Path) -> Iterator[Program]:
-    write(tmp_path)
-    with Program("run", tmp_path, "--page", "--speed", "5") as started:
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
+    folder = tmp_path_factory.mktemp("forked")
+    write(folder)
+    with Program("run", folder, "--page", "--speed", "5") as started:
         yield started
 
 
@@ -49,6 +51,7 @@ def run_to(page: Page, until: float) -> None:
 def test_a_run_goes_on_from_an_earlier_moment(program: Program) -> None:
     with open_page(program) as page:
         run_to(page, 3.0)
+        plot = page.ask("plot", kind="time", x="battery", what="mean")["number"]
         page.ask("send", text="(WHEN (> battery 50%) (JOIN early))")
         run_to(page, 6.0)
         page.ask("send", text="(WHEN (IN early) (DRIVE 2m/s 0))")
@@ -69,10 +72,56 @@ def test_a_run_goes_on_from_an_earlier_moment(program: Program) -> None:
         assert re.search(r"\(tick \d+\): Plan of \S+ is 7, and was unknown before", span["difference"])
         assert 5.0 < span["differs"] < 6.0
         assert any(frame[0] == GHOSTS and len(frame) == 8 + 12 * 20 for frame in page.frames)
+        drawn = page.ask("plotted", number=plot)
+        assert drawn["columns"][0][0] < 5.0 < drawn["columns"][0][-1]
+        assert drawn["earlier"][0][0] <= 5.0 < 8.0 < drawn["earlier"][0][-1]
         page.tell("look", time=1.0)
         page.until("span", lambda found: found["at"] == 1.0 and found["exact"])
         why = page.ask("why", robot=0, command=rows[0]["id"])
         assert "sent later" in why["reason"]
+
+
+@pytest.mark.browser
+def test_both_futures_are_in_the_plots_and_what_is_saved_of_them(
+    program: Program, context: BrowserContext, tmp_path: Path
+) -> None:
+    with open_page(program) as page:
+        page.ask("plot", kind="time", x="(IN late)", what="count")
+        end = page.wait_for("span")["ended"]
+        run_to(page, end + 2.0)
+        page.ask("fork", time=end)
+    with open_page(program) as page:
+        page.ask("send", text="(WHEN (> id 5) (JOIN late))")
+        run_to(page, end + 5.0)
+        page.until("span", lambda found: found["differs"] is not None)
+        page.tell("pace", running=False)
+    screen = context.new_page()
+    complaints: list[str] = []
+    screen.on("pageerror", lambda error: complaints.append(str(error)))
+    screen.goto(program.address)
+    screen.locator("#drawer-plots").click()
+    card = screen.locator(".plot", has_text="count of (IN late)")
+    expect(card.locator(".plot-key")).to_contain_text(
+        re.compile(r"this run earlier future · first difference at .* is in late, and was not before")
+    )
+    expect(card.locator(".plot-told")).to_contain_text(re.compile(r": 15 ·"))
+
+    def saved(kind: str) -> Path:
+        with screen.expect_download() as download:
+            card.get_by_text(kind, exact=True).click()
+        file = tmp_path / kind
+        download.value.save_as(file)
+        return file
+
+    head, *lines = (line.split(",") for line in saved("CSV").read_text(encoding="utf-8").splitlines())
+    assert head == ["time (s)", "count (IN late)", '"count (IN late)', ' earlier future"']
+    assert any(now == "15" for _, now, _ in lines)
+    assert {then for _, _, then in lines} == {"", "0"}
+    drawing = saved("SVG").read_text(encoding="utf-8")
+    assert drawing.count('stroke-dasharray="7 4"') == 2
+    assert all(text in drawing for text in (">earlier future<", ">first difference<", "is in late, and was not before"))
+    assert saved("PNG").read_bytes().startswith(b"\x89PNG")
+    assert complaints == []
 
 
 def test_the_first_difference_names_a_group_a_variable_or_a_place() -> None:

@@ -114,6 +114,31 @@ def test_measures_of_the_scenario_are_there_from_the_start(stand: Stand) -> None
     assert [plot.title for plot in plots.shown().plots] == ["full: share (> battery 60%)", "spread: gyration", "odd"]
 
 
+def test_plots_go_on_in_another_future_beside_what_was_seen_of_the_earlier_one(stand: Stand) -> None:
+    def plots_of(read: float) -> Plots:
+        return Plots(stand.desk.values, stand.clock, [Measure("spread", "gyration", lambda: read)])
+
+    before = plots_of(7.0)
+    number = before.add(incoming.Plot(next(serials), "time", "battery", what="mean")).number
+    cloud = before.add(incoming.Plot(next(serials), "scatter", "x", "y")).number
+    for _ in range(4):
+        run(stand, 1.0)
+        before.sample()
+    after = plots_of(8.0)
+    after.go_on(before, 4.0)
+    assert [plot.number for plot in after.shown().plots] == [1, number, cloud]
+    first = drawn(after, 1)
+    assert (first.columns, first.earlier) == ([[2.0, 3.0, 4.0], [7.0] * 3], [[4.0, 5.0, 6.0], [7.0] * 3])
+    run(stand, 1.0)
+    after.sample()
+    more = drawn(after, 1, after=4.0, thinned=first.thinned)
+    assert (more.added, more.columns[1], more.earlier) == (True, [8.0], [])
+    assert drawn(before, 1).columns[0] == [2.0, 3.0, 4.0, 5.0, 6.0], "the earlier future has kept its own"
+    assert drawn(after, cloud).earlier == []
+    assert drawn(after, number).earlier[0] == [4.0, 5.0, 6.0]
+    assert after.add(incoming.Plot(next(serials), "time", "x", what="mean")).number > cloud
+
+
 def test_sampling_takes_a_small_part_of_the_time(stand: Stand) -> None:
     taken = []
 

@@ -53,6 +53,17 @@ def test_where_time_goes_back_the_future_is_forgotten() -> None:
     assert series.thinned == 1
 
 
+def test_a_series_goes_on_from_a_time_and_what_came_later_is_another_future() -> None:
+    series = filled(10.0, 1.0)
+    following = series.until(4.0)
+    assert not following.due(4.05)
+    following.take(4.5, [7.0])
+    assert following.after(-1.0) == [[0.0, 1.0, 2.0, 3.0, 4.0, 4.5], [0.0, 10.0, 20.0, 30.0, 40.0, 7.0]]
+    assert following.thinned != series.thinned, "a page that knows the other one is told everything"
+    assert series.since(4.5)[0] == [4.0, 5.0, 6.0, 7.0, 8.0, 9.0]
+    assert series.since(-1.0)[0] == series.after(-1.0)[0]
+
+
 class Given:
     """Values that a test gives."""
 

@@ -322,7 +322,8 @@ class Unplot(Said):
 
 class Plotted(Said):
     """What is to be drawn: columns of equal length, of x and of every line, null for unknown. added: whether it follows
-    what was drawn before, or replaces it. more: whether there will be more at once."""
+    what was drawn before, or replaces it. more: whether there will be more at once. earlier: columns of the future that
+    this run has left, from the time at which it did; empty if there is none, or where `added` is true."""
 
     serial: int
     columns: list[list[float | None]]
@@ -331,3 +332,4 @@ class Plotted(Said):
     told: str = ""
     problem: str = ""
     more: bool = False
+    earlier: list[list[float | None]] = []

@@ -8,7 +8,7 @@ kept to a small part of the time: after a sample, ten times as long passes until
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import nan
 
 import numpy as np
@@ -43,7 +43,7 @@ class Measure:
 class PlotSpec:
     """A plot. kind: `time`, a statistic (`what`) of the expression `x` over the robots that pass the test `where`;
     `scatter`, the expressions `x` and `y` on each of them; or `histogram` of `x`. read: gives the value of a measure
-    that no expression stands for."""
+    that no expression stands for. earlier: what was sampled in the future that this run has left, as `Series.since`."""
 
     number: int
     kind: str
@@ -54,6 +54,7 @@ class PlotSpec:
     name: str = ""
     read: Callable[[], float] | None = None
     series: Series = field(default_factory=lambda: Series(1))
+    earlier: list[list[float | None]] = field(default_factory=list)
     problem: str = ""
 
     @property
@@ -82,6 +83,7 @@ class Plots:
         self._numbers = 0
         self._rest_until = clock.now()
         self._plots: dict[int, PlotSpec] = {}
+        self._measures = {measure.name: measure for measure in measures}
         for measure in measures[:MOST_PLOTS]:
             what, _, x = measure.text.strip().partition(" ")
             if x.strip() and (what in STATISTICS or what in OF_TRUE):
@@ -95,6 +97,15 @@ class Plots:
         plot.series = Series(len(plot.lines))
         self._plots[plot.number] = plot
         return plot
+
+    def go_on(self, before: Plots, time: float) -> None:
+        """Show the plots of another desk, whose run this one has left at this time; what came later there is another
+        future."""
+        self._numbers, self._plots = before._numbers, {}
+        for number, old in before._plots.items():
+            read = None if old.read is None else self._measures[old.name].read
+            earlier = old.series.since(time) if old.kind == "time" else []
+            self._plots[number] = replace(old, read=read, series=old.series.until(time), earlier=earlier)
 
     def add(self, asked: incoming.Plot) -> outgoing.Plot:
         """Add a plot. Raises MisuseError if there are too many, and what is wrong with its texts."""
@@ -182,8 +193,10 @@ class Plots:
         series = plot.series
         added = asked.after >= 0.0 and asked.thinned == series.thinned
         columns = series.after(asked.after if added else -1.0)
-        told = series.told()
-        return outgoing.Plotted(asked.serial, columns, added, series.thinned, told, plot.problem)
+        earlier = [] if added else plot.earlier
+        return outgoing.Plotted(
+            asked.serial, columns, added, series.thinned, series.told(), plot.problem, earlier=earlier
+        )
 
     def _scatter(self, plot: PlotSpec) -> tuple[list[list[float | None]], str]:
         x, y = self._known(plot, plot.x, plot.y)

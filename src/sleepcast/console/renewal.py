@@ -233,6 +233,8 @@ class Runs:
         self._run = run
         self.desk = self._desk(run, waits=True)
         self.desk.alerts.adopt(old.alerts)
+        if run.past is not None and run.past.other is not None:
+            self.desk.plots.go_on(old.plots, run.past.other.tick * run.past.tick)
         old.over = True
         self._changed.set()
         return Renewed(serial)
@@ -301,7 +303,8 @@ class RenewableBackend(Backend):
         if self.past is not None and self.past.other is not None:
             if self.driver.waiting:
                 at = clock_time(self.past.other.tick * self.past.tick)
-                return Note(f"This run goes on from {at}: start it, or send a command. The other future is on the map.")
+                seen = "The other future is on the map and in the plots."
+                return Note(f"This run goes on from {at}: start it, or send a command. {seen}")
         elif self._number > 1 and self.driver.waiting:
             return Note("This is a new run, another world: nothing that was sent before holds in it, STOP neither.")
         exhausted = self._swarm.exhausted()

@@ -69,6 +69,19 @@ class Series:
         self._times.append(time)
         self._samples.append(sample)
 
+    def until(self, time: float) -> Series:
+        """What there is up to a time, to go on from there."""
+        found = Series(self._lines)
+        found.every, found.thinned = self.every, self.thinned + 1
+        end = int(np.searchsorted(self._times, time, "right"))
+        found._times, found._samples = self._times[:end], self._samples[:end]
+        return found
+
+    def since(self, time: float) -> list[list[float | None]]:
+        """As `after`, but from the last sample up to this time on."""
+        start = int(np.searchsorted(self._times, time, "right"))
+        return columns_of(self._times, self._samples, self._lines, max(0, start - 1))
+
     def told(self) -> str:
         """How close together the samples are, in words."""
         count = len(self._times)

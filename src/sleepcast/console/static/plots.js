@@ -2,9 +2,10 @@
 // an image or as numbers. Nothing is asked for while the pane is closed.
 
 import { clock } from "./accounting.js";
-import { write } from "./elements.js";
+import { make, write } from "./elements.js";
 import { ExpressionField } from "./expression.js";
 import { figure, namesOf, numbers } from "./figure.js";
+import { EARLIER, alongside, atOrBefore, partingOf } from "./futures.js";
 import { download, fileName } from "./files.js";
 import { short } from "./scales.js";
 import { Refusal } from "./wire.js";
@@ -28,6 +29,8 @@ class Card {
   constructor(plot, close) {
     this.plot = plot;
     this.data = [[], ...plot.lines.map(() => [])];
+    this.earlier = []; // columns of the future that this run has left
+    this.parting = null; // where it did, see `partingOf`
     this.thinned = 0;
     this.chart = null;
     this.element = document.createElement("figure");
@@ -36,8 +39,10 @@ class Card {
     this.name = Object.assign(document.createElement("span"), { className: "plot-name", textContent: plot.title, title: plot.title });
     this.head.append(this.name, ...this.buttons(close));
     this.place = Object.assign(document.createElement("div"), { className: "plot-chart" });
+    this.parted = make("span");
+    this.key = make("p", { className: "plot-key", hidden: true }, make("i"), "this run ", make("i", { className: "earlier" }), `${EARLIER} `, this.parted);
     this.told = Object.assign(document.createElement("p"), { className: "plot-told" });
-    this.element.append(this.head, this.place, this.told);
+    this.element.append(this.head, this.place, this.key, this.told);
   }
 
   buttons(close) {
@@ -49,7 +54,7 @@ class Card {
     return [
       button("PNG", "Save as an image", () => this.savePng()),
       button("SVG", "Save as a drawing", () => this.saveSvg()),
-      button("CSV", "Save the numbers", () => download(fileName(this.plot.title, "csv"), "text/csv", [numbers(this.plot, this.data)])),
+      button("CSV", "Save the numbers", () => download(fileName(this.plot.title, "csv"), "text/csv", [numbers(this.plot, this.table)])),
       button("×", `Remove the plot ${this.plot.title}`, close),
     ];
   }
@@ -64,6 +69,7 @@ class Card {
 
   take(answer) {
     const { columns } = answer;
+    if (!answer.added) this.earlier = answer.earlier;
     if (answer.added) this.data = this.data.map((column, at) => column.concat(columns[at]));
     else if (columns.length) this.data = this.plot.kind === "scatter" ? ascending(columns) : columns;
     this.thinned = answer.thinned;
@@ -73,10 +79,22 @@ class Card {
     if (columns[0]?.length || !answer.added) this.draw();
   }
 
+  // What is drawn: the numbers of this run, and beside them those of the future that it has left.
+  get table() {
+    return alongside(this.data, this.earlier);
+  }
+
+  // Where this run has left another one, as `partingOf` has it.
+  part(parting) {
+    if (JSON.stringify(parting) === JSON.stringify(this.parting)) return;
+    this.parting = parting;
+    if (this.earlier.length) this.draw();
+  }
+
   // Under the chart: what is under the pointer, else the latest values.
   tell(at = null) {
-    const [x, ...lines] = this.data;
-    const last = at ?? x.length - 1;
+    const [x, ...lines] = this.table;
+    const last = at ?? x.indexOf(this.data[0].at(-1));
     const values = last >= 0 && (at !== null || this.plot.kind === "time") ? this.words(x, lines, last) : "";
     const text = [values, at === null ? this.summary : ""].filter(Boolean).join(" · ");
     write(this.told, text);
@@ -87,7 +105,12 @@ class Card {
     const [unitX, unitY] = this.plot.units;
     const value = (number, unit) => (number === null ? "unknown" : `${short(number)}${unit ? ` ${unit}` : ""}`);
     const where = this.plot.kind === "time" ? clock(x[at]) : value(x[at], unitX);
-    return `${where}: ${lines.map((line, index) => `${this.plot.lines.length > 1 ? `${this.plot.lines[index]} ` : ""}${value(line[at], unitY)}`).join(", ")}`;
+    const { lines: names } = this.plot;
+    const said = (some) =>
+      some.map((line, index) => `${names.length > 1 ? `${names[index]} ` : ""}${value(atOrBefore(line, at), unitY)}`).join(", ");
+    const earlier = lines.slice(names.length);
+    const ended = !earlier.length || x[at] < this.earlier[0][0] || x[at] > this.earlier[0].at(-1);
+    return `${where}: ${said(lines.slice(0, names.length))}${ended ? "" : ` · ${EARLIER}: ${said(earlier)}`}`;
   }
 
   // ---- the chart
@@ -95,17 +118,33 @@ class Card {
   draw() {
     const width = this.place.clientWidth;
     if (!width) return;
-    const room = this.element.closest(".plots-pane").clientHeight - AROUND;
+    this.keyFutures();
+    const data = this.table;
+    if (this.chart && this.chart.series.length !== data.length) this.forget();
+    const room = this.element.closest(".plots-pane").clientHeight - AROUND - this.key.offsetHeight;
     const height = Math.max(HEIGHTS[0], Math.min(HEIGHTS[1], room));
     if (this.chart) {
       if (this.chart.width !== width || this.chart.height !== height) this.chart.setSize({ width, height });
-      this.chart.setData(this.data);
-    } else this.chart = new uPlot({ width, height, ...this.options() }, this.data, this.place);
+      this.chart.setData(data);
+    } else this.chart = new uPlot({ width, height, ...this.options() }, data, this.place);
+  }
+
+  // Name both futures, and say how they differ first.
+  keyFutures() {
+    this.key.hidden = !this.earlier.length;
+    const text = this.parting?.text ?? "";
+    write(this.parted, text && `· ${text}`);
+    this.key.title = text;
+  }
+
+  // Let the chart be made anew.
+  forget() {
+    this.chart?.destroy();
+    this.chart = null;
   }
 
   recolour() {
-    this.chart?.destroy();
-    this.chart = null;
+    this.forget();
     this.draw();
   }
 
@@ -122,7 +161,7 @@ class Card {
       axes: [{ ...axis, size: 28, space: 70, ...times }, { ...axis, size: 52, values: (_, values) => values.map(short) }],
       series: [{}, ...this.series(colours)],
       bands: this.bands(colours),
-      hooks: { setCursor: [(chart) => this.point(chart)] },
+      hooks: { setCursor: [(chart) => this.point(chart)], draw: [(chart) => this.drawParting(chart)] },
     };
   }
 
@@ -131,7 +170,38 @@ class Card {
     const ink = colours.line;
     if (plot.kind === "scatter") return [{ stroke: ink, paths: () => null, points: { show: true, size: 4, fill: ink, stroke: ink, width: 0 } }];
     if (plot.kind === "histogram") return [{ stroke: ink, fill: ink, paths: uPlot.paths.bars({ size: [0.92, 100] }), points: { show: false } }];
-    return plot.lines.map((_, at) => ({ stroke: at ? `${ink}90` : ink, width: at ? 1 : 2, points: { show: false }, spanGaps: false }));
+    const line = (at, more) => ({ stroke: at ? `${ink}90` : ink, width: at ? 1 : 2, points: { show: false }, spanGaps: false, ...more });
+    const earlier = this.earlier.length ? plot.lines.map((_, at) => line(at, { dash: at ? [2, 4] : [7, 4] })) : [];
+    return [...plot.lines.map((_, at) => line(at)), ...earlier];
+  }
+
+  // A line across the chart where the futures part.
+  drawParting(chart) {
+    if (!this.earlier.length || !this.parting) return;
+    const { ctx: pen, bbox } = chart;
+    const x = Math.round(chart.valToPos(this.parting.at, "x", true));
+    if (x < bbox.left || x > bbox.left + bbox.width) return;
+    const ratio = devicePixelRatio;
+    const { quiet, ground } = inks();
+    pen.save();
+    pen.strokeStyle = pen.fillStyle = quiet;
+    pen.lineWidth = ratio;
+    pen.setLineDash([2 * ratio, 2 * ratio]);
+    pen.beginPath();
+    pen.moveTo(x, bbox.top);
+    pen.lineTo(x, bbox.top + bbox.height);
+    pen.stroke();
+    pen.font = `${11 * ratio}px system-ui, sans-serif`;
+    pen.textBaseline = "top";
+    const right = x > bbox.left + bbox.width / 2;
+    pen.textAlign = right ? "right" : "left";
+    const place = [x + (right ? -4 : 4) * ratio, bbox.top + 2 * ratio];
+    pen.setLineDash([]);
+    pen.strokeStyle = ground; // a line of the plot may lie below
+    pen.lineWidth = 4 * ratio;
+    pen.strokeText(this.parting.label, ...place);
+    pen.fillText(this.parting.label, ...place);
+    pen.restore();
   }
 
   // Lines around the main one are pairs, from the outermost to the innermost: what lies between two is shaded.
@@ -155,7 +225,8 @@ class Card {
     const { canvas } = this.chart.ctx;
     const ratio = canvas.width / this.chart.width;
     const colours = inks();
-    const image = Object.assign(document.createElement("canvas"), { width: canvas.width, height: canvas.height + 30 * ratio });
+    const below = this.earlier.length ? 40 * ratio : 0;
+    const image = Object.assign(document.createElement("canvas"), { width: canvas.width, height: canvas.height + 30 * ratio + below });
     const pen = image.getContext("2d");
     pen.fillStyle = colours.ground;
     pen.fillRect(0, 0, image.width, image.height);
@@ -163,13 +234,35 @@ class Card {
     pen.font = `${13 * ratio}px system-ui, sans-serif`;
     pen.fillText(`${this.plot.title} · ${namesOf(this.plot).reverse().join(" over ")}`, 8 * ratio, 20 * ratio, image.width - 16 * ratio);
     pen.drawImage(canvas, 0, 30 * ratio);
+    if (below) this.writeKey(pen, image, ratio, colours);
     image.toBlob((blob) => download(fileName(this.plot.title, "png"), "image/png", [blob]));
+  }
+
+  // Below a saved image: which line is which, and how the futures differ first.
+  writeKey(pen, image, ratio, { line, ink }) {
+    const y = image.height - 28 * ratio;
+    let x = 8 * ratio;
+    pen.lineWidth = 2 * ratio;
+    pen.strokeStyle = line;
+    pen.fillStyle = ink;
+    pen.font = `${11 * ratio}px system-ui, sans-serif`;
+    pen.textBaseline = "middle";
+    for (const [name, dash] of [["this run", []], [EARLIER, [7 * ratio, 4 * ratio]]]) {
+      pen.setLineDash(dash);
+      pen.beginPath();
+      pen.moveTo(x, y);
+      pen.lineTo(x + 24 * ratio, y);
+      pen.stroke();
+      pen.fillText(name, x + 30 * ratio, y);
+      x += 42 * ratio + pen.measureText(name).width;
+    }
+    if (this.parting) pen.fillText(this.parting.text, 8 * ratio, y + 16 * ratio, image.width - 16 * ratio);
   }
 
   saveSvg() {
     if (!this.chart) return;
     const range = (name) => [this.chart.scales[name].min, this.chart.scales[name].max];
-    download(fileName(this.plot.title, "svg"), "image/svg+xml", [figure(this.plot, this.data, { x: range("x"), y: range("y") }, inks())]);
+    download(fileName(this.plot.title, "svg"), "image/svg+xml", [figure(this.plot, this.table, { x: range("x"), y: range("y") }, inks(), this.parting)]);
   }
 }
 
@@ -210,7 +303,9 @@ export class Plots {
     for (const example of root.querySelectorAll("[data-plot]")) {
       example.addEventListener("click", () => this.try(JSON.parse(example.dataset.plot)));
     }
+    this.parting = null;
     wire.addEventListener("plots", ({ detail }) => this.set(detail.plots));
+    wire.addEventListener("span", ({ detail }) => this.part(partingOf(detail)));
     new ResizeObserver(() => this.open && this.draw()).observe(root);
     setInterval(() => {
       if (document.visibilityState === "visible") this.refresh();
@@ -233,6 +328,12 @@ export class Plots {
     for (const card of this.cards.values()) card.draw();
   }
 
+  // Where this run has left another one.
+  part(parting) {
+    this.parting = parting;
+    for (const card of this.cards.values()) card.part(parting);
+  }
+
   // The plots that there are, as the desk says it.
   set(plots) {
     const before = JSON.stringify([...this.cards.values()].map(({ plot }) => plot));
@@ -247,6 +348,7 @@ export class Plots {
     for (const plot of plots) {
       if (this.cards.has(plot.number)) continue;
       const card = new Card(plot, () => this.remove(plot.number));
+      card.part(this.parting);
       this.cards.set(plot.number, card);
       this.find("cards").append(card.element);
     }

@@ -41,7 +41,7 @@ SLOW = {
     "console/test_replay.py": 18,
     "console/test_timeline.py": 12,
     "console/test_past.py": 10,
-    "console/test_fork.py": 10,
+    "console/test_fork.py": 14,
     "loop/test_rerun.py": 4,
     "cli/test_stop.py": 15,
     "cli/test_warm_up.py": 14,

@@ -37,6 +37,8 @@ GOOD = {
     "build": {"serial": 1, "corners": [(0.0, 0.0), (1.0, 0.0), (0.5, 2.5)]},
     "shift": {"serial": 1, "version": 2, "place": 3, "across": 1.5, "up": -1.0},
     "clear": {"serial": 1, "version": 2, "place": 3},
+    "undo": {"serial": 1, "change": 4, "again": True},
+    "picture": {"serial": 1},
     "commands": {"serial": 1},
     "rows": {"serial": 1, "columns": ["fuel"], "sort": 0, "where": "(> x 5)", "first": 7, "count": 40, "again": True},
     "range": {"serial": 1, "first": 3, "count": 100_000},

@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator
+from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
 
 from console.running import PATIENCE, Program
@@ -226,6 +228,52 @@ def test_points_of_groups_differ_without_colour(page: Page) -> None:
     (other,), (lit,) = found["dim"]
     assert (lit, 60 < other < 100) == (255, True)  # who is not lit steps back
     assert found["gone"] == [[255]]
+
+
+def middle(page: Page) -> list[int]:
+    """The colour of the ground's pixel a little beside the middle."""
+    found: list[int] = page.locator("#ground").evaluate(
+        """(canvas) => Array.from(
+          canvas.getContext("2d").getImageData(canvas.width / 2 + 9, canvas.height / 2 + 9, 1, 1).data)"""
+    )
+    return found
+
+
+def test_a_picture_lies_under_the_world_and_stays_in_this_browser(page: Page) -> None:
+    run(page, False)
+    plain = middle(page)
+    page.locator("#layers").click()
+    file = page.locator(".ground-picture .file")
+    said = page.locator(".ground-picture .said")
+    file.set_input_files({"name": "map.svg", "mimeType": "image/svg+xml", "buffer": b"<svg/>"})
+    expect(said).to_have_text("Choose a picture in PNG, JPEG or WebP.")
+    file.set_input_files({"name": "map.png", "mimeType": "image/png", "buffer": b"<svg/>"})
+    expect(said).to_contain_text("no picture that can be read")
+    picture = BytesIO()
+    Image.new("RGB", (60, 60), (200, 0, 0)).save(picture, "PNG")
+    file.set_input_files({"name": "map.png", "mimeType": "image/png", "buffer": picture.getvalue()})
+    expect(said).to_be_hidden()
+    expect(page.locator(".ground-picture .resolution")).to_have_value("0.2")  # as wide as the room of 12 m
+    until(page, lambda: middle(page)[0] > middle(page)[1] + 50)
+    seen = middle(page)
+    page.locator(".ground-picture .opacity").fill("30")
+    until(page, lambda: seen[1] < middle(page)[1] < plain[1])
+    page.locator(".ground-picture .x").fill("8")
+    page.locator(".ground-picture .x").press("Tab")
+    until(page, lambda: middle(page) == plain)
+    page.locator("#map").press("Control+z")
+    expect(page.locator("#undone")).to_contain_text("Undone: move the picture")
+    until(page, lambda: middle(page) != plain)
+    page.reload()
+    until(page, lambda: middle(page)[0] > middle(page)[1] + 20)
+    page.locator("#layers").click()
+    expect(page.locator(".ground-picture .opacity")).to_have_value("30")
+    page.locator("#layer-picture").uncheck()
+    until(page, lambda: middle(page) == plain)
+    page.locator("#layer-picture").check()
+    page.locator(".ground-picture .remove").click()
+    expect(page.locator(".ground-picture .remove")).to_be_hidden()
+    until(page, lambda: middle(page) == plain)
 
 
 def test_a_distance_is_measured_in_the_unit_of_the_map(page: Page) -> None:

@@ -62,6 +62,7 @@ def console(
 
         if scenario is None:
             noun = "robots" if station.fleet_size else "robots heard so far"
+            picture = None
             ground = Scene(TITLE, STORY, noun, (), EMPTY, "m", ())
         else:
             from msgspec.structs import replace
@@ -69,10 +70,12 @@ def console(
             from sleepcast.console.adapters.swarm import scene_of
             from sleepcast.simulator import find_scenario
 
-            drawn = scene_of(find_scenario(scenario), ("",))
+            found = find_scenario(scenario)
+            drawn = scene_of(found, ("",))
+            picture = None if found.picture is None else found.picture.png
             ground = replace(drawn, names=(), story=STORY)
         began = station.now
-        fleet = FleetAdapter(station, telemetry, ground, every, began)
+        fleet = FleetAdapter(station, telemetry, ground, every, began, picture)
         serve_fleet(
             fleet,
             station,

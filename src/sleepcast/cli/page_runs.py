@@ -21,7 +21,7 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.settings import toml_document
 from sleepcast.experiments.live import live_measures
 from sleepcast.loop import MAX_MINDS, Pace, Swarm, load, resume
-from sleepcast.simulator import Changes, Scenario, added_scenarios, find_scenario, scenario_names
+from sleepcast.simulator import Changes, MapPicture, Scenario, added_scenarios, find_scenario, scenario_names
 from sleepcast.simulator.scenario.scenario import FILE, GALLERY
 from sleepcast.simulator.scenario.world_settings import MAX_SEED
 from sleepcast.station import Journal, Station
@@ -154,12 +154,21 @@ class PageRuns:
         station.restore(old.state())
         station.go_back(swarm.now())
         swarm.desk = station
-        found = self._run(swarm, station, self._current, run.pace.factor)
+        seen = run.swarm
+        assert isinstance(seen, SwarmAdapter)
+        found = self._run(swarm, station, self._current, run.pace.factor, seen.map_picture)
         assert isinstance(found.past, LivePast)
         found.past.go_on(before, state)
         return found
 
-    def _run(self, swarm: Swarm, station: Station, wish: Wish, speed: float | None = None) -> Run:
+    def _run(
+        self,
+        swarm: Swarm,
+        station: Station,
+        wish: Wish,
+        speed: float | None = None,
+        map_picture: MapPicture | None = None,
+    ) -> Run:
         beginning = self._beginning
         if speed is None and wish.scenario == beginning.home:
             speed = beginning.speed
@@ -173,7 +182,7 @@ class PageRuns:
         place = Path(wish.scenario)
         folder = place if place.is_dir() else place.parent if place.is_file() else None
         measures = [Measure(*each) for each in live_measures(SimulatedFleet(swarm, station), folder)]
-        seen = SwarmAdapter(swarm)
+        seen = SwarmAdapter(swarm, map_picture)
         past = LivePast(seen, swarm, station, self._clock)
         return Run(seen, station, pace, prepare, self._shown_as(swarm, station, wish, warm), measures, past)
 

@@ -19,6 +19,7 @@ from sleepcast.console.alerts import AlertBoard, Alerted
 from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver, together
 from sleepcast.console.explanation import ShownWhy, show_why
+from sleepcast.console.ground import pictured
 from sleepcast.console.histogram import Spread, spread
 from sleepcast.console.incoming import AlertMessage, Sort
 from sleepcast.console.past import Past
@@ -276,6 +277,10 @@ class Backend:
         if editor is None:
             raise MisuseError("The obstacles of this world cannot be changed from here.")
         return editor
+
+    def picture(self, serial: int) -> outgoing.Pictured | Awaitable[outgoing.Pictured]:
+        """The picture of the map."""
+        return pictured(self._swarm.picture, serial, at_once=self.at_once)
 
     def sense(self, serial: int, robot: int) -> outgoing.Sensed:
         """What the body of the robot with this index senses."""

@@ -137,6 +137,8 @@ class Dialogue:
                 return desk.clear(serial, version, place)
             case incoming.Undo(serial, change, again):
                 return desk.undo(serial, change, again)
+            case incoming.Picture(serial):
+                return desk.picture(serial)
             case incoming.Sense(serial, robot):
                 return desk.sense(serial, robot)
             case incoming.Commands(serial):

@@ -221,6 +221,12 @@ class Undo(Message):
     again: bool = False
 
 
+class Picture(Message):
+    """The picture of the map that the scene tells the place of."""
+
+    serial: Serial
+
+
 class Sense(Message):
     """What the body of a robot (by its index) senses now."""
 
@@ -405,6 +411,7 @@ Incoming = (
     | Shift
     | Clear
     | Undo
+    | Picture
     | Commands
     | Rows
     | Range

@@ -135,6 +135,13 @@ class Undone(Said):
     serial: int
 
 
+class Pictured(Said):
+    """The picture of the map, a PNG."""
+
+    serial: int
+    png: bytes
+
+
 class Sensed(Said):
     """What the body of a robot senses."""
 

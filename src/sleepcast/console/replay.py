@@ -22,6 +22,7 @@ from sleepcast.console.alerts import AlertBoard, Alerted
 from sleepcast.console.driver import FRAME_PERIOD, FrameSource, together
 from sleepcast.console.exact import Exact
 from sleepcast.console.film import Timeline, commands_of, frame_of, news_of, values_of
+from sleepcast.console.ground import pictured
 from sleepcast.console.incoming import AlertMessage, Sort
 from sleepcast.console.past import Past
 from sleepcast.console.picking import Picked, picked
@@ -215,6 +216,10 @@ class ReplayBackend:
     def undo(self, serial: int, change: int, again: bool) -> NoReturn:
         """Refused."""
         self._refuse()
+
+    def picture(self, serial: int) -> outgoing.Pictured | Awaitable[outgoing.Pictured]:
+        """The picture of the map."""
+        return pictured(self._film.picture, serial)
 
     def sense(self, serial: int, robot: int) -> outgoing.Sensed:
         """What the body of a robot sensed when that was recorded last."""

@@ -5,7 +5,7 @@ The console knows no simulator and no loop. The roof gives it something with the
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple, Protocol
 
 import msgspec
@@ -52,6 +52,16 @@ class ShownSlider(msgspec.Struct, frozen=True):
     step: float
 
 
+class PicturePlace(msgspec.Struct, frozen=True):
+    """Where a picture lies under the world: its lower left corner, m; by how much it is turned round that, rad,
+    counter-clockwise; and the side of a pixel, m."""
+
+    x: float
+    y: float
+    yaw: float
+    resolution: float
+
+
 class Scene(msgspec.Struct, frozen=True):
     """What does not change while the swarm runs.
 
@@ -62,6 +72,7 @@ class Scene(msgspec.Struct, frozen=True):
     from the start. supplies: what robots use up when they drive, such as fuel. obstacles: each is what lies inside an
     odd number of its closed outlines, lists of corners (x, y) in m. version: of the obstacles, where people may change
     them; else None. blanks: numbers that ready-made commands name in braces.
+    picture: where the picture of the map lies, None if there is none; the desk is asked for it.
     """
 
     title: str
@@ -80,6 +91,7 @@ class Scene(msgspec.Struct, frozen=True):
     commands: tuple[ReadyCommand, ...] = ()
     supplies: tuple[str, ...] = ()
     blanks: tuple[ShownSlider, ...] = ()
+    picture: PicturePlace | None = None
 
 
 class RuleView(Protocol):
@@ -145,6 +157,10 @@ class ObstacleEditor(Protocol):
         """Undo a change, or (again) do once more what was undone."""
 
 
+Picture = Callable[[], bytes]
+"""Gives a picture of the map as a PNG, which may take a while. Raises SleepcastError."""
+
+
 class SwarmView(Protocol):
     """A swarm in its scene. vocabulary: what all minds know."""
 
@@ -154,6 +170,10 @@ class SwarmView(Protocol):
     def minds(self) -> MindsView: ...
     @property
     def vocabulary(self) -> Vocabulary: ...
+    @property
+    def picture(self) -> Picture | None:
+        """The picture that the scene tells the place of."""
+
     @property
     def editor(self) -> ObstacleEditor | None:
         """What changes the obstacles, None where nobody may."""

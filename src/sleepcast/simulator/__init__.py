@@ -33,6 +33,7 @@ from sleepcast.simulator.scenario.scenario import (
 from sleepcast.simulator.scenario.world_settings import Changes
 from sleepcast.simulator.simulation import Simulator
 from sleepcast.simulator.single_robot import SafetyLimits, SingleRobot, limited, read_limits
+from sleepcast.simulator.world.map_picture import MapPicture
 from sleepcast.simulator.world.world import Area, Circle, Polygon, Shape, Wall, World
 
 __all__ = [
@@ -42,6 +43,7 @@ __all__ = [
     "Changes",
     "Circle",
     "Machine",
+    "MapPicture",
     "MissionError",
     "Order",
     "Payload",

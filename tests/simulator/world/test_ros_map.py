@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import builtins
 from collections.abc import Sequence
+from io import BytesIO
 from math import cos, pi, sin
 from pathlib import Path
 
@@ -11,9 +12,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from sleepcast.console.adapters.swarm import scene_of
+import sleepcast as sc
+from sleepcast.console.adapters.recording import load_timeline
+from sleepcast.console.adapters.swarm import SwarmAdapter, scene_of
+from sleepcast.console.view import PicturePlace
 from sleepcast.core.errors import MisuseError
-from sleepcast.simulator import Area, Scenario, SettingsError, Simulator, load
+from sleepcast.loop import resume, snapshot
+from sleepcast.simulator import Area, MapPicture, Scenario, SettingsError, Simulator, load
+from sleepcast.simulator.recording.recording import load_recording
 from sleepcast.simulator.world.ros_map import MAX_PIXELS, read_map
 from small_worlds import SCOUTS, write
 
@@ -312,3 +318,51 @@ def test_a_full_turn_changes_nothing(tmp_path: Path) -> None:
     turned, _, _ = read_map(save(tmp_path, ("2.0, 0.0]", f"2.0, {2 * pi}]"))).area(None, unknown_is_solid=False)
     straight, _, _ = read_map(save(tmp_path)).area(None, unknown_is_solid=False)
     assert np.allclose(turned.outlines[0], straight.outlines[0], atol=1e-12)
+
+
+class TestPictureOfTheMap:
+    """The page shows the image itself under the walls."""
+
+    def test_it_lies_where_the_walls_are(self, tmp_path: Path) -> None:
+        save(tmp_path, ("2.0, 0.0]", "2.0, 0.5]"))
+        found = read_map(tmp_path / "room.yaml")
+        for at in (None, (10.0, 20.0)):
+            x, y = found.corner(at)
+            area, _, _ = found.area(at, unknown_is_solid=False)
+            assert (x, y) in area.outlines[0]  # the lower left pixel is solid
+
+    def test_a_scenario_with_a_map_shows_it(self, tmp_path: Path) -> None:
+        scenario = with_map(tmp_path, SIZE)
+        assert scene_of(scenario, ("scout1",)).picture == PicturePlace(0.0, 0.0, 0.0, 2.0)
+        assert scenario.picture is not None
+        with Image.open(BytesIO(scenario.picture.png())) as image:
+            assert (image.format, image.size) == ("PNG", (6, 4))
+            assert [image.getpixel((column, 2)) for column in range(6)] == [0, 254, 254, 205, 254, 0]
+
+    def test_a_picture_that_is_large_is_made_smaller(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        noise = np.random.default_rng(1).integers(0, 256, (64, 64), np.uint8)
+        Image.fromarray(noise).save(tmp_path / "noise.png")
+        monkeypatch.setattr("sleepcast.simulator.world.map_picture.MAX_PNG", 3_000)
+        found = MapPicture(tmp_path / "noise.png", 0.0, 0.0, 0.0, 1.0)
+        with Image.open(BytesIO(found.png())) as image:
+            assert image.size == (32, 32)
+
+    def test_it_goes_on_after_a_fork_and_is_found_beside_a_recording(self, tmp_path: Path) -> None:
+        scenario = with_map(tmp_path, SIZE)
+        (tmp_path / "elsewhere").mkdir()
+        file = tmp_path / "elsewhere" / "run.mcap"
+        with sc.open(str(tmp_path), seed=2) as fleet, fleet.record(file):
+            fleet.run(1)
+            shown = SwarmAdapter(fleet.swarm)
+            again = resume(snapshot(fleet.swarm))
+        assert shown.scene.picture is not None
+        assert SwarmAdapter(again).scene.picture is None  # only its name is left
+        assert SwarmAdapter(again, shown.map_picture).scene.picture == shown.scene.picture
+        film = load_timeline(load_recording(file))
+        assert (film.scene.picture, film.picture) == (None, None)
+        (tmp_path / "elsewhere" / "room.pgm").write_text(ROOM)
+        film = load_timeline(load_recording(file))
+        assert film.scene.picture == shown.scene.picture
+        assert film.picture is not None
+        assert scenario.picture is not None
+        assert film.picture() == scenario.picture.png()

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from sleepcast.channel import Kind, Message
 from sleepcast.console import Outline, RuleView, SafetyOrder, Scene
 from sleepcast.console.sensing import BodyView
+from sleepcast.console.view import Picture
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.core.units import LENGTH, UNITS
 from sleepcast.fleet.failing import FailingRule, most_first
@@ -165,11 +166,17 @@ class FleetAdapter:
     s of the station's clock."""
 
     def __init__(
-        self, station: NetworkStation, telemetry: TelemetryClient, ground: Scene, every: float, began: float
+        self,
+        station: NetworkStation,
+        telemetry: TelemetryClient,
+        ground: Scene,
+        every: float,
+        began: float,
+        picture: Picture | None = None,
     ) -> None:
         self.asking = True
         self.minds = FleetMinds(telemetry.minds)
-        self.scene = ground
+        self.scene, self.picture = ground, picture
         self._station, self._telemetry, self._every, self._began = station, telemetry, every, began
         self._mapped = ground.area != EMPTY
         """Whether the area is one in which robots are."""

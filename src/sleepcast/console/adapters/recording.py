@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.adapters.bodies import kind_of
-from sleepcast.console.adapters.swarm import outlines, scene_of
+from sleepcast.console.adapters.swarm import outlines, scene_of, there
 from sleepcast.console.failing import Failures, ShownFailing
 from sleepcast.console.film import Marks, Timeline, Track, values_of
 from sleepcast.console.outgoing import ShownRule
@@ -58,7 +58,10 @@ class TimelineBuilder:
             simulator = Simulator(scenario, recording.seed)
         self._count, self._tick, self._bytes = len(simulator.names), scenario.tick, 0
         self._rows: dict[str, CommandRow] = {}
-        scene = scene_of(replace(scenario, commands=()), tuple(simulator.names))
+        picture = scenario.picture
+        if picture is not None:  # only its name is recorded: it may lie beside the recording
+            picture = there(replace(picture, file=recording.file.parent / picture.file.name))
+        scene = scene_of(replace(scenario, commands=(), picture=picture), tuple(simulator.names))
         units = {sensor.name: sensor.shown_as or sensor.unit for sensor in simulator.model.sensors}
         part = recording.part if recording.part > 1 or recording.following else 0
         vocabulary = vocabulary_of(simulator.model)
@@ -66,6 +69,7 @@ class TimelineBuilder:
         self.film = Timeline(
             scene, recording.seconds, scenario.speed_up, units, vocabulary, kinds, recording.began, part
         )
+        self.film.picture = None if picture is None else picture.png
         self._solids = dict(enumerate(scenario.shapes, 1))
         for posted in recording.posted:
             message = posted.message

@@ -14,12 +14,12 @@ from sleepcast.console import MapLabel, NamedOutline, Outline, Scene
 from sleepcast.console.adapters.bodies import sensing_of
 from sleepcast.console.adapters.obstacles import editor_of
 from sleepcast.console.sensing import BodyView
-from sleepcast.console.view import ShownSlider
+from sleepcast.console.view import Picture, PicturePlace, ShownSlider
 from sleepcast.core.model import NamedArea
 from sleepcast.fleet.failing import RECENT, FailingRule, failing_rules
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Swarm
-from sleepcast.simulator import Area, Circle, Scenario, Shape, Wall
+from sleepcast.simulator import Area, Circle, MapPicture, Scenario, Shape, Wall
 from sleepcast.simulator.scenario.robot_types import slices
 from sleepcast.simulator.scenario.sliders import Slider
 
@@ -30,16 +30,20 @@ ROUND = 32
 class SwarmAdapter:
     """A simulated swarm as the console wants to see it (its `Swarm`)."""
 
-    def __init__(self, swarm: Swarm) -> None:
+    def __init__(self, swarm: Swarm, map_picture: MapPicture | None = None) -> None:
+        """map_picture: that of the scenario, where this swarm came from a state, which has it no more."""
         self._swarm = swarm
         world = swarm.simulator.world
         self._world_version = world.version
         self._obstacles: tuple[tuple[Outline, ...], ...] | None = None
         # Not the scenario's walls: the swarm may come from a snapshot.
-        now = replace(swarm.simulator.scenario, shapes=tuple(world.shapes.values()))
+        scenario = swarm.simulator.scenario
+        self.map_picture = there(map_picture or scenario.picture)
+        now = replace(scenario, shapes=tuple(world.shapes.values()), picture=self.map_picture)
         self.editor = editor_of(swarm.simulator)
         scene = scene_of(now, tuple(swarm.simulator.names))
         self.scene = msgspec.structs.replace(scene, version=self.editor.version if self.editor else None)
+        self.picture: Picture | None = None if self.map_picture is None else self.map_picture.png
         self.minds = swarm.fleet
         self.vocabulary: Vocabulary = swarm.vocabulary
 
@@ -104,6 +108,16 @@ class SwarmAdapter:
         return self._swarm.simulator.colours()
 
 
+def placed(picture: MapPicture | None) -> PicturePlace | None:
+    """Where the picture lies."""
+    return None if picture is None else PicturePlace(picture.x, picture.y, picture.yaw, picture.resolution)
+
+
+def there(picture: MapPicture | None) -> MapPicture | None:
+    """The picture if its file is there."""
+    return picture if picture is not None and picture.file.is_file() else None
+
+
 def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
     """What the page draws under the robots, which have these names."""
     return Scene(
@@ -125,6 +139,7 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         commands=tuple(replace(each, text=each.text.strip(), blank=each.blank.strip()) for each in scenario.commands),
         blanks=tuple(shown_slider(slider) for slider in scenario.sliders if slider.live),
         supplies=tuple(store.name for store in scenario.robots.stores if store.reach < inf),
+        picture=placed(scenario.picture),
     )
 
 

@@ -21,6 +21,7 @@ import { Measure } from "./measure.js";
 import { NewRun } from "./newrun.js";
 import { ObstacleTool } from "./obstacles.js";
 import { Operators } from "./operators.js";
+import { GroundPicture } from "./picture.js";
 import { Plots } from "./plots.js";
 import { Port } from "./port.js";
 import { Prompt } from "./prompt.js";
@@ -105,6 +106,7 @@ wire.addEventListener("hello", ({ detail }) => {
   blanks.set(scene.commands, scene.blanks);
   world.setScene(scene);
   obstacles.renew();
+  picture.setScene(scene);
   table.setScene(scene);
   prompt.setNames(detail.names);
   sentence.setNoun(scene.noun);
@@ -413,6 +415,7 @@ const ACTIONS = [
   ["Trails on or off", "T", () => layers.toggle("trails")],
   ["Measure a distance on the map", "M", () => press("measure")],
   ["Change obstacles", "", () => find("build").hidden || press("build")],
+  ["Picture under the map on or off", "", () => layers.toggle("picture")],
   ["Layers of the map", "", () => layers.open(true)],
   ["Save a picture of the map", "PNG", () => press("save-picture")],
   ["Film the map, or stop filming", "WebM", () => press("save-film")],
@@ -459,6 +462,7 @@ const layers = new Layers(find("layer-menu"), find("layers"), world, undo);
 world.addEventListener("trails", () => layers.toggle("trails"));
 new BodyLayer(world, senses);
 const obstacles = new ObstacleTool(world, wire, find("obstacle-bar"), find("build"), undo);
+const picture = new GroundPicture(document.querySelector(".ground-picture"), world, wire, undo);
 new Measure(world, find("measure"), find("heard"));
 const films = { picture: find("save-picture"), film: find("save-film") };
 new Filming(world, films, () => find("clock").textContent, () => legend.lines(), refused);

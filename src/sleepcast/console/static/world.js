@@ -38,6 +38,7 @@ export class World extends EventTarget {
     this.pings = new Pings();
     this.density = new Density();
     this.labels = new Labels();
+    this.under = null; // what lies under the grid
     this.picked = null; // 1 for each robot that is selected by hand
     this.told = null; // the frame that was last said to be drawn
     this.layers = {}; // whether each is shown, by name, as of layers.js
@@ -300,7 +301,7 @@ export class World extends EventTarget {
   // shown: whether each layer is shown, by name.
   setLayers(shown) {
     this.layers = shown;
-    this.repaint("trails", "robots");
+    this.repaint("ground", "trails", "robots");
     this.dispatchEvent(new Event("layers"));
   }
 
@@ -323,7 +324,7 @@ export class World extends EventTarget {
     this.stale = new Set();
     if (!scene) return;
     if (stale.has("ground")) {
-      drawGround(pens.ground, view, scene, colours);
+      drawGround(pens.ground, view, scene, colours, this.under);
       this.drawScale();
     }
     if (!frame) return;

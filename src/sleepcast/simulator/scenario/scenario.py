@@ -45,6 +45,7 @@ from sleepcast.simulator.scenario.signals import (
 from sleepcast.simulator.scenario.sliders import Slider, blanks_of, read_sliders
 from sleepcast.simulator.scenario.stocks import Stock, read_stocks
 from sleepcast.simulator.scenario.world_settings import MAX_SEED, Changes, WorldSpec, read_world
+from sleepcast.simulator.world.map_picture import MapPicture
 from sleepcast.simulator.world.torus import PLAIN, Around
 from sleepcast.simulator.world.world import Shape
 
@@ -84,7 +85,8 @@ class Scenario:
     fields: values that fill the world. measures: time series to record.
     robots: all robots together; sorts: each type of them with its count or proportion, empty if there is only one
     type. nomad: whether VM takes tenths of inches, as a Nomad's programs do. sliders: numbers that people are invited
-    to change.
+    to change. picture: of the map that the world was made of; in a recording or snapshot only the name of its file is
+    left.
     """
 
     name: str
@@ -121,6 +123,7 @@ class Scenario:
     areas: tuple[NamedArea, ...] = ()
     stocks: tuple[Stock, ...] = ()
     sliders: tuple[Slider, ...] = ()
+    picture: MapPicture | None = None
 
     @property
     def each_sort(self) -> tuple[RobotSpec, ...]:
@@ -223,6 +226,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
             neighbours=read_neighbours(root),
             fields=local_fields,
             torus=world.torus,
+            picture=world.picture,
             measures=read_measures(root, _points(places, lights), MAX_TIME),
             areas=areas,
             nomad=root.text("vocabulary", "standard", choices=("standard", "nomad")) == "nomad",

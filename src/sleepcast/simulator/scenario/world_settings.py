@@ -13,6 +13,7 @@ from sleepcast.core.settings import Measure, Table
 from sleepcast.core.units import LENGTH
 from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_WORLD
 from sleepcast.simulator.world.drawing import MAX_NAME, read_drawing
+from sleepcast.simulator.world.map_picture import MapPicture
 from sleepcast.simulator.world.maze import maze
 from sleepcast.simulator.world.ros_map import read_map
 from sleepcast.simulator.world.world import Circle, Point, Polygon, Shape, Wall, boundary, rooms, rows_of
@@ -45,7 +46,8 @@ class Changes:
 @dataclass(frozen=True, slots=True)
 class WorldSpec:
     """The world's rectangle, m, and the unit in which it is shown; the things in it at the start, and those that may be
-    added. fenced: whether robots turn back at its edge on their own; torus: whether it has no edge."""
+    added. fenced: whether robots turn back at its edge on their own; torus: whether it has no edge. picture: of the map
+    that it was made of."""
 
     width: float
     height: float
@@ -54,6 +56,7 @@ class WorldSpec:
     fenced: bool
     absent: tuple[Shape, ...] = ()
     torus: bool = False
+    picture: MapPicture | None = None
 
 
 def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: int) -> WorldSpec:
@@ -70,12 +73,13 @@ def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: i
         shapes += _parted(table, high, seed)
         edge = table.text("edge", "fence", choices=EDGES)
     torus = edge == "torus"
+    picture = next((each_taken.picture for each_taken in taken if each_taken.picture), None)
     if not changes.walls:
-        return WorldSpec(*high, width.unit or "m", (), fenced=not torus, torus=torus)
+        return WorldSpec(*high, width.unit or "m", (), fenced=not torus, torus=torus, picture=picture)
     if edge == "wall":
         shapes.append(boundary(*high))
     absent_ones = tuple(shape for shape, absent in written if absent)
-    return WorldSpec(*high, width.unit or "m", tuple(shapes), edge == "fence", absent_ones, torus)
+    return WorldSpec(*high, width.unit or "m", tuple(shapes), edge == "fence", absent_ones, torus, picture)
 
 
 def _written(world: Table, high: tuple[float, float]) -> list[tuple[Shape, bool]]:
@@ -125,6 +129,7 @@ class _Taken:
     shapes: tuple[Shape, ...]
     low: Point
     high: Point
+    picture: MapPicture | None = None
 
     def refuse_beyond(self, world: Table, width: float, height: float) -> None:
         """Raise SettingsError if the box does not lie within the world."""
@@ -148,7 +153,8 @@ def _from_files(world: Table) -> list[_Taken]:
             found_map = read_map(path)
             with each.answering("file"):
                 area, low, high = found_map.area(at, unknown_is_solid=solid)
-            found.append(_Taken("map", (area,) if area.outlines else (), low, high))
+            picture = MapPicture(found_map.file, *found_map.corner(at), found_map.yaw, found_map.resolution)
+            found.append(_Taken("map", (area,) if area.outlines else (), low, high, picture))
     if world.has("drawing"):
         with world.table_or_text("drawing", "file") as each:
             path = each.file("file")

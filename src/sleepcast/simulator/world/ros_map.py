@@ -40,7 +40,8 @@ Cells = NDArray[np.bool_]
 class RosMap:
     """Which cells are solid and which are unknown, both of shape (rows, columns), bottom row first.
 
-    resolution: size of a cell, m. x, y, yaw: pose of the lower left corner in the map's frame, m and rad.
+    resolution: size of a cell, m. x, y, yaw: pose of the lower left corner in the map's frame, m and rad. file: the
+    image.
     """
 
     solid: Cells
@@ -49,16 +50,28 @@ class RosMap:
     x: float
     y: float
     yaw: float
+    file: Path
+
+    def corner(self, at: Point | None) -> Point:
+        """The lower left corner of the image in the world's frame. at: as in `area`."""
+        if at is not None:
+            return at[0] + self.x, at[1] + self.y
+        box = self._box()
+        return -min(x for x, _ in box), -min(y for _, y in box)
+
+    def _box(self) -> list[Point]:
+        """The corners of the image, from its lower left one, in the map's frame, m."""
+        rows, columns = self.solid.shape
+        return [self._turned(column, row) for column in (0, columns) for row in (0, rows)]
 
     def area(self, at: tuple[float, float] | None, *, unknown_is_solid: bool) -> tuple[Area, Point, Point]:
         """The solid area in the world's frame, and the lower left and upper right corner of the whole image's bounding
         box. at: position of the map's (0, 0) in the world, m; None puts the box's lower left corner on the world's.
         Raises MisuseError for more sides than fit."""
-        rows, columns = self.solid.shape
-        box = [self._turned(column, row) for column in (0, columns) for row in (0, rows)]
+        box = self._box()
         low = min(x for x, _ in box), min(y for _, y in box)
         high = max(x for x, _ in box), max(y for _, y in box)
-        move = (-low[0], -low[1]) if at is None else (at[0] + self.x, at[1] + self.y)
+        move = self.corner(at)
         lines = contours(self.solid | self.unknown if unknown_is_solid else self.solid)
         sides = sum(map(len, lines))
         if sides > MAX_SOLIDS:
@@ -90,8 +103,9 @@ def read_map(path: Path) -> RosMap:
     free = table.number("free_thresh", low=0.0, high=1.0)
     if free > occupied:
         raise table.error("free_thresh", f"{free:g} is more than occupied_thresh, {occupied:g}")
-    solid, unknown = _judged(*picture(table.file("image")), mode, negate, occupied, free)
-    return RosMap(solid[::-1], unknown[::-1], resolution, x, y, yaw)
+    file = table.file("image")
+    solid, unknown = _judged(*picture(file), mode, negate, occupied, free)
+    return RosMap(solid[::-1], unknown[::-1], resolution, x, y, yaw, file)
 
 
 def _document(path: Path) -> Document:

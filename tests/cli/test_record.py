@@ -35,17 +35,29 @@ MISSION = """
 """
 
 
+def small_world(folder: Path) -> Path:
+    """A small world with a mission and a bad radio."""
+    file = write(folder, ('delay = "0s"', 'delay = "0.1s"\nloss = 0.2'))
+    file.write_text('mission = "mission.sleep"\n' + file.read_text(encoding="utf-8"), encoding="utf-8")
+    (folder / "mission.sleep").write_text(MISSION, encoding="utf-8")
+    return folder
+
+
 @pytest.fixture
 def world(tmp_path: Path) -> Path:
-    """A small world with a mission and a bad radio."""
-    file = write(tmp_path, ('delay = "0s"', 'delay = "0.1s"\nloss = 0.2'))
-    file.write_text('mission = "mission.sleep"\n' + file.read_text(encoding="utf-8"), encoding="utf-8")
-    (tmp_path / "mission.sleep").write_text(MISSION, encoding="utf-8")
-    return tmp_path
+    return small_world(tmp_path)
 
 
 def record(world: Path, *options: str, seconds: str = "20") -> Called:
     return called("run", str(world), "--seconds", seconds, "--json", "--record", str(world / "run.mcap"), *options)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small world with a whole recording of it."""
+    world = small_world(tmp_path_factory.mktemp("recorded"))
+    assert record(world).status == 0
+    return world
 
 
 def bodies(recording: Recording, topic: str) -> Iterator[dict[str, object]]:
@@ -102,9 +114,8 @@ def test_pictures_readings_and_lines_are_there_at_the_rates_asked_for(world: Pat
     assert 0 < full < 20
 
 
-def test_other_programs_can_read_it(world: Path) -> None:
-    record(world)
-    with (world / "run.mcap").open("rb") as stream:
+def test_other_programs_can_read_it(recorded: Path) -> None:
+    with (recorded / "run.mcap").open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
     assert summary.statistics is not None
@@ -243,10 +254,9 @@ def test_a_file_of_a_newer_format_or_of_somebody_else_is_refused(
 
 
 @pytest.mark.parametrize("size", [0, 7, 30, 500, 3_000])
-def test_half_a_file_is_read_as_far_as_it_goes_or_refused(world: Path, size: int) -> None:
-    record(world)
-    whole = (world / "run.mcap").read_bytes()
-    half = world / "half.mcap"
+def test_half_a_file_is_read_as_far_as_it_goes_or_refused(recorded: Path, tmp_path: Path, size: int) -> None:
+    whole = (recorded / "run.mcap").read_bytes()
+    half = tmp_path / "half.mcap"
     half.write_bytes(whole[:size])
     done = called("replay", str(half), "--headless")
     assert done.status in (0, 2)
@@ -255,11 +265,10 @@ def test_half_a_file_is_read_as_far_as_it_goes_or_refused(world: Path, size: int
     assert called("replay", str(half), "--headless").status == 0
 
 
-def test_a_recording_that_does_not_repeat_is_told(world: Path) -> None:
-    record(world)
-    file = world / "forged.mcap"
-    with Recorder(file, load(world), 3, version="0.0.9", complain=pytest.fail) as recorder:
-        recorder.note("/sleepcast/state", 0.0, {"tick": 0, "hash": load_recording(world / "run.mcap").states[0]})
+def test_a_recording_that_does_not_repeat_is_told(recorded: Path, tmp_path: Path) -> None:
+    file = tmp_path / "forged.mcap"
+    with Recorder(file, load(recorded), 3, version="0.0.9", complain=pytest.fail) as recorder:
+        recorder.note("/sleepcast/state", 0.0, {"tick": 0, "hash": load_recording(recorded / "run.mcap").states[0]})
         recorder.note("/sleepcast/state", 1.0, {"tick": 10, "hash": "another"})
     done = called("replay", str(file), "--verify")
     assert done.status == 1

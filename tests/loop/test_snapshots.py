@@ -29,16 +29,24 @@ from sleepcast.simulator import Changes, Scenario, find_scenario, scenario_names
 from small_worlds import small
 from swarms import ORDERS, desk_of, drive, seen, station_of, swarm_of
 
-CHILD = """
-import json, sys
+FRESH = """
+import json, os, sys
 from pathlib import Path
 from sleepcast.loop import load, resume
+from sleepcast.simulator.engine import choose
 from swarms import drive, seen, station_of
-file, ticks, threads = sys.argv[1:]
-swarm = resume(load(Path(file)), threads=int(threads) or None, desk=station_of)
-drive(swarm, int(ticks))
-print(json.dumps(seen(swarm)))
+choose(threads=1)
+for line in sys.stdin:
+    if os.fork() == 0:
+        file, ticks, threads = json.loads(line)
+        swarm = resume(load(Path(file)), threads=threads or None, desk=station_of)
+        drive(swarm, ticks)
+        print(json.dumps(seen(swarm)), flush=True)
+        os._exit(0)
+    if os.wait()[1]:
+        print(json.dumps("it failed"), flush=True)
 """
+"""A process that has loaded the libraries and nothing else; each line is answered by a process made from it."""
 TESTS = Path(__file__).resolve().parent.parent
 LAST = max(ORDERS) + 12
 FEW = 30
@@ -52,12 +60,26 @@ def few(name: str) -> Scenario:
     return whole if whole.robots.groups or whole.robots.count < FEW else find_scenario(name, Changes(robots=FEW))
 
 
-def in_another_process(file: Path, ticks: int, threads: int) -> object:
-    command = [sys.executable, "-c", CHILD, str(file), str(ticks), str(threads)]
+@pytest.fixture(scope="module")
+def fresh() -> Iterator[subprocess.Popen[str]]:
     path = os.pathsep.join([str(TESTS), *filter(None, [os.environ.get("PYTHONPATH")])])
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": path})
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    with subprocess.Popen(
+        [sys.executable, "-c", FRESH],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": path},
+    ) as started:
+        yield started
+        assert started.stdin is not None
+        started.stdin.close()
+
+
+def in_another_process(fresh: subprocess.Popen[str], file: Path, ticks: int, threads: int) -> object:
+    assert fresh.stdin is not None
+    assert fresh.stdout is not None
+    print(json.dumps([str(file), ticks, threads]), file=fresh.stdin, flush=True)
+    return json.loads(fresh.stdout.readline())
 
 
 def as_json(swarm: Swarm) -> object:
@@ -65,7 +87,9 @@ def as_json(swarm: Swarm) -> object:
 
 
 @pytest.mark.parametrize("name", scenario_names())
-def test_a_scenario_of_the_gallery_goes_on_in_another_process(name: str, tmp_path: Path) -> None:
+def test_a_scenario_of_the_gallery_goes_on_in_another_process(
+    name: str, fresh: subprocess.Popen[str], tmp_path: Path
+) -> None:
     """Snapshots in the thick of it: commands, answers and pings on their way, leases, a STOP that is latched."""
     whole = swarm_of(few(name), seed=4)
     drive(whole, LAST)
@@ -76,7 +100,7 @@ def test_a_scenario_of_the_gallery_goes_on_in_another_process(name: str, tmp_pat
         drive(parts, ticks - done)
         done = ticks
         save(snapshot(parts), file)
-        assert in_another_process(file, LAST - done, threads % 3) == wanted
+        assert in_another_process(fresh, file, LAST - done, threads % 3) == wanted
     drive(parts, LAST - done)
     assert as_json(parts) == wanted  # to be looked at has changed nothing
 

@@ -66,7 +66,7 @@ SLOW = {
     "loop/test_many.py": 7,
     "cli/test_demo.py": 6,
     "bridges/test_nomad.py": 9,
-    "examples/test_line_rover.py": 4,
+    "bridges/test_mavlink.py": 11,
     "cli/test_desk.py": 6,
     "cli/test_node.py": 6,
     "console/test_markup.py": 6,

@@ -183,6 +183,14 @@ class Robot(Protocol):
         """Keep still for as long as `still` was the last word; then the motion of before goes on."""
 
 
+@runtime_checkable
+class Failsafe(Protocol):
+    """A body that does something else than come to rest when its operator is gone."""
+
+    def let_go(self) -> None:
+        """Nobody drives it any more: bring it to where it is safe. Nothing old resumes by itself."""
+
+
 # ---- many simulated bodies, driven axis by axis: what a server of such robots needs of their world
 
 

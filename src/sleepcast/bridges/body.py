@@ -7,7 +7,8 @@ sent, how the robot is measured, how it is reached again, and how it is let go.
 
 Everything that moves the robot is a `Motion` that goes through `move`, and each round decides what becomes of it:
 
-    watchdog    a mind that has not looked at its body for `UNATTENDED` s has lost it: the body is brought to rest
+    watchdog    a mind that has not looked at its body for `UNATTENDED` s has lost it: the body is brought to rest, or
+                does what the bridge has as its `failsafe`; the same when the operator's lease is over
     STOP, hold  the body rests, whatever is asked
     limits      speed and turn rate are brought within them, changes of speed are spread over time; what would pass the
                 fence, or come too near to something, becomes rest. A body that does not know where it is stands, if it
@@ -97,7 +98,7 @@ class BridgedBody(ABC):
         self.model, self._clock, self._in_step = model, clock or WallClock(), in_step
         self._lock = Lock()
         """Held to change what follows; never while anybody waits for the robot."""
-        self._motion = REST
+        self._motion = self.failsafe = REST
         self._told: Motion | None = None
         """What the robot was last told, the very object."""
         self._stopped = self._held = False
@@ -197,6 +198,11 @@ class BridgedBody(ABC):
 
     def release(self) -> None:
         self._stopped = False
+
+    def let_go(self) -> None:
+        with self._lock:
+            self._motion = REST if self._stopped else self.failsafe
+        self._wake.set()
 
     def hold(self, still: bool) -> None:
         with self._lock:
@@ -299,7 +305,7 @@ class BridgedBody(ABC):
             return
         with self._lock:
             if not self._in_step and self._clock.now() - self._attended > UNATTENDED:
-                self._motion = REST
+                self._motion = self.failsafe
             if self.model.limits.are_watched and not self._may_go_on(self._motion):
                 self._motion = REST
             motion = REST if self._stopped or self._held else self._motion
@@ -326,12 +332,12 @@ class BridgedBody(ABC):
 
     def _paced_motion(self, motion: Motion) -> Motion:
         """The motion with no more change of speed than the time since the last round allows."""
-        if self.KEEPS_ACCELERATION or motion.sort not in ("rest", "speeds"):
-            self._speed = 0.0
-            return motion
         now = self.reading().time if self._in_step else self._clock.now()
         passed = min(now - self._paced, LAG) if isfinite(self._paced) else 0.0
         self._paced = now
+        if self.KEEPS_ACCELERATION or motion.sort not in ("rest", "speeds"):
+            self._speed = 0.0
+            return motion
         wanted, turn = (motion.values[0], motion.values[1]) if motion.sort == "speeds" else (0.0, 0.0)
         self._speed += clamped(wanted - self._speed, self.model.limits.acceleration * max(passed, 0.0))
         if motion is REST and self._speed == 0.0:

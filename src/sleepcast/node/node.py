@@ -60,7 +60,7 @@ from sleepcast.node.linking import VariableTable
 from sleepcast.node.memory import RobotMemory, Voice
 from sleepcast.node.scheduler import RuleRecord, Scheduler
 from sleepcast.node.telemetry import NOTHING, Details, answer_inspection
-from sleepcast.robot import Robot
+from sleepcast.robot import Failsafe, Robot
 
 MAX_RECOLLECTIONS = 64
 """Evaluations of messages that a robot can still explain."""
@@ -374,7 +374,9 @@ class Node:
         memory.actuated.clear()
         if self.stopped:
             return
-        if isinstance(self.body, Robot):
+        if isinstance(self.body, Failsafe):
+            self.body.let_go()
+        elif isinstance(self.body, Robot):
             self.body.stop()
             self.body.release()
         try:

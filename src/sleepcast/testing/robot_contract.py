@@ -61,6 +61,9 @@ class BridgeRig(Rig):
         self.body, self.cut, self.mend = body, cut, mend
         self._clock, self._advance, self._step = clock, advance, step
 
+    def prepare(self) -> None:
+        """Do what must be done before the robot drives, also after it has come to rest by itself: for most, nothing."""
+
     def _wait(self, seconds: float) -> None:
         self.look_away(seconds, looking=True)
 
@@ -119,7 +122,7 @@ class RobotContract:
                 before = rig.sensed()
                 rig.wait(0.2)
                 after = rig.sensed()
-                assert abs(after["speed"]) <= limits.speed * 1.001
+                assert abs(after["speed"]) <= limits.speed * 1.001 + rig.resolution
                 assert abs(after["speed"] - before["speed"]) <= limits.acceleration * 0.2 * 1.001 + rig.resolution
 
     def test_unknown_leaves_the_motion_as_it_is(self, rig: Rig) -> None:
@@ -241,6 +244,7 @@ class BridgeContract(RobotContract):
 
     @staticmethod
     def _drive(rig: BridgeRig) -> None:
+        rig.prepare()
         rig.body.act(Setpoint(rig.body.model.limits.speed / 2, 0.0))
         rig.wait(rig.time_to_full_speed())
         assert isclose(rig.sensed()["speed"], rig.body.model.limits.speed / 2, rel_tol=0.1)

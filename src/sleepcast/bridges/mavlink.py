@@ -1,0 +1,502 @@
+"""Vehicles that speak MAVLink 2 (rovers, boats and copters with ArduPilot) as bodies: `mavlink://HOST:PORT#SYSTEM`.
+
+The vehicle flies itself; a mind gives it setpoints while it is in the mode GUIDED: velocities along its heading, or
+places. Positions come by GPS, and are metres around an origin. `body` has what this shares with other bridges, watchdog
+and limits among them.
+
+STOP, and a hold, send zero velocities; where the vehicle follows none, because it is in a mode of its own such as RTL,
+they change its mode to the one in which it stands. When the mind is gone, or the operator's lease is over, the vehicle
+changes to the mode of the setting `failsafe`. Orders (a mode, arming) are sent again until they are answered, for
+`ORDER_SECONDS` s at most, so that none takes effect late.
+"""
+
+from __future__ import annotations
+
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from math import cos, hypot, inf, isfinite, nan, pi, remainder, sin
+from typing import Any
+
+from sleepcast.bridges import Opening
+from sleepcast.bridges.address import BodyAddress, BodyError, read_body_address
+from sleepcast.bridges.body import FRESH, PATIENCE, BridgedBody, FencedError, Motion, OutOfReachError, clamped
+from sleepcast.bridges.mavlink_link import Link, UdpWire, read_key
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import MisuseError, printable
+from sleepcast.core.geodesy import LocalMap, Origin
+from sleepcast.core.model import HostFunction, Quantity
+from sleepcast.core.units import LENGTH, SPEED
+from sleepcast.robot import BodyConstant, Geometry, Limits, Reading, RobotModel
+
+EXAMPLE = "mavlink://0.0.0.0:14550?listen=yes&key=vehicle.key#1"
+PORT = 14_550
+SETTINGS = {
+    "listen": "no",
+    "key": "",
+    "unsigned": "no",
+    "failsafe": "loiter",
+    "origin": "",
+    "speed": "2",
+    "turn_rate": "1",
+    "acceleration": "2",
+    "ceiling": "30",
+}
+"""What can be set in a URI, and what holds otherwise. Speeds in m/s and rad/s; ceiling: m above where it started."""
+WE, OUR_COMPONENT = 255, 190
+"""How we call ourselves: the usual numbers of a ground station."""
+SILENT = 2.0
+"""Seconds without a message after which the vehicle is out of reach: two of its heartbeats."""
+BEAT = 1.0
+"""Seconds between two heartbeats of ours: the vehicle's own failsafe waits for several of them."""
+ORDER_AGAIN, ORDER_SECONDS = 0.3, 1.5
+"""Seconds after which an unanswered order is sent again, and after which it is given up."""
+PARTING = 0.5
+"""Seconds for the last order at the end."""
+TELL_AGAIN = 5.0
+"""Seconds between two reports of refused messages, and of setpoints that the vehicle does not follow."""
+RESTARTED = 1.0
+"""Seconds by which the vehicle's own time goes back only if it has restarted."""
+MAX_SAID = 60
+"""Characters of what a vehicle says."""
+HIGHEST_CLIMB = 1.0
+"""m/s."""
+FARTHEST = 1e5
+"""m from the origin: farther away, no vehicle is meant to be."""
+
+GUIDED, AUTOPILOT = "GUIDED", 3
+COPTER = {"STABILIZE": 0, "ALT_HOLD": 2, "AUTO": 3, GUIDED: 4, "LOITER": 5, "RTL": 6, "LAND": 9, "BRAKE": 17}
+ROVER = {"MANUAL": 0, "HOLD": 4, "LOITER": 5, "AUTO": 10, "RTL": 11, GUIDED: 15}
+"""Numbers of ArduPilot's modes."""
+MODES = {**dict.fromkeys((2, 3, 4, 13, 14, 15, 29, 35), COPTER), **dict.fromkeys((10, 11), ROVER)}
+"""Of each type of vehicle that MAVLink has a number for, and that is known here."""
+FAILSAFES = ("loiter", "rtl", "land")
+
+SET_MODE, ARM_DISARM, TAKEOFF, INTERVAL = 176, 400, 22, 511
+NAMES = {SET_MODE: "the mode", ARM_DISARM: "arming or disarming", TAKEOFF: "to take off", INTERVAL: "to send messages"}
+RESULTS = ("accepted", "refused for now", "denied", "not supported", "failed", "in progress", "cancelled")
+RATES = {33: 10.0, 30: 10.0, 1: 1.0, 24: 1.0}
+"""Messages that we need, by number (GLOBAL_POSITION_INT, ATTITUDE, SYS_STATUS, GPS_RAW_INT), and how often, 1/s."""
+BODY_FRAME, EARTH_FRAME = 8, 6
+VELOCITIES, PLACE = 0x5C7, 0xDF8
+"""What a setpoint does not say: all but velocity and yaw rate, all but the place."""
+
+
+def sensors(limits: Limits) -> tuple[Quantity, ...]:
+    """In the order of a reading. The vehicle may be moved by others, and faster."""
+    speed, turn = 10.0 * limits.speed, 10.0 * limits.turn_rate
+    return (
+        Quantity("x", "m", -FARTHEST, FARTHEST, FRESH, "to the east of the origin"),
+        Quantity("y", "m", -FARTHEST, FARTHEST, FRESH, "to the north of the origin"),
+        Quantity("heading", "rad", -pi, pi, FRESH, "counter-clockwise from east", "deg"),
+        Quantity("speed", "m/s", -speed, speed, FRESH, "along its heading"),
+        Quantity("turn_rate", "rad/s", -turn, turn, FRESH, "counter-clockwise", "deg/s"),
+        Quantity("height", "m", -FARTHEST, FARTHEST, FRESH, "above where it started"),
+        Quantity("climb_rate", "m/s", -100.0, 100.0, FRESH, "upwards"),
+        Quantity("armed", "", 0.0, 1.0, FRESH, "whether its motors may turn"),
+        Quantity("mode", "", 0.0, 255.0, FRESH, "number of its mode: GUIDED, LOITER, RTL"),
+        Quantity("battery", "", 0.0, 1.0, 5.0, "1 is full", "%"),
+        Quantity("volts", "", 0.0, 100.0, 5.0, "of its battery"),
+        Quantity("gps_fix", "", 0.0, 8.0, 5.0, "3 and more: it knows where it is"),
+        Quantity("satellites", "", 0.0, 254.0, 5.0, "that its GPS sees"),
+    )
+
+
+def functions(modes: dict[str, int]) -> tuple[HostFunction, ...]:
+    """Of vehicles with these modes."""
+    common = (
+        HostFunction("ARM", MavlinkVehicle.arm, doc="Lets its motors turn."),
+        HostFunction("DISARM", MavlinkVehicle.disarm, doc="Switches its motors off, if it stands on the ground."),
+        HostFunction(
+            "SET_MODE",
+            MavlinkVehicle.set_mode,
+            (None,),
+            arguments="mode",
+            doc="Changes its mode, for instance (SET_MODE GUIDED), in which it does what it is told.",
+        ),
+        HostFunction(
+            "GOTO",
+            MavlinkVehicle.go_to,
+            (LENGTH, LENGTH, LENGTH),
+            least=2,
+            arguments="x y height",
+            doc="Goes to a place, at this height if it flies.",
+        ),
+    )
+    if modes is ROVER:
+        return common
+    return (
+        *common,
+        HostFunction(
+            "TAKEOFF", MavlinkVehicle.take_off, (LENGTH,), arguments="height", doc="Takes off to this height."
+        ),
+        HostFunction(
+            "CLIMB",
+            MavlinkVehicle.climb,
+            (SPEED,),
+            arguments="speed",
+            doc="Climbs at this speed, or sinks, in one place until it is told something else.",
+        ),
+    )
+
+
+def model_of(modes: dict[str, int], limits: Limits) -> RobotModel:
+    speed, turn = limits.speed, limits.turn_rate
+    return RobotModel(
+        "rover" if modes is ROVER else "copter",
+        sensors(limits),
+        (
+            Quantity("drive_speed", "m/s", -speed, speed, doc="goes at this speed along its heading"),
+            Quantity("drive_turn", "rad/s", -turn, turn, doc="turns at this rate", shown_as="deg/s"),
+        ),
+        functions(modes),
+        limits,
+        Geometry(0.5),
+        tuple(BodyConstant(name, float(number), doc="a mode") for name, number in modes.items()),
+    )
+
+
+@dataclass(slots=True)
+class Order:
+    """A command that waits for its answer: sent how often, again when, and given up when."""
+
+    parameters: tuple[float, ...]
+    sent: int = 0
+    again: float = 0.0
+    end: float = inf
+
+
+class MavlinkVehicle(BridgedBody):
+    """See the module. link: to the vehicle; system: its number. modes: its own. failsafe: the name of one of them.
+    origin: of x and y; None for the first place at which it is. ceiling: m. Its motions besides "speeds" are "mode"
+    (its number), "goto" (x, y, height; m), "takeoff" (height) and "climb" (m/s)."""
+
+    def __init__(
+        self,
+        link: Link,
+        system: int,
+        modes: dict[str, int],
+        limits: Limits,
+        *,
+        failsafe: str = "LOITER",
+        origin: Origin | None = None,
+        ceiling: float = 30.0,
+        clock: Clock | None = None,
+    ) -> None:
+        super().__init__(model_of(modes, limits), clock=clock)
+        self._link, self._system, self._modes, self._ceiling = link, system, modes, ceiling
+        self._names = {number: name for name, number in modes.items()}
+        self._standing = modes["HOLD" if modes is ROVER else "LOITER"]
+        self.failsafe = Motion("mode", (modes[failsafe],))
+        self._map = None if origin is None else LocalMap(origin)
+        now = self._clock.now()
+        self._fixed = -inf
+        """When the vehicle last said where it is, s."""
+        self._met, self._beat, self._told_again = now, -inf, -inf
+        self._boot, self._last_text = -inf, ""
+        self._said: dict[str, float] = {}
+        """When each sentence of ours was said last."""
+        self._mode, self._armed = -1, False
+        self._place = (nan,) * 4  # x, y, heading, height
+        self._pace = (nan,) * 3  # speed, turn rate, climb rate
+        self._state = (nan,) * 4  # battery, volts, GPS fix, satellites
+        self._orders: dict[tuple[int, float], Order] = {}
+        self._begun: Motion | None = None
+        self._ask_for_messages()
+
+    # ---- what a bridge says
+
+    @property
+    def stale(self) -> bool:
+        return self._clock.now() - self._fixed > FRESH
+
+    def reading(self) -> Reading:
+        armed, mode = (float(self._armed), float(self._mode)) if self._mode >= 0 else (nan, nan)
+        x, y, heading, height = self._place
+        speed, turn, climb = self._pace
+        values = (x, y, heading, speed, turn, height, climb, armed, mode, *self._state)
+        pairs = zip(values, self.model.sensors, strict=True)
+        return Reading(max(self._fixed, 0.0), tuple(v if s.low <= v <= s.high else nan for v, s in pairs))
+
+    def carry_out(self, motion: Motion) -> None:
+        anew, self._begun = motion is not self._begun, motion
+        if motion.sort == "mode" and self._mode != motion.values[0]:
+            self._order(SET_MODE, 1.0, motion.values[0])
+        elif motion.sort == "takeoff":
+            if anew:
+                self._order(TAKEOFF, *(0.0,) * 6, motion.values[0])
+        elif motion.sort == "rest" and (self._stopped or self._held) and self._is_on_its_own():
+            self._order(SET_MODE, 1.0, float(self._standing))
+        elif self._mode == self._modes[GUIDED] and self._armed:
+            self._set_point(motion)
+        elif motion.sort not in ("rest", "mode"):
+            self._say_once(f"it does not follow: it is {self._condition()}; (SET_MODE GUIDED) and (ARM) come first")
+
+    def measure(self) -> None:
+        now = self._clock.now()
+        for message in self._link.receive():
+            if message.get_srcSystem() == self._system:
+                self._met = now
+                self._take(message)
+        if now - self._beat >= BEAT:
+            self._beat = now
+            self._link.send(self._link.mav.heartbeat_encode(6, 8, 0, 0, 4))  # a ground station, active
+        for (command, _), order in list(self._orders.items()):
+            if now >= order.again:
+                self._send_order(command, order)
+        if now - self._told_again > TELL_AGAIN and self._link.refused:
+            self._told_again = now
+            for sentence in self._link.complaints():
+                self.complain(sentence)
+        if now - self._met > SILENT:
+            raise OutOfReachError(f"vehicle {self._system} has not been heard for {SILENT:g} s{self._refusals()}")
+
+    def seek(self) -> None:
+        self._orders.clear()
+        self._link.send(self._link.mav.heartbeat_encode(6, 8, 0, 0, 4))
+        found = [m for m in self._link.receive() if m.get_srcSystem() == self._system]
+        if not any(m.get_type() == "HEARTBEAT" for m in found):
+            raise OutOfReachError(f"vehicle {self._system} is not heard{self._refusals()}")
+        self._met = self._clock.now()
+        for message in found:
+            self._take(message)
+        self._ask_for_messages()
+
+    def leave(self) -> None:
+        mode = self._standing if self._stopped else int(self.failsafe.values[0])
+        with suppress(*self.FAILURES):
+            self._orders.clear()
+            if self._armed and self._lost is None:
+                self._order(SET_MODE, 1.0, float(mode))
+                end = time.monotonic() + PARTING
+                while self._orders and time.monotonic() < end:
+                    self.measure()
+                    time.sleep(0.01)
+                if self._orders:
+                    self._lost = OutOfReachError("it has not answered the last order")
+        self._link.close()
+
+    # ---- what expressions may ask
+
+    def arm(self) -> None:
+        self._check_free()
+        self.send(lambda: self._order(ARM_DISARM, 1.0))
+
+    def disarm(self) -> None:
+        self.send(lambda: self._order(ARM_DISARM, 0.0))
+
+    def set_mode(self, mode: float) -> None:
+        self._check_free()
+        if mode not in self._names:
+            raise MisuseError(f"there is no mode {mode:g} here; there are {', '.join(self._modes)}")
+        self.move(Motion("mode", (mode,)))
+
+    def go_to(self, x: float, y: float, height: float = nan) -> None:
+        fence = self.model.limits.fence
+        if fence is not None and not (fence[0] <= x <= fence[2] and fence[1] <= y <= fence[3]):
+            raise FencedError(f"({x:g}, {y:g}) m lies outside of the fence")
+        if self._map is None:
+            raise MisuseError("the vehicle has not said yet where it is")
+        if not hypot(x, y) <= FARTHEST:
+            raise MisuseError(f"({x:g}, {y:g}) m is farther than {FARTHEST:g} m from the origin")
+        self.move(Motion("goto", (x, y, clamped(height, self._ceiling) if isfinite(height) else self._place[3])))
+
+    def take_off(self, height: float) -> None:
+        self._check_free()
+        self.move(Motion("takeoff", (min(max(height, 0.0), self._ceiling),)))
+
+    def climb(self, speed: float) -> None:
+        self.move(Motion("climb", (clamped(speed, HIGHEST_CLIMB),)))
+
+    def _check_free(self) -> None:
+        if self._stopped:
+            raise MisuseError("it is stopped: RELEASE it first")
+
+    # ---- what is sent
+
+    def _ask_for_messages(self) -> None:
+        for number, rate in RATES.items():
+            self._order(INTERVAL, float(number), 1e6 / rate)
+
+    def _order(self, command: int, *parameters: float) -> None:
+        """Send a command, and again until it is answered; one that waits already goes on waiting."""
+        key = command, parameters[0] if command == INTERVAL else 0.0
+        filled = (*parameters, *(0.0,) * (7 - len(parameters)))
+        waiting = self._orders.get(key)
+        if waiting is None or waiting.parameters != filled:
+            self._orders[key] = order = Order(filled, end=self._clock.now() + ORDER_SECONDS)
+            self._send_order(command, order)
+
+    def _send_order(self, command: int, order: Order) -> None:
+        now = self._clock.now()
+        if now >= order.end:
+            self._orders = {key: each for key, each in self._orders.items() if each is not order}
+            if command != INTERVAL:
+                self._say_once(f"it has not answered the order about {NAMES[command]}")
+            return
+        encode = self._link.mav.command_long_encode
+        self._link.send(encode(self._system, 1, command, order.sent % 256, *order.parameters))
+        order.sent, order.again = order.sent + 1, now + ORDER_AGAIN
+
+    def _set_point(self, motion: Motion) -> None:
+        """Of velocity for all motions but "goto"."""
+        stamp = int(self._clock.now() * 1000.0) & 0xFFFFFFFF
+        if motion.sort == "goto" and self._map is not None:
+            x, y, height = motion.values
+            ((latitude, longitude),) = self._map.degrees([x], [y])
+            to = int(latitude * 1e7), int(longitude * 1e7), height if isfinite(height) else 0.0
+            encode = self._link.mav.set_position_target_global_int_encode
+            self._link.send(encode(stamp, self._system, 1, EARTH_FRAME, PLACE, *to, *(0.0,) * 8))
+            return
+        speed, turn = (motion.values[0], motion.values[1]) if motion.sort == "speeds" else (0.0, 0.0)
+        rise = motion.values[0] if motion.sort == "climb" else 0.0
+        if not self._place[3] < self._ceiling:
+            rise = min(rise, 0.0)
+        encode = self._link.mav.set_position_target_local_ned_encode
+        velocity = (0.0, 0.0, 0.0, speed, 0.0, -rise, 0.0, 0.0, 0.0, 0.0, -turn)
+        self._link.send(encode(stamp, self._system, 1, BODY_FRAME, VELOCITIES, *velocity))
+
+    # ---- what has come
+
+    def _take(self, message: Any) -> None:
+        match message.get_type():
+            case "HEARTBEAT" if message.get_srcComponent() == 1:
+                self._mode, self._armed = message.custom_mode, bool(message.base_mode & 128)
+            case "GLOBAL_POSITION_INT":
+                self._take_position(message)
+            case "ATTITUDE":
+                self._check_boot(message.time_boot_ms / 1000.0)
+                self._pace = (self._pace[0], -message.yawspeed, self._pace[2])
+            case "SYS_STATUS":
+                left, volts = message.battery_remaining, message.voltage_battery
+                known = (nan if left < 0 else left / 100.0, nan if volts == 65_535 else volts / 1000.0)
+                self._state = (*known, *self._state[2:])
+            case "GPS_RAW_INT":
+                seen = message.satellites_visible
+                self._state = (*self._state[:2], float(message.fix_type), nan if seen == 255 else float(seen))
+            case "COMMAND_ACK":
+                self._hear_answer(message.command, message.result)
+            case "STATUSTEXT" if message.severity <= 4:  # a warning, or worse
+                text = printable(message.text.strip("\0 "))[:MAX_SAID]
+                if text != self._last_text:
+                    self._last_text = text
+                    self.complain(f"the vehicle says: {text}")
+
+    def _take_position(self, message: Any) -> None:
+        self._check_boot(message.time_boot_ms / 1000.0)
+        latitude, longitude = message.lat / 1e7, message.lon / 1e7
+        if self._map is None:
+            if not (latitude or longitude):  # it does not know yet
+                return
+            self._map = LocalMap(Origin(latitude, longitude))
+        x, y = self._map.metres(latitude, longitude) or (nan, nan)
+        heading = nan if message.hdg == 65_535 else remainder(pi / 2.0 - message.hdg / 100.0 * pi / 180.0, 2.0 * pi)
+        east, north = message.vy / 100.0, message.vx / 100.0
+        self._place = (x, y, heading, message.relative_alt / 1000.0)
+        self._pace = (east * cos(heading) + north * sin(heading), self._pace[1], -message.vz / 100.0)
+        self._fixed = self._clock.now()
+
+    def _check_boot(self, seconds: float) -> None:
+        """seconds: since the vehicle started, by its own clock."""
+        if seconds < self._boot - RESTARTED:
+            self.rest()
+            self._orders.clear()
+            self._ask_for_messages()
+            self.complain("the vehicle has restarted; it is at rest until a command moves it")
+            self._boot = seconds
+        self._boot = max(self._boot, seconds)
+
+    def _hear_answer(self, command: int, result: int) -> None:
+        waiting = [key for key in self._orders if key[0] == command]
+        if result == 5 or not waiting:  # in progress
+            return
+        for key in waiting:
+            order = self._orders.pop(key)
+            if command == SET_MODE and not result:  # its next heartbeat, which says so, may be a second away
+                self._mode = int(order.parameters[1])
+        if result and command != INTERVAL:
+            why = RESULTS[result] if result < len(RESULTS) else f"result {result}"
+            self._say_once(f"the order about {NAMES[command]} was answered: {why}")
+
+    def _is_on_its_own(self) -> bool:
+        """Whether it moves by itself, and follows no setpoint."""
+        return self._armed and self._mode not in (self._modes[GUIDED], self._standing)
+
+    def _condition(self) -> str:
+        mode = self._names.get(self._mode, f"mode {self._mode}")
+        return f"in {mode}, {'armed' if self._armed else 'not armed'}"
+
+    def _say_once(self, sentence: str) -> None:
+        """Say it at the node, but not twenty times a second."""
+        now = self._clock.now()
+        if now - self._said.get(sentence, -inf) > TELL_AGAIN:
+            self._said[sentence] = now
+            self.complain(sentence)
+
+    def _refusals(self) -> str:
+        return "".join(f"; {sentence}" for sentence in self._link.complaints())
+
+
+def open_body(uri: str, opening: Opening) -> MavlinkVehicle:
+    """The vehicle at `mavlink://HOST:PORT#SYSTEM`, which listens there, or, with `listen=yes`, sends to there. key: a
+    file with the phrase of its signing key, without which `unsigned=yes` must be said.
+
+    Raises BodyError, OutOfReachError.
+    """
+    address = read_body_address(uri, EXAMPLE, SETTINGS)
+    yes = {name: address.choice(name, ("no", "yes")) == "yes" for name in ("listen", "unsigned")}
+    system = _system(address)
+    if opening.in_step:
+        raise BodyError(f"{uri!r:.100}: a vehicle's time waits for nobody: no --lockstep")
+    if bool(address.settings["key"]) is yes["unsigned"]:
+        raise BodyError(
+            f"{uri!r:.100}: wanted either key=FILE, with the phrase of the vehicle's signing key, or unsigned=yes, by "
+            "which everybody who reaches the vehicle can command it"
+        )
+    key = read_key(address.settings["key"]) if address.settings["key"] else None
+    failsafe = address.choice("failsafe", FAILSAFES).upper()
+    origin = Origin.read(address.settings["origin"]) if address.settings["origin"] else None
+    speed, turn, acceleration = (address.number(name, most=100.0) for name in ("speed", "turn_rate", "acceleration"))
+    limits = Limits(speed, turn, acceleration)
+    ceiling = address.number("ceiling", most=10_000.0, unit="m")
+    port = PORT if address.port is None else address.port
+    try:
+        wire = UdpWire(address.host, port, listening=yes["listen"])
+    except OSError as error:
+        raise BodyError(f"{uri!r:.100}: {error.strerror or error}") from None
+    try:
+        link = Link(wire, WE, OUR_COMPONENT, key)
+        modes = _meet(link, system, f"{address.host}:{port}")
+        if failsafe not in modes:
+            raise BodyError(f"{uri!r:.100}: this vehicle has no mode {failsafe}; it has {', '.join(modes)}")
+        return MavlinkVehicle(link, system, modes, limits, failsafe=failsafe, origin=origin, ceiling=ceiling)
+    except BaseException:
+        wire.close()
+        raise
+
+
+def _system(address: BodyAddress) -> int:
+    text = address.part or "1"
+    if not (text.isascii() and text.isdigit() and len(text) <= 3 and 1 <= int(text) <= 254):
+        raise BodyError(f"{address.uri!r:.100}: vehicles are numbered from 1 to 254, so #{text:.20} is none")
+    return int(text)
+
+
+def _meet(link: Link, system: int, where: str) -> dict[str, int]:
+    """Wait for a vehicle; gives its modes."""
+    end, others = time.monotonic() + PATIENCE, set[int]()
+    while time.monotonic() < end:
+        link.send(link.mav.heartbeat_encode(6, 8, 0, 0, 4))
+        for message in link.receive():
+            if message.get_type() != "HEARTBEAT" or message.get_srcComponent() != 1:
+                continue
+            if message.get_srcSystem() == system:
+                if message.autopilot != AUTOPILOT or message.type not in MODES:
+                    what = f"type {message.type} with autopilot {message.autopilot}"
+                    raise BodyError(f"vehicle {system} at {where} is of {what}: wanted an ArduPilot rover or copter")
+                return MODES[message.type]
+            others.add(message.get_srcSystem())
+        time.sleep(0.1)
+    heard = f"; heard were {', '.join(map(str, sorted(others)))}" if others else ""
+    why = "".join(f"; {sentence}" for sentence in link.complaints())
+    raise OutOfReachError(f"vehicle {system} was not heard at {where} in {PATIENCE:g} s{heard}{why}")

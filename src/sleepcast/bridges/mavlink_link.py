@@ -1,0 +1,194 @@
+"""One end of a MAVLink 2 link: datagrams in, messages out, and signatures that are checked before anything else.
+
+What is not signed with the link's key is refused, unless the link has no key. Two things differ from pymavlink: a
+signature is checked before its timestamp is noted, so that nobody without the key can make a vehicle's own messages
+look old; and a timestamp of ours is never behind the clock, so that a vehicle which has restarted accepts it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import socket
+from collections import Counter
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from sleepcast.bridges.address import BodyError
+from sleepcast.core.clock import Clock, UnixClock
+from sleepcast.core.errors import MisuseError
+
+if TYPE_CHECKING:
+    from pymavlink.dialects.v20.common import MAVLink
+
+EPOCH = 1_420_070_400.0
+"""2015-01-01 in Unix time, from which signatures count time in steps of 10 microseconds."""
+STEP = 1e-5
+MAX_DATAGRAM = 2_048
+"""Bytes: more than several messages of MAVLink need."""
+AT_ONCE = 200
+"""Datagrams taken in one round: four times what a busy vehicle sends in that time."""
+MAX_KEY = 4_096
+"""Bytes of a file with a phrase."""
+SIGNED = 1
+"""The flag of a signed message, in its third byte."""
+
+
+class Wire(Protocol):
+    """Carries datagrams to the other end, and back."""
+
+    def send(self, data: bytes) -> None: ...
+
+    def receive(self) -> list[tuple[bytes, object]]:
+        """Datagrams, and whom they came from."""
+
+    def answer(self, sender: object) -> None:
+        """What this sender has said is true: from now on it is the other end."""
+
+    def close(self) -> None: ...
+
+
+class UdpWire:
+    """UDP to a host and port, or, listening there, to whom something true came from. Raises OSError."""
+
+    def __init__(self, host: str, port: int, *, listening: bool) -> None:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+        self._socket = socket.socket(family, kind, protocol)
+        self._socket.setblocking(False)
+        self._peer: Any = None if listening else address
+        self._listening = listening
+        if listening:
+            try:
+                self._socket.bind(address)
+            except OSError:
+                self._socket.close()
+                raise
+        self.port: int = self._socket.getsockname()[1]
+
+    def send(self, data: bytes) -> None:
+        if self._peer is not None:
+            with suppress(BlockingIOError, ConnectionRefusedError):  # nobody listens there now; silence tells
+                self._socket.sendto(data, self._peer)
+
+    def receive(self) -> list[tuple[bytes, object]]:
+        found: list[tuple[bytes, object]] = []
+        for _ in range(AT_ONCE):
+            try:
+                data, sender = self._socket.recvfrom(MAX_DATAGRAM)
+            except BlockingIOError:
+                break
+            except ConnectionRefusedError:
+                continue
+            if self._listening or sender == self._peer:
+                found.append((data, sender))
+        return found
+
+    def answer(self, sender: object) -> None:
+        self._peer = sender
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+def read_key(file: str) -> bytes:
+    """The key of the phrase in a file, as ground stations make it of a phrase. Raises BodyError."""
+    try:
+        with Path(file).expanduser().open("rb") as opened:
+            phrase = opened.read(MAX_KEY + 1).strip()
+    except OSError as error:
+        raise BodyError(f"key={file}: it cannot be read: {error.strerror}") from None
+    if not phrase or len(phrase) > MAX_KEY:
+        raise BodyError(f"key={file}: wanted a file with one phrase, the same that the vehicle's key was made of")
+    return hashlib.sha256(phrase).digest()
+
+
+class Link:
+    """See the module. system, component: who we are. key: None to take and send unsigned messages. clock: Unix time.
+
+    refused: how many messages were not let in, by the reason.
+    """
+
+    def __init__(
+        self, wire: Wire, system: int, component: int, key: bytes | None, *, clock: Clock | None = None
+    ) -> None:
+        self.refused: Counter[str] = Counter()
+        self._wire, self._clock = wire, clock or UnixClock()
+        self.mav: MAVLink = _codec(self.refused, system, component)
+        if key is not None:
+            self.mav.signing.secret_key = key
+            self.mav.signing.sign_outgoing = True
+            self.mav.signing.timestamp = self._stamp()
+
+    def _stamp(self) -> int:
+        return int((self._clock.now() - EPOCH) / STEP)
+
+    def send(self, message: Any) -> None:
+        """Send a message of pymavlink's. Raises OSError."""
+        signing = self.mav.signing
+        signing.timestamp = max(signing.timestamp, self._stamp())
+        self._wire.send(message.pack(self.mav))
+        self.mav.seq = (self.mav.seq + 1) % 256
+
+    def receive(self) -> list[Any]:
+        """The messages that have come since the last call, of all systems. Raises OSError."""
+        found: list[Any] = []
+        signing = self.mav.signing
+        signing.timestamp = max(signing.timestamp, self._stamp())
+        for data, sender in self._wire.receive():
+            self.mav.buf, self.mav.buf_index = bytearray(), 0  # no message goes on in the next datagram
+            for message in self.mav.parse_buffer(bytearray(data)) or ():
+                if message.get_type() == "BAD_DATA":
+                    self._count(bytes(message.data), str(message.reason))
+                elif not message.get_type().startswith("UNKNOWN"):
+                    self._wire.answer(sender)
+                    found.append(message)
+        return found
+
+    def _count(self, data: bytes, reason: str) -> None:
+        """Note a message that was not let in. One with a signature was noted when that was checked."""
+        if "signature" not in reason:
+            self.refused["damaged"] += 1
+        elif not data[2] & SIGNED:
+            self.refused["not signed"] += 1
+
+    def complaints(self) -> list[str]:
+        """Why messages have been refused since the last call, in sentences."""
+        said = [
+            f"{count} messages from the vehicle were refused: {REFUSED[why]}" for why, count in self.refused.items()
+        ]
+        self.refused.clear()
+        return said
+
+    def close(self) -> None:
+        self._wire.close()
+
+
+REFUSED = {
+    "not signed": "they are not signed; give the vehicle the key, or add unsigned=yes to the address",
+    "wrong key": "they are signed with another key than ours",
+    "old": "their timestamps are old: they are repeated, or the vehicle's clock is behind ours by more than a minute",
+    "damaged": "they are damaged, or no MAVLink",
+}
+
+
+def _codec(refused: Counter[str], system: int, component: int) -> MAVLink:
+    """pymavlink's, with the check of the module."""
+    try:
+        from pymavlink.dialects.v20.common import MAVLink as Codec
+    except ImportError:
+        raise MisuseError("MAVLink needs pymavlink: pip install 'sleepcast[mavlink]'") from None
+
+    class Checked(Codec):  # type: ignore[misc]  # its library need not be there
+        def check_signature(self, msgbuf: bytearray, srcSystem: int, srcComponent: int) -> bool:
+            expected = hashlib.sha256(bytes(self.signing.secret_key) + bytes(msgbuf[:-6])).digest()[:6]
+            if bytes(msgbuf[-6:]) != expected:
+                refused["wrong key"] += 1
+                return False
+            if not super().check_signature(msgbuf, srcSystem, srcComponent):
+                refused["old"] += 1
+                return False
+            return True
+
+    found = Checked(None, system, component)
+    found.robust_parsing = True
+    return found

@@ -1,0 +1,174 @@
+"""A vehicle that speaks MAVLink 2, made of pymavlink alone: what the bridge is tested against.
+
+It runs in the test's own process, where its time passes only when it is told to, or in one of its own:
+
+    python mavlink_vehicle.py PORT PHRASE [rover|copter]      sends to 127.0.0.1:PORT, as vehicles do to ground stations
+
+A line "reboot" on its standard input starts it anew, "mute" takes its voice, "speak" gives it back.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import select
+import socket
+import sys
+import time
+from contextlib import suppress
+from math import cos, degrees, pi, radians, sin
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+from pyproj import Geod
+
+HOME = (36.6, -121.9)
+EARTH = Geod(ellps="WGS84")
+GUIDED = {"rover": 15, "copter": 4}
+LATE = 3.0
+"""Seconds after which a setpoint no longer counts."""
+SYSTEM = 1
+
+
+class Vehicle:
+    """heading: rad clockwise from north; forward, climb: m/s; turn: rad/s clockwise."""
+
+    def __init__(self, kind: str, key: bytes | None, *, stamp: float | None = None) -> None:
+        self.kind, self.key, self.stamp = kind, key, stamp
+        self.latitude, self.longitude = HOME
+        self.heading, self.height = pi / 2.0, 0.0
+        self.orders: list[tuple[int, float]] = []
+        self.heard: list[str] = []
+        self.refuse: set[int] = set()
+        self.reboot()
+
+    def reboot(self) -> None:
+        self.time = self.forward = self.climb = self.turn = 0.0
+        self.rest_at, self.mode, self.armed = -1.0, 0, False
+        self.target: tuple[float, float, float] | None = None
+        self.rising: float | None = None
+        self.due = dict.fromkeys(("heartbeat", "position", "state"), 0.0)
+        self.mav = dialect.MAVLink(None, SYSTEM, 1)
+        self.mav.robust_parsing = True
+        if self.key is not None:
+            self.mav.signing.secret_key, self.mav.signing.sign_outgoing = self.key, True
+            now = time.time() if self.stamp is None else self.stamp
+            self.mav.signing.timestamp = int((now - 1_420_070_400) * 1e5)
+
+    # ---- what it hears
+
+    def hear(self, data: bytes) -> list[bytes]:
+        """Its answers to a datagram."""
+        return [self.pack(answer) for message in self.mav.parse_buffer(data) or () for answer in self.obey(message)]
+
+    def obey(self, message: Any) -> list[Any]:
+        kind = message.get_type()
+        self.heard.append(kind)
+        if kind == "COMMAND_LONG":
+            self.orders.append((message.command, message.param2 if message.command == 176 else message.param1))
+            result = 2 if message.command in self.refuse else 0
+            if not result:
+                self.do(message)
+            return [self.mav.command_ack_encode(message.command, result)]
+        if kind.startswith("SET_POSITION_TARGET") and self.mode == GUIDED[self.kind] and self.armed:
+            self.rest_at, self.target, self.rising = self.time + LATE, None, None
+            if kind.endswith("LOCAL_NED"):
+                self.forward, self.climb, self.turn = message.vx, -message.vz, message.yaw_rate
+            else:
+                self.target = message.lat_int / 1e7, message.lon_int / 1e7, message.alt
+        return []
+
+    def do(self, message: Any) -> None:
+        if message.command == 176:
+            self.mode = int(message.param2)
+            self.forward = self.turn = self.climb = 0.0
+            self.target = self.rising = None
+        elif message.command == 400:
+            self.armed = message.param1 == 1.0
+        elif message.command == 22:
+            self.rising = message.param7
+
+    # ---- what it does
+
+    def advance(self, seconds: float) -> list[bytes]:
+        """What it says on the way."""
+        self.time += seconds
+        if self.time > self.rest_at:
+            self.forward = self.turn = self.climb = 0.0
+        if self.rising is not None:
+            self.climb = 2.0 if self.height < self.rising else 0.0
+        if self.target is not None:
+            azimuth, _, far = EARTH.inv(self.longitude, self.latitude, self.target[1], self.target[0])
+            self.heading, self.forward = radians(azimuth), min(2.0, far)
+            self.height = self.target[2]
+            self.rest_at = self.time + LATE
+        self.heading += self.turn * seconds
+        self.height += self.climb * seconds
+        go = self.forward * seconds
+        self.longitude, self.latitude, _ = EARTH.fwd(self.longitude, self.latitude, degrees(self.heading), go)
+        return [self.pack(each) for each in self.say()]
+
+    def say(self) -> list[Any]:
+        said = []
+        for what, every in (("heartbeat", 1.0), ("position", 0.05), ("state", 0.5)):
+            if self.time >= self.due[what] - 1e-9:
+                self.due[what] = self.time + every
+                said += getattr(self, what)()
+        return said
+
+    def heartbeat(self) -> list[Any]:
+        kind = 10 if self.kind == "rover" else 2
+        return [self.mav.heartbeat_encode(kind, 3, 1 | 128 * self.armed, self.mode, 4)]
+
+    def position(self) -> list[Any]:
+        now, heading = int(self.time * 1000), self.heading % (2.0 * pi)
+        north, east = (round(100 * self.forward * f(heading)) for f in (cos, sin))
+        place = round(self.latitude * 1e7), round(self.longitude * 1e7), 0, int(self.height * 1000)
+        pace = north, east, round(-100 * self.climb), int(degrees(heading) * 100) % 36_000
+        return [
+            self.mav.global_position_int_encode(now, *place, *pace),
+            self.mav.attitude_encode(now, 0, 0, 0, 0, 0, self.turn),
+        ]
+
+    def state(self) -> list[Any]:
+        return [
+            self.mav.sys_status_encode(0, 0, 0, 0, 12_600, -1, 80, 0, 0, 0, 0, 0, 0),
+            self.mav.gps_raw_int_encode(0, 3, 0, 0, 0, 0, 0, 0, 0, 11),
+        ]
+
+    def pack(self, message: Any) -> bytes:
+        self.mav.seq = (self.mav.seq + 1) % 256
+        if self.stamp is not None:  # a clock that is not set by others
+            self.mav.signing.timestamp = int((self.stamp + self.time - 1_420_070_400) * 1e5)
+        return bytes(message.pack(self.mav))
+
+
+def main() -> None:
+    port, phrase = int(sys.argv[1]), sys.argv[2]
+    vehicle = Vehicle(sys.argv[3] if len(sys.argv) > 3 else "rover", hashlib.sha256(phrase.encode()).digest())
+    wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    wire.connect(("127.0.0.1", port))
+    began, mute, inputs = time.monotonic(), False, [wire, sys.stdin]
+    while True:
+        ready, _, _ = select.select(inputs, [], [], 0.02)
+        if sys.stdin in ready:
+            match sys.stdin.readline().strip():
+                case "reboot":
+                    vehicle.reboot()
+                    began = time.monotonic()
+                case "mute" | "speak" as word:
+                    mute = word == "mute"
+                case _:
+                    return
+        said = vehicle.advance(time.monotonic() - began - vehicle.time)
+        if wire in ready:
+            try:
+                said += vehicle.hear(wire.recv(2048))
+            except ConnectionRefusedError:
+                continue
+        for each in () if mute else said:
+            with suppress(ConnectionRefusedError):  # nobody listens yet
+                wire.send(each)
+
+
+if __name__ == "__main__":
+    main()

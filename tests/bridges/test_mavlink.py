@@ -1,0 +1,361 @@
+"""Vehicles behind MAVLink 2: the contract, signatures, orders, and what happens when something goes wrong."""
+
+from __future__ import annotations
+
+import hashlib
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import closing
+from math import inf, pi
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("pymavlink")
+pytest.importorskip("pyproj")
+
+from bridges.mavlink_vehicle import GUIDED, HOME, Vehicle
+from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
+from sleepcast.bridges.body import FencedError
+from sleepcast.bridges.mavlink import COPTER, ROVER, MavlinkVehicle
+from sleepcast.bridges.mavlink_link import Link
+from sleepcast.core.clock import ManualClock
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.geodesy import Origin
+from sleepcast.loop import vocabulary_of
+from sleepcast.node.node import Node
+from sleepcast.robot import Limits, Setpoint
+from sleepcast.testing.robot_contract import BridgeContract, BridgeRig
+
+VEHICLE = Path(__file__).with_name("mavlink_vehicle.py")
+KEY, OTHER = (hashlib.sha256(phrase).digest() for phrase in (b"fleet key", b"another"))
+LIMITS = Limits(speed=2.0, turn_rate=1.0, acceleration=2.0)
+
+
+class Loop:
+    """A wire to a vehicle in this process, which can be cut."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.vehicle, self.whole = vehicle, True
+        self.waiting: list[bytes] = []
+
+    def send(self, data: bytes) -> None:
+        if self.whole:
+            self.waiting += self.vehicle.hear(data)
+
+    def receive(self) -> list[tuple[bytes, object]]:
+        found, self.waiting = [(each, "vehicle") for each in self.waiting if self.whole], []
+        return found
+
+    def answer(self, sender: object) -> None:
+        assert sender == "vehicle"
+
+    def close(self) -> None:
+        pass
+
+    def advance(self, seconds: float) -> None:
+        self.waiting += self.vehicle.advance(seconds)
+
+
+class MavlinkRig(BridgeRig):
+    def __init__(
+        self, kind: str = "rover", key: bytes | None = KEY, *, failsafe: str = "LOITER", vehicle: Vehicle | None = None
+    ) -> None:
+        self.vehicle, clock = vehicle or Vehicle(kind, KEY), ManualClock(1_000.0)
+        self.loop, self.time = Loop(self.vehicle), clock
+        modes = ROVER if kind == "rover" else COPTER
+        link = Link(self.loop, 255, 190, key)
+        self.vehicle_body = MavlinkVehicle(link, 1, modes, LIMITS, failsafe=failsafe, origin=Origin(*HOME), clock=clock)
+
+        def switch(whole: bool) -> Callable[[], None]:
+            def throw() -> None:
+                self.loop.whole = whole
+
+            return throw
+
+        super().__init__(self.vehicle_body, clock, self.loop.advance, switch(False), switch(True), resolution=0.011)
+
+    def prepare(self) -> None:
+        self.ready()
+
+    def ready(self) -> MavlinkRig:
+        self.wait(0.2)
+        self.vehicle_body.set_mode(GUIDED[self.vehicle.kind])
+        self.vehicle_body.arm()
+        self.wait(1.2)
+        assert (self.vehicle.mode, self.vehicle.armed) == (GUIDED[self.vehicle.kind], True)
+        return self
+
+
+class TestRover(BridgeContract):
+    @pytest.fixture
+    def rig(self) -> MavlinkRig:
+        return MavlinkRig().ready()
+
+
+def test_what_it_senses_is_metres_around_the_origin() -> None:
+    rig = MavlinkRig().ready()
+    rig.robot.act(Setpoint(1.0))
+    rig.wait(5.0)
+    found = rig.sensed()
+    assert (found["y"], found["heading"], found["speed"]) == pytest.approx((0.0, 0.0, 1.0), abs=0.02)
+    assert found["x"] == pytest.approx(4.7, abs=0.3)
+    assert (found["battery"], found["volts"], found["gps_fix"], found["satellites"]) == (0.8, 12.6, 3.0, 11.0)
+    assert (found["armed"], found["mode"]) == (1.0, GUIDED["rover"])
+    rig.robot.act(Setpoint(0.0, 0.5))
+    rig.wait(pi)
+    assert rig.sensed()["heading"] == pytest.approx(pi / 2, abs=0.1), "counter-clockwise"
+    assert rig.sensed()["turn_rate"] == pytest.approx(0.5)
+
+
+def test_a_copter_takes_off_goes_somewhere_and_does_not_leave_its_fence() -> None:
+    rig = MavlinkRig("copter").ready()
+    body = rig.vehicle_body
+    body.take_off(5.0)
+    rig.wait(4.0)
+    assert rig.sensed()["height"] == pytest.approx(5.0, abs=0.3)
+    assert [order for order in rig.vehicle.orders if order[0] == 22] == [(22, 0.0)], "ordered once"
+    body.narrow(Limits(inf, inf, inf, fence=(-20.0, -20.0, 20.0, 20.0)))
+    body.go_to(6.0, -8.0)
+    rig.wait(8.0)
+    found = rig.sensed()
+    assert (found["x"], found["y"]) == pytest.approx((6.0, -8.0), abs=0.3)
+    assert found["height"] == pytest.approx(5.0, abs=0.3)
+    with pytest.raises(FencedError, match="outside of the fence"):
+        body.go_to(30.0, 0.0)
+    with pytest.raises(MisuseError, match="there is no mode 99 here; there are STABILIZE"):
+        body.set_mode(99.0)
+    body.climb(1.0)
+    rig.wait(40.0)
+    assert rig.sensed()["height"] == pytest.approx(30.0, abs=0.2), "the ceiling"
+
+
+def test_stop_holds_a_vehicle_that_flies_by_itself() -> None:
+    rig = MavlinkRig("copter").ready()
+    rig.vehicle_body.set_mode(COPTER["RTL"])
+    rig.wait(0.5)
+    assert rig.vehicle.mode == COPTER["RTL"]
+    rig.body.stop()
+    rig.wait(0.5)
+    assert rig.vehicle.mode == COPTER["LOITER"]
+    with pytest.raises(MisuseError, match="RELEASE it first"):
+        rig.vehicle_body.arm()
+    rig.body.release()
+    rig.wait(2.0)
+    assert rig.vehicle.mode == COPTER["LOITER"], "nothing old resumes"
+
+
+@pytest.mark.parametrize("failsafe", ["LOITER", "RTL", "LAND"])
+def test_a_vehicle_without_its_mind_or_its_operator_does_what_its_setting_says(failsafe: str) -> None:
+    rig = MavlinkRig("copter", failsafe=failsafe).ready()
+    rig.look_away(1.5)
+    assert rig.vehicle.mode == COPTER[failsafe]
+    rig = MavlinkRig("copter", failsafe=failsafe).ready()
+    rig.body.let_go()
+    rig.wait(0.2)
+    assert rig.vehicle.mode == COPTER[failsafe]
+    rig.body.stop()
+    rig.wait(0.2)
+    assert rig.vehicle.mode == COPTER["LOITER"], "STOP comes before a failsafe"
+
+
+def test_what_is_not_signed_with_the_key_is_not_heard_and_that_is_told() -> None:
+    for vehicle_key, said in ((None, "they are not signed"), (OTHER, "signed with another key")):
+        rig = MavlinkRig(vehicle=Vehicle("rover", vehicle_key))
+        rig.wait(3.0)
+        assert "vehicle 1 has not been heard for 2 s" in rig.body.lost or "is not heard" in rig.body.lost
+        assert any(said in sentence for sentence in rig.body.complaints())
+        assert set(rig.vehicle.heard) <= {"BAD_DATA", "HEARTBEAT", "COMMAND_LONG"}
+
+
+def test_a_stale_clock_of_the_vehicle_is_told() -> None:
+    rig = MavlinkRig(vehicle=Vehicle("rover", KEY, stamp=1.5e9))
+    rig.wait(3.0)
+    assert any("the vehicle's clock is behind ours" in sentence for sentence in rig.body.complaints())
+
+
+def test_forged_timestamps_do_not_deafen_the_link_and_repeats_are_not_heard() -> None:
+    rig = MavlinkRig().ready()
+    mallory = Vehicle("rover", OTHER, stamp=4e9)
+    rig.loop.waiting += mallory.advance(0.1)
+    rig.wait(0.1)
+    seen = rig.robot.sense().time
+    rig.wait(1.0)
+    assert rig.robot.sense().time >= seen + 0.9
+    again = rig.vehicle.advance(0.05)
+    rig.loop.waiting += again
+    rig.wait(0.1)
+    rig.loop.waiting += again
+    rig.wait(0.1)
+    assert rig.vehicle_body._link.refused["old"] == len(again)
+
+
+def test_a_vehicle_that_restarts_is_at_rest_and_says_so() -> None:
+    rig = MavlinkRig().ready()
+    rig.robot.act(Setpoint(1.0))
+    rig.wait(3.0)
+    rig.vehicle.reboot()
+    rig.wait(0.5)
+    assert "the vehicle has restarted; it is at rest until a command moves it" in rig.body.complaints()
+    rig.ready()
+    assert rig.sensed()["speed"] == 0.0, "nothing old resumes"
+    rig.robot.act(Setpoint(1.0))
+    rig.wait(3.0)
+    assert rig.sensed()["speed"] == pytest.approx(1.0)
+
+
+def test_a_setpoint_that_is_not_followed_and_a_refused_order_are_told() -> None:
+    rig = MavlinkRig()
+    rig.wait(0.2)
+    rig.robot.act(Setpoint(1.0))
+    rig.wait(0.5)
+    assert rig.body.complaints() == [
+        "it does not follow: it is in MANUAL, not armed; (SET_MODE GUIDED) and (ARM) come first"
+    ]
+    rig.vehicle.refuse.add(400)
+    rig.vehicle_body.arm()
+    rig.wait(0.2)
+    assert rig.body.complaints() == ["the order about arming or disarming was answered: denied"]
+
+
+def test_an_order_that_nobody_answers_is_given_up_and_never_takes_effect_late() -> None:
+    rig = MavlinkRig().ready()
+    rig.vehicle_body.disarm()
+    rig.cut()
+    rig.wait(1.9)
+    assert "it has not answered the order about arming or disarming" in rig.body.complaints()
+    rig.mend()
+    before = len(rig.vehicle.orders)
+    rig.wait(1.0)
+    assert (400, 0.0) not in rig.vehicle.orders[before:]
+    assert rig.vehicle.armed
+
+
+def test_its_mind_commands_it_by_name() -> None:
+    rig = MavlinkRig("copter")
+    rig.wait(1.2)
+    node = Node("v1", vocabulary_of(rig.body.model), body=rig.body)
+    node.sense(rig.robot.sense().values, 0.0)
+    result = node.evaluate("(WHEN (AND (> battery 50%) (>= gps_fix 3)) (SET_MODE GUIDED) (ARM))")
+    assert not result.faults
+    rig.wait(1.2)
+    node.sense(rig.robot.sense().values, 1.0)
+    assert node.evaluate("(AND (= mode GUIDED) (= armed 1))").value == 1.0
+
+
+@pytest.mark.parametrize(
+    ("tail", "error"),
+    [
+        ("", "wanted either key=FILE, with the phrase of the vehicle's signing key, or unsigned=yes"),
+        ("?key=vehicle.key&unsigned=yes", "wanted either key=FILE"),
+        ("?key=nothing", "key=nothing: it cannot be read"),
+        ("?key=empty.key", "wanted a file with one phrase"),
+        ("?unsigned=yes&failsafe=rt", "there is no failsafe 'rt'.*there are loiter, rtl, land"),
+        ("?unsigned=yes&origin=91,0", "is no place on the Earth"),
+        ("?unsigned=yes#255", "vehicles are numbered from 1 to 254"),
+        ("?unsigned=yes&speed=0", "speed is a number above 0"),
+        ("?unsigned=maybe", "there is no unsigned 'maybe'"),
+    ],
+)
+def test_an_address_that_is_wrong(tail: str, error: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("vehicle.key").write_text("fleet key\n")
+    Path("empty.key").write_text("\n")
+    with pytest.raises(MisuseError, match=error):
+        open_robot(f"mavlink://127.0.0.1:14550{tail}")
+
+
+def test_a_vehicle_that_there_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sleepcast.bridges.mavlink.PATIENCE", 0.2)
+    with pytest.raises(OutOfReachError, match=r"vehicle 3 was not heard at 127\.0\.0\.1:9 in 0.2 s"):
+        open_robot("mavlink://127.0.0.1:9?unsigned=yes#3")
+    with pytest.raises(BodyError, match="no --lockstep"):
+        open_robot("mavlink://127.0.0.1:9?unsigned=yes", Opening(in_step=True))
+
+
+# ---- with a vehicle in another process
+
+
+class Process:
+    """A vehicle in a process of its own, and a file with the phrase of its key."""
+
+    def __init__(self, folder: Path, kind: str = "rover") -> None:
+        (folder / "vehicle.key").write_text("fleet key\n")
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.port = probe.getsockname()[1]
+        self.uri = f"mavlink://127.0.0.1:{self.port}?listen=yes&key={folder / 'vehicle.key'}&failsafe=rtl#1"
+        self._running = subprocess.Popen(
+            [sys.executable, VEHICLE, str(self.port), "fleet key", kind], stdin=subprocess.PIPE, text=True
+        )
+
+    def tell(self, word: str) -> None:
+        assert self._running.stdin is not None
+        self._running.stdin.write(f"{word}\n")
+        self._running.stdin.flush()
+
+    def close(self) -> None:
+        self._running.kill()
+        self._running.communicate()
+
+
+class Mind:
+    """`sleepcast node` with this body, as a process."""
+
+    def __init__(self, uri: str, folder: Path) -> None:
+        self._screen, self._read = folder / "screen", 0
+        with self._screen.open("w") as screen:
+            command = ("node", "--name", "v1", "--body", uri, "--no-store")
+            self._running = subprocess.Popen(
+                [sys.executable, "-m", "sleepcast", *command],
+                stdin=subprocess.PIPE,
+                stdout=screen,
+                stderr=subprocess.STDOUT,
+                text=True,
+            )
+
+    def say(self, *lines: str) -> None:
+        assert self._running.stdin is not None
+        self._running.stdin.writelines(f"{line}\n" for line in lines)
+        self._running.stdin.flush()
+
+    def wait_for(self, sentence: str) -> None:
+        """Until this is printed, after what was waited for before."""
+        end = time.monotonic() + 20.0
+        while (found := self._screen.read_text().find(sentence, self._read)) < 0:
+            assert self._running.poll() is None, self._screen.read_text()
+            assert time.monotonic() < end, f"waited for {sentence}\n{self._screen.read_text()}"
+            time.sleep(0.02)
+        self._read = found + len(sentence)
+
+    def close(self) -> None:
+        self._running.send_signal(signal.SIGINT)
+        try:
+            assert self._running.wait(20) == 130
+        finally:
+            self._running.kill()
+            self._running.communicate()
+
+
+def test_a_node_commands_a_vehicle_in_another_process_and_finds_it_again(tmp_path: Path) -> None:
+    drive = "(RULE drive (WHEN (AND (= mode GUIDED) (= armed 1)) (SETQ drive_speed 1m/s)))"
+    tell = '(RULE say (WHEN (> speed 0.5m/s) (REPORT "rolling")))'
+    ready = ("(SET_MODE GUIDED)", "(ARM)")
+    with closing(Process(tmp_path)) as vehicle, closing(Mind(vehicle.uri, tmp_path)) as mind:
+        mind.wait_for("v1 is up")
+        mind.say(*ready, drive, tell)
+        mind.wait_for("rolling")
+        vehicle.tell("mute")
+        mind.wait_for("the body is out of reach: vehicle 1 has not been heard for 2 s")
+        vehicle.tell("speak")
+        mind.wait_for("the body is within reach again, and at rest until a command moves it")
+        vehicle.tell("reboot")
+        mind.wait_for("the vehicle has restarted; it is at rest until a command moves it")
+        mind.say(*ready)
+        mind.wait_for("rolling")
+        mind.say("STOP")
+        mind.wait_for("stopped, and at rest until RELEASE")

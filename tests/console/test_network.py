@@ -247,6 +247,13 @@ def test_who_comes_later_is_on_the_map_and_a_pause_asks_nobody(air: Page, channe
     air.tell("pace", running=True)
 
 
+def test_what_the_air_does_not_carry_is_said(air: Page) -> None:
+    found = air.ask("sense", robot=0)
+    name = air.news["hello"]["scene"]["names"][0]
+    assert found["reason"].startswith(f"On the air, {name} reports its variables, not what its sonars")
+    assert air.news["hello"]["note"] == ""  # these robots have no COLOUR
+
+
 @pytest.mark.browser
 def test_a_person_sees_and_commands_them(on_air: Program, context: BrowserContext) -> None:
     page = context.new_page()

@@ -18,6 +18,8 @@ from sleepcast.channel.message import TELEMETRY, Inspection
 from sleepcast.cli.watch import Window
 from sleepcast.console import Scene as Ground
 from sleepcast.console.adapters.channel import EMPTY, FleetAdapter
+from sleepcast.console.network import NetworkBackend
+from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import Constant, HostFunction, Quantity
 from sleepcast.language import Vocabulary
@@ -498,3 +500,14 @@ def test_a_liar_neither_moves_the_map_nor_breaks_the_page() -> None:
     assert fleet.silent().tolist() == [True] * 4
     assert fleet.age("r1") is not None
     assert fleet.age("nobody") is None
+
+
+def test_the_page_says_that_colours_are_not_reported_where_robots_have_any(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Scene(robots=3)
+    desk, telemetry = looking(scene)
+    fleet = FleetAdapter(desk, telemetry, Ground("air", "", "robots", (), EMPTY, "m", ()), 1.0, START)
+    page = NetworkBackend(fleet, desk, ManualClock(), START)
+    assert page.hello().note == ""
+    colour = HostFunction("COLOUR", lambda *given: 0.0)
+    monkeypatch.setattr(FleetAdapter, "vocabulary", Vocabulary(functions=(colour,)))
+    assert page.hello().note == "On the air, robots do not report what they show with COLOUR."

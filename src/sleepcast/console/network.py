@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Iterator
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, NoReturn, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from sleepcast.console.frames import SILENT
 from sleepcast.console.operators import OperatorsDesk
 from sleepcast.console.view import MindView, RuleView, SwarmView
 from sleepcast.core.clock import Clock
-from sleepcast.core.errors import SleepcastError, printable
+from sleepcast.core.errors import MisuseError, SleepcastError, printable
 from sleepcast.language import Explanation
 from sleepcast.station import Command
 from sleepcast.station.network import NetworkStation
@@ -82,6 +82,13 @@ class Fleet(SwarmView, Protocol):
 
     def ask_why(self, robot: str, command: str) -> AskedWhy:
         """Ask a robot how it evaluated a command."""
+
+
+COLOURS = "On the air, robots do not report what they show with COLOUR."
+SENSES = (
+    "On the air, {} reports its variables, not what its sonars and its bumper sense: look at Values, "
+    "or send a question (ask), such as (SONAR 1) where robots have sonars."
+)
 
 
 class RealPace:
@@ -163,13 +170,18 @@ class NetworkBackend(Backend):
         self._greeting: outgoing.Hello | None = None
 
     def hello(self) -> outgoing.Hello:
-        """What a page needs first, and again as soon as the scene is another one."""
+        """What a page needs first, and again as soon as the scene is another one or robots turn out to have colours."""
         scene = self._swarm.scene
-        if self._greeting is None or self._greeting.scene is not scene:
+        note = COLOURS if "colour" in self._swarm.vocabulary.bindings else ""
+        if self._greeting is None or self._greeting.scene is not scene or self._greeting.note != note:
             count = len(scene.names)
             unheard = max(0, self._station.fleet_size - count)
-            self._greeting = outgoing.Hello(scene, count, names_of(self._swarm), air=True, unheard=unheard)
+            self._greeting = outgoing.Hello(scene, count, names_of(self._swarm), air=True, unheard=unheard, note=note)
         return self._greeting
+
+    def sense(self, serial: int, robot: int) -> NoReturn:
+        """Refused."""
+        raise MisuseError(SENSES.format(self._name(robot)))
 
     def news(self, watched: int) -> Iterator[outgoing.Said]:
         """Everything that may have changed; the scene, too."""

@@ -24,7 +24,8 @@ class Hello(Said):
     """The first words: what there is to see, and the names that a text may use. began, recorded: the time at which a
     recording begins and ends, s; 0 where the swarm lives. part: of a recording in several files, from 1; 0 if there is
     one. air: whether the robots are on the air, where time is real. unheard: how many others are expected there. run:
-    the number of this run on the page, from 1; 0 where no other can follow."""
+    the number of this run on the page, from 1; 0 where no other can follow. note: what the map cannot show, in a
+    sentence."""
 
     scene: Scene
     count: int
@@ -35,6 +36,7 @@ class Hello(Said):
     air: bool = False
     unheard: int = 0
     run: int = 0
+    note: str = ""
 
 
 class Refused(Said):

@@ -6,6 +6,7 @@ import { Blanks } from "./blanks.js";
 import { BodyLayer } from "./body.js";
 import { NumberDrag } from "./drag.js";
 import { Drawer } from "./drawer.js";
+import { write } from "./elements.js";
 import { Failing } from "./failing.js";
 import { copy } from "./files.js";
 import { Filming } from "./filming.js";
@@ -102,6 +103,8 @@ wire.addEventListener("hello", ({ detail }) => {
   for (const story of document.querySelectorAll(".story")) story.textContent = scene.story;
   selecting.setCopies(detail.recorded > 0);
   prompt.trusting = !detail.air;
+  write(find("legend-note"), detail.note);
+  find("legend-note").hidden = !detail.note;
   prompt.setReady(scene.commands);
   blanks.set(scene.commands, scene.blanks);
   world.setScene(scene);

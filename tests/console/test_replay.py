@@ -35,7 +35,7 @@ from small_worlds import write
 
 MISSION = """
 @5s (WHEN (> battery 50%) (JOIN full))
-@10s (WHEN (IN full) (DRIVE 2m/s 10deg/s) (REPORT "left with" battery))
+@10s (WHEN (IN full) (DRIVE 2m/s 10deg/s) (REPORT "left with" battery) (DEFVAR Plan 7))
 @20s (WHEN (IN full) (RULE turn (IF (> x 600m) (ST))))
 """
 SECONDS = 60.0
@@ -261,10 +261,12 @@ def test_the_table_shows_what_was_recorded_at_that_time(page: Page) -> None:
     assert levels[0] > 50.0
     assert {row[1] for row in found["rows"]} == {"full"}
     assert {row[2][3] for row in found["rows"]} == {"1"}
+    assert found["source"] == "recorded at 0:00:20"
     names = {name["name"]: name["range"] for name in page.ask("names")["names"]}
     assert (names["battery"][-2:], names["full"]) == (" %", f"{found['total']} robots")
-    (wrong,) = rows(page, "turn")["columns"]
-    assert "turn" in wrong["problem"]
+    (wrong,) = rows(page, "Plan")["columns"]
+    assert "Plan" in wrong["problem"]
+    assert "is found by running it again" in wrong["problem"]
 
 
 def test_robots_that_are_selected_have_a_test(page: Page) -> None:
@@ -309,10 +311,27 @@ def test_a_plot_of_a_recording_shows_all_of_it(page: Page) -> None:
     members = dict(zip(*found["columns"], strict=True))
     assert {count for time, count in members.items() if time < 4.9} == {0.0}
     assert {count for time, count in members.items() if time > 6.0} == {max(members.values())} != {0.0}
+    assert found["told"] == "256 moments, as recorded"
     page.ask("unplot", number=counted)
     (shown,) = page.until("plots", lambda said: len(said["plots"]) == 1)["plots"]
     assert shown["units"] == ["s", "%"]
     page.ask("unplot", number=number)
+
+
+def test_what_was_not_recorded_is_plotted_by_running_again(page: Page) -> None:
+    page.until("span", lambda found: bool(found["kept"].startswith("Kept")))
+    number = page.ask("plot", kind="time", x="(+ Plan 1)", what="max", where="(IN full)")["number"]
+    while len((found := page.ask("plotted", number=number))["columns"][0]) < 9:  # all 64 take some seconds
+        assert found["more"]
+    assert (found["told"], found["problem"]) == (f"{len(found['columns'][0])} moments, run again", "")
+    planned = dict(zip(*found["columns"], strict=True))
+    assert {value for time, value in planned.items() if time < 9.9} == {None}
+    assert {value for time, value in planned.items() if time > 11.0} == {8.0}
+    page.ask("unplot", number=number)
+    refused = page.ask("plot", kind="histogram", x="Plan")
+    assert "in a plot over time" in refused["reason"]
+    refused = page.ask("plot", kind="time", x="Plam", what="mean")
+    assert (refused["type"], "did you mean Plan?" in refused["reason"]) == ("refused", True)
 
 
 @pytest.mark.browser

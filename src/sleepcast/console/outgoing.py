@@ -269,7 +269,8 @@ class ShownRow(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Rows(Said):
-    """Rows of the table from place `first` on. total: rows that pass the test. problem: what is wrong with the test."""
+    """Rows of the table from place `first` on. total: rows that pass the test. problem: what is wrong with the test.
+    source: where the values come from, in words; "" for telemetry."""
 
     serial: int
     columns: list[ShownColumn]
@@ -277,6 +278,7 @@ class Rows(Said):
     first: int
     rows: list[ShownRow]
     problem: str = ""
+    source: str = ""
 
 
 class Range(Said):

@@ -36,6 +36,13 @@ class OtherFuture:
     difference: str = ""
 
 
+class Sampled(msgspec.Struct, frozen=True):
+    """The values of a plot's lines in SI, None for unknown. problem: why there are none."""
+
+    values: list[float | None]
+    problem: str = ""
+
+
 class Past:
     """See the module. film: what was seen. tick: seconds in a tick. telemetry: ticks between two reports of a robot.
     inputs, states: what came from outside, and from where it can be run again; they grow. run: counts the runs of one
@@ -98,6 +105,10 @@ class Past:
     async def answer(self, tick: int, message: incoming.Message) -> msgspec.Raw:
         """What the desk would have answered at a tick. Raises RerunError."""
         return _said(await self._ask("answer", tick, message))
+
+    async def sample(self, tick: int, plot: incoming.Plot) -> Sampled:
+        """What a plot over time shows of a tick. Raises RerunError."""
+        return msgspec.json.decode((await self._ask("sample", tick, plot)).said, type=Sampled)
 
     async def why(self, tick: int, asked: incoming.Why) -> msgspec.Raw:
         """Why a robot did what it did with a command up to a tick. Raises RerunError."""

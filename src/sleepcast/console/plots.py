@@ -107,19 +107,30 @@ class Plots:
             earlier = old.series.since(time) if old.kind == "time" else []
             self._plots[number] = replace(old, read=read, series=old.series.until(time), earlier=earlier)
 
-    def add(self, asked: incoming.Plot) -> outgoing.Plot:
+    def add(self, asked: incoming.Plot) -> outgoing.Plot | Awaitable[outgoing.Plot]:
         """Add a plot. Raises MisuseError if there are too many, and what is wrong with its texts."""
+        self._refuse(asked)
+        self._validate(asked)
+        return self._added(asked)
+
+    def _refuse(self, asked: incoming.Plot) -> None:
+        """Raise MisuseError for a plot that there cannot be, whatever its texts say."""
         if len(self._plots) >= MOST_PLOTS:
             raise MisuseError(f"There are {len(self._plots)} plots, and at most {MOST_PLOTS} fit: remove one first.")
-        texts = {"the expression": asked.x, "the second expression": asked.y, "the test": asked.where}
         if not asked.x.strip() or (asked.kind == "scatter" and not asked.y.strip()):
             raise MisuseError("A plot needs an expression, such as fuel; a scatter plot needs two.")
+
+    def _validate(self, asked: incoming.Plot) -> None:
+        """Raise MisuseError where something is wrong in a text."""
+        texts = {"the expression": asked.x, "the second expression": asked.y, "the test": asked.where}
         for name, text in texts.items():
             if text.strip():
                 try:
                     self._values.of(text.strip(), np.arange(0))
                 except SleepcastError as error:
                     raise MisuseError(f"{name[0].upper()}{name[1:]} is not right. {error}") from None
+
+    def _added(self, asked: incoming.Plot) -> outgoing.Plot:
         what = asked.what if asked.kind == "time" else ""
         y = asked.y.strip() if asked.kind == "scatter" else ""
         plot = self._put(asked.kind, asked.x.strip(), y=y, where=asked.where.strip(), what=what)
@@ -184,9 +195,10 @@ class Plots:
         if plot.kind == "time":
             return self._over_time(plot, asked)
         try:
-            columns, told = self._scatter(plot) if plot.kind == "scatter" else self._histogram(plot)
+            columns, robots = self._scatter(plot) if plot.kind == "scatter" else self._histogram(plot)
         except SleepcastError as error:
             return outgoing.Plotted(asked.serial, [], problem=str(error))
+        told = ", ".join(filter(None, (robots, self._values.source)))
         return outgoing.Plotted(asked.serial, columns, told=told)
 
     def _over_time(self, plot: PlotSpec, asked: incoming.Plotted) -> outgoing.Plotted | Awaitable[outgoing.Plotted]:

@@ -1,7 +1,8 @@
 """What expressions come to in a recording: on the recorded sensor readings, groups and flags, at any time of it.
 
 The readings of a moment are put into the columns of a fleet that has heard nothing, so that expressions mean here what
-they mean everywhere. What robots have learned (their own variables, rules, operators) is not in a recording.
+they mean everywhere. What robots have learned (their own variables, rules, operators) is not in a recording. A plot
+over time that needs it is made by running the recording again (`past`), where that leads through what was recorded.
 """
 
 from __future__ import annotations
@@ -15,7 +16,10 @@ import numpy as np
 from sleepcast.console import incoming, outgoing
 from sleepcast.console.completion import ShownName, names_in
 from sleepcast.console.film import Timeline, values_of
+from sleepcast.console.marks import clock_time
+from sleepcast.console.past import Past
 from sleepcast.console.plots import Measure, Plots, PlotSpec
+from sleepcast.console.rerunner import RerunError
 from sleepcast.console.series import Sample, columns_of
 from sleepcast.console.values import Column, Index, Mask, suggested_of, unit_for
 from sleepcast.core.clock import Clock
@@ -30,8 +34,14 @@ from sleepcast.language.vocabulary import FROZEN, MARKED, SLEEPING, TIME_SLOT, V
 
 MOST_TIMES = 256
 """Times at which a plot of a recording is drawn."""
+MOST_AGAIN = 64
+"""The same for one that is made by running again, which takes much longer."""
 AT_ONCE = 0.25
 """Seconds for which the samples of one answer are made; the page asks for more."""
+HOLDS = (
+    "A recording holds what robots sensed, their groups and flags. What they had learned is found by running it again: "
+    "of one robot where time stands still, and of all in a plot over time."
+)
 FLAGS = ((FROZEN, 2), (SLEEPING, 4), (MARKED, 8))
 """The variables that the flags of a frame stand for, by bit."""
 
@@ -76,6 +86,12 @@ class RecordedValues:
         """What they are known to have learned at this time: their groups."""
         return self._known()
 
+    @property
+    def source(self) -> str:
+        time = self._film.values.before(self._now())
+        read = self._film.values.times[time - 1] if time else None
+        return "nothing recorded yet" if read is None else f"recorded at {clock_time(read)}"
+
     def values(self, text: str) -> tuple[Column, int]:
         """As `of`: a recording is a `FactSource`."""
         return self.of(text)
@@ -88,7 +104,7 @@ class RecordedValues:
         checked = check(text, self._known())
         program = checked.required()
         if checked.unknown:
-            raise CheckError(checked.findings, text, checked.more)
+            raise MisuseError(f"{CheckError(checked.findings, text, checked.more)}\n{HOLDS}")
         if acts(program.root):
             raise MisuseError(f"cannot say what {text} comes to without doing it")
         self._look()
@@ -147,17 +163,47 @@ class RecordedValues:
 
 class RecordedPlots(Plots):
     """The plots of a recording. Those over time show all of it: samples are made when they are asked for, from far
-    apart to close together."""
+    apart to close together. past: by which it is run again, None where it cannot be."""
 
     def __init__(
-        self, film: Timeline, now: Callable[[], float], clock: Clock, measures: Sequence[Measure] = ()
+        self,
+        film: Timeline,
+        now: Callable[[], float],
+        clock: Clock,
+        measures: Sequence[Measure] = (),
+        past: Past | None = None,
     ) -> None:
         super().__init__(RecordedValues(film, now), clock, measures)
-        self._film = film
+        self._film, self._past = film, past
+        self._again: dict[int, incoming.Plot] = {}
+        """The plots for which it is run again, by their numbers."""
         self._at = film.began
         self._moving = RecordedValues(film, lambda: self._at)
         self._samples: dict[int, dict[float, Sample]] = {}
         """Of each plot, by time."""
+
+    def add(self, asked: incoming.Plot) -> outgoing.Plot | Awaitable[outgoing.Plot]:
+        """As everywhere; what was not recorded is plotted over time by running again."""
+        self._refuse(asked)
+        try:
+            self._validate(asked)
+        except MisuseError as error:
+            if self._past is None or asked.kind != "time":
+                raise
+            return self._added_again(asked, self._past, error)
+        return self._added(asked)
+
+    async def _added_again(self, asked: incoming.Plot, past: Past, unrecorded: MisuseError) -> outgoing.Plot:
+        try:
+            found = await past.sample(past.tick_of(self._film.seconds), asked)
+        except RerunError as error:
+            raise MisuseError(f"{unrecorded}\n{error}") from None
+        if found.problem:
+            raise MisuseError(found.problem)
+        self._refuse(asked)  # others may have been added meanwhile
+        added = self._added(asked)
+        self._again[added.number] = asked
+        return added
 
     def sample(self) -> None:
         """Nothing: what was is known already."""
@@ -168,27 +214,40 @@ class RecordedPlots(Plots):
     async def _sampled(self, plot: PlotSpec, asked: incoming.Plotted) -> outgoing.Plotted:
         found = self._samples.setdefault(plot.number, {})
         until, more = self._clock.now() + AT_ONCE, False
-        for time in times_of(self._film.began, self._film.seconds):
+        again = self._again.get(plot.number)
+        for time in times_of(self._film.began, self._film.seconds, MOST_TIMES if again is None else MOST_AGAIN):
             if time in found:
                 continue
             if self._clock.now() > until:
                 more = True
                 break
+            if again is not None and self._past is not None:
+                try:
+                    sampled = await self._past.sample(self._past.tick_of(time), again)
+                except RerunError as error:
+                    plot.problem = str(error)
+                    break
+                plot.problem = ""
+                values = [nan if value is None else value for value in sampled.values]
+                found[time] = values or [nan] * len(plot.lines)
+                continue
             self._at = time
             found[time] = self._sample(plot, self._moving)
             await asyncio.sleep(0.0)
         times = sorted(found)
         columns = columns_of(times, [found[time] for time in times], len(plot.lines))
-        told = f"{len(times)} of the recorded moments."
+        told = f"{len(times)} moments, {'as recorded' if again is None else 'run again'}"
         return outgoing.Plotted(asked.serial, columns, told=told, problem=plot.problem, more=more)
 
     def remove(self, asked: incoming.Unplot) -> outgoing.Unplot:
         self._samples.pop(asked.number, None)
+        self._again.pop(asked.number, None)
         return super().remove(asked)
 
 
-def times_of(began: float, ended: float) -> list[float]:
-    """Times from the beginning to the end, far apart first: whatever part of them is known covers everything."""
-    bits = MOST_TIMES.bit_length() - 1
-    places = [int(f"{number:0{bits}b}"[::-1], 2) for number in range(MOST_TIMES)]
-    return [began + (ended - began) * place / (MOST_TIMES - 1) for place in places]
+def times_of(began: float, ended: float, count: int) -> list[float]:
+    """So many times (a power of two) from the beginning to the end, far apart first: whatever part of them is known
+    covers everything."""
+    bits = count.bit_length() - 1
+    places = [int(f"{number:0{bits}b}"[::-1], 2) for number in range(count)]
+    return [began + (ended - began) * place / (count - 1) for place in places]

@@ -121,7 +121,7 @@ class ReplayBackend:
         self._exact: dict[int, Exact] = {}
         """By the robot that a page looks at."""
         self.values = RecordedValues(film, lambda: driver.time)
-        self.plots = RecordedPlots(film, lambda: driver.time, driver.clock, measures)
+        self.plots = RecordedPlots(film, lambda: driver.time, driver.clock, measures, past)
         self.alerts = AlertBoard(self.values, driver.clock)
         driver.watchers.append(self.alerts.look)
 

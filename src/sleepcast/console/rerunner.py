@@ -21,7 +21,7 @@ import numpy as np
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop.rerun import Inputs
 
-Deed = Literal["begin", "look", "answer", "why", "state", "advance", "compare"]
+Deed = Literal["begin", "look", "answer", "why", "state", "advance", "compare", "sample"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +40,9 @@ class Moment:
 @dataclass(frozen=True, slots=True)
 class Question:
     """deed: what is to be done at the moment. robot: the one that is looked at or asked, -1 for none. message: the
-    page's, for "answer"; the command, for "why". groups: names that are known already, in their order. patience:
-    seconds of work after which it is given up, or that "advance" takes. source: of the scenario, packed, and the seed,
-    for "begin". other: the same moment of another future, for "compare"."""
+    page's, for "answer" and "sample"; the command, for "why". groups: names that are known already, in their order.
+    patience: seconds of work after which it is given up, or that "advance" takes. source: of the scenario, packed, and
+    the seed, for "begin". other: the same moment of another future, for "compare"."""
 
     deed: Deed
     moment: Moment

@@ -98,10 +98,12 @@ def columns_of(
     times: Sequence[float], samples: Sequence[Sample], lines: int, start: int = 0
 ) -> list[list[float | None]]:
     """Times and samples as columns."""
-    found: list[list[float | None]] = [list(times[start:])]
-    for line in range(lines):
-        found.append([None if isnan(sample[line]) else sample[line] for sample in samples[start:]])
-    return found
+    return [list(times[start:]), *(plain([sample[line] for sample in samples[start:]]) for line in range(lines))]
+
+
+def plain(values: Sequence[float]) -> list[float | None]:
+    """Numbers for the page, which has none for unknown."""
+    return [None if isnan(value) else value for value in values]
 
 
 def lines_of(what: str) -> list[str]:

@@ -70,7 +70,8 @@ class RobotTable:
             for robot, place in zip(robots.tolist(), back.tolist(), strict=True)
         ]
         shown = [column for column, _ in found]
-        return outgoing.Rows(asked.serial, shown, len(order.robots), asked.first, rows, order.problem)
+        total = len(order.robots)
+        return outgoing.Rows(asked.serial, shown, total, asked.first, rows, order.problem, self._values.source)
 
     def range(self, asked: incoming.Range) -> outgoing.Range:
         """The robots in these rows, as they were sorted last."""

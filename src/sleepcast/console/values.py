@@ -31,6 +31,10 @@ class Values(Protocol):
     def names(self) -> Sequence[str]:
         """Of the robots, in the order of the page."""
 
+    @property
+    def source(self) -> str:
+        """Where the values come from, in words; "" for the desk's own telemetry."""
+
     def time(self) -> float:
         """The page's time, s."""
 
@@ -57,6 +61,10 @@ class TelemetryValues:
     @property
     def names(self) -> Sequence[str]:
         return self._swarm.scene.names
+
+    @property
+    def source(self) -> str:
+        return ""
 
     def time(self) -> float:
         return self._swarm.now()

@@ -1,8 +1,8 @@
 """The process that runs a swarm again, to answer for a moment of its past (see `console/rerunner`).
 
 It keeps three swarms: one where somebody looks, one that has just evaluated a command that was asked about, and one
-that runs ahead through a recording to keep states of it. Each goes on from where it is if that is nearer than the state
-that came with the question.
+that runs ahead through a recording to keep states of it, and later through what is plotted. Each goes on from where it
+is if that is nearer than the state that came with the question.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import show_why
 from sleepcast.console.kept import Diary
 from sleepcast.console.marks import clock_time
+from sleepcast.console.past import Sampled
 from sleepcast.console.rerunner import Found, Moment, Question, RerunError, digest
+from sleepcast.console.series import plain, sample_of
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import Pace, Swarm, resume
 from sleepcast.loop.rerun import Rerun
@@ -141,6 +143,8 @@ class Past:
                 return self._why(question)
             case "compare":
                 return self._compare(question)
+            case "sample":
+                return self._sample(question)
         again = self._at("look", question)
         if question.deed == "state":
             return Found(again.rerun.tick, state=copy_of(again.swarm).packed(), differs=again.differs)
@@ -241,6 +245,18 @@ class Past:
             if found is not None:
                 return Found(one.rerun.tick, said=found.encode())
         return Found(one.rerun.tick)
+
+    def _sample(self, question: Question) -> Found:
+        """What a plot over time shows. It does not move the swarm at which somebody looks."""
+        asked = incoming.decode(question.message)
+        if not isinstance(asked, incoming.Plot):
+            raise RerunError("This is no plot.")
+        again = self._at("ahead", question)
+        try:
+            found = Sampled(plain(sample_of(again.backend.values, asked.what, asked.x, asked.where, "")))
+        except SleepcastError as error:  # robots have not yet learned what it names, say
+            found = Sampled([], str(error))
+        return Found(again.rerun.tick, said=encode(found), differs=again.differs)
 
     def _why(self, question: Question) -> Found:
         """Run on from before a command until the robot has evaluated it."""

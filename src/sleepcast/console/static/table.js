@@ -171,7 +171,8 @@ export class Table extends EventTarget {
   count() {
     const [total, all] = [this.answer.total, this.robots.length].map((number) => number.toLocaleString("en"));
     const rows = this.where ? `${total} of ${all} robots` : `${all} robots`;
-    this.say(this.picked.size ? `${rows}, ${this.picked.size.toLocaleString("en")} selected` : rows);
+    const picked = this.picked.size ? `, ${this.picked.size.toLocaleString("en")} selected` : "";
+    this.say(`${rows}${picked}${this.answer.source ? ` · ${this.answer.source}` : ""}`);
   }
 
   say(text, wrong = false) {

@@ -13,7 +13,7 @@ import { Refusal } from "./wire.js";
 const PAUSE = 120; // ms without a key before the text is checked
 const AGAIN = 1000; // ms after which the robots have moved enough to ask again who would obey
 const NAMES_AGE = 2000; // ms for which the ranges of values in the list of names are good enough
-const HINT = "↑ recalls earlier commands";
+const HINT = "↑ earlier commands";
 const FIRST_HINT = "Enter starts time";
 const MOST_NAMES = 12; // names offered at once
 const MOST_CHARACTERS = 16384; // of a command, as console/incoming.py has it

@@ -43,6 +43,14 @@ def page(scouts: Program, context: BrowserContext) -> Page:
     return found
 
 
+@pytest.fixture
+def bare(scouts: Program, context: BrowserContext) -> Page:
+    """An empty page of the same server, which may use the page's modules."""
+    found = context.new_page()
+    found.goto(f"http://{scouts.host}/static/style.css")
+    return found
+
+
 def box(found: Locator) -> dict[str, float]:
     place = found.bounding_box()
     assert place is not None
@@ -166,8 +174,8 @@ async () => {
 """
 
 
-def test_names_thin_out_and_stay_while_the_map_moves(page: Page) -> None:
-    found = page.evaluate(LABELS)
+def test_names_thin_out_and_stay_while_the_map_moves(bare: Page) -> None:
+    found = bare.evaluate(LABELS)
     assert found["over"] == 0  # no name lies over another
     first = found["far"]["texts"]
     assert {"robot555", "robot777", "home", "bravo"} < set(first)  # the chosen one, the selected one, a place, a group
@@ -184,7 +192,7 @@ def test_names_thin_out_and_stay_while_the_map_moves(page: Page) -> None:
 POINTS = """
 async (groups) => {
   const { drawSwarm } = await import("/static/swarm.js");
-  const { looksOf, palette, sortsOf } = await import("/static/shapes.js");
+  const { looksOf, sortsOf } = await import("/static/shapes.js");
   const { View } = await import("/static/view.js");
   const count = 8000;
   const side = 100;
@@ -200,7 +208,7 @@ async (groups) => {
   const pen = canvas.getContext("2d");
   const lit = new Uint8Array(count);
   lit[0] = 1;
-  const colours = palette();
+  const colours = { lit: "#f0a000", chosen: "#000", robots: Array(9).fill("#0000aa") };
   const look = (marks, at, half) => {
     pen.clearRect(0, 0, 850, 680);
     const looks = looksOf(frame, sortsOf(scene.sizes, count));
@@ -222,8 +230,8 @@ async (groups) => {
 """
 
 
-def test_points_of_groups_differ_without_colour(page: Page) -> None:
-    found = page.evaluate(POINTS, 7)
+def test_points_of_groups_differ_without_colour(bare: Page) -> None:
+    found = bare.evaluate(POINTS, 7)
     assert len({tuple(shape) for shape in found["shapes"]}) == 7
     (other,), (lit,) = found["dim"]
     assert (lit, 60 < other < 100) == (255, True)  # who is not lit steps back
@@ -274,6 +282,23 @@ def test_a_picture_lies_under_the_world_and_stays_in_this_browser(page: Page) ->
     page.locator(".ground-picture .remove").click()
     expect(page.locator(".ground-picture .remove")).to_be_hidden()
     until(page, lambda: middle(page) == plain)
+
+
+def test_the_map_of_a_scenario_lies_under_it_by_itself(tmp_path: Path, context: BrowserContext) -> None:
+    Image.new("L", (24, 24), 205).save(tmp_path / "lab.png")  # nobody knows what is there
+    (tmp_path / "lab.yaml").write_text(
+        "image: lab.png\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.19\n"
+    )
+    write(tmp_path, ("[world]", '[world]\nmap = "lab.yaml"'), text=SCOUTS)
+    with Program("run", tmp_path, "--page", "--speed", "1") as program:
+        page = context.new_page()
+        page.goto(program.address)
+        until(page, lambda: 217 < middle(page)[0] < 233)  # 60 per cent of the map's grey
+        page.emulate_media(color_scheme="dark")
+        until(page, lambda: 28 < middle(page)[0] < 44)  # and of its negative
+        page.locator("#layers").click()
+        expect(page.locator(".ground-picture .opacity")).to_be_visible()
+        expect(page.locator(".ground-picture .remove")).to_be_hidden()  # it is the scenario's
 
 
 def test_a_distance_is_measured_in_the_unit_of_the_map(page: Page) -> None:

@@ -116,6 +116,7 @@ export class GroundPicture {
     const known = kept(this.key, null) ?? {};
     const [left, bottom, right] = this.world.scene?.area ?? [0, 0, 1];
     this.image = image;
+    this.turned = null; // its negative, once that was wanted
     this.own = own;
     this.opacity = known.opacity ?? 0.6;
     this.place = place ?? known.place ?? { x: left, y: bottom, yaw: 0, resolution: (right - left) / (image?.width ?? 1) };
@@ -144,6 +145,12 @@ export class GroundPicture {
     this.find("said").textContent = text;
   }
 
+  // A map is dark walls on white, which would dazzle, and hide the robots, in the dark.
+  get negative() {
+    this.turned ??= negativeOf(this.image);
+    return this.turned;
+  }
+
   draw(pen, view) {
     if (!this.image || !this.world.shows("picture")) return;
     const { x, y, yaw, resolution } = this.place;
@@ -153,9 +160,25 @@ export class GroundPicture {
     pen.imageSmoothingEnabled = side < 2; // from close by, the cells of a map have edges
     pen.translate(view.toScreenX(x), view.toScreenY(y));
     pen.rotate(-yaw);
-    pen.drawImage(this.image, 0, -this.image.height * side, this.image.width * side, this.image.height * side);
+    const { width, height } = this.image;
+    pen.drawImage(this.own || !isDark(this.world.colours.ground) ? this.image : this.negative, 0, -height * side, width * side, height * side);
     pen.restore();
   }
+}
+
+function negativeOf(image) {
+  const sheet = Object.assign(document.createElement("canvas"), { width: image.width, height: image.height });
+  const pen = sheet.getContext("2d");
+  pen.drawImage(image, 0, 0);
+  pen.globalCompositeOperation = "difference";
+  pen.fillStyle = "#fff";
+  pen.fillRect(0, 0, image.width, image.height);
+  return sheet;
+}
+
+function isDark(colour) {
+  const [red, green, blue] = [1, 3, 5].map((at) => Number.parseInt(colour.slice(at, at + 2), 16));
+  return red + green + blue < 384;
 }
 
 // The picture in a file, null for what is none or too large.

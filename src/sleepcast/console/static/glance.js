@@ -6,7 +6,7 @@ import { EXHAUSTED, SILENT, STILL } from "./frame.js";
 import { Refusal } from "./wire.js";
 
 const REFRESH = 1000; // ms between two looks
-const HEADS = ["", "least", "median", "greatest"];
+const HEADS = ["", "Least", "Median", "Greatest"];
 
 export class Glance {
   constructor(root, wire) {

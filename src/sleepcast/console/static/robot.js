@@ -80,7 +80,7 @@ export class RobotPane {
       ["Rule", "Active", "Last value", "Text"],
       news.rules,
       (rule) => [rule.name, rule.active ? "● yes" : "○ no", rule.fault ? `! ${rule.fault}` : rule.value, rule.text],
-      "This robot has no rules: it only answers messages.",
+      "This robot has no rules: it only answers messages. (RULE guard (WHEN (< fuel 10%) (ST))) gives it one.",
     );
     fill(
       this.find("pane-said"),

@@ -15,6 +15,7 @@ from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
 from sleepcast.console.driver import Driver
+from sleepcast.console.exact import Exact
 from sleepcast.console.rerunner import RerunError
 from sleepcast.core.clock import ManualClock, WallClock
 from sleepcast.core.errors import SleepcastError
@@ -90,6 +91,34 @@ def test_every_robot_says_why_as_it_did(run: Run) -> None:
             assert bytes(await run.past.why(LAST, incoming.Why(1, robot, command))) == wanted
 
     asyncio.run(ask())
+
+
+def test_who_stands_at_a_moment_sees_it_as_soon_as_it_can_be_run_again(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    early = True
+
+    def check(tick: int) -> None:
+        if early:
+            raise RerunError("not yet")
+
+    async def stand() -> None:
+        nonlocal early
+        changed = asyncio.Event()
+        exact = Exact(run.past, changed.set)
+        assert exact.of(40, -1) is None
+        await changed.wait()
+        assert (exact.note, exact.of(40, -1)) == ("not yet", None)
+        early = False
+        while (found := exact.of(40, -1)) is None:
+            changed.clear()
+            await changed.wait()
+        assert (exact.note, found.poses) == ("", run.poses[40])
+        exact.leave()
+
+    monkeypatch.setattr(run.past, "check", check)
+    monkeypatch.setattr("sleepcast.console.exact.AGAIN", 0.05)
+    asyncio.run(stand())
 
 
 def test_a_command_of_later_was_not_evaluated_yet(run: Run) -> None:

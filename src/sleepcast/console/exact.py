@@ -11,6 +11,8 @@ from sleepcast.core.errors import SleepcastError
 
 REST = 0.15
 """Seconds for which somebody must stand at a moment before it is run again: those who drag on see the pictures."""
+AGAIN = 1.0
+"""Seconds between two looks whether a moment can be run again by now."""
 
 
 class Exact:
@@ -38,11 +40,24 @@ class Exact:
 
     async def _find(self, tick: int, robot: int) -> None:
         await asyncio.sleep(REST)
+        while why := self._why_not(tick):
+            self.note = why
+            self._changed()
+            await asyncio.sleep(AGAIN)
+        self.note = ""
         try:
             self._found = await self._past.look(tick, robot)
         except SleepcastError as error:
             self.note = str(error)
         self._changed()
+
+    def _why_not(self, tick: int) -> str:
+        """Why a tick cannot be run again, or not yet; "" if it can."""
+        try:
+            self._past.check(tick)
+        except SleepcastError as error:
+            return str(error)
+        return ""
 
     def leave(self) -> None:
         """Nobody stands there any more."""

@@ -178,6 +178,7 @@ export class Table extends EventTarget {
   say(text, wrong = false) {
     const place = this.find("told");
     write(place, text);
+    place.title = text; // there may be room for a part of it
     place.classList.toggle("wrong", wrong);
   }
 

@@ -67,6 +67,7 @@ SLOW = {
     "cli/test_demo.py": 6,
     "bridges/test_nomad.py": 9,
     "bridges/test_mavlink.py": 11,
+    "bridges/test_ground_station.py": 4,
     "cli/test_desk.py": 6,
     "cli/test_node.py": 6,
     "console/test_markup.py": 6,

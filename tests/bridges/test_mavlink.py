@@ -175,7 +175,7 @@ def test_what_is_not_signed_with_the_key_is_not_heard_and_that_is_told() -> None
 def test_a_stale_clock_of_the_vehicle_is_told() -> None:
     rig = MavlinkRig(vehicle=Vehicle("rover", KEY, stamp=1.5e9))
     rig.wait(3.0)
-    assert any("the vehicle's clock is behind ours" in sentence for sentence in rig.body.complaints())
+    assert any("the clock of the vehicle is behind ours" in sentence for sentence in rig.body.complaints())
 
 
 def test_forged_timestamps_do_not_deafen_the_link_and_repeats_are_not_heard() -> None:
@@ -306,10 +306,10 @@ class Process:
 class Mind:
     """`sleepcast node` with this body, as a process."""
 
-    def __init__(self, uri: str, folder: Path) -> None:
+    def __init__(self, uri: str, folder: Path, *options: str) -> None:
         self._screen, self._read = folder / "screen", 0
         with self._screen.open("w") as screen:
-            command = ("node", "--name", "v1", "--body", uri, "--no-store")
+            command = ("node", "--name", "v1", "--body", uri, "--no-store", *options)
             self._running = subprocess.Popen(
                 [sys.executable, "-m", "sleepcast", *command],
                 stdin=subprocess.PIPE,

@@ -19,9 +19,9 @@ from math import cos, hypot, inf, isfinite, nan, pi, remainder, sin
 from typing import Any
 
 from sleepcast.bridges import Opening
-from sleepcast.bridges.address import BodyAddress, BodyError, read_body_address
+from sleepcast.bridges.address import BodyError, read_body_address
 from sleepcast.bridges.body import FRESH, PATIENCE, BridgedBody, FencedError, Motion, OutOfReachError, clamped
-from sleepcast.bridges.mavlink_link import Link, UdpWire, read_key
+from sleepcast.bridges.mavlink_link import LINK, Link, open_link, system_of
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, printable
 from sleepcast.core.geodesy import LocalMap, Origin
@@ -32,9 +32,7 @@ from sleepcast.robot import BodyConstant, Geometry, Limits, Reading, RobotModel
 EXAMPLE = "mavlink://0.0.0.0:14550?listen=yes&key=vehicle.key#1"
 PORT = 14_550
 SETTINGS = {
-    "listen": "no",
-    "key": "",
-    "unsigned": "no",
+    **LINK,
     "failsafe": "loiter",
     "origin": "",
     "speed": "2",
@@ -444,42 +442,23 @@ def open_body(uri: str, opening: Opening) -> MavlinkVehicle:
     Raises BodyError, OutOfReachError.
     """
     address = read_body_address(uri, EXAMPLE, SETTINGS)
-    yes = {name: address.choice(name, ("no", "yes")) == "yes" for name in ("listen", "unsigned")}
-    system = _system(address)
+    system = system_of(address)
     if opening.in_step:
         raise BodyError(f"{uri!r:.100}: a vehicle's time waits for nobody: no --lockstep")
-    if bool(address.settings["key"]) is yes["unsigned"]:
-        raise BodyError(
-            f"{uri!r:.100}: wanted either key=FILE, with the phrase of the vehicle's signing key, or unsigned=yes, by "
-            "which everybody who reaches the vehicle can command it"
-        )
-    key = read_key(address.settings["key"]) if address.settings["key"] else None
     failsafe = address.choice("failsafe", FAILSAFES).upper()
     origin = Origin.read(address.settings["origin"]) if address.settings["origin"] else None
     speed, turn, acceleration = (address.number(name, most=100.0) for name in ("speed", "turn_rate", "acceleration"))
     limits = Limits(speed, turn, acceleration)
     ceiling = address.number("ceiling", most=10_000.0, unit="m")
-    port = PORT if address.port is None else address.port
+    link = open_link(address, PORT, WE, OUR_COMPONENT)
     try:
-        wire = UdpWire(address.host, port, listening=yes["listen"])
-    except OSError as error:
-        raise BodyError(f"{uri!r:.100}: {error.strerror or error}") from None
-    try:
-        link = Link(wire, WE, OUR_COMPONENT, key)
-        modes = _meet(link, system, f"{address.host}:{port}")
+        modes = _meet(link, system, f"{address.host}:{address.port or PORT}")
         if failsafe not in modes:
             raise BodyError(f"{uri!r:.100}: this vehicle has no mode {failsafe}; it has {', '.join(modes)}")
         return MavlinkVehicle(link, system, modes, limits, failsafe=failsafe, origin=origin, ceiling=ceiling)
     except BaseException:
-        wire.close()
+        link.close()
         raise
-
-
-def _system(address: BodyAddress) -> int:
-    text = address.part or "1"
-    if not (text.isascii() and text.isdigit() and len(text) <= 3 and 1 <= int(text) <= 254):
-        raise BodyError(f"{address.uri!r:.100}: vehicles are numbered from 1 to 254, so #{text:.20} is none")
-    return int(text)
 
 
 def _meet(link: Link, system: int, where: str) -> dict[str, int]:

@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from sleepcast.bridges.address import BodyError
+from sleepcast.bridges.address import BodyAddress, BodyError
 from sleepcast.core.clock import Clock, UnixClock
 from sleepcast.core.errors import MisuseError
 
@@ -32,6 +32,10 @@ MAX_KEY = 4_096
 """Bytes of a file with a phrase."""
 SIGNED = 1
 """The flag of a signed message, in its third byte."""
+
+
+LINK = {"listen": "no", "key": "", "unsigned": "no"}
+"""What can be set of every link, and what holds otherwise."""
 
 
 class Wire(Protocol):
@@ -102,6 +106,36 @@ def read_key(file: str) -> bytes:
     return hashlib.sha256(phrase).digest()
 
 
+def open_link(address: BodyAddress, port: int, system: int, component: int) -> Link:
+    """A link over UDP, signed with the key of the address, which has the settings of `LINK`. port: where the address
+    names none. Raises BodyError, MisuseError."""
+    yes = {name: address.choice(name, ("no", "yes")) == "yes" for name in ("listen", "unsigned")}
+    file = address.settings["key"]
+    if bool(file) is yes["unsigned"]:
+        raise BodyError(
+            f"{address.uri!r:.100}: wanted either key=FILE, with the phrase of the vehicle's signing key, or "
+            "unsigned=yes, by which everybody who reaches the vehicle can command it"
+        )
+    key = read_key(file) if file else None
+    try:
+        wire = UdpWire(address.host, port if address.port is None else address.port, listening=yes["listen"])
+    except OSError as error:
+        raise BodyError(f"{address.uri!r:.100}: {error.strerror or error}") from None
+    try:
+        return Link(wire, system, component, key)
+    except BaseException:
+        wire.close()
+        raise
+
+
+def system_of(address: BodyAddress, otherwise: int = 1) -> int:
+    """The number of the vehicle behind an address's #. Raises BodyError."""
+    text = address.part or str(otherwise)
+    if not (text.isascii() and text.isdigit() and len(text) <= 3 and 1 <= int(text) <= 254):
+        raise BodyError(f"{address.uri!r:.100}: vehicles are numbered from 1 to 254, so #{text:.20} is none")
+    return int(text)
+
+
 class Link:
     """See the module. system, component: who we are. key: None to take and send unsigned messages. clock: Unix time.
 
@@ -151,11 +185,10 @@ class Link:
         elif not data[2] & SIGNED:
             self.refused["not signed"] += 1
 
-    def complaints(self) -> list[str]:
-        """Why messages have been refused since the last call, in sentences."""
-        said = [
-            f"{count} messages from the vehicle were refused: {REFUSED[why]}" for why, count in self.refused.items()
-        ]
+    def complaints(self, whose: str = "the vehicle") -> list[str]:
+        """Why messages have been refused since the last call, in sentences. whose: who is at the other end."""
+        counts = self.refused.items()
+        said = [f"{count} messages from {whose} were refused: {REFUSED[why].format(whose)}" for why, count in counts]
         self.refused.clear()
         return said
 
@@ -164,9 +197,9 @@ class Link:
 
 
 REFUSED = {
-    "not signed": "they are not signed; give the vehicle the key, or add unsigned=yes to the address",
+    "not signed": "they are not signed; give {} the key, or add unsigned=yes to the address",
     "wrong key": "they are signed with another key than ours",
-    "old": "their timestamps are old: they are repeated, or the vehicle's clock is behind ours by more than a minute",
+    "old": "their timestamps are old: they are repeated, or the clock of {} is behind ours by more than a minute",
     "damaged": "they are damaged, or no MAVLink",
 }
 

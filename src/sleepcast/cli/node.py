@@ -33,6 +33,9 @@ LONGEST_TICK = 0.5
 @click.option(
     "--datagrams", metavar="PORT", type=click.IntRange(0, 65_535), help="Receive plain datagrams of 3 numbers."
 )
+@click.option(
+    "--ground-station", "ground", metavar="URI", help="Be a MAVLink vehicle there, as mavlink://HOST:PORT?key=FILE."
+)
 @click.option("--host", default="127.0.0.1", show_default=True, help="The address on which datagrams are received.")
 @click.option(
     "--vocabulary",
@@ -65,6 +68,7 @@ def node(
     rules: Path | None,
     golden: Path | None,
     datagrams: int | None,
+    ground: str | None,
     host: str,
     vocabulary: str,
     tick: float,
@@ -93,8 +97,9 @@ def node(
     Lines on standard input are commands, STOP and RELEASE included. A FILE has expressions, evaluated at the start, or
     commands with their times (@10s ...). With --datagrams a datagram of three numbers as text sets `message` to TRUE
     and `m0`, `m1` and `m2` to the numbers. A body moved by a command from the air stops when no operator was heard for
-    the time of --lease. If this process dies, the server stops the robot; if the server dies, this continues without a
-    body, and reconnects when the server is back.
+    the time of --lease. With --ground-station the robot is a vehicle of a ground station such as QGroundControl or
+    MAVProxy, which sees it, stops it (HOLD), releases it (GUIDED) and drives it. If this process dies, the server stops
+    the robot; if the server dies, this continues without a body, and reconnects when the server is back.
 
     A robot on a channel resumes its state when it is restarted: its rules, groups and variables, a STOP, and the
     commands it has received are in its store, and survive a kill at any moment. --rules is for the first start only.
@@ -107,6 +112,7 @@ def node(
       sleepcast node --name r7 --body sim --channel 'udp://239.255.83.76:47123?interface=lo'
       sleepcast node --body nomad://127.0.0.1#2 --vocabulary nomad
       sleepcast node --body 'nomad://127.0.0.1:7019?speed=0.3#1'
+      sleepcast node --body sim --ground-station 'mavlink://127.0.0.1:14550?key=vehicle.key&origin=36.6,-121.9'
     """
     _check_name(name)
     with Interrupts() as interrupts, ExitStack() as stack:
@@ -133,10 +139,25 @@ def node(
             raise MisuseError("a body in the simulator has the vocabulary that its scenario says: no --vocabulary")
         number, kept = _id(name, number), UNLIMITED if limits is None else read_limits(limits)
         robot = stack.enter_context(open_robot(uri, Opening(lockstep, kept, number, seed)))
+        station = None
+        if ground is not None:
+            from sleepcast.bridges.ground_station import open_ground_station
+
+            most = robot.model.limits.speed, robot.model.limits.turn_rate
+            station = stack.enter_context(closing(open_ground_station(ground, number, most)))
         interrupts.defer()
         nomad = vocabulary == NOMAD
         life = NodeProcess(
-            name, robot, listener, session, store, nomad=nomad, number=number, seed=seed, lease=seconds_unattended
+            name,
+            robot,
+            listener,
+            session,
+            store,
+            nomad=nomad,
+            number=number,
+            seed=seed,
+            lease=seconds_unattended,
+            ground=station,
         )
         life.begin(built_in, beginning)
         life.go_on(interrupts.check, 0.0 if lockstep else tick, seconds)

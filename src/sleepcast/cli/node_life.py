@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from sleepcast.bridges import RealRobot
+from sleepcast.bridges.ground_station import GroundStation, Wish
 from sleepcast.channel import Channel, Kind, Message
 from sleepcast.channel.clock_sync import differs, took
 from sleepcast.channel.message import ENDS, MAX_TEXT, TOOK
@@ -99,7 +100,8 @@ def install(node: Node, golden: StartScript) -> None:
 class NodeProcess:
     """A mind in a body. listener: where plain datagrams come in, if they do. session: the radio, if there is one.
     store: what outlives this life, if anything does. nomad: whether functions with Nclient's names take its units.
-    lease: s for which a body that is driven goes on while no operator is heard."""
+    lease: s for which a body that is driven goes on while no operator is heard. ground: the ground station that sees
+    it, if one does."""
 
     def __init__(
         self,
@@ -113,8 +115,10 @@ class NodeProcess:
         number: int,
         seed: int,
         lease: float,
+        ground: GroundStation | None = None,
     ) -> None:
         self.robot, self.listener, self.session, self.store, self.watch = robot, listener, session, store, Watch()
+        self.ground = ground
         names = vocabulary_of(nomad_vocabulary(robot.model) if nomad else robot.model)
         self.node = Node(name, names, number=number, seed=seed, body=robot, lease=lease, on_air=session is not None)
         self._orders: tuple[Order, ...] = ()
@@ -156,13 +160,21 @@ class NodeProcess:
             session,
             epoch,
             lambda: authority.latch.holding,
+            self.ground,
+            [actuator.name for actuator in self.robot.model.actuators],
         )
         end = inf if seconds is None else clock.now() + seconds
         news = None if session is None else notices_of(session.delivery.admission)
 
         def going() -> bool:
-            for complaint in (*self.robot.complaints(), *(news.lines() if news else ())):
-                complain(f"{self.node.name}: {complaint}")
+            for line in news.lines() if news else ():
+                complain(f"{self.node.name}: {line}")
+            for sentence in self.robot.complaints():
+                self._say(sentence)
+            if self.ground is not None:
+                for sentence in self.ground.complaints():
+                    self._say(sentence)
+                self.ground.tell(dict(self.node.variables()), stopped=self.node.stopped)
             check()
             return clock.now() < end
 
@@ -182,6 +194,13 @@ class NodeProcess:
         finally:
             self.robot.close()
             complain(self._account(desk))
+
+    def _say(self, sentence: str) -> None:
+        """What has gone wrong with the body: here, and, where there is a channel, at every desk."""
+        if self.session is None:
+            complain(f"{self.node.name}: {sentence}")
+        else:
+            self.node.remark(sentence[:MAX_SENTENCE])
 
     def _account(self, desk: LocalInput) -> str:
         said = f"{self.node.name}: {self.watch}"
@@ -226,8 +245,10 @@ def seek_time(
     listening.seek_time(take)
 
 
-OPERATOR, SENDER = "terminal", "datagram"
-"""Who sends what is typed and what stands in a file, and who sends plain datagrams."""
+OPERATOR, SENDER, GROUND = "terminal", "datagram", "ground-station"
+"""Who sends what is typed and what stands in a file, who sends plain datagrams, and who sends MAVLink."""
+MAX_SENTENCE = 300
+"""Characters of a sentence about the body that goes to the desks: one datagram has room for it."""
 MAX_WAITING = 64
 """Datagrams that wait: the robot receives one in each tick; only a fault makes them come faster."""
 PIECE = 65_536
@@ -243,6 +264,17 @@ def heard(numbers: Numbers) -> str:
     robot's own rules may have given them other values for the time before."""
     setting = " ".join(f"(DEFVAR m{i} {n:.9f}) (SETQ m{i} {n:.9f})" for i, n in enumerate(numbers))
     return f"(PROGN {setting} (DEFVAR message FALSE) (SETQ message TRUE))"
+
+
+def wished(wish: Wish, actuators: Sequence[str]) -> str:
+    """What a ground station wants, as an expression, STOP or RELEASE. actuators: the names of speed and turn rate. A
+    place becomes two variables, which the robot's own rules may drive to."""
+    if wish.sort == "drive":
+        return f"(PROGN {' '.join(f'(SETQ {n} {v:.4f})' for n, v in zip(actuators, wish.values, strict=False))})"
+    if wish.sort == "goal":
+        pairs = zip(("goal_x", "goal_y"), wish.values, strict=True)
+        return f"(PROGN {' '.join(f'(DEFVAR {n} {v:.3f}) (SETQ {n} {v:.3f})' for n, v in pairs)})"
+    return wish.sort.upper()
 
 
 class TypedLines:
@@ -317,7 +349,10 @@ class LocalInput:
         session: Channel | None = None,
         epoch: int = 0,
         stops: Callable[[], Sequence[object]] = tuple,
+        ground: GroundStation | None = None,
+        actuators: Sequence[str] = (),
     ) -> None:
+        self._ground, self._actuators = ground, actuators
         self._name, self._clock, self._start = name, clock, clock.now()
         self._orders, self._typed, self._listener, self._session = deque(orders), typed, listener, session
         self._waiting: deque[Numbers] = deque()
@@ -333,6 +368,8 @@ class LocalInput:
         found += map(self._message, self._typed.texts())
         if self._listener is not None:
             found += self._next_datagram(self._listener)
+        if self._ground is not None:
+            found += [self._message(wished(wish, self._actuators), GROUND) for wish in self._ground.wishes()]
         if self._session is not None:
             found += self._session.receive()
         return found
@@ -350,23 +387,27 @@ class LocalInput:
         kind = {"STOP": Kind.STOP, "RELEASE": Kind.RELEASE}.get(text.upper(), Kind.COMMAND)
         self._sequence += 1
         said = text[:MAX_TEXT] if kind is Kind.COMMAND else ""
-        body: dict[str, object] = {ENDS: list(self._stops())} if kind is Kind.RELEASE else {}
+        ends_all = kind is Kind.RELEASE and sender == OPERATOR
+        body: dict[str, object] = {ENDS: list(self._stops())} if ends_all else {}
         return Message(sender, self._epoch, self._sequence, kind, self._clock.now() - self._start, text=said, body=body)
 
     def send(self, message: Message) -> None:
         """Print what the robot says to the terminal, and send all else."""
         body = message.body
-        if self._session is not None and not str(body.get("command", "")).startswith(f"{OPERATOR}-"):
+        if self._session is not None and not str(body.get("command", "")).startswith((f"{OPERATOR}-", f"{GROUND}-")):
             self._session.send(message)
             if message.kind is not Kind.REPORT:
                 return
         if message.kind is Kind.REPORT:
-            announce(f"{self._name}: {printable(reported_body(body))}")
+            said = printable(reported_body(body))
+            announce(f"{self._name}: {said}")
+            if self._ground is not None:
+                self._ground.say(said)
         elif message.kind is Kind.ANSWER:
             value, fault = body.get("value"), body.get("fault")
-            if str(body.get("command")).startswith(f"{SENDER}-") and not fault:
-                return  # nobody waits for the answer to a datagram
-            outcome = str(body.get("outcome"))
+            outcome, whose = str(body.get("outcome")), str(body.get("command"))
+            if whose.startswith((f"{SENDER}-", f"{GROUND}-")) and not fault and outcome not in SAFETY:
+                return  # nobody waits for the answer to a datagram, nor to a setpoint
             said = SAFETY.get(outcome) or format_value(value if isinstance(value, float) else nan)
             announce(f"{self._name}: {outcome}, {said}")
             if fault:

@@ -1,0 +1,241 @@
+"""A robot as a vehicle of a ground station, which is made of pymavlink alone."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from math import nan, pi
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("pymavlink")
+pytest.importorskip("pyproj")
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from sleepcast.bridges.address import BodyError
+from sleepcast.bridges.ground_station import QUIET, GroundStation, Wish, open_ground_station
+from sleepcast.bridges.mavlink_link import Link
+from sleepcast.cli.node_life import wished
+from sleepcast.core.clock import ManualClock
+from sleepcast.core.geodesy import Origin
+
+KEY = hashlib.sha256(b"fleet key").digest()
+ROBOT = 7
+VELOCITY, PLACE = 0x5C7, 0xDF8
+
+
+class Desk:
+    """The ground station: what it sees, and what it sends."""
+
+    def __init__(self, key: bytes | None = KEY) -> None:
+        self.mav = dialect.MAVLink(None, 255, 190)
+        self.mav.robust_parsing = True
+        if key is not None:
+            self.mav.signing.secret_key, self.mav.signing.sign_outgoing = key, True
+            self.mav.signing.timestamp = int((time.time() - 1_420_070_400) * 1e5)
+        self.seen: dict[str, Any] = {}
+        self.waiting: list[bytes] = []
+
+    def look(self, data: bytes) -> None:
+        for message in self.mav.parse_buffer(bytearray(data)) or ():
+            self.seen[message.get_type()] = message
+
+    def pack(self, message: Any) -> bytes:
+        self.mav.seq = (self.mav.seq + 1) % 256
+        return bytes(message.pack(self.mav))
+
+    # ---- a wire, seen from the robot
+
+    def send(self, data: bytes) -> None:
+        self.look(data)
+
+    def receive(self) -> list[tuple[bytes, object]]:
+        found, self.waiting = [(each, "desk") for each in self.waiting], []
+        return found
+
+    def answer(self, sender: object) -> None:
+        assert sender == "desk"
+
+    def close(self) -> None:
+        pass
+
+    def order(self, command: int, *parameters: float, to: int = ROBOT) -> None:
+        filled = (*parameters, *(0.0,) * (7 - len(parameters)))
+        self.waiting.append(self.pack(self.mav.command_long_encode(to, 1, command, 0, *filled)))
+
+    def velocity(self, ahead: float, turn: float, *, to: int = ROBOT) -> bytes:
+        rest = (0.0, 0.0, 0.0, ahead, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, turn)
+        return self.pack(self.mav.set_position_target_local_ned_encode(0, to, 1, 8, VELOCITY, *rest))
+
+
+@pytest.fixture
+def desk() -> Desk:
+    return Desk()
+
+
+@pytest.fixture
+def clock() -> ManualClock:
+    return ManualClock(100.0)
+
+
+@pytest.fixture
+def ground(desk: Desk, clock: ManualClock) -> GroundStation:
+    return GroundStation(Link(desk, ROBOT, 1, KEY), Origin(36.6, -121.9), (1.0, 2.0), clock=clock)
+
+
+def test_it_is_seen_as_a_rover_where_it_is(ground: GroundStation, desk: Desk, clock: ManualClock) -> None:
+    there = {"x": 30.0, "y": 40.0, "heading": pi / 2.0, "speed": 0.5, "fuel": 0.75, "motor_volts": 12.5}
+    ground.tell(there, stopped=False)
+    beat, place, state = (desk.seen[name] for name in ("HEARTBEAT", "GLOBAL_POSITION_INT", "SYS_STATUS"))
+    assert (beat.get_srcSystem(), beat.type, beat.custom_mode, beat.base_mode) == (ROBOT, 10, 15, 129)
+    assert (place.lat / 1e7, place.lon / 1e7) == pytest.approx((36.60036, -121.899665), abs=2e-6)
+    assert (place.hdg, place.vx, place.vy) == (0, 50, 0), "north"
+    local = desk.seen["LOCAL_POSITION_NED"]
+    assert (local.x, local.y) == (40.0, 30.0), "north comes first"
+    assert (state.battery_remaining, state.voltage_battery) == (75, 12_500)
+    ground.tell(there, stopped=True)
+    assert (desk.seen["HEARTBEAT"].custom_mode, desk.seen["HEARTBEAT"].base_mode) == (4, 1), "told at once"
+    desk.seen.clear()
+    clock.advance(0.3)
+    ground.tell({**there, "x": nan}, stopped=True)
+    assert not desk.seen, "nobody knows where it is"
+    ground.say("it is done")
+    assert desk.seen["STATUSTEXT"].text == "it is done"
+
+
+@pytest.mark.parametrize(
+    ("order", "wish", "result"),
+    [
+        ((176, 1.0, 4.0), "stop", 0),
+        ((176, 1.0, 15.0), "release", 0),
+        ((176, 1.0, 11.0), "", 2),
+        ((400, 0.0, 21196.0), "stop", 0),
+        ((400, 1.0), "release", 0),
+        ((185, 1.0), "stop", 0),
+        ((22, 0.0), "", 3),
+    ],
+)
+def test_orders(ground: GroundStation, desk: Desk, order: tuple[float, ...], wish: str, result: int) -> None:
+    desk.order(int(order[0]), *order[1:])
+    assert [each.sort for each in ground.wishes()] == [wish] * bool(wish)
+    assert (desk.seen["COMMAND_ACK"].command, desk.seen["COMMAND_ACK"].result) == (order[0], result)
+
+
+@pytest.mark.parametrize("to", [0, 8])
+def test_what_is_for_everybody_or_for_another_is_not_obeyed(ground: GroundStation, desk: Desk, to: int) -> None:
+    desk.order(176, 1.0, 15.0, to=to)
+    desk.waiting.append(desk.velocity(1.0, 0.0, to=to))
+    assert ground.wishes() == []
+    assert "COMMAND_ACK" not in desk.seen
+
+
+def test_a_ground_station_that_drives_must_go_on(ground: GroundStation, desk: Desk, clock: ManualClock) -> None:
+    desk.waiting += [desk.velocity(0.1, 0.0), desk.velocity(0.5, -0.25)]
+    assert ground.wishes() == [Wish("drive", (0.5, 0.25))], "the last one, counter-clockwise"
+    for _ in range(5):
+        clock.advance(0.8 * QUIET)
+        desk.waiting.append(desk.velocity(0.5, -0.25))
+        assert ground.wishes() == [], "nothing new"
+    clock.advance(1.1 * QUIET)
+    assert ground.wishes() == [Wish("drive", (0.0, 0.0))]
+    assert ground.complaints() == ["the ground station no longer drives it: it comes to rest"]
+    stick = desk.mav.manual_control_encode(ROBOT, 500, 0, 0, 1000, 0)
+    desk.waiting.append(desk.pack(stick))
+    assert ground.wishes() == [Wish("drive", (0.5, -2.0))]
+
+
+def test_places_become_variables_of_its_rules(ground: GroundStation, desk: Desk) -> None:
+    to = 366_003_604, -1_218_996_646, 0.0
+    desk.waiting.append(
+        desk.pack(desk.mav.set_position_target_global_int_encode(0, ROBOT, 1, 6, PLACE, *to, *(0.0,) * 8))
+    )
+    (wish,) = ground.wishes()
+    assert wish.values == pytest.approx((30.0, 40.0), abs=0.02)
+    text = wished(Wish("goal", (30.0, -4.0)), ["drive_speed", "drive_turn"])
+    assert "(SETQ goal_x 30.000)" in text
+    assert "(SETQ goal_y -4.000)" in text
+    far = desk.mav.set_position_target_local_ned_encode(0, ROBOT, 1, 1, PLACE, nan, 1e9, *(0.0,) * 9)
+    desk.waiting.append(desk.pack(far))
+    assert ground.wishes() == []
+
+
+def test_nobody_without_the_key_is_heard(ground: GroundStation, desk: Desk) -> None:
+    for stranger in (Desk(None), Desk(hashlib.sha256(b"another").digest())):
+        stranger.order(176, 1.0, 15.0)
+        desk.waiting += [*stranger.waiting, b"no MAVLink at all", b""]
+    assert ground.wishes() == []
+    (first, *others) = ground.complaints()
+    assert "from the ground station were refused" in first
+    assert len(others) == 2
+
+
+def test_an_address_of_no_ground_station() -> None:
+    with pytest.raises(BodyError, match="did you mean origin"):
+        open_ground_station("mavlink://127.0.0.1?orign=1,2", 1, (1.0, 1.0))
+
+
+# ---- a node with a body in the simulator
+
+
+@pytest.fixture
+def wire() -> Iterator[socket.socket]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found:
+        found.bind(("127.0.0.1", 0))
+        found.settimeout(0.05)
+        yield found
+
+
+def test_a_simulated_robot_is_stopped_released_and_driven_from_a_ground_station(
+    wire: socket.socket, desk: Desk, tmp_path: Path
+) -> None:
+    (tmp_path / "key").write_text("fleet key")
+    uri = f"mavlink://127.0.0.1:{wire.getsockname()[1]}?key={tmp_path / 'key'}"
+    command = ("node", "--name", "r7", "--body", "sim:maze", "--no-store", "--ground-station", uri)
+    with (tmp_path / "screen").open("w") as screen:
+        node = subprocess.Popen(
+            [sys.executable, "-m", "sleepcast", *command],
+            stdin=subprocess.DEVNULL,
+            stdout=screen,
+            stderr=subprocess.STDOUT,
+        )
+
+    def until(true: Callable[[dict[str, Any]], bool], message: Callable[[], bytes]) -> None:
+        end, peer, again = time.monotonic() + 20.0, None, 0.0
+        while not true(desk.seen):
+            assert time.monotonic() < end, (tmp_path / "screen").read_text()
+            try:
+                data, peer = wire.recvfrom(2048)
+            except TimeoutError:
+                continue
+            desk.look(data)
+            if time.monotonic() > again:
+                again = time.monotonic() + 0.2
+                wire.sendto(message(), peer)
+
+    def mode(number: int) -> bytes:
+        return desk.pack(desk.mav.command_long_encode(ROBOT, 1, 176, 0, 1.0, number, 0, 0, 0, 0, 0))
+
+    def speed(seen: dict[str, Any]) -> float:
+        found = seen["LOCAL_POSITION_NED"]
+        return float((found.vx**2 + found.vy**2) ** 0.5)
+
+    try:
+        until(lambda seen: "HEARTBEAT" in seen and seen["HEARTBEAT"].custom_mode == 4, lambda: mode(4))
+        until(lambda seen: seen["HEARTBEAT"].custom_mode == 15, lambda: mode(15))
+        until(lambda seen: speed(seen) > 0.2, lambda: desk.velocity(0.4, 0.0))
+        until(lambda seen: seen["HEARTBEAT"].custom_mode == 4 and speed(seen) == 0.0, lambda: mode(4))
+    finally:
+        os.kill(node.pid, signal.SIGINT)
+        assert node.wait(20) == 130
+    printed = (tmp_path / "screen").read_text()
+    assert "stopped, and at rest until RELEASE" in printed
+    assert "released, and free to be moved again" in printed

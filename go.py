@@ -14,6 +14,7 @@ imported late.
 
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent
@@ -22,6 +23,8 @@ PYTHON = VENV / "bin" / "python"
 RUN, DEV = "requirements/run.txt", "requirements/dev.txt"
 FAST = ("llvmlite==", "numba==")
 """What not every computer that runs Python can have (Macs with Intel's processors, Linux with musl), nor needs."""
+ALONE = ("cflib==",)
+"""What forbids a version of another package that we need to build, and works with it all the same."""
 VERSION = "{}.{}".format(*sys.version_info)
 
 
@@ -72,16 +75,25 @@ def prepare(lock: str) -> None:
         make_environment()
     except (OSError, subprocess.CalledProcessError) as error:
         raise refusal(f"Cannot make the virtual environment {VENV}: {error}", 1) from None
-    install = ("pip", "install", "--quiet", "--disable-pip-version-check")
-    locked = ("--require-hashes", "-r", str(VENV / "lock.txt"))
     packages = re.split(r"(?m)^(?=\w)", (ROOT / lock).read_text())
-    (VENV / "lock.txt").write_text("".join(each for each in packages if not each.startswith(FAST)))
+
+    def install(wanted: Callable[[str], bool], *options: str) -> bool:
+        """Install the packages of the lock that are wanted."""
+        chosen = [each for each in packages if wanted(each)]
+        (VENV / "lock.txt").write_text("".join(chosen))
+        how = ("pip", "install", "--quiet", "--disable-pip-version-check", "--require-hashes", *options)
+        return not chosen or run(*how, "-r", str(VENV / "lock.txt"))
+
     # The lock holds the build backend too, so the project itself is installed without the network.
     itself = ("--no-index", "--no-deps", "--no-build-isolation", "--editable", ".")
-    if not (run(*install, *locked) and run(*install, *itself)):
+    if not (
+        install(lambda package: not package.startswith((*FAST, *ALONE)))
+        and install(lambda package: package.startswith(ALONE), "--no-deps")
+        and run("pip", "install", "--quiet", "--disable-pip-version-check", *itself)
+    ):
         raise refusal("Installing failed; pip says why above. Then run the same command again.", 1)
-    (VENV / "lock.txt").write_text("".join(each for each in packages if each.startswith(FAST)))
-    if not run(*install, "--no-deps", "--only-binary=:all:", *locked):  # to build LLVM would take an hour
+    # To build LLVM would take an hour.
+    if not install(lambda package: package.startswith(FAST), "--no-deps", "--only-binary=:all:"):
         print("sleepcast: numba cannot be installed here, as pip says above: simulations are slower.", file=sys.stderr)
     stamp.write_text(state(lock))
     if lock == RUN:  # a check does so while mypy works

@@ -23,6 +23,7 @@ SLOW = {
     "console/test_page_first.py": 15,
     "loop/test_snapshots.py": 28,
     "cli/test_air.py": 28,
+    "bridges/test_crazyflie.py": 4,
     "tak/test_bridge.py": 10,
     "tak/test_event.py": 3,
     "cli/test_record.py": 25,

@@ -213,7 +213,7 @@ class NodeProcess:
             counts = self.listener.counts
             said += f"; {counts.taken} datagrams, {counts.dropped + desk.lost} others dropped"
         if self.robot.lost:
-            return f"{said}; its body is out of reach, so nobody here knows what it does: a Nomad stops by itself"
+            return f"{said}; its body is out of reach, so nobody here knows what it does"
         return f"{said}; its body has been stopped"
 
 

@@ -1,0 +1,256 @@
+"""A Crazyflie quadcopter as a body: on the ground until it is told to take off, then a hovering robot that is driven.
+
+    crazyflie://radio0:80?rate=2M#E7E7E7E7E7     a Crazyradio, channel 80, and the address of the quadcopter
+    crazyflie://usb0                             the first one on USB
+    crazyflie://127.0.0.1:19850                  a simulated one over UDP
+
+Speeds go along its heading, at the height to which it took off. Rest means hovering on the spot: nobody lets it fall by
+saying no more, and what it has begun, to climb or to land, it ends. STOP keeps it at the height where it is. It lands
+when it is told to, or when its mind has been gone for `LANDS_AFTER`. If this process dies, the quadcopter hears no
+setpoints any more, and its own watchdog stops the motors after two seconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from math import cos, inf, isfinite, nan, pi, radians, remainder, sin
+from typing import Protocol
+
+from sleepcast.bridges import Opening
+from sleepcast.bridges.address import BodyError, read_body_address
+from sleepcast.bridges.body import FRESH, BridgedBody, Motion, OutOfReachError, clamped
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.model import HostFunction, Quantity
+from sleepcast.core.units import LENGTH
+from sleepcast.robot import Geometry, Limits, Reading, RobotModel
+
+EXAMPLE = "crazyflie://radio0:80#E7E7E7E7E7"
+SETTINGS = {"rate": "2M", "height": "0.5", "speed": "0.5", "turn_rate": "1.5"}
+"""What can be set of it in its URI, and what holds otherwise: of the radio, m, m/s, rad/s."""
+RATES = ("250K", "1M", "2M")
+HIGHEST = 3.0
+"""m above the ground to which it may be sent: indoors there is a ceiling."""
+CLIMB, DESCENT = 0.5, 0.3
+"""m/s up and down."""
+LANDED = 0.05
+"""m above the ground at which the motors are stopped."""
+LANDS_AFTER = 10.0
+"""Seconds without a look from the mind after which a flying body lands, where it is."""
+RADIUS = 0.07
+"""m from its middle to the tips of its propellers."""
+ACCELERATION = 1.0
+"""m/s2: a third of what it could do, so that it need not lean far."""
+LOGGED = {
+    "stateEstimate.x": "m",
+    "stateEstimate.y": "m",
+    "stateEstimate.z": "m",
+    "stateEstimate.vx": "m/s",
+    "stateEstimate.vy": "m/s",
+    "stateEstimate.yaw": "degrees counter-clockwise",
+    "gyro.z": "degrees/s",
+    "pm.batteryLevel": "%",
+}
+"""Variables that the firmware sends, with their units."""
+
+
+class Quadcopter(Protocol):
+    """The way to one; every method may raise OutOfReachError."""
+
+    def hover(self, speed: float, turn_rate: float, height: float) -> None:
+        """Fly at this height (m) with this speed ahead (m/s) and turn rate (rad/s, counter-clockwise); it is forgotten
+        within half a second."""
+
+    def arm(self) -> None:
+        """Let the motors run when they are asked to."""
+
+    def stop_motors(self) -> None:
+        """Stop the motors until the next `hover`."""
+
+    def cut(self) -> None:
+        """Stop the motors for good, until it is started anew."""
+
+    def land(self, seconds: float) -> None:
+        """Land by itself, in so many s, even if nobody is there any more."""
+
+    def logged(self) -> Mapping[str, float] | None:
+        """The values of `LOGGED` that came since the last call, None if none came."""
+
+    def close(self) -> None:
+        """Let go of it."""
+
+
+class CrazyflieBody(BridgedBody):
+    """See the module. open: reaches the quadcopter, or raises OutOfReachError. height: of its flight, m, unless
+    TAKEOFF says another one."""
+
+    def __init__(
+        self, open: Callable[[], Quadcopter], model: RobotModel, height: float, *, clock: Clock | None = None
+    ) -> None:
+        super().__init__(model, clock=clock)
+        self._open, self._usual = open, height
+        self._copter = open()
+        self._height = self._wanted = 0.0
+        """Where it is told to fly and where it is to come to, m; 0 on the ground."""
+        self._moved = self._time = self._clock.now()
+        self._values: dict[str, float] = {}
+        self._grounded: Motion | None = None
+        """What it could not do on the ground, and was complained of."""
+
+    # ---- what a bridge says
+
+    def carry_out(self, motion: Motion) -> None:
+        now = self._clock.now()
+        passed, self._moved = min(now - self._moved, FRESH), now
+        if not self._values:  # whether it flies is not known yet; the next round asks again
+            return
+        if motion.sort == "take-off":
+            if not self._height:
+                self._copter.arm()
+            self._wanted = motion.values[0]
+        elif motion.sort == "land" or now - self._attended > LANDS_AFTER:
+            self._wanted = 0.0
+        elif self._stopped:
+            self._wanted = self._height
+        if not self._height and not self._wanted:
+            self._stay_grounded(motion)
+            return
+        self._height += clamped(self._wanted - self._height, (CLIMB if self._wanted else DESCENT) * passed)
+        if not self._wanted and self._height < LANDED:
+            self._height = 0.0
+            self._copter.stop_motors()
+            return
+        speed, turn_rate = motion.values if motion.sort == "speeds" else (0.0, 0.0)
+        self._copter.hover(speed, turn_rate, self._height)
+
+    def _stay_grounded(self, motion: Motion) -> None:
+        if motion.sort == "speeds" and self._grounded is None:
+            self.complain("the Crazyflie stands on the ground: send (TAKEOFF) before it is driven")
+        self._grounded = motion if motion.sort == "speeds" else None
+
+    def measure(self) -> None:
+        found = self._copter.logged()
+        if found is not None:
+            if not self._values:  # it may be in the air, where it was lost
+                z = found.get("stateEstimate.z", 0.0)
+                self._height = self._wanted = z if z > LANDED else 0.0
+            self._values.update(found)
+            self._time = self._clock.now()
+        elif self._clock.now() - self._time > FRESH:
+            raise OutOfReachError(f"nothing has been heard of it for {FRESH:g} s")
+
+    def reading(self) -> Reading:
+        x, y, z, along_x, along_y, yaw, turning, charge = (self._values.get(name, nan) for name in LOGGED)
+        heading = remainder(radians(yaw), 2.0 * pi) if isfinite(yaw) else nan
+        speed = along_x * cos(heading) + along_y * sin(heading)
+        most = 2.0 * self.model.limits.speed
+        values = (x, y, z, heading, clamped(speed, most) if isfinite(speed) else nan)
+        return Reading(
+            self._time, (*values, clamped(radians(turning), 10.0), charge / 100.0, float(self._height > 0.0))
+        )
+
+    def seek(self) -> None:
+        self._copter.close()
+        self._copter = self._open()
+        self._time, self._values = self._clock.now(), {}
+        self._height = self._wanted = 0.0
+
+    def leave(self) -> None:
+        try:
+            if self._height:
+                self._copter.land(self._height / DESCENT)
+        except OutOfReachError as error:
+            self._lost = error
+        self._copter.close()
+
+    def course(self, motion: Motion) -> tuple[float, float] | None:
+        return super().course(motion) if self._height else None
+
+    # ---- what expressions may ask
+
+    def take_off(self, height: float = nan) -> None:
+        """Fly at this height, m."""
+        wanted = self._usual if height != height else height
+        if not LANDED < wanted <= HIGHEST:
+            raise MisuseError(f"a Crazyflie flies above {LANDED:g} and up to {HIGHEST:g} m, not at {wanted:g} m")
+        self.move(Motion("take-off", (wanted,)))
+
+    def touch_down(self) -> None:
+        """Land where it is."""
+        self.move(Motion("land"))
+
+    def cut_motors(self) -> None:
+        """Stop the motors, in the air too; it falls, and flies again only after it was switched off and on."""
+        self.send(lambda: self._copter.cut())
+
+
+FUNCTIONS = (
+    HostFunction(
+        "TAKEOFF",
+        CrazyflieBody.take_off,
+        (LENGTH,),
+        least=0,
+        arguments="height",
+        doc="Flies at this height; without one, at that of its address.",
+    ),
+    HostFunction("LAND", CrazyflieBody.touch_down, doc="Lands where it is."),
+    HostFunction(
+        "MOTORS-OFF",
+        CrazyflieBody.cut_motors,
+        doc="Stops the motors, in the air too, until it is switched off and on again.",
+        irreversible=True,
+        moves=False,
+    ),
+)
+
+
+def model_of(limits: Limits) -> RobotModel:
+    """What all Crazyflies with these limits have in common."""
+    speed, turn = limits.speed, limits.turn_rate
+    return RobotModel(
+        "crazyflie",
+        (
+            Quantity("x", "m", -inf, inf, FRESH, "where it believes to be, along x"),
+            Quantity("y", "m", -inf, inf, FRESH, "where it believes to be, along y"),
+            Quantity("z", "m", -inf, inf, FRESH, "its height"),
+            Quantity("heading", "rad", -pi, pi, FRESH, "where it looks, counter-clockwise from x", "deg"),
+            Quantity("speed", "m/s", -2.0 * speed, 2.0 * speed, FRESH, "along its heading"),
+            Quantity("turn_rate", "rad/s", -10.0, 10.0, FRESH, "how fast it turns", "deg/s"),
+            Quantity("battery", "", 0.0, 1.0, FRESH, "what is left in its battery", "%"),
+            Quantity("flying", "", 0.0, 1.0, FRESH, "whether it has taken off"),
+        ),
+        (
+            Quantity("drive_speed", "m/s", -speed, speed, doc="flies ahead at this speed"),
+            Quantity("drive_turn", "rad/s", -turn, turn, doc="turns at this rate", shown_as="deg/s"),
+        ),
+        FUNCTIONS,
+        limits,
+        Geometry(RADIUS),
+    )
+
+
+def open_body(uri: str, opening: Opening) -> CrazyflieBody:
+    """Reach the Crazyflie at a URI; see the module. Raises BodyError, OutOfReachError."""
+    from sleepcast.bridges.crazyflie_link import CflibQuadcopter
+
+    address = read_body_address(uri, EXAMPLE, SETTINGS)
+    if opening.in_step:
+        raise MisuseError(f"{uri!r:.100}: a Crazyflie does not wait for its mind: leave out --lockstep")
+    host, port, part = address.host, address.port, address.part
+    if host.startswith("radio"):
+        if not host[5:].isdigit() or port is None or port > 125 or not _is_radio_address(part):
+            raise BodyError(f"{uri!r:.100}: wanted the radio, its channel up to 125, and an address: {EXAMPLE}")
+        there = f"radio://{host[5:]}/{port}/{address.choice('rate', RATES)}/{part}"
+    elif host.startswith("usb"):
+        there = f"usb://{host[3:] or '0'}"
+    elif port is None:
+        raise BodyError(f"{uri!r:.100}: wanted a port, as in crazyflie://127.0.0.1:19850")
+    else:
+        there = f"udp://{host}:{port}"
+    height = address.number("height", LANDED, HIGHEST, "m")
+    limits = Limits(address.number("speed", unit="m/s"), address.number("turn_rate", unit="rad/s"), ACCELERATION)
+    return CrazyflieBody(lambda: CflibQuadcopter(there, LOGGED), model_of(limits.within(opening.limits)), height)
+
+
+def _is_radio_address(text: str) -> bool:
+    return len(text) == 10 and all(each in "0123456789ABCDEFabcdef" for each in text)

@@ -1,0 +1,117 @@
+"""The way to a Crazyflie: Bitcraze's cflib, with its threads and callbacks turned into calls."""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Iterable, Mapping
+from math import degrees
+from threading import Event, Lock
+from typing import Any
+
+from sleepcast.bridges.body import OutOfReachError
+from sleepcast.core.errors import MisuseError, printable
+
+PATIENCE = 10.0
+"""Seconds for a quadcopter to answer, and to tell what it can log."""
+PERIOD = 50
+"""ms between two values of each variable."""
+ROOM = 26
+"""Bytes of one log message."""
+SIZE = 4
+"""Bytes of one variable at most."""
+
+
+class CflibQuadcopter:
+    """A `Quadcopter` of the module `crazyflie` at a URI of cflib. logged: variables of the firmware that it is to send.
+    Raises OutOfReachError, MisuseError where cflib is not installed."""
+
+    def __init__(self, uri: str, logged: Iterable[str]) -> None:
+        try:
+            import cflib.crtp
+            from cflib.crazyflie import Crazyflie
+        except ImportError:
+            raise MisuseError('Crazyflies need cflib: pip install "sleepcast[crazyflie]"') from None
+        logging.getLogger("cflib").setLevel(logging.CRITICAL)  # what matters is said by the node
+        cflib.crtp.init_drivers()
+        self._lock = Lock()
+        self._values: dict[str, float] = {}
+        self._why = ""
+        self._copter: Any = Crazyflie()
+        done = Event()
+
+        def failed(uri: str, why: str) -> None:
+            self._why = printable(why.splitlines()[0]) if why else "the link is lost"
+            done.set()
+
+        self._copter.connected.add_callback(lambda uri: done.set())
+        self._copter.connection_failed.add_callback(failed)
+        self._copter.connection_lost.add_callback(failed)
+        self._copter.open_link(uri)
+        try:
+            if not done.wait(PATIENCE):
+                self._why = f"{uri} does not answer"
+            self._check()
+            self._begin_log(list(logged))
+        except BaseException:
+            self.close()
+            raise
+
+    def _begin_log(self, names: list[str]) -> None:
+        """Have these sent. Raises MisuseError for a firmware that does not know all of them."""
+        from cflib.crazyflie.log import LogConfig
+
+        at_once = ROOM // SIZE
+        for first in range(0, len(names), at_once):
+            block = LogConfig(f"sleepcast{first}", PERIOD)
+            for name in names[first : first + at_once]:
+                block.add_variable(name)
+            try:
+                self._copter.log.add_config(block)
+            except KeyError as error:
+                raise MisuseError(f"this Crazyflie's firmware is too old: {error.args[0]}") from None
+            block.data_received_cb.add_callback(self._take)
+            block.start()
+
+    def _take(self, time: int, values: Mapping[str, float], block: object) -> None:
+        with self._lock:
+            self._values.update({name: float(value) for name, value in values.items()})
+
+    def _check(self) -> None:
+        if self._why:
+            raise OutOfReachError(self._why)
+
+    def hover(self, speed: float, turn_rate: float, height: float) -> None:
+        self._check()
+        self._copter.commander.send_hover_setpoint(speed, 0.0, degrees(turn_rate), height)
+
+    def arm(self) -> None:
+        self._check()
+        self._copter.supervisor.send_arming_request(True)
+
+    def stop_motors(self) -> None:
+        self._check()
+        self._copter.commander.send_stop_setpoint()
+
+    def cut(self) -> None:
+        self._check()
+        self._copter.supervisor.send_emergency_stop()
+
+    def land(self, seconds: float) -> None:
+        self._check()
+        self._copter.commander.send_notify_setpoint_stop()
+        self._copter.high_level_commander.land(0.0, seconds, yaw=None)
+
+    def logged(self) -> Mapping[str, float] | None:
+        self._check()
+        with self._lock:
+            found, self._values = self._values, {}
+        return found or None
+
+    def close(self) -> None:
+        link, self._copter.link = self._copter.link, None  # else cflib ends with a setpoint that ends a landing
+        if link is not None:
+            link.close()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            self._copter.close_link()

@@ -1,0 +1,293 @@
+"""A Crazyflie as a body: the contract of all bridges in flight, taking off and landing, and the real library's way."""
+
+from __future__ import annotations
+
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
+from math import degrees, isclose
+from pathlib import Path
+
+import pytest
+
+from bridges.crazyflie_peer import Peer
+from channel.test_udp import free_port
+from processes import running
+from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
+from sleepcast.bridges.body import ROUND
+from sleepcast.bridges.crazyflie import LANDS_AFTER, LOGGED, CrazyflieBody, model_of
+from sleepcast.core.clock import ManualClock
+from sleepcast.core.errors import MisuseError
+from sleepcast.robot import Limits, Setpoint
+from sleepcast.testing.robot_contract import BridgeContract, BridgeRig
+
+PATIENCE = 60.0
+"""Seconds that a busy machine may take."""
+
+
+class FakeCopter:
+    """A way to a quadcopter in this process, that can be cut."""
+
+    def __init__(self) -> None:
+        self.peer, self.whole = Peer(), True
+
+    def open(self) -> FakeCopter:
+        self._check()
+        return self
+
+    def _check(self) -> None:
+        if not self.whole:
+            raise OutOfReachError("the radio hears nothing")
+
+    def _send(self, port: int, channel: int, data: bytes) -> None:
+        self._check()
+        self.peer.answers(bytes([port << 4 | channel]) + data)
+
+    def hover(self, speed: float, turn_rate: float, height: float) -> None:
+        self._send(7, 0, struct.pack("<Bffff", 10, speed, 0.0, degrees(turn_rate), height))
+
+    def arm(self) -> None:
+        self._send(9, 1, b"\1\1")
+
+    def stop_motors(self) -> None:
+        self._send(7, 0, b"\0")
+
+    def cut(self) -> None:
+        self._send(9, 1, b"\3")
+
+    def land(self, seconds: float) -> None:
+        self._send(8, 0, struct.pack("<BBff?f", 8, 0, 0.0, 0.0, True, seconds))
+
+    def logged(self) -> Mapping[str, float] | None:
+        self._check()
+        now = self.peer.values
+        shown = (*(now[name] for name in ("x", "y", "z", "vx", "vy", "yaw", "turn", "charge")),)
+        return dict(zip(LOGGED, shown, strict=True))
+
+    def close(self) -> None:
+        pass
+
+
+def rig_of(copter: FakeCopter) -> BridgeRig:
+    clock = ManualClock()
+    body = CrazyflieBody(copter.open, model_of(Limits(0.5, 1.5, 1.0)), 0.5, clock=clock)
+
+    def cut() -> None:
+        copter.whole = False
+
+    def mend() -> None:
+        copter.whole = True
+
+    return BridgeRig(body, clock, copter.peer.advance, cut, mend, resolution=0.001)
+
+
+@pytest.fixture
+def copter() -> FakeCopter:
+    return FakeCopter()
+
+
+def flying(copter: FakeCopter) -> BridgeRig:
+    rig = rig_of(copter)
+    take_off(rig)
+    return rig
+
+
+def take_off(rig: BridgeRig, *height: float) -> None:
+    assert isinstance(rig.body, CrazyflieBody)
+    rig.body.take_off(*height)
+    rig.wait(2.0)
+
+
+class TestCrazyflie(BridgeContract):
+    @pytest.fixture
+    def rig(self, copter: FakeCopter) -> BridgeRig:
+        copter.peer.advance = lambda seconds: self.without_a_fall(copter.peer, seconds)  # type: ignore[method-assign]
+        return flying(copter)
+
+    @staticmethod
+    def without_a_fall(peer: Peer, seconds: float) -> None:
+        """Time passes; while the way is cut for long, a real one would fall, and could not be driven afterwards."""
+        peer.since = min(peer.since, 1.0)
+        Peer.advance(peer, seconds)
+
+
+def test_it_takes_off_and_lands_as_told(copter: FakeCopter) -> None:
+    rig = rig_of(copter)
+    assert rig.sensed()["flying"] == 0.0
+    take_off(rig)
+    assert copter.peer.said == ["is armed", "takes off"]
+    assert isclose(rig.sensed()["z"], 0.5)
+    assert rig.sensed()["flying"] == 1.0
+    take_off(rig, 1.0)
+    assert isclose(rig.sensed()["z"], 1.0)
+    rig.body.act(Setpoint(speed=0.3))
+    rig.wait(2.0)
+    assert isclose(rig.sensed()["z"], 1.0), "it is driven at its height"
+    assert rig.sensed()["x"] > 0.3
+    assert isinstance(rig.body, CrazyflieBody)
+    rig.body.touch_down()
+    rig.wait(1.0)
+    assert 0.5 < rig.sensed()["z"] < 1.0, "slowly"
+    rig.wait(3.0)
+    assert rig.sensed()["flying"] == rig.sensed()["z"] == 0.0
+    assert copter.peer.said[-1].startswith("stops its motors at 0.0")
+
+
+def test_stop_in_the_air_holds_the_height(copter: FakeCopter) -> None:
+    rig = rig_of(copter)
+    assert isinstance(rig.body, CrazyflieBody)
+    rig.body.take_off(2.0)
+    rig.wait(1.0)
+    rig.body.stop()
+    rig.wait(0.2)
+    height = rig.sensed()["z"]
+    assert 0.3 < height < 0.8
+    rig.body.touch_down()
+    rig.wait(3.0)
+    assert rig.sensed()["z"] == height
+    rig.body.release()
+    rig.wait(1.0)
+    assert rig.sensed()["z"] == height, "nothing old resumes"
+    rig.body.touch_down()
+    rig.wait(4.0)
+    assert not copter.peer.flying
+
+
+def test_what_it_has_begun_it_ends_though_nobody_drives_it_any_more(copter: FakeCopter) -> None:
+    rig = rig_of(copter)
+    assert isinstance(rig.body, CrazyflieBody)
+    for ask, height in ((lambda: rig.body.take_off(1.0), 1.0), (rig.body.touch_down, 0.0)):
+        ask()
+        rig.wait(0.5)
+        rig.body.drive(0.0, 0.0)  # as a node does when its operator is not heard
+        rig.wait(4.0)
+        assert isclose(rig.sensed()["z"], height)
+
+
+def test_on_the_ground_it_is_not_driven_and_says_so_once(copter: FakeCopter) -> None:
+    rig = rig_of(copter)
+    rig.body.act(Setpoint(speed=0.5))
+    rig.wait(1.0)
+    assert not copter.peer.said
+    assert rig.body.complaints() == ["the Crazyflie stands on the ground: send (TAKEOFF) before it is driven"]
+
+
+def test_without_a_mind_it_lands_after_a_while(copter: FakeCopter) -> None:
+    rig = flying(copter)
+    rig.look_away(LANDS_AFTER - 1.0)
+    assert copter.peer.flying
+    rig.look_away(4.0)
+    assert not copter.peer.flying
+
+
+def test_at_its_end_it_lands_by_itself(copter: FakeCopter) -> None:
+    rig = flying(copter)
+    rig.body.close()
+    for _ in range(60):
+        copter.peer.advance(ROUND)
+    assert copter.peer.said[-2:] == ["lands by itself", "has landed by itself"]
+
+
+def test_its_motors_can_be_cut_and_it_flies_no_more(copter: FakeCopter) -> None:
+    rig = flying(copter)
+    assert isinstance(rig.body, CrazyflieBody)
+    rig.body.cut_motors()
+    rig.wait(0.2)
+    take_off(rig)
+    assert copter.peer.said == ["is armed", "takes off", "cuts its motors"]
+    assert not copter.peer.flying
+
+
+@pytest.mark.parametrize("height", [0.0, -1.0, 99.0, float("inf")])
+def test_it_flies_neither_in_the_ground_nor_through_the_ceiling(copter: FakeCopter, height: float) -> None:
+    body = rig_of(copter).body
+    assert isinstance(body, CrazyflieBody)
+    with pytest.raises(MisuseError, match=r"a Crazyflie flies above 0\.05 and up to 3 m"):
+        body.take_off(height)
+
+
+@pytest.mark.parametrize(
+    ("uri", "complaint"),
+    [
+        ("crazyflie://radio0", "wanted the radio, its channel"),
+        ("crazyflie://radio0:126#E7E7E7E7E7", "channel up to 125"),
+        ("crazyflie://radio0:80#E7", "an address"),
+        ("crazyflie://radiox:80#E7E7E7E7E7", "wanted the radio"),
+        ("crazyflie://radio0:80?rate=3M#E7E7E7E7E7", "there is no rate '3M'"),
+        ("crazyflie://127.0.0.1", "wanted a port"),
+        ("crazyflie://127.0.0.1:19850?height=9", "height is a number above 0.05 and up to 3, in m"),
+        ("crazyflie://127.0.0.1:19850?hight=1", "did you mean height?"),
+    ],
+)
+def test_an_address_that_means_nothing_is_refused(uri: str, complaint: str) -> None:
+    with pytest.raises(BodyError, match=complaint.replace("?", r"\?")):
+        open_robot(uri)
+
+
+def test_it_does_not_wait_for_its_mind() -> None:
+    with pytest.raises(MisuseError, match="does not wait for its mind"):
+        open_robot("crazyflie://127.0.0.1:19850", Opening(in_step=True))
+
+
+# ---- over UDP, with Bitcraze's library
+
+
+@pytest.fixture
+def port() -> int:
+    return free_port()
+
+
+@pytest.fixture
+def process(port: int) -> Iterator[subprocess.Popen[str]]:
+    with running(sys.executable, Path(__file__).with_name("crazyflie_peer.py"), port, up="is at port") as found:
+        yield found
+
+
+def until(true: Callable[[], bool]) -> None:
+    ends = time.monotonic() + PATIENCE
+    while not true():
+        assert time.monotonic() < ends
+        time.sleep(0.02)
+
+
+def test_the_real_library_flies_it_loses_it_and_finds_it_again(process: subprocess.Popen[str], port: int) -> None:
+    with closing(open_robot(f"crazyflie://127.0.0.1:{port}?height=0.4")) as body:
+        assert isinstance(body, CrazyflieBody)
+        names = [sensor.name for sensor in body.model.sensors]
+
+        def sensed(name: str) -> float:
+            return body.sense().values[names.index(name)]
+
+        until(lambda: isclose(sensed("battery"), 0.8))
+        body.take_off()
+        until(lambda: isclose(sensed("z"), 0.4, abs_tol=1e-3))
+        body.act(Setpoint(speed=0.4, turn_rate=0.5))
+        until(lambda: isclose(sensed("speed"), 0.4, abs_tol=1e-3) and sensed("heading") > 0.2)
+        assert isclose(sensed("turn_rate"), 0.5, abs_tol=1e-3)
+        body.stop()
+        until(lambda: sensed("speed") == 0.0)
+        process.kill()
+        until(lambda: bool(body.lost))
+        with running(sys.executable, Path(__file__).with_name("crazyflie_peer.py"), port, up="is at port") as again:
+            until(lambda: not body.lost and sensed("battery") > 0.0)
+            said = body.complaints()
+            assert said[0].startswith("the body is out of reach: ")
+            assert said[-1].startswith("the body is within reach again")
+            body.release()
+            body.take_off()
+            until(lambda: sensed("z") > 0.1)
+            body.close()
+            assert again.stdout is not None
+            lines = [again.stdout.readline().strip() for _ in range(4)]
+            assert lines == ["is armed", "takes off", "lands by itself", "has landed by itself"]
+
+
+def test_nobody_there_is_told(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    from sleepcast.bridges import crazyflie_link
+
+    monkeypatch.setattr(crazyflie_link, "PATIENCE", 0.5)
+    with pytest.raises(OutOfReachError):
+        open_robot(f"crazyflie://127.0.0.1:{port}")

@@ -103,8 +103,8 @@ class Vehicle:
             self.rest_at = self.time + LATE
         self.heading += self.turn * seconds
         self.height += self.climb * seconds
-        go = self.forward * seconds
-        self.longitude, self.latitude, _ = EARTH.fwd(self.longitude, self.latitude, degrees(self.heading), go)
+        if go := self.forward * seconds:
+            self.longitude, self.latitude, _ = EARTH.fwd(self.longitude, self.latitude, degrees(self.heading), go)
         return [self.pack(each) for each in self.say()]
 
     def say(self) -> list[Any]:

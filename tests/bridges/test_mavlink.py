@@ -10,8 +10,9 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import closing
-from math import inf, pi
+from math import inf, isnan, pi
 from pathlib import Path
+from random import Random
 
 import pytest
 
@@ -19,10 +20,13 @@ pytest.importorskip("pymavlink")
 pytest.importorskip("pyproj")
 
 from bridges.mavlink_vehicle import GUIDED, HOME, Vehicle
+from channel.test_udp import free_port
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.body import FencedError
 from sleepcast.bridges.mavlink import COPTER, ROVER, MavlinkVehicle
 from sleepcast.bridges.mavlink_link import Link
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.transports.udp import UdpTransport
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.geodesy import Origin
@@ -194,6 +198,54 @@ def test_forged_timestamps_do_not_deafen_the_link_and_repeats_are_not_heard() ->
     assert rig.vehicle_body._link.refused["old"] == len(again)
 
 
+def test_its_first_place_is_the_origin_unless_it_is_none() -> None:
+    vehicle = Vehicle("rover", KEY)
+    rig = MavlinkRig(vehicle=vehicle)
+    rig.vehicle_body._map = None
+    for nowhere in ((0.0, 0.0), (106.0, -60.0), (20.0, -204.0)):
+        vehicle.latitude, vehicle.longitude = nowhere
+        rig.wait(0.2)
+        assert isnan(rig.sensed()["x"])
+        with pytest.raises(MisuseError, match="has not said yet where it is"):
+            rig.vehicle_body.go_to(1.0, 1.0)
+    vehicle.latitude, vehicle.longitude = HOME
+    rig.wait(0.2)
+    assert (rig.sensed()["x"], rig.sensed()["y"]) == pytest.approx((0.0, 0.0))
+
+
+def test_bytes_of_any_kind_do_no_harm() -> None:
+    chance, rig = Random(5), MavlinkRig().ready()
+    signing = rig.vehicle_body._link.mav.signing
+    signing.secret_key, signing.sign_outgoing = None, False  # so that they come as far as they can
+    pieces = rig.vehicle.advance(0.05)
+    for _ in range(1_500):
+        data = bytearray(chance.choice(pieces))
+        for _ in range(chance.randrange(4)):
+            data[chance.randrange(len(data))] = chance.randrange(256)
+        rig.loop.waiting.append(bytes(data[chance.randrange(2) * chance.randrange(9) :]))
+        rig.vehicle_body.measure()
+    rig.wait(0.2)
+    assert rig.body.lost == ""
+    assert any("they are damaged, or no MAVLink" in sentence for sentence in rig.body.complaints())
+
+
+@pytest.mark.parametrize(("lease", "mode"), [(1.0, "RTL"), (inf, "GUIDED")])
+def test_when_the_lease_is_over_it_does_what_its_setting_says(lease: float, mode: str) -> None:
+    rig = MavlinkRig("copter", failsafe="RTL").ready()
+    node = Node("v1", vocabulary_of(rig.body.model), body=rig.body, lease=lease)
+    node.sense(rig.robot.sense().values, 0.0)
+    node.receive(Message("desk", 1, 1, Kind.COMMAND, 0.0, text="(SETQ drive_speed 1)", role="operator"))
+    for tick in range(30):
+        node.think(tick, tick / 10.0)
+        wanted = node.actuators()
+        if wanted:
+            rig.robot.act(Setpoint(wanted["drive_speed"]))
+        rig.wait(0.1)
+    assert rig.vehicle.mode == COPTER[mode]
+    reports = [each.body["label"] for each in node.outbox if each.kind is Kind.REPORT]
+    assert reports == ["at rest: nobody drives it any more"] * (lease < inf)
+
+
 def test_a_vehicle_that_restarts_is_at_rest_and_says_so() -> None:
     rig = MavlinkRig().ready()
     rig.robot.act(Setpoint(1.0))
@@ -345,7 +397,12 @@ def test_a_node_commands_a_vehicle_in_another_process_and_finds_it_again(tmp_pat
     drive = "(RULE drive (WHEN (AND (= mode GUIDED) (= armed 1)) (SETQ drive_speed 1m/s)))"
     tell = '(RULE say (WHEN (> speed 0.5m/s) (REPORT "rolling")))'
     ready = ("(SET_MODE GUIDED)", "(ARM)")
-    with closing(Process(tmp_path)) as vehicle, closing(Mind(vehicle.uri, tmp_path)) as mind:
+    air = f"udp://239.255.83.85:{free_port()}?interface=lo"
+    with (
+        closing(Process(tmp_path)) as vehicle,
+        closing(UdpTransport(air)) as desk,
+        closing(Mind(vehicle.uri, tmp_path, "--channel", air)) as mind,
+    ):
         mind.wait_for("v1 is up")
         mind.say(*ready, drive, tell)
         mind.wait_for("rolling")
@@ -359,3 +416,10 @@ def test_a_node_commands_a_vehicle_in_another_process_and_finds_it_again(tmp_pat
         mind.wait_for("rolling")
         mind.say("STOP")
         mind.wait_for("stopped, and at rest until RELEASE")
+        heard = b"".join(desk.receive())
+        for sentence in (
+            b"the body is out of reach: vehicle 1 has",
+            b"within reach again",
+            b"the vehicle has restarted",
+        ):
+            assert sentence in heard, "every desk hears of it"

@@ -384,7 +384,7 @@ class MavlinkVehicle(BridgedBody):
         self._check_boot(message.time_boot_ms / 1000.0)
         latitude, longitude = message.lat / 1e7, message.lon / 1e7
         if self._map is None:
-            if not (latitude or longitude):  # it does not know yet
+            if not (latitude or longitude) or abs(latitude) > 90.0 or abs(longitude) > 180.0:  # it does not know yet
                 return
             self._map = LocalMap(Origin(latitude, longitude))
         x, y = self._map.metres(latitude, longitude) or (nan, nan)

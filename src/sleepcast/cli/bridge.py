@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
-
 import click
 
 from sleepcast.api.connection import AirOptions, observing_station
@@ -70,5 +68,7 @@ def tak(server: str, origin: str, every: float, markers: bool, type: str | None,
             markers=markers,
             type=type or GROUND_ROBOT,
         )
+        import asyncio  # of no use to other commands
+
         asyncio.run(bridge.run())
     return 0

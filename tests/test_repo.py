@@ -137,9 +137,10 @@ def test_go_stops_cleanly_at_an_interrupt(clone: Path) -> None:
     assert process.returncode == 130
 
 
-def ours(clone: Path) -> Path:
+@pytest.fixture(scope="module")
+def ours(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with sleepcast in which go.py finds our libraries installed, so that its locks may name none."""
-    clone.mkdir()
+    clone = tmp_path_factory.mktemp("ours")
     for name in ("go.py", "pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, clone / name)
     shutil.copytree(SOURCE, clone / "src", ignore=shutil.ignore_patterns("__pycache__"))
@@ -152,9 +153,9 @@ def ours(clone: Path) -> Path:
     return clone
 
 
-def test_go_compiles_the_simulator_as_the_last_step_of_its_set_up(tmp_path: Path) -> None:
+def test_go_compiles_the_simulator_as_the_last_step_of_its_set_up(ours: Path, tmp_path: Path) -> None:
     """And what that tells is no result."""
-    clone = ours(tmp_path / "clone")
+    clone = shutil.copytree(ours, tmp_path / "clone", symlinks=True)
     done = run(sys.executable, "go.py", "eval", "(+ 1 2)", cwd=clone)
     assert (done.returncode, done.stdout) == (0, "3\n"), done.stderr
     assert "scenarios are ready to start" in done.stderr
@@ -162,8 +163,8 @@ def test_go_compiles_the_simulator_as_the_last_step_of_its_set_up(tmp_path: Path
     assert (again.stdout, again.stderr) == ("3\n", "")
 
 
-def test_go_does_without_numba_where_there_is_none_for_this_computer(tmp_path: Path) -> None:
-    clone = ours(tmp_path / "clone")
+def test_go_does_without_numba_where_there_is_none_for_this_computer(ours: Path, tmp_path: Path) -> None:
+    clone = shutil.copytree(ours, tmp_path / "clone", symlinks=True)
     hashes = f"--hash=sha256:{'0' * 64}"
     (clone / "requirements" / "run.txt").write_text(
         f"llvmlite==99.0 \\\n    {hashes}\n    # via numba\nnumba==99.0 \\\n    {hashes}\n"

@@ -48,7 +48,7 @@ def count(folder: Path) -> int:
         return 0
 
 
-def sweep(wanted: Experiment, folder: Path, workers: int = 2) -> None:
+def sweep(wanted: Experiment, folder: Path, workers: int = 1) -> None:
     with Results(folder, wanted) as results:
         for _ in run_all(results, workers):
             pass
@@ -292,7 +292,7 @@ class TestResults:
             assert list(outcomes_in(tmp_path / "results")) == [], "but others may read"
 
     def test_a_full_disk_stops_it_and_what_is_written_is_intact(self, tmp_path: Path) -> None:
-        wanted = experiment(over=FEW, seeds=400, seconds=0.1, every=0.001)
+        wanted = experiment(over=FEW, seeds=150, seconds=0.1, every=0.001)
         program = (
             "import resource, sys\n"
             "from pathlib import Path\n"
@@ -307,11 +307,11 @@ class TestResults:
         assert "cannot be written" in done.stderr
         assert "Traceback" not in done.stderr
         kept = list(outcomes_in(tmp_path / "results"))
-        assert 0 < len(kept) < 400
+        assert 0 < len(kept) < 150
         assert all(not each.error for each in kept)
         assert main([*command, "--workers", "1"]) == 0, "there is room again"
         again = list(outcomes_in(tmp_path / "results"))
-        assert len(again) == 400
+        assert len(again) == 150
         numbers = {each.run.number for each in kept}
         assert [each for each in again if each.run.number in numbers] == kept
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import tracemalloc
 from math import inf, nan
 
@@ -448,6 +449,7 @@ def test_a_robot_takes_less_than_a_kilobyte() -> None:
     _ten_ticks_of_learning(robots)  # what is compiled or loaded once belongs to the process, not to a robot
     tracemalloc.start()
     fleet, names = _ten_ticks_of_learning(robots)
+    gc.collect()
     taken = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
     assert len(fleet.names) == robots

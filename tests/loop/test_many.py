@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import tracemalloc
 from time import thread_time
 
@@ -66,6 +67,7 @@ def test_a_command_takes_less_than_two_hundred_bytes_a_robot(bravo: tuple[Swarm,
     peaks = []
     for text in ("", "(WHEN (> fuel 50%) (DRIVE 1m/s 0deg/s) (MARK))"):
         tell(swarm)
+        gc.collect()
         tracemalloc.reset_peak()
         before = tracemalloc.get_traced_memory()[0]
         if text:
@@ -114,6 +116,7 @@ def test_ten_rules_the_radio_and_the_desk_take_less_than_a_kilobyte_a_robot() ->
     swarm = Swarm(simulator, simulator.scenario.mission)
     swarm.desk = station = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm)
     swarm.run(1.2)
+    gc.collect()
     taken = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
     (command,) = station.commands()

@@ -43,10 +43,11 @@ def prepare(as_json: bool, quiet: bool) -> int:
       sleepcast prepare --json
     """
     from sleepcast.simulator import scenario_names
+    from sleepcast.simulator.engine import has_numba
 
     began, names = perf_counter(), scenario_names()
     with Interrupts("ended by {}; what has been compiled is kept"), _progress(len(names), quiet) as tell:
-        if without_numba():
+        if not has_numba():
             raise PrepareError(f"there is nothing to compile: {WITHOUT}")
         for name in names:
             tell(name)
@@ -64,16 +65,11 @@ def prepare(as_json: bool, quiet: bool) -> int:
     return 0
 
 
-def without_numba() -> bool:
-    """Whether simulations have to do without compiled code."""
-    from sleepcast.simulator import choose
-
-    return choose().name == "numpy"
-
-
 def advise() -> None:
     """Say how to get the fast program, where there is none."""
-    if without_numba():
+    from sleepcast.simulator.engine import has_numba
+
+    if not has_numba():
         complain(WITHOUT)
 
 

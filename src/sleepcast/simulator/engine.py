@@ -128,12 +128,17 @@ class NumPyMachine:
         work(0, count)
 
 
+def has_numba() -> bool:
+    """Whether kernels can be compiled. Does not load numba, which takes longer than a small run."""
+    return find_spec("numba") is not None
+
+
 def choose(name: str | None = None, threads: int | None = None) -> Machine:
     """The backend `name`, "numpy" or "numba"; None chooses the fastest one installed. threads: None means one per core.
     Raises MisuseError for an unknown or missing backend."""
     if threads is not None and not 1 <= threads <= MAX_THREADS:
         raise MisuseError(f"a machine has 1 to {MAX_THREADS} threads, not {threads}")
-    there = find_spec("numba") is not None
+    there = has_numba()
     if name == "numpy" or (name is None and not there):
         return NumPyMachine()
     if name not in (None, "numba"):

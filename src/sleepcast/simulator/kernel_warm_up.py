@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 
-from sleepcast.simulator.engine import choose, cores
+from sleepcast.simulator.engine import choose, cores, has_numba
 from sleepcast.simulator.packing import pack, unpack
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.simulation import Simulator
@@ -29,7 +29,7 @@ PATIENCE = 60.0
 def compile_kernels(scenario: Scenario) -> None:
     """Compile the kernels that the robots of a scenario need, if none has been compiled yet. scenario: one with few
     robots."""
-    if choose().name == "numpy" or not any(sort.ring for sort in scenario.each_sort):
+    if not any(sort.ring for sort in scenario.each_sort) or not has_numba():
         return
     from sleepcast.simulator.simd.compiled import kept_in
 

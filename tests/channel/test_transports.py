@@ -230,8 +230,8 @@ def test_keys_of_zenoh_part_what_is_heard() -> None:
 @pytest.mark.parametrize(
     ("uri", "complaint"),
     [
-        ("", "begins with udp, memory, zenoh:"),
-        ("x" * 2_000, "begins with udp"),
+        ("", "begins with memory, udp, zenoh:"),
+        ("x" * 2_000, "begins with memory, udp"),
         ("zenooh://127.0.0.1:7447", "did you mean zenoh?"),
         ("memory:", "wanted memory:NAME"),
         ("memory://lab", "wanted memory:NAME"),

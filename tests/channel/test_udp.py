@@ -26,7 +26,7 @@ from sleepcast.channel.transports.udp import MOST_STOPS, UdpError
 @pytest.mark.parametrize(
     ("uri", "complaint"),
     [
-        ("", "begins with udp"),
+        ("", "wanted one that begins with"),
         ("udp://239.255.83.76", "wanted udp://ADDRESS:PORT"),
         ("udp://239.255.83.76:0", "wanted udp://ADDRESS:PORT"),
         ("udp://239.255.83.76:99999", "Port out of range"),

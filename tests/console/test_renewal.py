@@ -19,11 +19,11 @@ from sleepcast.cli.page_runs import Beginning, PageRuns, run_file
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.alerts import LOOK_EVERY
 from sleepcast.console.backend import Backend
-from sleepcast.console.dialogue import Dialogue
 from sleepcast.console.driver import Driver
 from sleepcast.console.incoming import Renew, Setup
 from sleepcast.console.outgoing import Refused
 from sleepcast.console.renewal import Note, Renewed, Run, Runs, SetUp, Wish
+from sleepcast.console.swarm_dialogue import SwarmDialogue
 from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.loop import Pace
@@ -222,7 +222,7 @@ def test_a_page_that_nothing_may_follow_says_so(tmp_path: Path) -> None:
     swarm, station = assemble(load(write(tmp_path)), None, mission=False)
     seen, clock = SwarmAdapter(swarm), WallClock()
     desk = Backend(seen, station, Driver(seen, Pace(clock, swarm, 1.0), clock), clock)
-    found = Dialogue(desk).answer(Renew(4))
+    found = SwarmDialogue(desk).answer(Renew(4))
     assert isinstance(found, Refused)
     assert "start it again where it was started" in found.reason
 

@@ -27,7 +27,7 @@ def test_sonars_encoders_and_bumper_of_a_scout(tmp_path: Path) -> None:
     assert seen.sonars[0] == pytest.approx(12.0 - 10.0 - 0.17, abs=0.02)  # the wall ahead, from the rim
     assert len(seen.sonars) == 16
     assert seen.believed == pytest.approx(seen.pose)
-    assert seen.touched is None
+    assert seen.touched == ()
     simulator.robots[0].drive(1.0, 0.0)
     for _ in range(30):
         simulator.step()
@@ -36,14 +36,14 @@ def test_sonars_encoders_and_bumper_of_a_scout(tmp_path: Path) -> None:
     assert simulator.state_hash() == before
     assert seen.believed is not None
     assert hypot(seen.believed[0] - seen.pose[0], seen.believed[1] - seen.pose[1]) > 0.02  # the left wheel slips
-    assert seen.touched == pytest.approx(-seen.pose[2], abs=0.1)  # the wall lies in the direction of x
-    assert -pi <= seen.touched <= pi
+    assert seen.touched[0] == pytest.approx(-seen.pose[2], abs=0.1)  # the wall lies in the direction of x
+    assert -pi <= seen.touched[0] <= pi
 
 
 def test_bodies_without_sonars_and_wheels_have_none() -> None:
     with sc.open("couzin", robots=5, seed=1) as fleet:
         seen = sensing_of(fleet.swarm.simulator, 4)
-        assert (seen.believed, seen.sonars, seen.touched) == (None, (), None)
+        assert (seen.believed, seen.sonars, seen.touched) == (None, (), ())
         scenario = fleet.swarm.simulator.scenario
         assert scenario.neighbours is not None
         assert seen.reaches == (("neighbours", scenario.neighbours.reach),) or scenario.neighbours.reach == inf

@@ -1,69 +1,92 @@
-"""What an open page and its desk say to each other, whatever carries it: a WebSocket, or a notebook's messages."""
+"""What an open page and its desk say to each other, whatever carries it: a WebSocket, or a notebook's messages.
+
+One set of messages serves all pages, and what any robots have is answered here. `swarm_dialogue` adds what robots with
+minds of their own are told and asked, `nomads/dialogue` what Nomads are.
+"""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Iterator
-from typing import TypeAlias
+from collections.abc import Awaitable, Iterable, Iterator, Sequence
+from typing import Generic, Protocol, TypeAlias, TypeVar
 
 import msgspec
 
 from sleepcast.console import incoming, outgoing
-from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
 from sleepcast.console.driver import FrameSource
-from sleepcast.console.film import commands_of
-from sleepcast.console.frames import ghosts
-from sleepcast.console.glance import glance
-from sleepcast.console.look import Look
-from sleepcast.console.marks import clock_time
-from sleepcast.console.outgoing import Refused, Robot
-from sleepcast.console.past import Past
-from sleepcast.console.renewal import NOT_HERE, RenewableBackend
-from sleepcast.console.replay import ReplayBackend
-from sleepcast.console.table import RobotTable
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.station.validation import CountNeededError, DoubtError
 
-Answer: TypeAlias = msgspec.Struct | msgspec.Raw
-OF_THEN = (outgoing.Commands, outgoing.Failing, outgoing.Groups, outgoing.Obstacles, outgoing.Robot)
-"""News that are those of the time at which a page looks; all other news are of now."""
-ACTS = (incoming.Send, incoming.Wink, incoming.Build, incoming.Shift, incoming.Clear, incoming.Undo)
-"""What changes the run, which can be done only now."""
-QUESTIONS = (
-    *(incoming.Preview, incoming.Spread, incoming.Pick, incoming.Names, incoming.Glance, incoming.Members),
-    *(incoming.Sense, incoming.Rows, incoming.Range, incoming.Csv),
-)
-"""What can be asked of any time of a run."""
+Answer: TypeAlias = msgspec.Struct | msgspec.Raw | None
 
 
-class Dialogue:
-    """One page's part: its questions, and what it has been told already. turned: set when it looks at another time."""
+class PacedSource(Protocol):
+    """Frames of something whose time can be governed; see `Driver`."""
 
-    def __init__(self, desk: Backend | ReplayBackend) -> None:
+    @property
+    def frame(self) -> bytes: ...
+
+    def set_pace(self, running: bool | None = None, factor: float | None = None) -> None: ...
+
+    def step(self) -> None: ...
+
+
+class Desk(Protocol):
+    """What any page can ask. All raise SleepcastError for what cannot be done, with a sentence for who asked."""
+
+    @property
+    def driver(self) -> PacedSource: ...
+
+    def hello(self) -> outgoing.Hello: ...
+
+    def news(self, watched: int) -> Iterable[outgoing.Said]: ...
+
+    async def live(self) -> None: ...
+
+    def stop(self) -> None: ...
+
+    def release(self) -> None: ...
+
+    def build(self, serial: int, corners: Sequence[tuple[float, float]]) -> outgoing.Built: ...
+
+    def shift(self, serial: int, version: int, place: int, across: float, up: float) -> outgoing.Built: ...
+
+    def clear(self, serial: int, version: int, place: int) -> outgoing.Built: ...
+
+    def undo(self, serial: int, change: int, again: bool) -> outgoing.Undone: ...
+
+    def sense(self, serial: int, robot: int) -> outgoing.Sensed: ...
+
+
+D = TypeVar("D", bound=Desk)
+
+
+class Dialogue(Generic[D]):
+    """One page's part: its questions, and what it has been told already. turned: set when it looks at another time.
+    most_waiting: answers that may be waited for at one time; of more, some are given up."""
+
+    most_waiting: int
+
+    def __init__(self, desk: D) -> None:
         self._desk = desk
-        self._table = RobotTable(desk.values)
         self._watched = -1
         self._sent: dict[str, bytes] = {}
-        self._look: Look | None = None
-        self._marked = -1
         self.turned = asyncio.Event()
-        self._ghosts, self._ghost_tick = True, -1
-        """Whether the page is to be shown another future, and the tick of which it was told last."""
 
     @property
     def source(self) -> FrameSource:
         """Where this page's frames come from."""
-        return self._desk.driver if self._look is None else self._look
+        raise NotImplementedError
 
     def hello(self) -> str:
         """The first words to a page, which knows nothing yet."""
         hello = self._desk.hello()
         data = encode(hello)
-        self._watched, self._marked, self._ghost_tick, self._sent = -1, -1, -1, {type(hello).__name__: data}
+        self._watched, self._sent = -1, {type(hello).__name__: data}
         return data.decode()
 
-    def answer(self, message: incoming.Incoming) -> Answer | Awaitable[Answer] | None:
+    def answer(self, message: incoming.Incoming) -> Answer | Awaitable[Answer]:
         """Do what a message asks for; gives the answer or the refusal, None where there is nothing to say."""
         serial: int | None = getattr(message, "serial", None)
         try:
@@ -71,64 +94,20 @@ class Dialogue:
         except SleepcastError as error:
             return refusal(error, serial)
 
-    def _answer(self, message: incoming.Incoming) -> Answer | Awaitable[Answer] | None:
+    def _answer(self, message: incoming.Incoming) -> Answer | Awaitable[Answer]:
         desk = self._desk
-        if self._look is not None and desk.past is not None:
-            found = self._of_then(message, self._look, desk.past)
-            if found is not None:
-                return found
         match message:
-            case incoming.Look(time):
-                self._look_at(time)
-            case incoming.Ghosts(on):
-                self._ghosts, self._ghost_tick = on, -1
             case incoming.Stop():
                 desk.stop()
             case incoming.Release():
                 desk.release()
-            case incoming.Halt():
-                desk.halt()
-            case incoming.Lease(serial, deed, group, seconds, to):
-                return desk.lease(serial, deed, group, seconds, to)
-            case incoming.Watch(robot):
-                self._watched = robot
-                if self._look is not None:
-                    self._look.watched = robot
-                self._sent.pop(Robot.__name__, None)  # the page has forgotten what it was sent of it
             case incoming.Pace(running, factor):
                 desk.driver.set_pace(running, factor)
-            case incoming.Seek(time):
-                desk.seek(time)
             case incoming.Step():
                 desk.driver.step()
-            case incoming.Preview(serial, text):
-                return desk.preview(serial, text)
-            case incoming.Spread(serial, text, at):
-                return desk.spread(serial, text, at)
-            case incoming.Pick(serial, marks):
-                return desk.pick(serial, marks)
-            case incoming.AddAlert() | incoming.MuteAlert() | incoming.RemoveAlert() | incoming.Fired():
-                return desk.alert(message)
-            case incoming.Wink(serial, robot):
-                return desk.wink(serial, robot)
-            case incoming.Send(serial, text, everybody, sort, count, confirmed):
-                return desk.send(serial, text, everybody, sort, count, confirmed)
-            case incoming.Names(serial):
-                return desk.names(serial)
-            case incoming.Glance(serial):
-                return glance(desk.values, serial)
-            case incoming.Phrase(serial, text):
-                return desk.phrase(serial, text)
-            case incoming.Understand(serial, text):
-                return desk.understand(serial, text)
-            case incoming.Why(serial, robot, command):
-                return desk.why(serial, robot, command)
-            case incoming.Outcomes(serial, command):
-                return desk.outcomes(serial, command)
-            case incoming.Failed(serial, rule):
-                return desk.failed(serial, rule)
-            case incoming.Members(serial, group):
-                return desk.members(serial, group)
+            case incoming.Watch(robot):
+                self._watched = robot
+                self._sent.pop(outgoing.Robot.__name__, None)  # the page has forgotten what it was sent of it
             case incoming.Build(serial, corners):
                 return desk.build(serial, corners)
             case incoming.Shift(serial, version, place, across, up):
@@ -137,110 +116,21 @@ class Dialogue:
                 return desk.clear(serial, version, place)
             case incoming.Undo(serial, change, again):
                 return desk.undo(serial, change, again)
-            case incoming.Picture(serial):
-                return desk.picture(serial)
             case incoming.Sense(serial, robot):
                 return desk.sense(serial, robot)
-            case incoming.Commands(serial):
-                return desk.commands(serial)
-            case incoming.Scenarios() | incoming.Setup() | incoming.Renew() | incoming.Fork():
-                if not isinstance(desk, RenewableBackend):
-                    raise MisuseError(NOT_HERE)
-                return desk.renewal(message)
-            case incoming.Rows():
-                return self._table.rows(message)
-            case incoming.Range():
-                return self._table.range(message)
-            case incoming.Csv():
-                return self._table.csv(message)
-            case incoming.Plot():
-                return desk.plots.add(message)
-            case incoming.Unplot():
-                return desk.plots.remove(message)
-            case incoming.Plotted():
-                return desk.plots.drawn(message)
+            case _:
+                raise MisuseError("These robots cannot do that, and there is nothing here that knows it.")
         return None
 
-    def _look_at(self, time: float | None) -> None:
-        """Look at another time; None is now."""
-        past = self._desk.past
-        if past is None or isinstance(self._desk, ReplayBackend):
-            raise MisuseError("There is no timeline here: nothing is kept of what was.")
-        if time is None:
-            self.leave()
-            return
-        if not past.film.poses.times:
-            raise MisuseError("Nothing is kept yet: time has not begun.")
-        if self._look is None:
-            self._look = Look(past, self._desk.driver)
-            self._look.watched = self._watched
-            self.turned.set()
-        self._look.seek(time)
-
     def leave(self) -> None:
-        """Look at now, as at the start."""
-        if self._look is not None:
-            self._look.leave()
-            self._look = None
-            self.turned.set()
+        """The page goes away."""
 
-    def ghosts(self) -> bytes:
-        """Where robots were in another future at what this page shows, as bytes for it; empty if it knows, or there is
-        none. No place is told once that future has ended."""
-        past = self._desk.past
-        if not self._ghosts or past is None or past.other is None:
-            return b""
-        time = past.ended if self._look is None else self._look.time
-        film = past.other.film
-        found = film.poses.at(time) if time <= film.seconds else None
-        tick, poses = (past.tick_of(film.seconds) + 1, b"") if found is None else found
-        if tick == self._ghost_tick:
-            return b""
-        self._ghost_tick = tick
-        return ghosts(poses)
+    def beside(self) -> Iterator[str | bytes]:
+        """What goes out with a frame."""
+        return iter(())
 
-    def _of_then(self, message: incoming.Incoming, look: Look, past: Past) -> Answer | Awaitable[Answer] | None:
-        """The answer of the time at which the page looks; None for what is a matter of now."""
-        if isinstance(message, ACTS):
-            raise MisuseError(
-                f"This page looks at {clock_time(look.time)}, and whatever is done acts on now. "
-                "Go back to live (F8), then do it."
-            )
-        match message:
-            case incoming.Why():
-                return past.why(look.tick, message)
-            case incoming.Commands(serial):
-                return commands_of(past.film, look.time, serial)
-            case incoming.Failed(serial, rule):
-                return past.film.failed(look.time, serial, rule)
-        return past.answer(look.tick, message) if isinstance(message, QUESTIONS) else None
-
-    def _news(self) -> Iterator[outgoing.Said]:
-        look, past = self._look, self._desk.past
-        if look is None:
-            yield from self._desk.news(self._watched)
-        else:
-            yield from look.news()
-            yield from (said for said in self._desk.news(-1) if not isinstance(said, OF_THEN))
-        if past is None:
-            return
-        if self._marked != past.marks.number:
-            self._marked = past.marks.number
-            yield outgoing.Marked(list(past.marks.all))
-        span = outgoing.Span(past.film.began, past.ended, kept=past.kept)
-        other = past.other
-        if other is not None:
-            differs = None if other.differs is None else other.differs * past.tick
-            span = msgspec.structs.replace(
-                span, forked=other.tick * past.tick, differs=differs, difference=other.difference
-            )
-        if isinstance(self._desk, RenewableBackend):
-            span = msgspec.structs.replace(span, may_fork=True)
-        if look is not None:
-            span = msgspec.structs.replace(span, at=look.time, exact=look.exact, note=look.note)
-        elif isinstance(self._desk, ReplayBackend):
-            span = msgspec.structs.replace(span, note=self._desk.driver.note)
-        yield span
+    def _news(self) -> Iterable[outgoing.Said]:
+        return self._desk.news(self._watched)
 
     def news(self) -> Iterator[str]:
         """What has changed since the page was last told."""
@@ -252,11 +142,12 @@ class Dialogue:
                 yield data.decode()
 
 
-def refusal(error: SleepcastError, serial: int | None = None) -> Refused:
+def refusal(error: SleepcastError, serial: int | None = None) -> outgoing.Refused:
     """What a page is told that asked for what cannot be done, or must be confirmed first."""
     if isinstance(error, CountNeededError):
         why = error.why[:1].upper() + error.why[1:]
-        return Refused(f"{why}: {error.may} may obey. Type their number to send it.", serial, True)
+        return outgoing.Refused(f"{why}: {error.may} may obey. Type their number to send it.", serial, True)
     if isinstance(error, DoubtError):
-        return Refused(f"{error.shown}\nPress Enter once more to send it as it stands.", serial, doubt=True)
-    return Refused(str(error), serial)
+        again = "Press Enter once more to send it as it stands."
+        return outgoing.Refused(f"{error.shown}\n{again}", serial, doubt=True)
+    return outgoing.Refused(str(error), serial)

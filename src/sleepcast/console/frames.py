@@ -36,7 +36,8 @@ and f32 x 3n as in a frame."""
 VERSION = 2
 
 _HEADER = struct.Struct("<BBBxIIIdff")
-SILENT = 16
+STOPPED, SILENT = 1, 16
+"""Of the flags of a robot."""
 _STILL = b"\x01"
 
 

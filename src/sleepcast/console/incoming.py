@@ -24,6 +24,18 @@ MOST_VALUES = 24
 
 MOST_CORNERS = 64
 """Of one obstacle that a person draws; `static/obstacles.js` knows it, too."""
+MOST_NUMBERS = 64
+"""Of an order to a Nomad: more than any has."""
+MOST_SAID = 256
+"""Characters of a text that a Nomad says."""
+MOST_WORLD = 100_000
+"""Characters of a world: a thousand polygons and more; with what JSON adds they stay below `MAX_BYTES`."""
+MOST_NAME = 200
+"""Characters of a file's name."""
+FARTHEST = 1e5
+"""m: no world of Nomads is so large, and no number of their wire so long."""
+LARGEST = 2**31 - 1
+"""A number of the Nomads' wire has 32 bits, signed."""
 
 Serial = Annotated[int, Meta(ge=1, le=2**53 - 1)]
 Text = Annotated[str, Meta(max_length=16_384)]
@@ -36,6 +48,8 @@ T = TypeVar("T")
 Index = Annotated[int, Meta(ge=-1, le=10_000_000)]
 ScenarioName = Annotated[str, Meta(max_length=500)]
 SliderName = Annotated[str, Meta(max_length=32)]
+NomadNumber = Annotated[int, Meta(ge=-LARGEST, le=LARGEST)]
+NomadIndex = Annotated[int, Meta(ge=0, le=10_000_000)]
 Seed = Annotated[str, Meta(pattern=r"\A[0-9]{1,19}\Z")]
 """As text: JavaScript's numbers are not exact that far."""
 
@@ -388,6 +402,46 @@ class Renew(Message):
     values: Annotated[dict[SliderName, float], Meta(max_length=MOST_VALUES)] = {}
 
 
+class Perform(Message):
+    """An order to a Nomad, as a program would give it; `text` goes with `tk` alone."""
+
+    serial: Serial
+    robot: NomadIndex
+    order: Annotated[str, Meta(max_length=40)]
+    numbers: Annotated[list[NomadNumber], Meta(max_length=MOST_NUMBERS)]
+    text: Annotated[str, Meta(max_length=MOST_SAID)] = ""
+
+
+class Drive(Message):
+    """Speeds of a Nomad's axes, from a hand at the keys: to be said again and again, or the robot rests."""
+
+    robot: NomadIndex
+    numbers: Annotated[list[NomadNumber], Meta(min_length=3, max_length=3)]
+
+
+class Click(Message):
+    """A place in a Nomad's own window, m: the answer to a program that asks for one."""
+
+    serial: Serial
+    robot: NomadIndex
+    x: Annotated[float, Meta(ge=-FARTHEST, le=FARTHEST)]
+    y: Annotated[float, Meta(ge=-FARTHEST, le=FARTHEST)]
+
+
+class Load(Message):
+    """The obstacles of a file, in place of those that there are. name: of the file."""
+
+    serial: Serial
+    name: Annotated[str, Meta(max_length=MOST_NAME)]
+    text: Annotated[str, Meta(max_length=MOST_WORLD)]
+
+
+class Save(Message):
+    """All obstacles as the text of a file."""
+
+    serial: Serial
+
+
 AlertMessage = AddAlert | MuteAlert | RemoveAlert | Fired
 Incoming = (
     Preview
@@ -432,6 +486,11 @@ Incoming = (
     | Scenarios
     | Setup
     | Renew
+    | Perform
+    | Drive
+    | Click
+    | Load
+    | Save
 )
 
 _DECODER: msgspec.json.Decoder[Incoming] = msgspec.json.Decoder(Incoming)

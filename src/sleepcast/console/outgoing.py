@@ -12,6 +12,7 @@ from sleepcast.console.completion import ShownName
 from sleepcast.console.explanation import ShownWhy
 from sleepcast.console.failing import ShownFailing
 from sleepcast.console.marks import Mark
+from sleepcast.console.nomads.orders import NomadOrder
 from sleepcast.console.sensing import BodyView
 from sleepcast.console.view import Outline, Scene
 
@@ -20,12 +21,22 @@ class Said(msgspec.Struct, tag_field="type", tag=str.lower):
     """Anything that the desk says to a page."""
 
 
+class NomadKinds(msgspec.Struct, frozen=True):
+    """What a page needs of Nomads beside the scene. tenth: m of a unit of length in orders; degree: rad of a unit of
+    angle; steers: whether the axes of each robot are way, direction and turret, and not two wheels."""
+
+    tenth: float
+    degree: float
+    steers: list[bool]
+    orders: list[NomadOrder]
+
+
 class Hello(Said):
     """The first words: what there is to see, and the names that a text may use. began, recorded: the time at which a
     recording begins and ends, s; 0 where the swarm lives. part: of a recording in several files, from 1; 0 if there is
     one. air: whether the robots are on the air, where time is real. unheard: how many others are expected there. run:
     the number of this run on the page, from 1; 0 where no other can follow. note: what the map cannot show, in a
-    sentence."""
+    sentence. nomads: where the robots are Nomads."""
 
     scene: Scene
     count: int
@@ -37,6 +48,7 @@ class Hello(Said):
     unheard: int = 0
     run: int = 0
     note: str = ""
+    nomads: NomadKinds | None = None
 
 
 class Refused(Said):
@@ -144,6 +156,20 @@ class Pictured(Said):
     png: bytes
 
 
+class World(Said):
+    """All obstacles as the text of a file."""
+
+    serial: int
+    text: str
+
+
+class Done(Said):
+    """What was asked for was done. note: what there is to say of it, in words for a person."""
+
+    serial: int
+    note: str = ""
+
+
 class Sensed(Said):
     """What the body of a robot senses."""
 
@@ -232,7 +258,7 @@ class ShownRule(msgspec.Struct, frozen=True):
 
 
 class ShownReport(msgspec.Struct, frozen=True):
-    """Something that the watched robot reported; at: simulated s."""
+    """Something that the watched robot reported, or was told; at: simulated s."""
 
     at: float
     text: str
@@ -241,7 +267,7 @@ class ShownReport(msgspec.Struct, frozen=True):
 class Robot(Said):
     """News of the watched robot. groups: the names of all of them. state: stopped, frozen and the like, in words.
 
-    said: its latest reports, the youngest first.
+    said: its latest reports, the youngest first. told: what programs told it lately, where it is a Nomad.
     """
 
     robot: int
@@ -250,6 +276,7 @@ class Robot(Said):
     values: list[ShownValue]
     rules: list[ShownRule]
     said: list[ShownReport]
+    told: list[ShownReport] = []
 
 
 class ShownColumn(msgspec.Struct, frozen=True):

@@ -16,8 +16,9 @@ Pose = tuple[float, float, float]
 class BodyView(msgspec.Struct, frozen=True):
     """What a robot's body senses. pose: where it is; believed: where its encoders place it, None without any. sonars:
     from its front counter-clockwise, m from its rim, None for what was never measured; beam: opening of each, rad;
-    farthest: what they measure at most, m. touched: direction of what its bumper touches, rad from its heading; None
-    for nothing. reaches: how far other senses reach, by their names, m."""
+    farthest: what they measure at most, m. touched: directions of what its bumper touches, rad from its heading.
+    reaches: how far other senses reach, by their names, m. looks: where its first sonar looks, rad. infrared: as
+    sonars; sight: what infrared sensors see at most, m."""
 
     pose: Pose
     radius: float
@@ -25,8 +26,11 @@ class BodyView(msgspec.Struct, frozen=True):
     sonars: tuple[float | None, ...]
     beam: float
     farthest: float
-    touched: float | None
+    touched: tuple[float, ...]
     reaches: tuple[tuple[str, float], ...]
+    looks: float
+    infrared: tuple[float | None, ...] = ()
+    sight: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,15 +45,21 @@ class BodyKind:
     farthest: float = 0.0
     reaches: tuple[tuple[str, float], ...] = ()
 
-    def sensing(self, pose: Pose, believed: Pose, ranges: Iterable[float], touched: float | None = None) -> BodyView:
+    def sensing(self, pose: Pose, believed: Pose, ranges: Iterable[float], touched: tuple[float, ...] = ()) -> BodyView:
         """What such a body senses. ranges: of its sonars, NaN for what was never measured."""
         return BodyView(
             pose,
             self.radius,
             believed if self.encoders and all(map(isfinite, believed)) else None,
-            tuple(each if isfinite(each) else None for each in ranges),
+            measured(ranges),
             self.beam,
             self.farthest,
             touched,
             self.reaches,
+            pose[2],
         )
+
+
+def measured(ranges: Iterable[float]) -> tuple[float | None, ...]:
+    """The ranges, None for what was never measured."""
+    return tuple(each if isfinite(each) else None for each in ranges)

@@ -38,12 +38,13 @@ from sleepcast.console.driver import Driver
 from sleepcast.console.incoming import MAX_BYTES
 from sleepcast.console.network import Fleet, NetworkBackend
 from sleepcast.console.nomads.backend import NomadsBackend
-from sleepcast.console.nomads.session import NomadSession
+from sleepcast.console.nomads.dialogue import NomadDialogue
 from sleepcast.console.nomads.view import Nomads
 from sleepcast.console.past import Past
 from sleepcast.console.renewal import Runs
 from sleepcast.console.replay import ReplayBackend
 from sleepcast.console.session import Session
+from sleepcast.console.swarm_dialogue import SwarmDialogue
 from sleepcast.console.view import Pace, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
@@ -106,7 +107,7 @@ def serve_runs(runs: Runs, clock: Clock, *, address: Address, say: Callable[[str
     """
 
     def app(door: PageAccess) -> Starlette:
-        return make_app("index.html", door, lambda socket: Session(socket, runs.desk, clock).run())
+        return make_app("index.html", door, lambda socket: Session(socket, SwarmDialogue(runs.desk), clock).run())
 
     asyncio.run(serve_pages(app, runs.live, address=address, say=say, around=runs))
 
@@ -145,7 +146,7 @@ def serve_backend(
     """
 
     def app(door: PageAccess) -> Starlette:
-        return make_app("index.html", door, lambda socket: Session(socket, desk, clock).run())
+        return make_app("index.html", door, lambda socket: Session(socket, SwarmDialogue(desk), clock).run())
 
     pages = serve_pages(
         app,
@@ -172,11 +173,13 @@ async def serve_nomads(
     desk = NomadsBackend(nomads, clock)
 
     def app(door: PageAccess) -> Starlette:
-        return make_app("nomad/index.html", door, lambda socket: NomadSession(socket, desk, clock).run())
+        return make_app(
+            "index.html", door, lambda socket: Session(socket, NomadDialogue(desk), clock).run(), panes=NOMADS
+        )
 
     await serve_pages(
         app,
-        nomads.live,
+        desk.live,
         address=address,
         say=say,
         port_option=port_option,
@@ -326,6 +329,8 @@ PORT = re.compile(r":\d+$")
 MAX_PAGES = 16
 """Pages that may be open at one time; each gets its own frames."""
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
+NOMADS = "nomads"
+"""The class of the page's body by which it has the panes of Nomads, and not those of a swarm; see `static/main.js`."""
 STATIC = Path(str(files("sleepcast.console"))) / "static"
 
 REFUSED = (
@@ -361,16 +366,22 @@ class PageAccess:
 
 
 def make_app(
-    page: str, door: PageAccess, attend: Callable[[WebSocket], Awaitable[None]], more: Sequence[Route] = ()
+    page: str,
+    door: PageAccess,
+    attend: Callable[[WebSocket], Awaitable[None]],
+    more: Sequence[Route] = (),
+    panes: str = "",
 ) -> Starlette:
     """The application. page: its file in `static/`. attend: serves one open page until it goes away; there are
-    `MAX_PAGES` at most. more: routes of this page alone."""
+    `MAX_PAGES` at most. more: routes of this page alone. panes: which there are, if not those of a swarm."""
     open_pages: set[WebSocket] = set()
+    body = f'<body class="{panes}">' if panes else "<body>"
 
     async def front(request: Request) -> Response:
         if not door.knows(request):
             return PlainTextResponse(REFUSED, 403)
-        return Response((STATIC / page).read_bytes(), media_type="text/html")
+        text = (STATIC / page).read_text("utf-8").replace("<body>", body, 1)
+        return Response(text, media_type="text/html")
 
     async def live(socket: WebSocket) -> None:
         if not door.trusts(socket) or len(open_pages) >= MAX_PAGES:

@@ -1,4 +1,4 @@
-"""A session: one page that is open. It answers the page's messages and tells it the news.
+"""A session: one page that is open, whatever robots it shows. It answers the page's messages and tells it the news.
 
 Four tasks: one reads, one sends frames, one sends news (accounts, groups, the watched robot), one says that there is a
 station. A frame goes out only when the page has drawn the one before, so a slow page skips frames; what it asks and
@@ -9,34 +9,30 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable
+from typing import Any
 
 from starlette.websockets import WebSocket
 
 from sleepcast.console import incoming
-from sleepcast.console.backend import Backend
 from sleepcast.console.connection import PageConnection
 from sleepcast.console.dialogue import Answer, Dialogue, refusal
 from sleepcast.console.driver import FrameSource
 from sleepcast.console.frames import still
-from sleepcast.console.replay import ReplayBackend
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 
 NEWS_PERIOD = 0.25
 """Seconds between two looks for news: people read no faster."""
 
-MOST_WAITING = 16
-"""Answers of one page that robots have to give first."""
-
 
 class Session:
     """One page; `run` lasts as long as it is open."""
 
-    def __init__(self, socket: WebSocket, desk: Backend | ReplayBackend, clock: Clock) -> None:
+    def __init__(self, socket: WebSocket, dialogue: Dialogue[Any], clock: Clock) -> None:
         self._line: PageConnection[incoming.Incoming] = PageConnection(
             socket, incoming.decode, (incoming.Stop, incoming.Drawn), clock
         )
-        self._desk, self._dialogue = desk, Dialogue(desk)
+        self._dialogue = dialogue
         self._drawn = asyncio.Event()
         self._waiting: set[asyncio.Task[None]] = set()
         """Answers that robots have to give first."""
@@ -60,7 +56,7 @@ class Session:
             return
         said = self._dialogue.answer(message)
         if isinstance(said, Awaitable):
-            if len(self._waiting) >= MOST_WAITING:
+            if len(self._waiting) >= self._dialogue.most_waiting:
                 self._waiting.pop().cancel()  # a page that asks this much reads only the last answers
             waiting = asyncio.ensure_future(self._reply_later(getattr(message, "serial", None), said))
             self._waiting.add(waiting)
@@ -74,7 +70,8 @@ class Session:
             said = await answer
         except SleepcastError as error:
             said = refusal(error, serial)
-        await self._line.say(said)
+        if said is not None:
+            await self._line.say(said)
 
     # ---- what goes out
 
@@ -88,8 +85,8 @@ class Session:
             known, number = source.changed <= number, source.number
             self._drawn.clear()
             await self._line.send(still(frame) if known else frame)
-            if ghosts := self._dialogue.ghosts():
-                await self._line.send(ghosts)
+            for said in self._dialogue.beside():
+                await self._line.send(said)
             await self._drawn.wait()
 
     async def _next_frame(self, source: FrameSource, number: int) -> bytes:

@@ -17,10 +17,10 @@ import msgspec
 from sleepcast.console import incoming
 from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
-from sleepcast.console.dialogue import Dialogue
 from sleepcast.console.driver import FRAME_PERIOD
 from sleepcast.console.outgoing import Refused
 from sleepcast.console.session import NEWS_PERIOD
+from sleepcast.console.swarm_dialogue import SwarmDialogue
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 
@@ -94,7 +94,7 @@ class View:
 
     def __init__(self, desk: NotebookDesk, line: Line) -> None:
         self._desk, self._line = desk, line
-        self._dialogue = Dialogue(desk.desk)
+        self._dialogue = SwarmDialogue(desk.desk)
         self._pages = 0
         self._shown = self._told = -1.0
         """When a picture was shown, and news were told."""

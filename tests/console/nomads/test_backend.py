@@ -7,7 +7,7 @@ from collections import deque
 import pytest
 
 from sleepcast.console.nomads.orders import END_OF_ORDER, ORDERS, check
-from sleepcast.console.nomads.updates import Added, Tail
+from sleepcast.console.nomads.windows import Added, Tail
 from sleepcast.core.errors import MisuseError
 from sleepcast.nomad.requests import SHAPES, Kind
 

@@ -16,8 +16,9 @@ from playwright.sync_api import BrowserContext, Page, expect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from console.running import PATIENCE, Program, open_page
+from console.running import Page as Line
 from console.test_page import pixels_seen, settle, until
-from sleepcast.console.nomads.session import MOST_UNDER_WAY
+from sleepcast.console.nomads.dialogue import MOST_UNDER_WAY
 from sleepcast.nomad.client import Nomad
 
 pytestmark = pytest.mark.browser
@@ -65,20 +66,35 @@ def page(nomads: Program, context: BrowserContext) -> Iterator[Page]:
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("request", lambda request: complaints.append(request.url) if nomads.host not in request.url else None)
     page.goto(nomads.address)
-    expect(page.locator("#motion")).not_to_be_empty()
+    page.locator("#tab-values").click()
+    expect(page.locator("#pane-values")).to_contain_text("motion")
     yield page
     assert not complaints, complaints
 
 
-def numbers(page: Page, row: str) -> list[int]:
-    """x, y, heading and turret of a row: `believed` or `real`."""
-    return [int(text) for text in page.locator(f"#{row} td").all_inner_texts()]
+def numbers(page: Page, kind: str) -> list[int]:
+    """x, y, heading and turret as the values tell them: of the kind `encoder` or `actual`."""
+    found = page.evaluate(
+        """(kind) => [...document.querySelectorAll("#pane-values tbody tr")]
+          .filter((row) => row.cells[2].textContent === kind).map((row) => row.cells[1].textContent)""",
+        kind,
+    )
+    return [int(text.split()[0]) for text in found]
 
 
 def order(page: Page, line: str) -> None:
     """Type a line and send it."""
-    page.locator("#text").fill(line)
-    page.locator("#text").press("Enter")
+    page.locator("#order").fill(line)
+    page.locator("#order").press("Enter")
+
+
+LONG_PAST, SHORT_PAST = (f"[aria-label^='{sensors} in the last minute']" for sensors in ("Sonars", "Bumper"))
+
+
+def change_obstacles(page: Page) -> None:
+    """Let clicks on the map be about obstacles."""
+    page.locator("#layers").click()
+    page.locator("#build").click()
 
 
 FIND_BOX = """
@@ -149,32 +165,32 @@ def test_a_program_drives_and_the_page_shows_it(page: Page, robot: Nomad) -> Non
     robot.draw_line(-500, -500, 500, -500, 4)
     robot.tk("Ouch.")
     state = robot.ws(True, True, seconds=200)
-    until(page, lambda: numbers(page, "believed") == list(state.words[34:38]))
-    real = numbers(page, "real")
+    until(page, lambda: numbers(page, "encoder") == list(state.words[34:38]))
+    real = numbers(page, "actual")
     assert real[0] == pytest.approx(300, abs=5)  # dp has told it otherwise, and it stands where it stood
     assert real[1:] == [0, 0, 0]
 
-    heard = page.locator("#long")
-    until(
-        page,
-        lambda: (
-            re.findall(r"\d+", heard.get_attribute("aria-label") or "") == [str(n) for n in robot.gs().words[17:33]]
-        ),
-    )
+    heard = page.locator("[aria-label^='Sonars in in,']")
+
+    def readings() -> list[int]:
+        return [round(float(text)) for text in re.findall(r"[\d.]+", heard.get_attribute("aria-label") or "")]
+
+    until(page, lambda: readings() == list(robot.gs().words[17:33]))
+    page.locator("#tab-said").click()
     expect(page.locator("#pane-said")).to_contain_text("Ouch.")
-    page.locator("#tab-commands").click()
-    expect(page.locator("#pane-commands")).to_contain_text("pr(300, 300, 0)")
+    page.locator("#tab-told").click()
+    expect(page.locator("#pane-told")).to_contain_text("pr(300, 300, 0)")
     assert pixels_seen(page, "--robot-1", least=100)
 
-    page.locator("#layers summary").click()
+    page.locator("#layers").click()
     for layer in ("actual", "encoder"):
-        page.locator(f"[data-layer={layer}]").uncheck()
+        page.locator(f"#layer-{layer}").uncheck()
     until(page, lambda: ink(page) > 0)  # the line alone
-    page.locator("[data-erase=graphics]").click()
+    page.locator("[data-erase=refresh_client_graphics]").click()
     until(page, lambda: ink(page) == 0)
-    page.locator("[data-layer=actual]").check()
+    page.locator("#layer-actual").check()
     until(page, lambda: ink(page) > 0)
-    page.locator("[data-erase=actual]").click()
+    page.locator("[data-erase=refresh_actual_trace]").click()
     until(page, lambda: ink(page) == 0)
 
 
@@ -214,12 +230,12 @@ def test_a_click_answers_a_program_that_asks_for_a_place(page: Page, robot: Noma
 def test_orders_from_the_page_move_the_robot(page: Page, robot: Nomad) -> None:
     order(page, "pr 300 300")
     expect(page.locator("#answer")).to_have_text("Robot 1 was given: pr 300 300")
-    until(page, lambda: numbers(page, "real")[:2] == [300, 0])
+    until(page, lambda: numbers(page, "actual")[:2] == [300, 0])
     page.locator("[data-order=place_robot]").click()
     page.locator("#fields [name=x]").fill("-200")
     page.locator("#fields [name=steering]").fill("900")
     page.locator("#fields").get_by_role("button").click()
-    until(page, lambda: numbers(page, "real") == [-200, 0, 900, 900])
+    until(page, lambda: numbers(page, "actual") == [-200, 0, 900, 900])
     assert tuple(robot.gs().words[34:37]) == (-200, 0, 900)
     order(page, "tk Hello there.")
     expect(page.locator("#pane-said")).to_contain_text("Hello there.")
@@ -233,10 +249,10 @@ def test_orders_from_the_page_move_the_robot(page: Page, robot: Nomad) -> None:
     ):
         order(page, line)
         expect(page.locator("#answer.wrong")).to_contain_text(sentence)
-    page.locator("#text").fill("")
-    page.locator("#text").press_sequentially("plac")
-    page.locator("#text").press("Tab")
-    expect(page.locator("#text")).to_have_value("place_robot ")
+    page.locator("#order").fill("")
+    page.locator("#order").press_sequentially("plac")
+    page.locator("#order").press("Tab")
+    expect(page.locator("#order")).to_have_value("place_robot ")
 
 
 def test_a_robot_that_is_chosen_again_is_shown_as_before(page: Page, robot: Nomad) -> None:
@@ -255,11 +271,12 @@ def test_an_order_takes_as_long_as_it_likes_and_is_given_once(page: Page, robot:
     page.on("websocket", lambda socket: socket.on("framesent", lambda data: given.append(data)))
     page.clock.install()
     page.reload()
-    expect(page.locator("#motion")).not_to_be_empty()
+    page.locator("#tab-values").click()
+    expect(page.locator("#pane-values")).to_contain_text("motion")
     page.locator("#run").click()
     expect(page.locator("#achieved")).to_have_text("paused")
     order(page, "zr")
-    page.locator("#text").press("Enter")  # once more, or a key that is held
+    page.locator("#order").press("Enter")  # once more, or a key that is held
     expect(page.locator("#answer")).to_have_text("Robot 1 is to do: zr")
     order(page, "wm 50 50")
     wrong = page.locator("#answer.wrong")
@@ -268,8 +285,8 @@ def test_an_order_takes_as_long_as_it_likes_and_is_given_once(page: Page, robot:
     assert sum('"zr"' in str(message) for message in given) == 1
     page.locator("#run").click()
     expect(page.locator("#achieved")).not_to_have_text("paused")
-    page.locator("#tab-commands").click()
-    expect(page.locator("#pane-commands")).to_contain_text("zr()")
+    page.locator("#tab-told").click()
+    expect(page.locator("#pane-told")).to_contain_text("zr()")
     page.wait_for_timeout(1000)
     assert "there is no order 'wm'" in wrong.inner_text()  # what was done in the end does not hide it
 
@@ -277,52 +294,57 @@ def test_an_order_takes_as_long_as_it_likes_and_is_given_once(page: Page, robot:
 def test_arrow_keys_drive_for_as_long_as_they_are_held(page: Page, robot: Nomad) -> None:
     page.locator("#map").focus()
     page.keyboard.down("ArrowUp")
-    until(page, lambda: numbers(page, "real")[0] > 50)
+    until(page, lambda: numbers(page, "actual")[0] > 50)
     page.keyboard.up("ArrowUp")
-    expect(page.locator("#motion")).to_contain_text("standing")
+    expect(page.locator("#pane-values")).to_contain_text("standing")
     page.keyboard.down("ArrowLeft")
-    until(page, lambda: 100 < numbers(page, "real")[2] < 3500)
-    page.locator("#text").focus()  # the map has lost the keys
-    expect(page.locator("#motion")).to_contain_text("standing")
+    until(page, lambda: 100 < numbers(page, "actual")[2] < 3500)
+    page.locator("#order").focus()  # the map has lost the keys
+    expect(page.locator("#pane-values")).to_contain_text("standing")
     page.keyboard.up("ArrowLeft")
 
     robot.place_robot(-800, 0, 0, 0)
     page.locator("#map").focus()
     page.keyboard.down("ArrowUp")
-    expect(page.locator("#motion")).to_contain_text("moving")
+    expect(page.locator("#pane-values")).to_contain_text("moving")
     page.goto("about:blank")  # nobody says any more that it is to drive
     until(page, lambda: not any(robot.gs().words[38:40]))
 
 
 def test_a_page_that_falls_silent_leaves_its_robot_at_rest(nomads: Program, robot: Nomad) -> None:
     with open_page(nomads) as page:
-        speeds = [0, 0, 0]
+        page.tell("watch", robot=0)
+        speeds = [0]
         while not any(speeds):  # said on until it is seen to move
             page.tell("drive", robot=0, numbers=[60, 60, 0])
-            page.tell("drawn", number=1)
-            speeds = page.wait_for("picture")["chosen"]["speeds"]
+            speeds = told_speeds(page)
         while any(speeds):  # and no more until it rests
-            page.tell("drawn", number=1)
-            speeds = page.wait_for("picture")["chosen"]["speeds"]
+            speeds = told_speeds(page)
+
+
+def told_speeds(page: Line) -> list[int]:
+    """How fast the axes of the watched robot turn, as soon as that is told anew."""
+    values = page.wait_for("robot")["values"]
+    return [int(value["shown"].split()[0]) for value in values if "speed" in value["name"]]
 
 
 def test_robots_and_obstacles_are_put_elsewhere_by_hand(page: Page, robot: Nomad) -> None:
     at = Map(page)
-    until(page, lambda: numbers(page, "real") == [0, 0, 0, 0])
+    until(page, lambda: numbers(page, "actual") == [0, 0, 0, 0])
     page.mouse.move(*at(0, 0))
     page.mouse.down()
     page.mouse.move(*at(250, 150), steps=3)
     page.mouse.move(*at(500, 300))
     page.mouse.up()
-    until(page, lambda: numbers(page, "real")[:2] == pytest.approx([500, 300], abs=15))
+    until(page, lambda: numbers(page, "actual")[:2] == pytest.approx([500, 300], abs=15))
 
-    page.locator("#build").click()
+    change_obstacles(page)
     for corner in ((-600, -600), (-300, -600), (-300, -300)):
         page.mouse.click(*at(*corner))
     page.locator("#map").press("Enter")
     until(page, lambda: solid(page, at(-350, -500)))
     page.mouse.click(*at(-350, -500))
-    expect(page.locator("#demolish")).to_be_visible()
+    expect(page.locator("#obstacle-bar .remove")).to_be_visible()
     page.mouse.move(*at(-350, -500))
     page.mouse.down()
     page.mouse.move(*at(-200, -400), steps=3)
@@ -341,16 +363,16 @@ def test_the_pad_drives_at_its_first_press_after_a_click_on_the_map(page: Page, 
     assert box
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     page.mouse.down()
-    until(page, lambda: numbers(page, "real")[0] > 100)  # and it goes on for as long as it is held
+    until(page, lambda: numbers(page, "actual")[0] > 100)  # and it goes on for as long as it is held
     expect(page.locator("[data-way=forward]")).to_have_class("held")
     page.mouse.up()
-    expect(page.locator("#motion")).to_contain_text("standing")
+    expect(page.locator("#pane-values")).to_contain_text("standing")
 
     page.locator("#map").focus()
     page.keyboard.down("ArrowDown")
-    expect(page.locator("#motion")).to_contain_text("moving")
+    expect(page.locator("#pane-values")).to_contain_text("moving")
     page.locator("#pad").focus()  # the map has lost the keys
-    expect(page.locator("#motion")).to_contain_text("standing")
+    expect(page.locator("#pane-values")).to_contain_text("standing")
     page.keyboard.up("ArrowDown")
 
 
@@ -367,7 +389,7 @@ def test_who_drives_a_robot_that_a_program_drives_is_told(page: Page, robot: Nom
 
         done = pool.submit(drive)
         try:
-            until(page, lambda: numbers(page, "real")[2] > 0)
+            until(page, lambda: numbers(page, "actual")[2] > 0)
             order(page, "vm 50 50")
             both = r"given: vm 50 50\. It is driven by 127\.0\.0\.1:\d+ \(process \d+\) and the page: each replaces"
             expect(page.locator("#answer")).to_contain_text(re.compile(both))
@@ -408,28 +430,28 @@ def test_no_trace_leads_to_where_a_robot_was_put(page: Page, robot: Nomad) -> No
     robot.place_robot(-500, 0, 0, 0)
     robot.pr(200, 200)
     robot.ws(True, True, seconds=100)
-    until(page, lambda: numbers(page, "real")[:2] == [-300, 0] and ink(page) > 0)
+    until(page, lambda: numbers(page, "actual")[:2] == [-300, 0] and ink(page) > 0)
     seen = [0]
     until(page, lambda: seen.append(ink(page)) or seen[-1] == seen[-2])  # the trace has come whole
     before = seen[-1]
     robot.place_robot(700, 500, 0, 0)
-    until(page, lambda: numbers(page, "real")[:2] == [700, 500])
+    until(page, lambda: numbers(page, "actual")[:2] == [700, 500])
     page.wait_for_timeout(300)
     assert ink(page) < 1.2 * before  # a line over there would be five times as long
     robot.dp(-700, -500)
-    until(page, lambda: numbers(page, "believed")[:2] == [-700, -500])
+    until(page, lambda: numbers(page, "encoder")[:2] == [-700, -500])
     page.wait_for_timeout(300)
     assert ink(page) < 1.2 * before
     robot.da(0, 0)
     robot.zr()
-    until(page, lambda: numbers(page, "real") == [0, 0, 0, 0])
+    until(page, lambda: numbers(page, "actual") == [0, 0, 0, 0])
     page.wait_for_timeout(300)
     assert ink(page) < 1.2 * before
 
 
 def test_a_world_is_saved_and_loaded(page: Page, robot: Nomad, nomads: Program, tmp_path: Path) -> None:
     at = Map(page)
-    page.locator("#build").click()
+    change_obstacles(page)
     for corner in ((-600, -600), (-300, -600), (-300, -300)):
         page.mouse.click(*at(*corner))
     page.locator("#map").press("Enter")
@@ -474,15 +496,15 @@ def test_a_world_is_saved_and_loaded(page: Page, robot: Nomad, nomads: Program, 
 
 
 def test_the_sensors_have_a_past(page: Page, robot: Nomad) -> None:
-    past, bumps = page.locator("#long-past"), page.locator("#short-past")
+    past, bumps = page.locator(LONG_PAST), page.locator(SHORT_PAST)
     robot.refresh()
     robot.place_robot(780, 0, 0, 0)
     robot.vm(30, 30)  # against the wall
-    until(page, lambda: "hit" in (page.locator("#short").get_attribute("aria-label") or ""))
+    until(page, lambda: "hit" in (page.locator("[aria-label^='Bumper: ']").get_attribute("aria-label") or ""))
     robot.st()
     robot.place_robot(0, 0, 0, 0)
     expect(bumps).to_have_attribute("aria-label", "Bumper in the last minute: hit once")
-    expect(past).to_have_attribute("aria-label", re.compile("the nearest reading was [6-9] inches"))
+    expect(past).to_have_attribute("aria-label", re.compile("the nearest reading was [6-9] in"))
     page.locator("#map").focus()
     page.keyboard.press("2")
     expect(bumps).to_have_attribute("aria-label", "Bumper in the last minute: hit 0 times")
@@ -490,7 +512,7 @@ def test_the_sensors_have_a_past(page: Page, robot: Nomad) -> None:
     expect(bumps).to_have_attribute("aria-label", "Bumper in the last minute: hit once")
     second = page.context.new_page()  # the server keeps it
     second.goto(page.url)
-    expect(second.locator("#short-past")).to_have_attribute("aria-label", "Bumper in the last minute: hit once")
+    expect(second.locator(SHORT_PAST)).to_have_attribute("aria-label", "Bumper in the last minute: hit once")
     second.close()
     robot.refresh()
     expect(bumps).to_have_attribute("aria-label", "Bumper in the last minute: hit 0 times")
@@ -498,8 +520,8 @@ def test_the_sensors_have_a_past(page: Page, robot: Nomad) -> None:
 
 def test_stop_holds_against_a_program_that_drives_on(page: Page, robot: Nomad) -> None:
     robot.vm(100, 100)
-    expect(page.locator("#motion")).to_contain_text("moving")
-    page.locator("#text").focus()
+    expect(page.locator("#pane-values")).to_contain_text("moving")
+    page.locator("#order").focus()
     page.keyboard.press("F9")
     expect(page.locator("#stopped-text")).to_contain_text("every robot is kept at rest")
     until(page, lambda: not any(robot.vm(100, 100).words[38:40]))
@@ -562,8 +584,9 @@ def test_what_is_no_message_of_the_page_is_refused(nomads: Program) -> None:
             ("click", {"robot": 0, "x": 1e300, "y": 0.0}, "not a message of this page"),
             ("build", {"corners": [[0, 0], [1, 1]]}, "not a message of this page"),
             ("build", {"corners": [[0, 0], [1, 1], [2, 2]]}, "this cannot be put up"),
-            ("clear", {"version": 1, "solid": 400}, "the obstacles have changed"),
-            ("preview", {"text": "(MARK)"}, "not a message of this page"),
+            ("clear", {"version": 1, "place": 400}, "the obstacles have changed meanwhile"),
+            ("preview", {"text": "(MARK)"}, "These robots cannot do that"),
+            ("clack", {}, "not a message of this page"),
         ):
             answer = page.ask(kind, **fields)
             assert (answer["type"], reason in answer["reason"]) == ("refused", True), answer

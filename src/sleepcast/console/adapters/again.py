@@ -21,7 +21,6 @@ from sleepcast.console import incoming, outgoing
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
-from sleepcast.console.dialogue import Dialogue
 from sleepcast.console.differences import first_difference
 from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import show_why
@@ -30,6 +29,7 @@ from sleepcast.console.marks import clock_time
 from sleepcast.console.past import Sampled
 from sleepcast.console.rerunner import Found, Moment, Question, RerunError, digest
 from sleepcast.console.series import plain, sample_of
+from sleepcast.console.swarm_dialogue import SwarmDialogue
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import Pace, Swarm, resume
 from sleepcast.loop.rerun import Rerun
@@ -104,7 +104,7 @@ class _Again:
         driver = Driver(self.view, pace, clock)
         driver.groups.expect(groups)
         self.backend = Backend(self.view, station, driver, clock)
-        self.dialogue = Dialogue(self.backend)
+        self.dialogue = SwarmDialogue(self.backend)
 
     def step(self, moment: Moment) -> None:
         """One tick, which must lead where it led."""

@@ -31,8 +31,8 @@ def sensing_of(simulator: Simulator, robot: int) -> BodyView:
     x, y, heading = (float(column[robot]) for column in (bodies.x, bodies.y, bodies.heading))
     columns = (bodies.encoder_x, bodies.encoder_y, bodies.encoder_heading)
     across, up, believed_heading = (float(column[robot]) for column in columns)
-    touched = None
+    touched: tuple[float, ...] = ()
     if bodies.contact is not None and bodies.bumper[robot] > 0.0:
         away = atan2(float(bodies.hit_y[robot]), float(bodies.hit_x[robot])) - heading
-        touched = float(wrap(np.array([away]))[0])
+        touched = (float(wrap(np.array([away]))[0]),)
     return kind.sensing((x, y, heading), (across, up, believed_heading), ranges, touched)

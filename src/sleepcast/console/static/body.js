@@ -8,24 +8,41 @@ export class BodyLayer {
     this.world = world;
     this.senses = senses;
     world.tools.push(this);
-    senses.shown.push(() => world.shows("sensors") || world.shows("encoders"));
+    senses.shown.push(() => ["sensors", "sonar", "bumper", "encoders"].some((layer) => world.shows(layer)));
     senses.addEventListener("sensed", () => world.repaint("robots"));
     world.addEventListener("layers", () => senses.renew());
   }
 
-  // Drawn where the robot is in this frame, though it was asked a moment ago.
-  draw(pen) {
-    const { world } = this;
+  shows(layer) {
+    return this.world.shows("sensors") || this.world.shows(layer);
+  }
+
+  // Where the robot is in this frame, though it was asked a moment ago: {body, pose}; null while nobody knows.
+  get known() {
+    const { frame, marks } = this.world;
     const { body } = this.senses;
-    const { view, frame, marks, colours, scene } = world;
-    if (!body || marks.chosen >= frame.count) return;
-    const [x, y, heading] = frame.poses.subarray(3 * marks.chosen, 3 * marks.chosen + 3);
+    return body && marks.chosen < frame.count ? { body, pose: frame.poses.subarray(3 * marks.chosen, 3 * marks.chosen + 3) } : null;
+  }
+
+  // What lies around the robot, behind it.
+  drawBehind(pen) {
+    const { known } = this;
+    if (!known) return;
+    const { body, pose: [x, y, heading] } = known;
+    const { view, colours } = this.world;
+    if (this.shows("reaches")) drawReaches(pen, view, [x, y], body.reaches, colours);
+    if (!body.sonars.length || !this.shows("sonar")) return;
+    const looks = heading + body.looks - body.pose[2];
+    drawCones(pen, view, [x, y, heading, looks], body.radius, body.sonars, body.farthest, colours.chosen, body.beam);
+  }
+
+  draw(pen) {
+    const { known, world } = this;
+    if (!known) return;
+    const { body, pose: [x, y, heading] } = known;
+    const { view, colours, scene, marks } = world;
     const size = sizesOf(view, scene)(marks.chosen);
-    if (world.shows("sensors")) {
-      drawReaches(pen, view, [x, y], body.reaches, colours);
-      if (body.sonars.length) drawCones(pen, view, [x, y, heading, heading], body.radius, body.sonars, body.farthest, colours.chosen, body.beam);
-      if (body.touched !== null) drawTouches(pen, view, [x, y, heading], size, [body.touched], colours.place);
-    }
+    if (this.shows("bumper")) drawTouches(pen, view, [x, y, heading], size, body.touched, colours.place);
     if (world.shows("encoders") && body.believed) {
       const [dx, dy, turn] = body.believed.map((part, axis) => part - body.pose[axis]);
       drawBelief(pen, view, [x + dx, y + dy, heading + turn], size + 3, colours.chosen);

@@ -1,10 +1,11 @@
 // The layers of the map, and what can be done with it: a small menu beside the zoom buttons. What is shown is remembered.
 
+import { make } from "./elements.js";
 import { keep, kept } from "./kept.js";
 
 const KEY = "layers";
 // on: whether it is shown until somebody chooses; null: where there are many robots.
-const LAYERS = [
+export const SWARM_LAYERS = [
   { name: "trails", title: "Trails", key: "T", on: true },
   { name: "names", title: "Names", on: true },
   { name: "picture", title: "Picture under the map", on: true, hint: "That of the scenario's map, or one that you choose" },
@@ -13,17 +14,33 @@ const LAYERS = [
   { name: "sensors", title: "Sensors of the chosen robot", on: false, hint: "Its sonars, what it touches, and how far it senses" },
   { name: "encoders", title: "Encoder position of the chosen robot", on: false, hint: "Where its wheels tell it to be" },
 ];
+// order: what erases it, given to the chosen robot.
+export const NOMAD_LAYERS = [
+  { name: "picture", title: "Picture under the map", on: true, hint: "That of the scenario's map, or one that you choose" },
+  { name: "actual", title: "Actual trace", key: "T", on: true, order: "refresh_actual_trace" },
+  { name: "encoder", title: "Encoder trace and position", on: true, hint: "Where each robot believes to be, dashed", order: "refresh_encoder_trace" },
+  { name: "sonar", title: "Sonar", on: true, order: "refresh_sonar_sensor" },
+  { name: "infrared", title: "Infrared", on: true, order: "refresh_infrared_sensor" },
+  { name: "bumper", title: "Bumper", on: true, order: "refresh_bumper_sensor" },
+  { name: "graphics", title: "Drawn by programs", on: true, order: "refresh_client_graphics" },
+  { name: "names", title: "Names", on: true },
+];
 
-export class Layers {
+// "erase" is dispatched with the order that erases a layer.
+export class Layers extends EventTarget {
   // menu: the element that holds the layers. button: opens it. undo: as of undo.js.
-  constructor(menu, button, world, undo) {
+  constructor(menu, button, world, layers, undo) {
+    super();
     this.undo = undo;
     this.menu = menu;
     this.button = button;
     this.world = world;
-    this.shown = { ...Object.fromEntries(LAYERS.map(({ name, on }) => [name, on])), ...kept(KEY, {}) };
-    this.boxes = new Map(LAYERS.map((layer) => [layer.name, this.line(layer)]));
-    menu.prepend(...[...this.boxes.values()].map((box) => box.parentElement));
+    const before = kept(KEY, {});
+    this.shown = Object.fromEntries(layers.map(({ name, on }) => [name, before[name] ?? on]));
+    this.titles = new Map(layers.map(({ name, title }) => [name, title]));
+    this.boxes = new Map(layers.map((layer) => [layer.name, this.line(layer)]));
+    menu.prepend(...[...this.boxes.values()].map((box) => box.closest(".layer")));
+    if (layers.some(({ order }) => order)) menu.querySelector(".exports").prepend(this.eraser("refresh_all", "Erase all layers"));
     button.addEventListener("click", () => this.open(menu.hidden));
     menu.addEventListener("keydown", (event) => {
       if (event.key !== "Escape") return;
@@ -37,14 +54,20 @@ export class Layers {
     world.setLayers(this.shown);
   }
 
-  line({ name, title, key, hint }) {
-    const box = Object.assign(document.createElement("input"), { type: "checkbox", id: `layer-${name}`, checked: Boolean(this.shown[name]) });
+  line({ name, title, key, hint = "", order }) {
+    const box = make("input", { type: "checkbox", id: `layer-${name}`, checked: Boolean(this.shown[name]) });
     box.addEventListener("change", () => this.set(name, box.checked));
-    const label = document.createElement("label");
-    if (hint) label.title = hint;
-    label.append(box, title);
-    if (key) label.append(Object.assign(document.createElement("kbd"), { textContent: key }));
+    const label = make("label", { title: hint }, box, title, ...(key ? [make("kbd", {}, key)] : []));
+    const eraser = order ? [this.eraser(order, "Erase", `Erase: ${title}`)] : [];
+    make("div", { className: "layer" }, label, ...eraser);
     return box;
+  }
+
+  eraser(order, text, title = "") {
+    const button = make("button", { type: "button", title }, text);
+    button.dataset.erase = order;
+    button.addEventListener("click", () => this.dispatchEvent(new CustomEvent("erase", { detail: order })));
+    return button;
   }
 
   open(on) {
@@ -57,14 +80,14 @@ export class Layers {
   set(name, on) {
     const before = this.shown[name];
     this.put(name, on);
-    const title = LAYERS.find((layer) => layer.name === name).title.toLowerCase();
+    const title = this.titles.get(name).toLowerCase();
     this.undo.did(`${on ? "show" : "hide"} ${title}`, () => this.put(name, before), () => this.put(name, on));
   }
 
   put(name, on) {
     this.shown[name] = on;
     this.boxes.get(name).checked = on;
-    keep(KEY, this.shown);
+    keep(KEY, { ...kept(KEY, {}), ...this.shown });
     this.world.setLayers(this.shown);
   }
 

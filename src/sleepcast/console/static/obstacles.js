@@ -51,6 +51,11 @@ export class ObstacleTool {
     this.choose(-1);
   }
 
+  // Clicks that follow each other fast are corners.
+  get busy() {
+    return this.on;
+  }
+
   switch(on) {
     this.on = on;
     this.corners = [];

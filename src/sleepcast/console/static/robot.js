@@ -6,16 +6,23 @@ import { picture } from "./shapes.js";
 import { drawWhy } from "./why.js";
 import { Refusal } from "./wire.js";
 
-const TABS = ["why", "values", "rules", "said"];
+const NONE = {
+  said: 'No reports yet. (REPORT "fuel" fuel) makes robots report their fuel.',
+  told: "Nobody has told it anything yet.",
+};
 
 export class RobotPane {
-  constructor(root, wire) {
+  // tabs: which there are; none: what stands in empty ones, as NONE.
+  constructor(root, wire, tabs, none = {}) {
     this.root = root;
     this.wire = wire;
+    this.tabs = tabs;
+    this.none = { ...NONE, ...none };
     this.find = (id) => root.querySelector(`#${id}`);
     this.index = -1;
     this.command = null; // the row of the command that is asked about
-    for (const name of TABS) {
+    this.open(tabs[0]);
+    for (const name of tabs) {
       this.find(`tab-${name}`).addEventListener("click", () => this.open(name));
       this.find(`tab-${name}`).addEventListener("keydown", (event) => this.key(event, name));
     }
@@ -29,10 +36,7 @@ export class RobotPane {
     this.find("wink").hidden = index < 0;
     this.find("robot-name").textContent = index < 0 ? "Robot" : name;
     this.find("robot-state").replaceChildren();
-    this.find("pane-why").replaceChildren(); // what stood there was said by another robot
-    this.find("pane-values").replaceChildren();
-    this.find("pane-rules").replaceChildren();
-    this.find("pane-said").replaceChildren();
+    for (const each of this.tabs) this.find(`pane-${each}`).replaceChildren(); // what stood there was said by another robot
     this.wire.tell("watch", { robot: index });
     this.askWhy();
   }
@@ -46,7 +50,7 @@ export class RobotPane {
   async askWhy() {
     const { index, command } = this;
     const pane = this.find("pane-why");
-    if (index < 0) return;
+    if (index < 0 || !this.tabs.includes("why")) return;
     if (!command) {
       pane.replaceChildren(sentence("No command has been sent yet. Send one to see why this robot obeys it or not."));
       return;
@@ -68,7 +72,7 @@ export class RobotPane {
     }
   }
 
-  // News of the chosen robot: {robot, groups, state, values, rules, said}. look: how the map shows it, as `picture` takes it;
+  // News of the chosen robot: {robot, groups, state, values, rules, said, told}. look: how the map shows it, as `picture` takes it;
   // null while there is no map.
   show(news, look) {
     if (news.robot !== this.index) return;
@@ -82,13 +86,9 @@ export class RobotPane {
       (rule) => [rule.name, rule.active ? "● yes" : "○ no", rule.fault ? `! ${rule.fault}` : rule.value, rule.text],
       "This robot has no rules: it only answers messages. (RULE guard (WHEN (< fuel 10%) (ST))) gives it one.",
     );
-    fill(
-      this.find("pane-said"),
-      ["When", "What it reported"],
-      news.said,
-      (said) => [clock(said.at), said.text],
-      'No reports yet. (REPORT "fuel" fuel) makes robots report their fuel.',
-    );
+    for (const [name, head] of [["said", "What it reported"], ["told", "What it was told"]]) {
+      fill(this.find(`pane-${name}`), ["When", head], news[name], ({ at, text }) => [clock(at), text], this.none[name]);
+    }
   }
 
   // The page has another theme.
@@ -100,7 +100,7 @@ export class RobotPane {
   }
 
   open(name) {
-    for (const each of TABS) {
+    for (const each of this.tabs) {
       const chosen = each === name;
       this.find(`tab-${each}`).setAttribute("aria-selected", String(chosen));
       this.find(`tab-${each}`).tabIndex = chosen ? 0 : -1;
@@ -111,7 +111,7 @@ export class RobotPane {
   key(event, name) {
     const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
     if (!step) return;
-    const next = TABS[(TABS.indexOf(name) + step + TABS.length) % TABS.length];
+    const next = this.tabs[(this.tabs.indexOf(name) + step + this.tabs.length) % this.tabs.length];
     this.open(next);
     this.find(`tab-${next}`).focus();
     event.preventDefault();

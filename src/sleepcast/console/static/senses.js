@@ -3,6 +3,8 @@
 import { Refusal } from "./wire.js";
 
 const AGAIN = 150; // ms between an answer and the next question
+const KEPT = 60; // simulated seconds
+const MOST = 600; // looks kept
 
 // "sensed" is dispatched after each answer.
 export class Senses extends EventTarget {
@@ -16,7 +18,27 @@ export class Senses extends EventTarget {
     this.waiting = false; // for an answer
     this.asked = null; // robot and tick of the last question
     this.next = 0;
-    world.addEventListener("choose", () => this.renew());
+    this.forget();
+    world.addEventListener("choose", () => {
+      this.forget();
+      this.renew();
+    });
+  }
+
+  // What was seen before is not what is seen now.
+  forget() {
+    this.far = []; // what its sonars measured: [time, ranges]
+    this.near = []; // its infrared sensors and its bumper: [time, ranges, angles touched]
+  }
+
+  keep() {
+    const { body, world, far, near } = this;
+    const { time } = world.frame;
+    if (!body || far.at(-1)?.[0] === time) return;
+    if (far.length && time < far.at(-1)[0]) this.forget(); // time has gone back
+    this.far.push([time, body.sonars]);
+    this.near.push([time, body.infrared, body.touched]);
+    for (const row of [this.far, this.near]) while (row.length > MOST || row[0][0] < time - KEPT) row.shift();
   }
 
   // Somebody begins to show it, or it is another robot: ask at once.
@@ -28,7 +50,11 @@ export class Senses extends EventTarget {
   // Ask again if anything may have changed since the last answer; called with every picture.
   async ask() {
     const { frame, marks } = this.world;
-    if (this.waiting || marks.chosen < 0 || !frame || !this.shown.some((shown) => shown())) return;
+    if (!this.shown.some((shown) => shown())) {
+      this.forget(); // there would be a gap
+      return;
+    }
+    if (this.waiting || marks.chosen < 0 || !frame) return;
     const same = this.asked?.robot === marks.chosen;
     if (same && (this.asked.tick === frame.tick || performance.now() < this.next)) return;
     this.asked = { robot: marks.chosen, tick: frame.tick };
@@ -36,6 +62,7 @@ export class Senses extends EventTarget {
     try {
       this.known = await this.wire.ask("sense", { robot: marks.chosen });
       this.refusal = "";
+      this.keep();
     } catch (refusal) {
       if (!(refusal instanceof Refusal)) throw refusal;
       this.known = null;

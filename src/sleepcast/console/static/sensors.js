@@ -7,17 +7,15 @@ import { drawBumper, drawSonars, sheet } from "./polar.js";
 import { palette } from "./shapes.js";
 import { UNITS } from "./view.js";
 
-const KEPT = 60; // simulated seconds
-const MOST = 600; // looks kept
 const RINGS = [0.1, 0.25, 0.5, 1]; // of the farthest range
 
 export class SensorsPane {
-  // world: {scene, frame, marks} as of world.js
-  constructor(world, senses) {
+  // world: {scene, frame, marks} as of world.js. shows: whether what a sort of sensors measured is shown.
+  constructor(world, senses, shows = () => true) {
     this.world = world;
     this.senses = senses;
+    this.shows = shows;
     this.open = false;
-    this.looks = []; // [time, ranges, angles touched]
     this.note = make("p", { className: "empty" });
     this.long = canvas("ring");
     this.longPast = canvas("past");
@@ -26,8 +24,9 @@ export class SensorsPane {
     this.panes = [section("LongSensors", this.long, this.longPast), section("ShortSensors", this.short, this.shortPast)];
     this.root = make("div", { className: "sensing" }, this.note, ...this.panes);
     senses.shown.push(() => this.open);
-    senses.addEventListener("sensed", () => this.take());
-    world.addEventListener("choose", () => this.begin());
+    senses.addEventListener("sensed", () => this.draw());
+    world.addEventListener("choose", () => this.draw());
+    world.addEventListener("layers", () => this.draw());
     new ResizeObserver(() => this.draw()).observe(this.root);
   }
 
@@ -35,72 +34,72 @@ export class SensorsPane {
     this.open = open;
     if (!open) return;
     this.senses.renew();
-    this.begin();
-  }
-
-  // Another robot, or the pane is opened: what was seen before is not what is seen now.
-  begin() {
-    this.looks = [];
-    this.draw();
-  }
-
-  take() {
-    const { senses, world } = this;
-    if (senses.body) {
-      const { time } = world.frame;
-      if (this.looks.length && time < this.looks.at(-1)[0]) this.looks = []; // time has gone back
-      if (this.looks.at(-1)?.[0] !== time) this.looks.push([time, senses.body.sonars, touchedBy(senses.body)]);
-      while (this.looks.length > MOST || this.looks[0][0] < time - KEPT) this.looks.shift();
-    }
     this.draw();
   }
 
   draw() {
     if (!this.open) return;
-    const { body, refusal } = this.senses;
+    const { body, refusal, far, near } = this.senses;
     const none = this.world.marks.chosen < 0 ? "Click any robot to see what its sonars and its bumper sense." : refusal;
     this.note.textContent = body ? "" : none;
     this.note.hidden = !this.note.textContent;
     this.panes[0].hidden = !body?.sonars.length;
     this.panes[1].hidden = !body;
     if (!body) return;
+    if (!this.world.frame) return;
     const colours = palette();
-    const unit = this.world.scene.unit;
+    this.drawLong(body, far, colours);
+    this.drawShort(body, near, colours);
+  }
+
+  drawLong(body, far, colours) {
+    if (!body.sonars.length) return;
+    const { unit } = this.world.scene;
     const text = (range) => short(range / UNITS[unit]);
-    const now = this.world.frame.time;
-    if (body.sonars.length) {
-      const said = drawSonars(sheet(this.long), {
-        readings: body.sonars,
-        farthest: body.farthest,
-        rings: RINGS.map((part) => part * body.farthest),
-        colour: colours.chosen,
-        colours,
-        text,
-      });
-      this.long.setAttribute("aria-label", `Sonars in ${unit}, from the front counter-clockwise: ${said}`);
-      this.longPast.setAttribute("aria-label", "Sonars in the last minute");
-      const past = new Past(sheet(this.longPast), now, colours);
-      for (const [span, [, ranges]] of past.spans(this.looks)) past.ranges(span, ranges, body.farthest, colours.chosen);
+    const shown = this.shows("sonar");
+    const said = drawSonars(sheet(this.long), {
+      readings: body.sonars,
+      farthest: body.farthest,
+      rings: RINGS.map((part) => part * body.farthest),
+      colour: colours.chosen,
+      colours,
+      shown,
+      text,
+    });
+    this.long.setAttribute("aria-label", `Sonars in ${unit}, from the front counter-clockwise: ${said}`);
+    const past = new Past(sheet(this.longPast), this.world.frame.time, colours);
+    let nearest = Infinity;
+    for (const [span, [, ranges]] of past.spans(shown ? far : [])) {
+      past.ranges(span, ranges, body.farthest, colours.chosen);
+      for (const range of ranges) nearest = Math.min(nearest, range ?? Infinity);
     }
-    const touched = touchedBy(body);
-    const shown = { bumper: true, infrared: false };
-    const said = drawBumper(sheet(this.short), { touched, infrared: [], sight: 1, colours, shown });
+    const least = nearest < body.farthest ? `the nearest reading was ${text(nearest)} ${unit}` : "nothing was near";
+    this.longPast.setAttribute("aria-label", `Sonars in the last minute: ${least}`);
+  }
+
+  drawShort(body, near, colours) {
+    const { infrared, sight, touched } = body;
+    const shown = { bumper: this.shows("bumper"), infrared: this.shows("infrared") };
+    const said = drawBumper(sheet(this.short), { touched, infrared, sight, colours, shown });
     this.short.setAttribute("aria-label", `Bumper: ${said}`);
-    this.shortPast.setAttribute("aria-label", "Bumper in the last minute");
-    const past = new Past(sheet(this.shortPast), now, colours);
-    for (const [span, [, , angles]] of past.spans(this.looks)) past.bumps(span, angles, colours.place);
+    const past = new Past(sheet(this.shortPast), this.world.frame.time, colours);
+    let [hits, before] = [0, false];
+    for (const [span, [, ranges, angles]] of past.spans(near)) {
+      if (shown.infrared) past.ranges(span, ranges, sight, colours.lit);
+      if (!shown.bumper) continue;
+      past.bumps(span, angles, colours.place);
+      hits += Number(angles.length > 0 && !before);
+      before = angles.length > 0;
+    }
+    this.shortPast.setAttribute("aria-label", `Bumper in the last minute: hit ${hits === 1 ? "once" : `${hits} times`}`);
   }
 }
 
 // Two or three digits.
 function short(value) {
-  return value >= 9.95 ? String(Math.round(value)) : value.toFixed(1);
+  return String(value >= 9.95 ? Math.round(value) : Number(value.toFixed(1)));
 }
 
 function canvas(className) {
   return make("canvas", { className, role: "img" });
-}
-
-function touchedBy(body) {
-  return body.touched === null ? [] : [body.touched];
 }

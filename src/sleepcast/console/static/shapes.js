@@ -11,7 +11,8 @@ const ROUNDS = 7; // of all shapes, until the first look comes again
 export const SORTS = 8; // looks of sorts of robots; those of groups follow, then those of colours
 const PAIRS = ROUNDS * SHAPES;
 const SECOND_NEUTRAL = 8; // the colour of every other sort; 0 is that of the rest, 1 to 7 are those of groups
-export const LOOKS = SORTS + 2 * PAIRS;
+const DISCS = SORTS + 2 * PAIRS; // looks of bodies that are told apart by their colours alone
+export const LOOKS = DISCS + SHAPES;
 export const NONE = 255; // no ring
 const MOST_COLOURS = 14; // different ones shown at one time; more are names rather than kinds, and nobody tells them apart
 
@@ -48,6 +49,7 @@ const all = [
   ...Array.from({ length: SORTS }, (_, sort) => ofSort(sort)),
   ...Array.from({ length: PAIRS }, (_, n) => ofPair(n, round(n), round(n) % 2 === 1)),
   ...Array.from({ length: PAIRS }, (_, n) => ofPair(n, ROUNDS - 1 - round(n), round(n) % 2 === 0)),
+  ...Array.from({ length: SHAPES }, (_, n) => ({ shape: 2, ink: 1 + n, spot: false })),
 ];
 
 export const lookOfSort = (sort) => sort % SORTS;
@@ -69,6 +71,10 @@ export function sortsOf(sizes, count) {
   });
   return found;
 }
+
+// Nomads: each a disc of its own colour, in turn.
+export const discsOf = (count) => Uint8Array.from({ length: count }, (_, robot) => DISCS + (robot % SHAPES));
+export const colourOf = (robot, colours) => colours.robots[1 + (robot % SHAPES)];
 
 // How many robots show each colour, by its number; none where too many different ones are shown to be looks.
 export function colourCounts({ colours }) {

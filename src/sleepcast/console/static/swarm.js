@@ -16,17 +16,17 @@ const FAINT = 0.35; // opacity of robots that may be elsewhere by now
 const SMALLEST = 4.4; // pixels: half a robot's length when everything is in sight
 const LARGEST = 26;
 
-// Half a robot's length on the screen, given its radius in m: its true size, but never too small to see, and a little
-// larger from close by.
-function sizeOf(view, radius) {
-  return Math.min(LARGEST, Math.max(SMALLEST * Math.min(2, view.closeness ** 0.25), radius * view.scale));
+// Half a robot's length on the screen, given its radius in m: its true size up to the largest, but never too small to see, and
+// a little larger from close by.
+function sizeOf(view, radius, largest) {
+  return Math.min(largest, Math.max(SMALLEST * Math.min(2, view.closeness ** 0.25), radius * view.scale));
 }
 
 // The same for each robot by its index: how large robots of its sort are on the screen now.
 export function sizesOf(view, scene) {
   const sorts = [];
   let count = 0;
-  for (const [robots, radius] of scene.sizes) sorts.push({ end: (count += robots), size: sizeOf(view, radius) });
+  for (const [robots, radius] of scene.sizes) sorts.push({ end: (count += robots), size: sizeOf(view, radius, scene.discs ? Infinity : LARGEST) });
   return (robot) => (sorts.find(({ end }) => robot < end) ?? sorts.at(-1)).size;
 }
 

@@ -16,7 +16,6 @@ export class Time {
     this.find("run").addEventListener("click", () => this.toggle());
     this.find("step").addEventListener("click", () => this.step());
     this.find("speed").addEventListener("change", (event) => wire.tell("pace", { factor: Number(event.target.value) }));
-    this.preparing = this.find("preparing"); // null on the Nomads' page
     window.addEventListener("keydown", (event) => {
       if (!event.ctrlKey || event.altKey || event.metaKey) return;
       if (event.code === "Space") this.toggle();
@@ -45,7 +44,7 @@ export class Time {
     const behind = frame.running && !frame.preparing && frame.wanted < FASTEST && frame.achieved < BEHIND * frame.wanted;
     const near = Math.abs(frame.achieved - frame.wanted) < NEAR * frame.wanted;
     const running = `running at ${factor(near ? frame.wanted : frame.achieved)}`;
-    if (this.preparing) this.preparing.hidden = !frame.preparing;
+    this.find("preparing").hidden = !frame.preparing;
     this.find("achieved").textContent = frame.preparing ? "compiling" : frame.running ? running : frame.waiting ? "not started" : "paused";
     this.find("achieved").classList.toggle("behind", behind);
   }

@@ -10,7 +10,7 @@ import { drawGhosts } from "./ghosts.js";
 import { drawGround, drawPlaces } from "./ground.js";
 import { Labels } from "./labels.js";
 import { Pings } from "./pings.js";
-import { inksOf, looksOf, NONE, palette, sortsOf } from "./shapes.js";
+import { discsOf, inksOf, looksOf, NONE, palette, sortsOf } from "./shapes.js";
 import { drawSwarm, few, sizesOf } from "./swarm.js";
 import { Trails } from "./trails.js";
 import { gridStep, UNITS, View } from "./view.js";
@@ -58,7 +58,11 @@ export class World extends EventTarget {
     this.stale = new Set();
     this.waiting = false;
     new ResizeObserver(() => this.refit()).observe(this.map);
-    this.tools = []; // what else hands do here: {grab, click, draw}, see `listen` and `draw`
+    this.tools = []; // what else hands do here, and what else is drawn: {grab, click, busy, draw, drawBehind, drawUnder}, see `listen` and `draw`
+    this.coordinates = (x, y) => { // how people read a place
+      const { unit } = this.scene;
+      return `x ${(x / UNITS[unit]).toFixed(2)}  y ${(y / UNITS[unit]).toFixed(2)} ${unit}`;
+    };
     this.listen();
   }
 
@@ -70,9 +74,9 @@ export class World extends EventTarget {
     const others = another || this.scene.count !== scene.count;
     const elsewhere = another || this.scene.area.join() !== scene.area.join();
     this.scene = scene;
-    this.sorts = sortsOf(scene.sizes, scene.count);
+    this.sorts = scene.discs ? discsOf(scene.count) : sortsOf(scene.sizes, scene.count);
     if (others) this.trails = new Trails();
-    if (another || this.marks.chosen >= scene.count) this.choose(-1);
+    if (another || this.marks.chosen >= scene.count) this.choose(this.scene.discs ? 0 : -1);
     if (another) this.resize();
     if (another) this.begun = false;
     if (another || ((others || elsewhere) && this.fitted)) this.show(false);
@@ -150,6 +154,7 @@ export class World extends EventTarget {
   }
 
   choose(index, tell = true) {
+    if (index < 0 && this.scene.discs) return; // one is always looked at
     this.marks.chosen = index;
     if (index < 0) this.following = false;
     this.repaint("robots");
@@ -185,6 +190,7 @@ export class World extends EventTarget {
   describe(index) {
     const { scene, frame } = this;
     const words = [scene.names[index]];
+    if (!frame) return words[0];
     for (const codes of [frame.second, frame.groups]) {
       const group = codes && scene.groups?.[codes[index] - 1];
       if (group) words.push(group.name);
@@ -222,13 +228,15 @@ export class World extends EventTarget {
   // close: only the part in which robots are, if it is small.
   show(close) {
     const { area } = this.scene;
-    const part = close && this.frame?.count ? this.crowd(ROOM * this.scene.sizes[0][1]) : area;
-    this.close = SMALL * (part[2] - part[0]) < area[2] - area[0] && SMALL * (part[3] - part[1]) < area[3] - area[1];
+    const walls = this.scene.discs && this.scene.obstacles.length;
+    const part = close && this.frame?.count ? this.crowd((walls ? 2 : ROOM) * this.scene.sizes[0][1]) : area;
+    const small = SMALL * (part[2] - part[0]) < area[2] - area[0] && SMALL * (part[3] - part[1]) < area[3] - area[1];
+    this.close = close && (small || this.scene.discs);
     this.view.fit(area, this.close ? part : area);
     this.moved(true);
   }
 
-  // The rectangle in which robots, places and lights are, and so much room around it (m).
+  // The rectangle in which robots, places and lights are (and what is solid for Nomads), and so much room around it (m).
   crowd(room) {
     const { poses, count } = this.frame;
     const named = [...this.scene.places, ...this.scene.lights];
@@ -241,6 +249,7 @@ export class World extends EventTarget {
     };
     for (let i = 0; i < count; i += 1) take(poses[3 * i], poses[3 * i + 1]);
     for (const place of named) take(place.x, place.y);
+    if (this.scene.discs) for (const [x, y] of this.scene.obstacles.flat(2)) take(x, y);
     return [box[0] - room, box[1] - room, box[2] + room, box[3] + room];
   }
 
@@ -331,10 +340,12 @@ export class World extends EventTarget {
     this.lookUnder();
     if (stale.has("trails")) {
       pens.trails.clearRect(0, 0, view.width, view.height);
+      for (const tool of this.tools) tool.drawUnder?.(pens.trails);
       if (this.shows("trails")) this.trails.draw(pens.trails, view, inksOf(this.looks.bodies), colours.robots, this.scene.area);
     }
     pens.robots.clearRect(0, 0, view.width, view.height);
     if (this.ghosts) drawGhosts(pens.robots, view, this.ghosts, frame.poses);
+    for (const tool of this.tools) tool.drawBehind?.(pens.robots);
     drawSwarm(pens.robots, view, scene, frame, this.looks, this.marks, colours, this.ratio);
     if (this.shows("density")) this.density.draw(pens.robots, view, frame, colours.density, performance.now());
     drawPlaces(pens.robots, view, scene.places, colours);
@@ -411,6 +422,7 @@ export class World extends EventTarget {
       click: (x, y, event) => this.tools.some((tool) => tool.click?.(x, y, event)) || this.choose(this.at(x, y)),
       hover: (x, y, touch) => this.point(x, y, touch),
       zoom: (factor, x, y) => this.zoom(factor, x, y),
+      busy: () => this.tools.some((tool) => tool.busy),
     });
     this.map.addEventListener("keydown", (event) => {
       if (this.frame && !event.ctrlKey && !event.metaKey && !event.altKey && this.key(event)) event.preventDefault();
@@ -422,9 +434,7 @@ export class World extends EventTarget {
     if (!this.scene || !this.frame) return;
     this.pointer = px === null ? null : [px, py];
     if (this.pointer) {
-      const unit = UNITS[this.scene.unit];
-      const [x, y] = this.view.toWorld(px, py);
-      this.placeText.textContent = `x ${(x / unit).toFixed(2)}  y ${(y / unit).toFixed(2)} ${this.scene.unit}`;
+      this.placeText.textContent = this.coordinates(...this.view.toWorld(px, py));
     } else if (!touch) this.placeText.textContent = "";
     this.lookUnder();
     this.drawTip();

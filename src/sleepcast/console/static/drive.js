@@ -8,11 +8,11 @@ const KEYS = { ArrowUp: "forward", ArrowDown: "back", ArrowLeft: "left", ArrowRi
 const TURNING = 0.5; // of the wanted speed that each wheel gets for turning
 const STEERING = 300; // 1/10 degree a second, for a body that steers its wheels together
 
-export class Driver {
+export class Driving {
   // places: elements on which the arrow keys drive.
-  constructor(root, wire, state, places) {
+  constructor(root, wire, windows, places) {
     this.wire = wire;
-    this.state = state;
+    this.windows = windows;
     this.pad = root.querySelector("#pad");
     this.pace = root.querySelector("#pace");
     this.held = new Map(); // ways (forward, back, left, right) to what holds them: "key" or "hand"
@@ -34,8 +34,9 @@ export class Driver {
         if (!way || event.target === this.pace) return;
         if (event.shiftKey || event.ctrlKey || event.altKey || event.metaKey) return;
         event.preventDefault();
+        event.stopImmediatePropagation(); // on the map of other robots, these keys choose one
         this.hold(way, "key");
-      });
+      }, true);
       place.addEventListener("blur", () => this.leave());
     }
     window.addEventListener("keyup", (event) => this.letGo(KEYS[event.key]));
@@ -56,7 +57,7 @@ export class Driver {
   hold(way, by) {
     if (this.held.has(way)) return;
     this.held.set(way, by);
-    this.robot ??= this.state.chosen;
+    this.robot ??= this.windows.chosen;
     this.timer ??= setInterval(() => this.drive(), AGAIN);
     this.drive();
   }
@@ -88,7 +89,7 @@ export class Driver {
     const sum = (one, other) => Number(this.held.has(one)) - Number(this.held.has(other));
     const ahead = sum("forward", "back") * Number(this.pace.value);
     const turn = sum("left", "right");
-    const steers = this.state.kinds[this.robot]?.steers;
+    const steers = this.windows.steers[this.robot];
     const aside = Math.round(turn * TURNING * Number(this.pace.value));
     const numbers = steers ? [ahead, turn * STEERING, turn * STEERING] : [ahead + aside, ahead - aside, 0];
     this.wire.tell("drive", { robot: this.robot, numbers });

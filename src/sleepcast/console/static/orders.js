@@ -1,9 +1,9 @@
 // Orders to the chosen robot: buttons, fields, and a command line with completion, history and a sentence for mistakes.
 
-import { History } from "../history.js";
-import { Listbox } from "../listbox.js";
-import { Refusal } from "../wire.js";
-import { make } from "../elements.js";
+import { History } from "./history.js";
+import { Listbox } from "./listbox.js";
+import { Refusal } from "./wire.js";
+import { make } from "./elements.js";
 
 const HINT = "An order and its numbers, such as vm 50 50. ↑ brings back earlier ones, Tab completes.";
 const HERE = { x: 0, y: 1, steering: 2, turret: 3 }; // fields that begin as where the robot believes to be
@@ -11,13 +11,14 @@ const BEGIN = { vm: 50, pr: 100, sp: 100, ac: 300 }; // what a field begins with
 const PLACES = ["dp", "da", "place_robot"];
 
 export class Orders {
-  constructor(root, wire, state) {
+  // windows: as of windows.js
+  constructor(root, wire, windows) {
     this.wire = wire;
-    this.state = state;
+    this.windows = windows;
     this.find = (id) => root.querySelector(`#${id}`);
-    this.text = this.find("text");
+    this.text = this.find("order");
     this.history = new History("orders");
-    this.completions = new Listbox(this.find("completions"), this.text);
+    this.completions = new Listbox(this.find("order-completions"), this.text);
     this.table = new Map();
     this.form = null; // the order whose fields are shown
     this.underWay = new Set(); // lines that were sent and not answered
@@ -29,13 +30,8 @@ export class Orders {
     this.text.addEventListener("input", () => this.typed());
     this.text.addEventListener("keydown", (event) => this.key(event));
     this.text.addEventListener("blur", () => this.hide());
-    this.find("send").addEventListener("click", () => this.send());
-    this.completions.addEventListener("take", (event) => {
-      const order = this.table.get(event.detail);
-      this.text.value = order.fields.length || order.text ? `${order.name} ` : order.name;
-      this.text.focus();
-      this.typed();
-    });
+    this.find("order-send").addEventListener("click", () => this.send());
+    this.completions.addEventListener("take", (event) => this.put(event.detail));
     this.find("fields").addEventListener("submit", (event) => {
       event.preventDefault();
       this.submit();
@@ -58,8 +54,28 @@ export class Orders {
 
   // Another robot is looked at.
   choose() {
-    this.find("addressee").textContent = this.state.kind?.name ?? "–";
+    this.find("addressee").textContent = this.nameOf(this.windows.chosen) ?? "–";
     if (this.form) this.open(this.form);
+  }
+
+  get steers() {
+    return this.windows.steers?.[this.windows.chosen] ?? false;
+  }
+
+  nameOf(robot) {
+    return this.windows.world.scene.names[robot];
+  }
+
+  get list() {
+    return [...this.table.values()];
+  }
+
+  // Put an order into the line.
+  put(name) {
+    const order = this.table.get(name);
+    this.text.value = order.fields.length || order.text ? `${name} ` : name;
+    this.text.focus();
+    this.typed();
   }
 
   focus() {
@@ -89,7 +105,7 @@ export class Orders {
 
   // What there is to fill in: a robot on two wheels has no third axis.
   fieldsOf(order) {
-    const fields = order.fields.filter((field) => field.name !== "third" || this.state.kind?.steers);
+    const fields = order.fields.filter((field) => field.name !== "third" || this.steers);
     if (order.text) return [{ name: "words", text: true }];
     return order.more ? [...fields, { name: "sensors", list: true }] : fields;
   }
@@ -110,21 +126,21 @@ export class Orders {
   // Of the two units that an axis may have, the one that it has on this robot: lengths are its way or its wheels'.
   unit(field) {
     const [length, angle] = (field.unit ?? "").split(" or ");
-    const turns = this.state.kind?.steers && field.steered && field.steered !== "way";
+    const turns = this.steers && field.steered && field.steered !== "way";
     return turns ? (angle ?? length) : length;
   }
 
   title(field) {
-    return (this.state.kind?.steers && field.steered) || field.name;
+    return (this.steers && field.steered) || field.name;
   }
 
   begin(order, field) {
-    const { state } = this;
+    const { windows } = this;
     const place = HERE[field.name];
-    const placed = PLACES.includes(order.name) && place !== undefined && state.robot;
+    const placed = PLACES.includes(order.name) && place !== undefined && windows.robot;
     if (!placed) return field.usual ?? BEGIN[order.name] ?? 0;
-    const now = state.robot.believed[place];
-    return place < 2 ? state.tenths(now) : state.direction(now);
+    const now = windows.robot.believed[place];
+    return place < 2 ? windows.tenths(now) : windows.direction(now);
   }
 
   submit() {
@@ -145,7 +161,7 @@ export class Orders {
     const line = this.text.value.trimStart();
     const [name] = line.split(/\s+/);
     const order = this.table.get(name);
-    this.find("usage").replaceChildren(...(order ? this.usage(order) : [HINT]));
+    this.find("order-usage").replaceChildren(...(order ? this.usage(order) : [HINT]));
     const begun = line && !order && !/\s/.test(line);
     const fitting = begun ? [...this.table.values()].filter((each) => each.name.includes(name.toLowerCase())) : [];
     fitting.sort((a, b) => Number(b.name.startsWith(name)) - Number(a.name.startsWith(name)));
@@ -216,10 +232,10 @@ export class Orders {
   }
 
   // Give the chosen robot an order, which may take as long as it drives; whether it was done.
-  async give(order, numbers, text, robot = this.state.chosen) {
+  async give(order, numbers, text, robot = this.windows.chosen) {
     const said = [order, ...numbers, ...(text ? [text] : [])].join(" ");
     const number = ++this.given;
-    this.answer(`Robot ${this.state.kinds[robot].name} is to do: ${said}`, false);
+    this.answer(`Robot ${this.nameOf(robot)} is to do: ${said}`, false);
     let note = "";
     try {
       ({ note } = await this.wire.ask("perform", { robot, order, numbers, text }, Infinity));
@@ -229,7 +245,7 @@ export class Orders {
       return false;
     }
     const last = number === this.given; // what was said of a later order stays
-    if (last) this.answer([`Robot ${this.state.kinds[robot].name} was given: ${said}`, note].filter(Boolean).join(". "), false);
+    if (last) this.answer([`Robot ${this.nameOf(robot)} was given: ${said}`, note].filter(Boolean).join(". "), false);
     return true;
   }
 

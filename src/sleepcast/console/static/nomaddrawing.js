@@ -1,40 +1,16 @@
-// How things look on both maps, in pixels of a View.
+// How Nomads, their traces and what their programs draw look on maps, in pixels of a View.
 
-import { disc, sizeOf, spoke } from "../sensing.js";
+import { disc, sizeOf, spoke } from "./sensing.js";
 
-const COLOURS = 7; // of robots, in turn; --robot-1 and on
 // Modes 4 and on of what programs draw; 1 to 3 are the pen's own colour.
 const NAMED = [
   "#d62728", "#1f77b4", "#2ca02c", "#e6a700", "#9467bd", "#17a2b8", "#e377c2", "#8c564b", "#ff7f0e", "#7f8c8d",
   "#b0173f", "#3f51b5", "#0f7f5f", "#a6841a", "#6a3fb5", "#2a9d8f", "#c0399f", "#6d4c41", "#d9541e", "#546e7a",
 ];
 
-export function colourOf(robot, colours) {
-  return colours.robots[(robot % COLOURS) + 1];
-}
-
 // The colour of what a program has drawn in this mode.
 export function sketchColour(mode, colours) {
   return mode > 3 ? NAMED[(mode - 4) % NAMED.length] : colours.ink;
-}
-
-// Closed lines through corners [x, y] in m.
-export function outline(pen, view, corners) {
-  pen.beginPath();
-  for (const [x, y] of corners) pen.lineTo(view.toScreenX(x), view.toScreenY(y));
-  pen.closePath();
-}
-
-export function drawSolids(pen, view, solids, chosen, colours) {
-  pen.lineWidth = 1;
-  solids.forEach((corners, place) => {
-    outline(pen, view, corners);
-    pen.fillStyle = colours.obstacle;
-    pen.fill();
-    pen.strokeStyle = place === chosen ? colours.chosen : colours.wall;
-    pen.lineWidth = place === chosen ? 3 : 1;
-    pen.stroke();
-  });
 }
 
 // A trace of x, y in turn, null for a gap; the encoders' is dashed.
@@ -83,31 +59,32 @@ export function drawSketches(pen, view, sketches, radius, colours) {
   }
 }
 
-// A body: where it really is.
-export function drawBody(pen, view, [x, y, heading, turret], radius, colour, colours, marks = {}) {
-  const [px, py, size] = [view.toScreenX(x), view.toScreenY(y), sizeOf(view, radius)];
+// A body with its turret. size: its radius in pixels.
+export function drawBody(pen, view, pose, size, colour, colours, strong = false) {
+  const [px, py] = [view.toScreenX(pose[0]), view.toScreenY(pose[1])];
   pen.beginPath();
   disc(pen, px, py, size);
-  pen.globalAlpha = marks.faint ? 0.35 : 1;
   pen.fillStyle = colour;
   pen.fill();
-  pen.globalAlpha = 1;
-  pen.lineWidth = marks.chosen ? 3 : 1.2;
-  pen.strokeStyle = marks.chosen ? colours.ink : colours.area;
+  pen.lineWidth = strong ? 3 : 1.2;
+  pen.strokeStyle = strong ? colours.ink : colours.area;
   pen.stroke();
   pen.beginPath();
-  spoke(pen, px, py, size, heading, 0.25, 1);
+  spoke(pen, px, py, size, pose[2], 0.25, 1);
   pen.strokeStyle = colours.area;
   pen.lineWidth = Math.max(1.6, size / 6);
-  pen.lineCap = "round";
   pen.stroke();
-  if (Math.abs(Math.sin((turret - heading) / 2)) > 0.01) {
-    pen.beginPath();
-    spoke(pen, px, py, size, turret, 0.9, 1.5);
-    pen.strokeStyle = colour;
-    pen.stroke();
-  }
-  pen.lineCap = "butt";
+  drawTurret(pen, view, pose, size, colour);
+}
+
+// Where a turret points, if not ahead.
+export function drawTurret(pen, view, [x, y, heading, turret], size, colour) {
+  if (Math.abs(Math.sin((turret - heading) / 2)) <= 0.01) return;
+  pen.beginPath();
+  spoke(pen, view.toScreenX(x), view.toScreenY(y), size, turret, 0.9, 1.5);
+  pen.strokeStyle = colour;
+  pen.lineWidth = Math.max(1.6, size / 6);
+  pen.stroke();
 }
 
 // Dots at places [x, y].

@@ -1,11 +1,11 @@
-// A world as a file: the obstacles of one that is loaded, and a file with those that there are.
+// Obstacles as a file: those of one that is loaded, and a file with those that there are.
 
-import { download } from "../files.js";
+import { download } from "./files.js";
 
-const MOST = 100_000; // characters, as console/nomads/incoming.py has it
+const MOST = 100_000; // characters, as console/incoming.py has it
 const LONGEST_NAME = 200;
 
-export class Files extends EventTarget {
+export class WorldFile extends EventTarget {
   constructor(root, wire) {
     super();
     this.wire = wire;

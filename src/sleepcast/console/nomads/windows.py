@@ -1,7 +1,7 @@
-"""Pictures of the Nomads for one page: all that it lacks, and no more.
+"""What the windows of the Nomads show one page beside its frames: all that it lacks, and no more.
 
-Where robots are goes out whole with every picture. Rows that grow (traces, echoes, drawings, texts) go out as what was
-added since the picture before, or anew where they were erased. A page that draws slowly gets fewer pictures and still
+What each robot is like goes out whole. Rows that grow (traces, echoes, drawings, what sensors measured) go out as what
+was added since the last time, or anew where they were erased. A page that draws slowly gets fewer frames and still
 every point, as far as the rows reach back.
 """
 
@@ -9,17 +9,21 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from math import isnan
+from math import isnan, pi
 from typing import Generic, TypeVar
 
 import msgspec
 
-from sleepcast.console.nomads.view import Layer, Looked, Nomads, Point, RobotWindow, Saying, Sketch
+from sleepcast.console.nomads.view import Layer, Looked, Nomads, Point, RobotWindow, Sketch
 from sleepcast.console.outgoing import Said
-from sleepcast.robot import Condition, Pose
+from sleepcast.console.sensing import BodyView, measured
+from sleepcast.robot import Pose
 
-FASTEST = 10_000.0
-"""Speed that stands for as fast as possible, where there is no number for it."""
+NOTHING = 254.5
+"""Inches: a sonar that reads this or more has heard nothing."""
+SIGHT = 24
+"""Inches: what an infrared sensor sees at most."""
+NOWHERE = Pose(0.0, 0.0, 0.0, 0.0)
 MOST_TRACED = 200
 """Robots whose traces a page gets: beyond, the window would only be full of lines."""
 
@@ -43,9 +47,10 @@ class Trace(msgspec.Struct, array_like=True):
 
 
 class ShownRobot(msgspec.Struct, array_like=True):
-    """One robot on the map. real, believed: x, y, heading, turret; m and rad. touched: how many contacts it feels."""
+    """What a frame does not say of a robot on the map. turret: where it points, rad. believed: x, y, heading, turret; m
+    and rad. touched: how many contacts it feels. client, rivals: as in `nomad.RobotWindow`."""
 
-    real: Pose
+    turret: float
     believed: Pose
     touched: int
     waiting: bool
@@ -70,31 +75,19 @@ class Look(msgspec.Struct, array_like=True):
 
 
 class Chosen(msgspec.Struct):
-    """The robot that the page looks at. sonars, infrared: m, None for nothing measured yet. touched: rad. far, near: as
-    in `nomad.RobotWindow`."""
+    """The robot that the page looks at. erased, echoes, far, near: as in `nomad.RobotWindow`."""
 
     robot: int
-    speeds: list[float]
-    moving: tuple[bool, bool, bool]
-    sonars: list[float | None]
-    infrared: list[float | None]
-    touched: list[float]
-    battery: float
+    body: BodyView
     erased: Mapping[Layer, int]
     echoes: Added[Point]
-    commands: Added[Saying]
-    said: Added[Saying]
     far: Added[Look]
     near: Added[Look]
 
 
-class Picture(Said):
-    """The Nomads at one moment. wanted, achieved: simulated seconds in a second."""
+class Windows(Said):
+    """What the windows of the Nomads show beside a frame."""
 
-    time: float
-    running: bool
-    wanted: float
-    achieved: float
     robots: list[ShownRobot]
     traces: list[Trace]
     sketches: Added[ShownSketch]
@@ -119,8 +112,8 @@ class Tail(Generic[T]):
         return Added(last is not None or bool(found), list(found))
 
 
-class Pictures:
-    """The pictures of one page; one that goes away takes them along."""
+class PageWindows:
+    """What one page is shown; one that goes away takes it along."""
 
     def __init__(self, nomads: Nomads) -> None:
         self._nomads = nomads
@@ -136,19 +129,15 @@ class Pictures:
         if robot != self._chosen:
             self._chosen, self._rows = robot, _Rows()
 
-    def take(self, wanted: float, achieved: float) -> Picture:
-        """The next picture. wanted, achieved: as in `Picture`."""
+    def take(self) -> Windows:
+        """What the page lacks now."""
         nomads = self._nomads
         sketches = self._sketches.take(nomads.sketches())
-        return Picture(
-            nomads.time,
-            nomads.speed > 0.0,
-            wanted,
-            round(achieved, 2),
+        return Windows(
             [_shown(nomads.window(robot)) for robot in range(nomads.count)],
             list(self._traced()),
             Added(sketches.anew, [ShownSketch(each.kind, each.numbers, each.mode) for each in sketches.items]),
-            self._rows.show(self._chosen, nomads.window(self._chosen)) if 0 <= self._chosen < nomads.count else None,
+            self._rows.show(nomads, self._chosen) if 0 <= self._chosen < nomads.count else None,
         )
 
     def _traced(self) -> list[Trace]:
@@ -168,43 +157,58 @@ class _Rows:
 
     def __init__(self) -> None:
         self._echoes: Tail[Point] = Tail()
-        self._commands: Tail[Saying] = Tail()
-        self._said: Tail[Saying] = Tail()
         self._far: Tail[Looked] = Tail()
         self._near: Tail[Looked] = Tail()
 
-    def show(self, robot: int, window: RobotWindow) -> Chosen | None:
-        condition = window.condition
-        if condition is None:
+    def show(self, nomads: Nomads, robot: int) -> Chosen | None:
+        window, body = nomads.window(robot), body_of(nomads, robot)
+        if body is None:
             return None
         return Chosen(
             robot,
-            [0.0 if isnan(speed) else speed for speed in condition.speeds],
-            condition.moving,
-            _measured(condition.sonars),
-            _measured(condition.infrared),
-            list(condition.touched),
-            condition.battery,
+            body,
             window.erased,
             self._echoes.take(window.echoes),
-            self._commands.take(window.commands),
-            self._said.take(window.said),
             _looks(self._far.take(window.far)),
             _looks(self._near.take(window.near)),
         )
 
 
+def body_of(nomads: Nomads, robot: int) -> BodyView | None:
+    """What the body of this robot senses, None before it has sensed anything."""
+    condition = nomads.window(robot).condition
+    if condition is None:
+        return None
+    real, believed = condition.real, condition.believed
+    inch = 10.0 * nomads.tenth
+    return BodyView(
+        (real.x, real.y, real.heading),
+        nomads.radius(robot),
+        (believed.x, believed.y, believed.heading),
+        measured(condition.sonars),
+        2.0 * pi / max(1, len(condition.sonars)),
+        NOTHING * inch,
+        condition.touched,
+        (),
+        real.turret,
+        measured(condition.infrared),
+        SIGHT * inch,
+    )
+
+
 def _looks(added: Added[Looked]) -> Added[Look]:
-    return Added(added.anew, [Look(time, _measured(ranges), touched) for time, ranges, touched in added.items])
+    return Added(added.anew, [Look(time, list(measured(ranges)), touched) for time, ranges, touched in added.items])
 
 
 def _shown(window: RobotWindow) -> ShownRobot:
-    condition: Condition | None = window.condition
-    nowhere = Pose(0.0, 0.0, 0.0, 0.0)
-    real, believed = (nowhere, nowhere) if condition is None else (condition.real, condition.believed)
-    touched = 0 if condition is None else len(condition.touched)
-    return ShownRobot(real, believed, touched, window.waiting > 0, window.client, window.rivals)
-
-
-def _measured(readings: Sequence[float]) -> list[float | None]:
-    return [None if isnan(reading) else round(reading, 4) for reading in readings]
+    condition = window.condition
+    if condition is None:
+        return ShownRobot(0.0, NOWHERE, 0, window.waiting > 0, window.client, window.rivals)
+    return ShownRobot(
+        condition.real.turret,
+        condition.believed,
+        len(condition.touched),
+        window.waiting > 0,
+        window.client,
+        window.rivals,
+    )

@@ -1,0 +1,212 @@
+"""What a page and the desk of a swarm say to each other beside what all pages say; that of a recording, too.
+
+A page may look at another time than now: what it asks is answered for that time then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Iterator
+
+import msgspec
+
+from sleepcast.console import incoming, outgoing
+from sleepcast.console.backend import Backend
+from sleepcast.console.dialogue import Answer, Dialogue
+from sleepcast.console.driver import FrameSource
+from sleepcast.console.film import commands_of
+from sleepcast.console.frames import ghosts
+from sleepcast.console.glance import glance
+from sleepcast.console.look import Look
+from sleepcast.console.marks import clock_time
+from sleepcast.console.past import Past
+from sleepcast.console.renewal import NOT_HERE, RenewableBackend
+from sleepcast.console.replay import ReplayBackend
+from sleepcast.console.table import RobotTable
+from sleepcast.core.errors import MisuseError
+
+OF_THEN = (outgoing.Commands, outgoing.Failing, outgoing.Groups, outgoing.Obstacles, outgoing.Robot)
+"""News that are those of the time at which a page looks; all other news are of now."""
+ACTS = (incoming.Send, incoming.Wink, incoming.Build, incoming.Shift, incoming.Clear, incoming.Undo)
+"""What changes the run, which can be done only now."""
+QUESTIONS = (
+    *(incoming.Preview, incoming.Spread, incoming.Pick, incoming.Names, incoming.Glance, incoming.Members),
+    *(incoming.Sense, incoming.Rows, incoming.Range, incoming.Csv),
+)
+"""What can be asked of any time of a run."""
+
+
+class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
+    """See the module."""
+
+    most_waiting = 16
+    """Answers of one page that robots have to give first."""
+
+    def __init__(self, desk: Backend | ReplayBackend) -> None:
+        super().__init__(desk)
+        self._table = RobotTable(desk.values)
+        self._look: Look | None = None
+        self._marked = -1
+        self._ghosts, self._ghost_tick = True, -1
+        """Whether the page is to be shown another future, and the tick of which it was told last."""
+
+    @property
+    def source(self) -> FrameSource:
+        """Where this page's frames come from."""
+        return self._desk.driver if self._look is None else self._look
+
+    def hello(self) -> str:
+        self._marked, self._ghost_tick = -1, -1
+        return super().hello()
+
+    def _answer(self, message: incoming.Incoming) -> Answer | Awaitable[Answer]:
+        desk = self._desk
+        if self._look is not None and desk.past is not None:
+            found = self._of_then(message, self._look, desk.past)
+            if found is not None:
+                return found
+        match message:
+            case incoming.Look(time):
+                self._look_at(time)
+            case incoming.Ghosts(on):
+                self._ghosts, self._ghost_tick = on, -1
+            case incoming.Halt():
+                desk.halt()
+            case incoming.Lease(serial, deed, group, seconds, to):
+                return desk.lease(serial, deed, group, seconds, to)
+            case incoming.Watch(robot):
+                if self._look is not None:
+                    self._look.watched = robot
+                return super()._answer(message)
+            case incoming.Seek(time):
+                desk.seek(time)
+            case incoming.Preview(serial, text):
+                return desk.preview(serial, text)
+            case incoming.Spread(serial, text, at):
+                return desk.spread(serial, text, at)
+            case incoming.Pick(serial, marks):
+                return desk.pick(serial, marks)
+            case incoming.AddAlert() | incoming.MuteAlert() | incoming.RemoveAlert() | incoming.Fired():
+                return desk.alert(message)
+            case incoming.Wink(serial, robot):
+                return desk.wink(serial, robot)
+            case incoming.Send(serial, text, everybody, sort, count, confirmed):
+                return desk.send(serial, text, everybody, sort, count, confirmed)
+            case incoming.Names(serial):
+                return desk.names(serial)
+            case incoming.Glance(serial):
+                return glance(desk.values, serial)
+            case incoming.Phrase(serial, text):
+                return desk.phrase(serial, text)
+            case incoming.Understand(serial, text):
+                return desk.understand(serial, text)
+            case incoming.Why(serial, robot, command):
+                return desk.why(serial, robot, command)
+            case incoming.Outcomes(serial, command):
+                return desk.outcomes(serial, command)
+            case incoming.Failed(serial, rule):
+                return desk.failed(serial, rule)
+            case incoming.Members(serial, group):
+                return desk.members(serial, group)
+            case incoming.Picture(serial):
+                return desk.picture(serial)
+            case incoming.Commands(serial):
+                return desk.commands(serial)
+            case incoming.Scenarios() | incoming.Setup() | incoming.Renew() | incoming.Fork():
+                if not isinstance(desk, RenewableBackend):
+                    raise MisuseError(NOT_HERE)
+                return desk.renewal(message)
+            case incoming.Rows():
+                return self._table.rows(message)
+            case incoming.Range():
+                return self._table.range(message)
+            case incoming.Csv():
+                return self._table.csv(message)
+            case incoming.Plot():
+                return desk.plots.add(message)
+            case incoming.Unplot():
+                return desk.plots.remove(message)
+            case incoming.Plotted():
+                return desk.plots.drawn(message)
+            case _:
+                return super()._answer(message)
+        return None
+
+    def _look_at(self, time: float | None) -> None:
+        """Look at another time; None is now."""
+        past = self._desk.past
+        if past is None or isinstance(self._desk, ReplayBackend):
+            raise MisuseError("There is no timeline here: nothing is kept of what was.")
+        if time is None:
+            self.leave()
+            return
+        if not past.film.poses.times:
+            raise MisuseError("Nothing is kept yet: time has not begun.")
+        if self._look is None:
+            self._look = Look(past, self._desk.driver)
+            self._look.watched = self._watched
+            self.turned.set()
+        self._look.seek(time)
+
+    def leave(self) -> None:
+        """Look at now, as at the start."""
+        if self._look is not None:
+            self._look.leave()
+            self._look = None
+            self.turned.set()
+
+    def beside(self) -> Iterator[str | bytes]:
+        """Where robots were in another future at what this page shows, unless it knows or there is none. No place is
+        told once that future has ended."""
+        past = self._desk.past
+        if not self._ghosts or past is None or past.other is None:
+            return
+        time = past.ended if self._look is None else self._look.time
+        film = past.other.film
+        found = film.poses.at(time) if time <= film.seconds else None
+        tick, poses = (past.tick_of(film.seconds) + 1, b"") if found is None else found
+        if tick != self._ghost_tick:
+            self._ghost_tick = tick
+            yield ghosts(poses)
+
+    def _of_then(self, message: incoming.Incoming, look: Look, past: Past) -> Answer | Awaitable[Answer] | None:
+        """The answer of the time at which the page looks; None for what is a matter of now."""
+        if isinstance(message, ACTS):
+            raise MisuseError(
+                f"This page looks at {clock_time(look.time)}, and whatever is done acts on now. "
+                "Go back to live (F8), then do it."
+            )
+        match message:
+            case incoming.Why():
+                return past.why(look.tick, message)
+            case incoming.Commands(serial):
+                return commands_of(past.film, look.time, serial)
+            case incoming.Failed(serial, rule):
+                return past.film.failed(look.time, serial, rule)
+        return past.answer(look.tick, message) if isinstance(message, QUESTIONS) else None
+
+    def _news(self) -> Iterator[outgoing.Said]:
+        look, past = self._look, self._desk.past
+        if look is None:
+            yield from self._desk.news(self._watched)
+        else:
+            yield from look.news()
+            yield from (said for said in self._desk.news(-1) if not isinstance(said, OF_THEN))
+        if past is None:
+            return
+        if self._marked != past.marks.number:
+            self._marked = past.marks.number
+            yield outgoing.Marked(list(past.marks.all))
+        span = outgoing.Span(past.film.began, past.ended, kept=past.kept)
+        other = past.other
+        if other is not None:
+            differs = None if other.differs is None else other.differs * past.tick
+            span = msgspec.structs.replace(
+                span, forked=other.tick * past.tick, differs=differs, difference=other.difference
+            )
+        if isinstance(self._desk, RenewableBackend):
+            span = msgspec.structs.replace(span, may_fork=True)
+        if look is not None:
+            span = msgspec.structs.replace(span, at=look.time, exact=look.exact, note=look.note)
+        elif isinstance(self._desk, ReplayBackend):
+            span = msgspec.structs.replace(span, note=self._desk.driver.note)
+        yield span

@@ -59,6 +59,11 @@ GOOD = {
     "scenarios": {"serial": 1},
     "setup": {"serial": 1, "scenario": "bravo"},
     "renew": {"serial": 1, "scenario": "bravo", "seed": "9", "robots": 200, "values": {"near": 5.0}},
+    "perform": {"serial": 1, "robot": 0, "order": "vm", "numbers": [50, -50], "text": ""},
+    "drive": {"robot": 0, "numbers": [50, 50, 0]},
+    "click": {"serial": 1, "robot": 0, "x": 1.5, "y": -2.5},
+    "load": {"serial": 1, "name": "room.txt", "text": "3 0 0 100 0 0 100"},
+    "save": {"serial": 1},
 }
 
 
@@ -108,6 +113,11 @@ def test_no_message_was_forgotten_here() -> None:
         '{"type": "renew", "serial": 1, "seed": "12345678901234567890"}',
         '{"type": "renew", "serial": 1, "robots": 0}',
         '{"type": "setup", "serial": 1, "scenario": "' + "x" * 501 + '"}',
+        '{"type": "perform", "serial": 1, "robot": -1, "order": "st", "numbers": []}',
+        '{"type": "perform", "serial": 1, "robot": 0, "order": "vm", "numbers": [2147483648]}',
+        '{"type": "drive", "robot": 0, "numbers": [1, 2]}',
+        '{"type": "click", "serial": 1, "robot": 0, "x": 1e6, "y": 0}',
+        json.dumps({"type": "load", "serial": 1, "name": "a", "text": "#" * 100_001}),
         b"\xff\xfe",
         b"\x00" * 40,
         "[" * 100_000,

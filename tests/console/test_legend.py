@@ -98,5 +98,5 @@ def test_the_map_and_pictures_agree_on_looks(page: Page) -> None:
           return [inks, numbers.map(lookOfGroup), numbers.map(lookOfColour)];
         }"""
     )
-    assert found[0] == [look.ink for look in LOOKS]
+    assert found[0][: len(LOOKS)] == [look.ink for look in LOOKS]  # those of Nomads follow
     assert found[1:] == [[of_group(code) for code in range(1, 256)], [of_colour(code) for code in range(1, 256)]]

@@ -4,7 +4,7 @@
 messages from and to it, `backend` answers them (`replay`: for a recording, `network`: for robots on the air), `driver`
 lets swarm and server take turns, `frames` draws the moving picture, `renewal` puts another run in the place of the one
 that is shown; `static/` is the page, served as written. What is shown is a `view`; `adapters/` puts things into that
-shape. The page of the Nomads, `nomads/`, has the same server.
+shape. `nomads/` has what only Nomads have.
 """
 
 from sleepcast.console.network import SafetyOrder

@@ -7,6 +7,7 @@ minds of their own are told and asked, `nomads/dialogue` what Nomads are.
 from __future__ import annotations
 
 import asyncio
+from abc import ABC, abstractmethod
 from collections.abc import Awaitable, Iterable, Iterator, Sequence
 from typing import Generic, Protocol, TypeAlias, TypeVar
 
@@ -62,7 +63,7 @@ class Desk(Protocol):
 D = TypeVar("D", bound=Desk)
 
 
-class Dialogue(Generic[D]):
+class Dialogue(ABC, Generic[D]):
     """One page's part: its questions, and what it has been told already. turned: set when it looks at another time.
     most_waiting: answers that may be waited for at one time; of more, some are given up."""
 
@@ -75,9 +76,9 @@ class Dialogue(Generic[D]):
         self.turned = asyncio.Event()
 
     @property
+    @abstractmethod
     def source(self) -> FrameSource:
         """Where this page's frames come from."""
-        raise NotImplementedError
 
     def hello(self) -> str:
         """The first words to a page, which knows nothing yet."""

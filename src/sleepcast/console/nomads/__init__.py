@@ -1,1 +1,1 @@
-"""The page of the Nomads: what it shows, what it can ask, and the session of one open page."""
+"""Nomads on the page: what it shows of them beside any robots, and what it can ask of them alone."""

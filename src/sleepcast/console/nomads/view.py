@@ -1,4 +1,4 @@
-"""What the page of the Nomads shows, and what it asks.
+"""What the page shows of Nomads, and what it asks.
 
 The console knows no wire and no simulator. The roof gives it something with these few members: simulated robots, by
 their index from 0, with what their windows show. SI units in the world's frame, but for the numbers of an order, which

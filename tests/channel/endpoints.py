@@ -26,7 +26,7 @@ from sleepcast.core.clock import ManualClock
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
 ROBOTS = KeyPair("r*", Role.ROBOT, b"r" * 32)
 TRUST = (DESK.public, ROBOTS.public)
-PATIENCE = 20.0
+PATIENCE = 60.0
 MARKER = b"nothing after this has come before: "
 
 

@@ -18,7 +18,7 @@ from sleepcast.channel.transports import open_transport
 from sleepcast.channel.transports.transport import Transport, listen_for
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
-PATIENCE = 20.0
+PATIENCE = 60.0
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such filters")
 
 

@@ -25,7 +25,7 @@ from sleepcast.core.clock import WallClock
 DESK = KeyPair("desk", Role.OPERATOR, b"d" * 32)
 ROBOTS = KeyPair("r*", Role.ROBOT, b"r" * 32)
 NOW = 1_000.0
-PATIENCE = 20.0
+PATIENCE = 60.0
 
 
 @dataclass

@@ -20,7 +20,7 @@ from sleepcast.channel.plain_datagrams import (
 )
 from sleepcast.core.errors import MisuseError
 
-LONGEST = 20.0
+LONGEST = 60.0
 
 
 def test_three_fields_of_width_twelve_with_two_decimals() -> None:

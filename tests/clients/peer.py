@@ -14,7 +14,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from types import TracebackType
 
-LONGEST = 20.0
+LONGEST = 60.0
 """Seconds that a peer waits for the next byte."""
 
 Behaviour = Callable[[int, bytes, int], bytes | None]

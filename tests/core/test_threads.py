@@ -16,7 +16,7 @@ from sleepcast.core.threads import Look, ThreadPool, borders
 
 ENDS = range(101)
 STRETCHES = list(pairwise(ENDS))
-LONG = 10.0
+LONG = 60.0
 """s that a thread may take to come or to go on a busy machine."""
 
 

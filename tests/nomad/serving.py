@@ -12,7 +12,7 @@ from sleepcast.core.clock import WallClock
 from sleepcast.nomad import Nserver, ServerPace, Windows
 from sleepcast.robot import SimulatedWorld
 
-LONGEST = 20.0
+LONGEST = 60.0
 """Seconds that a busy machine is given."""
 
 

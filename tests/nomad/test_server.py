@@ -22,7 +22,7 @@ from sleepcast.nomad.server_connection import MAX_BUFFERED, TURN
 from sleepcast.nomad.wire import HEADER, MAX_WORDS, Layout, decode, encode_request
 from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
-LONGEST = 20.0
+LONGEST = 60.0
 """Seconds that a busy machine is given."""
 GS = encode_request(Layout.FOUR, Kind.GS)
 STATE = 200

@@ -39,6 +39,8 @@ class Vehicle:
         self.orders: list[tuple[int, float]] = []
         self.heard: list[str] = []
         self.refuse: set[int] = set()
+        self.deaf: set[int] = set()
+        self.fastest = 9.0
         self.reboot()
 
     def reboot(self) -> None:
@@ -63,7 +65,7 @@ class Vehicle:
     def obey(self, message: Any) -> list[Any]:
         kind = message.get_type()
         self.heard.append(kind)
-        if kind == "COMMAND_LONG":
+        if kind == "COMMAND_LONG" and message.command not in self.deaf:
             self.orders.append((message.command, message.param2 if message.command == 176 else message.param1))
             result = 2 if message.command in self.refuse else 0
             if not result:
@@ -84,6 +86,8 @@ class Vehicle:
             self.target = self.rising = None
         elif message.command == 400:
             self.armed = message.param1 == 1.0
+        elif message.command == 178:
+            self.fastest = message.param2
         elif message.command == 22:
             self.rising = message.param7
 
@@ -98,7 +102,7 @@ class Vehicle:
             self.climb = 2.0 if self.height < self.rising else 0.0
         if self.target is not None:
             azimuth, _, far = EARTH.inv(self.longitude, self.latitude, self.target[1], self.target[0])
-            self.heading, self.forward = radians(azimuth), min(2.0, far)
+            self.heading, self.forward = radians(azimuth), min(self.fastest, far)
             self.height = self.target[2]
             self.rest_at = self.time + LATE
         self.heading += self.turn * seconds

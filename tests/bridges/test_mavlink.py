@@ -125,7 +125,9 @@ def test_a_copter_takes_off_goes_somewhere_and_does_not_leave_its_fence() -> Non
     assert [order for order in rig.vehicle.orders if order[0] == 22] == [(22, 0.0)], "ordered once"
     body.narrow(Limits(inf, inf, inf, fence=(-20.0, -20.0, 20.0, 20.0)))
     body.go_to(6.0, -8.0)
-    rig.wait(8.0)
+    rig.wait(1.0)
+    assert rig.vehicle.forward == pytest.approx(2.0), "no faster than its limits"
+    rig.wait(7.0)
     found = rig.sensed()
     assert (found["x"], found["y"]) == pytest.approx((6.0, -8.0), abs=0.3)
     assert found["height"] == pytest.approx(5.0, abs=0.3)
@@ -285,6 +287,30 @@ def test_an_order_that_nobody_answers_is_given_up_and_never_takes_effect_late() 
     rig.wait(1.0)
     assert (400, 0.0) not in rig.vehicle.orders[before:]
     assert rig.vehicle.armed
+
+
+def test_a_stop_ends_orders_that_wait_for_an_answer() -> None:
+    rig = MavlinkRig()
+    rig.wait(0.2)
+    rig.vehicle.deaf = {400}
+    rig.vehicle_body.arm()
+    rig.wait(0.4)
+    rig.body.stop()
+    rig.wait(0.1)
+    rig.vehicle.deaf = set()
+    rig.wait(2.0)
+    assert not rig.vehicle.armed
+    rig.body.release()
+    rig.vehicle_body.arm()
+    rig.body.stop()
+    rig.wait(2.0)
+    assert not rig.vehicle.armed, "it was stopped before this was sent"
+
+
+def test_a_failsafe_leaves_what_is_not_armed_alone() -> None:
+    rig = MavlinkRig("copter", failsafe="RTL")
+    rig.look_away(2.0)
+    assert rig.vehicle.mode == COPTER["STABILIZE"]
 
 
 def test_its_mind_commands_it_by_name() -> None:

@@ -70,8 +70,8 @@ MODES = {**dict.fromkeys((2, 3, 4, 13, 14, 15, 29, 35), COPTER), **dict.fromkeys
 """Of each type of vehicle that MAVLink has a number for, and that is known here."""
 FAILSAFES = ("loiter", "rtl", "land")
 
-SET_MODE, ARM_DISARM, TAKEOFF, INTERVAL = 176, 400, 22, 511
-NAMES = {SET_MODE: "the mode", ARM_DISARM: "arming or disarming", TAKEOFF: "to take off", INTERVAL: "to send messages"}
+SET_MODE, ARM_DISARM, TAKEOFF, CHANGE_SPEED, INTERVAL = 176, 400, 22, 178, 511
+NAMES = {SET_MODE: "the mode", ARM_DISARM: "arming or disarming", TAKEOFF: "taking off", CHANGE_SPEED: "its speed"}
 RESULTS = ("accepted", "refused for now", "denied", "not supported", "failed", "in progress", "cancelled")
 RATES = {33: 10.0, 30: 10.0, 1: 1.0, 24: 1.0}
 """Messages that we need, by number (GLOBAL_POSITION_INT, ATTITUDE, SYS_STATUS, GPS_RAW_INT), and how often, 1/s."""
@@ -218,14 +218,19 @@ class MavlinkVehicle(BridgedBody):
 
     def carry_out(self, motion: Motion) -> None:
         anew, self._begun = motion is not self._begun, motion
+        if self._stopped:
+            self._forget_orders()
         if motion.sort == "mode" and self._mode != motion.values[0]:
-            self._order(SET_MODE, 1.0, motion.values[0])
+            if self._armed or motion is not self.failsafe:  # what stands on the ground with its motors off is safe
+                self._order(SET_MODE, 1.0, motion.values[0])
         elif motion.sort == "takeoff":
             if anew:
                 self._order(TAKEOFF, *(0.0,) * 6, motion.values[0])
         elif motion.sort == "rest" and (self._stopped or self._held) and self._is_on_its_own():
             self._order(SET_MODE, 1.0, float(self._standing))
         elif self._mode == self._modes[GUIDED] and self._armed:
+            if motion.sort == "goto" and anew:  # else it would go as fast as its own settings allow
+                self._order(CHANGE_SPEED, 1.0, self.model.limits.speed, -1.0)
             self._set_point(motion)
         elif motion.sort not in ("rest", "mode"):
             self._say_once(f"it does not follow: it is {self._condition()}; (SET_MODE GUIDED) and (ARM) come first")
@@ -278,7 +283,7 @@ class MavlinkVehicle(BridgedBody):
 
     def arm(self) -> None:
         self._check_free()
-        self.send(lambda: self._order(ARM_DISARM, 1.0))
+        self.send(self._arm)
 
     def disarm(self) -> None:
         self.send(lambda: self._order(ARM_DISARM, 0.0))
@@ -306,6 +311,10 @@ class MavlinkVehicle(BridgedBody):
     def climb(self, speed: float) -> None:
         self.move(Motion("climb", (clamped(speed, HIGHEST_CLIMB),)))
 
+    def _arm(self) -> None:
+        if not self._stopped:  # it may have been stopped since
+            self._order(ARM_DISARM, 1.0)
+
     def _check_free(self) -> None:
         if self._stopped:
             raise MisuseError("it is stopped: RELEASE it first")
@@ -324,6 +333,14 @@ class MavlinkVehicle(BridgedBody):
         if waiting is None or waiting.parameters != filled:
             self._orders[key] = order = Order(filled, end=self._clock.now() + ORDER_SECONDS)
             self._send_order(command, order)
+
+    def _forget_orders(self) -> None:
+        """A STOP has come: send nothing again that could set the vehicle in motion."""
+        safe = ((SET_MODE, float(self._standing)), (ARM_DISARM, 0.0))
+        for key, order in list(self._orders.items()):
+            what = order.parameters[1 if key[0] == SET_MODE else 0]
+            if key[0] != INTERVAL and (key[0], what) not in safe:
+                del self._orders[key]
 
     def _send_order(self, command: int, order: Order) -> None:
         now = self._clock.now()

@@ -3,6 +3,7 @@
 
 import { download } from "./files.js";
 import { drawLabel } from "./ground.js";
+import { font } from "./type.js";
 import { picture } from "./shapes.js";
 import { gridStep } from "./view.js";
 
@@ -93,7 +94,7 @@ export class Filming {
     this.lines().forEach(({ look, count, text }, line) => {
       const y = 18 + LINE * line;
       if (look !== undefined) pen.drawImage(picture(look, colours), 10, y - 9.5, 18, 18);
-      drawLabel(pen, view, `${count.toLocaleString("en")} ${text}`, 34, y, colours.ink, colours.area, "13px", []);
+      drawLabel(pen, view, `${count.toLocaleString("en")} ${text}`, 34, y, colours.ink, colours.area, font(13), []);
     });
     const step = gridStep(view, world.scene.unit, 140);
     pen.strokeStyle = colours.ink;
@@ -105,6 +106,6 @@ export class Filming {
     pen.lineTo(12 + step.metres * view.scale, view.height - 20);
     pen.stroke();
     const caption = `${step.label}     ${this.time()}`;
-    drawLabel(pen, view, caption, 20 + step.metres * view.scale, view.height - 16, colours.ink, colours.area, "13px", []);
+    drawLabel(pen, view, caption, 20 + step.metres * view.scale, view.height - 16, colours.ink, colours.area, font(13), []);
   }
 }

@@ -107,7 +107,7 @@ export function drawPlaces(pen, view, places, colours) {
 
 // A name at a point, left out where it would cover one of the boxes; the box it took, in a list of one or none.
 export function drawLabel(pen, view, text, x, y, colour, halo, font, boxes) {
-  pen.font = `${font} system-ui, sans-serif`;
+  pen.font = font;
   const box = [x - 2, y - 8, x + pen.measureText(text).width + 2, y + 8];
   if (box[0] > view.width || box[2] < 0 || box[1] > view.height || box[3] < 0) return [];
   if (boxes.some((other) => box[0] < other[2] && box[2] > other[0] && box[1] < other[3] && box[3] > other[1])) return [];

@@ -3,6 +3,7 @@
 
 import { GLOW } from "./ground.js";
 import { inkOf, lookOfGroup } from "./shapes.js";
+import { font as fontOf, grown } from "./type.js";
 
 const ALL = 45; // robots in sight that may all have their names
 const THINNING = 0.6; // with 10 times as many in sight, a quarter as many of them have their names
@@ -13,7 +14,7 @@ const TOGETHER = 90; // pixels: a group whose robots are farther from its middle
 const CODES = 256; // of groups in a frame; 0 is none
 const MOST = 6000; // robots in sight; with more, only the chosen one has its name
 
-const FONTS = { place: "600 13px", light: "600 13px", area: "600 12px", group: "600 12px", chosen: "600 12px", robot: "11px" };
+const FONTS = { place: [13, 600], light: [13, 600], area: [12, 600], group: [12, 600], chosen: [12, 600], robot: [11] }; // size and weight
 
 export class Labels {
   constructor() {
@@ -35,13 +36,14 @@ export class Labels {
     if (scene.names !== this.names) this.shown.clear();
     this.names = scene.names;
     const found = [];
+    const half = grown(HALF);
     const boxes = []; // left, top, right, bottom of each name that is there, in turn
     const put = (text, kind, colour, x, y, gap) => {
-      const font = FONTS[kind];
+      const font = fontOf(...FONTS[kind]);
       const right = x + width(text, font);
-      if (right < 0 || x > view.width || y + HALF < 0 || y - HALF > view.height) return false;
-      if (hits(boxes, x - 2 - gap, y - HALF - gap, right + 2 + gap, y + HALF + gap)) return false;
-      boxes.push(x - 2, y - HALF, right + 2, y + HALF);
+      if (right < 0 || x > view.width || y + half < 0 || y - half > view.height) return false;
+      if (hits(boxes, x - 2 - gap, y - half - gap, right + 2 + gap, y + half + gap)) return false;
+      boxes.push(x - 2, y - half, right + 2, y + half);
       found.push({ text, font, colour, x, y });
       return true;
     };
@@ -142,7 +144,7 @@ function cornerOf(view, { corners }) {
 
 const SIDE = 1024; // pixels of the sheet that holds them
 const EDGE = 4; // pixels around a text, for its edge
-const HIGH = 22;
+const HIGH = 28;
 
 class Sprites {
   constructor() {
@@ -157,7 +159,7 @@ class Sprites {
     const key = `${font} ${text}`;
     let found = this.widths.get(key);
     if (found === undefined) {
-      this.pen.font = `${font} system-ui, sans-serif`;
+      this.pen.font = font;
       this.widths.set(key, (found = this.pen.measureText(text).width));
     }
     return found;
@@ -200,7 +202,7 @@ class Sprites {
       this.full = true;
     }
     const { pen, x, y } = this;
-    pen.font = `${font} system-ui, sans-serif`;
+    pen.font = font;
     pen.textBaseline = "middle";
     pen.lineJoin = "round";
     pen.lineWidth = 4;

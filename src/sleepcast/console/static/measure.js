@@ -2,6 +2,7 @@
 // how long it is, in the map's unit, until the next one or until M is pressed again.
 
 import { drawLabel } from "./ground.js";
+import { font } from "./type.js";
 import { UNITS } from "./view.js";
 
 export class Measure {
@@ -91,6 +92,6 @@ export class Measure {
     pen.lineWidth = 1.8;
     pen.stroke();
     pen.lineCap = "butt";
-    drawLabel(pen, view, this.text, (x + toX) / 2 + 8, (y + toY) / 2 - 12, colours.ink, colours.area, "600 13px", []);
+    drawLabel(pen, view, this.text, (x + toX) / 2 + 8, (y + toY) / 2 - 12, colours.ink, colours.area, font(13, 600), []);
   }
 }

@@ -2,6 +2,7 @@
 // caste's number beside it. Who has asked for less motion sees none.
 
 import { inkOf, lookOfGroup } from "./shapes.js";
+import { font } from "./type.js";
 
 const LASTS = 800; // ms that a ring is seen
 const AGAIN = 400; // ms for which a robot that goes on pinging keeps its ring
@@ -51,7 +52,7 @@ export class Pings {
 
   number(pen, x, y, caste) {
     pen.fillStyle = pen.strokeStyle;
-    pen.font = "600 11px system-ui, sans-serif";
+    pen.font = font(11, 600);
     pen.textBaseline = "bottom";
     pen.fillText(String(caste), x, y);
   }

@@ -3,6 +3,7 @@
 
 import { SILENT, STILL } from "./frame.js";
 import { addRing, addRobot, inkOf, LOOKS, NONE, SORTS } from "./shapes.js";
+import { grown } from "./type.js";
 
 export const MOST_SHAPES = 6000; // robots in sight; more become points
 const MOST_IN_PATH = 100; // robots; what filling a path takes grows faster than what is in it
@@ -13,13 +14,17 @@ const LEAST_STAMP = 5; // pixels: the least side at which the shapes of groups a
 const LARGEST_STAMP = 9;
 const FAINT = 0.35; // opacity of robots that may be elsewhere by now
 
-const SMALLEST = 4.4; // pixels: half a robot's length when everything is in sight
+const SMALLEST = 4.4; // pixels on the smallest window: half a robot's length when everything is in sight
 const LARGEST = 26;
 
 // Half a robot's length on the screen, given its radius in m: its true size up to the largest, but never too small to see, and
 // a little larger from close by.
 function sizeOf(view, radius, largest) {
   return Math.min(largest, Math.max(SMALLEST * Math.min(2, view.closeness ** 0.25), radius * view.scale));
+// Half a robot's length on the screen, given its radius in m: its true size, but never too small to see, and a little
+// larger from close by.
+function sizeOf(view, radius) {
+  return Math.min(LARGEST, Math.max(grown(SMALLEST) * Math.min(2, view.closeness ** 0.25), radius * view.scale));
 }
 
 // The same for each robot by its index: how large robots of its sort are on the screen now.

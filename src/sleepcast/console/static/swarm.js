@@ -20,11 +20,7 @@ const LARGEST = 26;
 // Half a robot's length on the screen, given its radius in m: its true size up to the largest, but never too small to see, and
 // a little larger from close by.
 function sizeOf(view, radius, largest) {
-  return Math.min(largest, Math.max(SMALLEST * Math.min(2, view.closeness ** 0.25), radius * view.scale));
-// Half a robot's length on the screen, given its radius in m: its true size, but never too small to see, and a little
-// larger from close by.
-function sizeOf(view, radius) {
-  return Math.min(LARGEST, Math.max(grown(SMALLEST) * Math.min(2, view.closeness ** 0.25), radius * view.scale));
+  return Math.min(largest, Math.max(grown(SMALLEST) * Math.min(2, view.closeness ** 0.25), radius * view.scale));
 }
 
 // The same for each robot by its index: how large robots of its sort are on the screen now.

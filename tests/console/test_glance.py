@@ -6,14 +6,14 @@ from statistics import median
 
 from console.test_backend import Stand, stand
 from sleepcast.console import incoming
-from sleepcast.console.dialogue import QUESTIONS, Dialogue
 from sleepcast.console.glance import Glance
+from sleepcast.console.swarm_dialogue import QUESTIONS, SwarmDialogue
 
 __all__ = ["stand"]
 
 
 def glance(stand: Stand) -> Glance:
-    found = Dialogue(stand.desk).answer(incoming.decode('{"type": "glance", "serial": 3}'))
+    found = SwarmDialogue(stand.desk).answer(incoming.decode('{"type": "glance", "serial": 3}'))
     assert isinstance(found, Glance)
     return found
 

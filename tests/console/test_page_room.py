@@ -98,7 +98,7 @@ def test_the_side_is_made_wider_by_hand_and_stays_so(rovers: Page) -> None:
 
 
 def test_a_square_world_has_the_height_and_the_side_is_never_empty(rovers: Page) -> None:
-    boxes = [rovers.locator(name).bounding_box() for name in ("#map", ".side", ".desk")]
+    boxes = [rovers.locator(name).bounding_box() for name in ("#map", ".side", ".desk.of-swarm")]
     assert all(box is not None for box in boxes)
     world, side, desk = (box for box in boxes if box is not None)
     assert world["height"] > 0.9 * (side["height"] + desk["height"])
@@ -110,7 +110,7 @@ def test_a_square_world_has_the_height_and_the_side_is_never_empty(rovers: Page)
     find(rovers, "rover3")
     expect(glance).to_be_hidden()
     rovers.set_viewport_size({"width": 1024, "height": 768})
-    below = rovers.locator(".desk").bounding_box()
+    below = rovers.locator(".desk.of-swarm").bounding_box()
     assert below is not None
     assert below["x"] == 0
 

@@ -351,6 +351,7 @@ def test_the_slider_reaches_the_end_of_a_recording_of_any_length(
 
         page.on("websocket", lambda socket: socket.on("framereceived", take))
         page.goto(program.address)
+        expect(page.locator("#scrub")).to_be_visible()  # before that, keys are for nothing
         page.locator("#run").click()
         page.locator("#scrub").focus()
         for key, time in (("Home", 0.0), ("End", 2.2)):

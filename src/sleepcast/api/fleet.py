@@ -21,6 +21,7 @@ from sleepcast.api.progress import steps
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import CheckError, Explanation
 from sleepcast.loop import Swarm, load, save, snapshot
+from sleepcast.loop.rerun import InputLog
 from sleepcast.simulator import Changes, Scenario, World, find_scenario, read_scenario
 from sleepcast.station import Command, Station
 
@@ -39,7 +40,14 @@ class SimulatedFleet(Fleet):
         super().__init__(station)
         self.swarm = swarm
         self._histories: list[tuple[int, History]] = []
+        self._inputs: InputLog | None = None
+        """All that came from outside since the start; None for a fleet whose start nobody saw."""
         self._recording: RunRecording | None = None
+
+    def _watch_inputs(self) -> None:
+        """Keep what comes from outside from now on, before the first tick."""
+        self._inputs = InputLog(self.swarm)
+        self.swarm.witnesses.append(self._inputs)
 
     # ---- time
 
@@ -199,6 +207,29 @@ class SimulatedFleet(Fleet):
             self._recording = RunRecording(self.swarm, self.station, plan)
         return self._recording
 
+    def save_test(
+        self, folder: str | PathLike[str], *, counts: Sequence[str] = (), goals: Sequence[str] = (), exact: bool = False
+    ) -> Path:
+        """Save what was sent and what became of it as a test in a new folder, which `sleepcast run` repeats; gives the
+        folder. counts: expressions; as many robots as now shall have them true at the end. goals: what else shall hold
+        then, as "share (IN bravo) >= 0.9". exact: the whole state shall be the same, bit for bit. What was done past
+        the desk, as `swarm.evaluate`, is not in it. Raises MisuseError for a folder that exists, and for a run that
+        cannot be repeated."""
+        from sleepcast.api.session_test import session_files, write_files
+
+        if self._inputs is None:
+            raise MisuseError("a test begins with its scenario: this fleet goes on from a snapshot, or is a fork")
+        place = Path(folder)
+        found = [f"count {each} == {int(np.count_nonzero(self[each] > 0.0))}" for each in counts]
+        with self._turn():
+            inputs = self._inputs.inputs
+            title, wanted = place.resolve().name, [*found, *goals]
+            files = session_files(
+                self.swarm, self.station, inputs, title, goals=wanted, exact=exact, home=place.resolve()
+            )
+        write_files(place, files)
+        return place
+
     def close(self) -> None:
         """Stop sampling and recording."""
         self._histories.clear()
@@ -257,7 +288,9 @@ def open(
     else:
         found = find_scenario(fspath(scenario), changes)
     warm_up(found, threads)
-    return SimulatedFleet(*assemble(found, seed, mission=mission, threads=threads, payload=payload))
+    fleet = SimulatedFleet(*assemble(found, seed, mission=mission, threads=threads, payload=payload))
+    fleet._watch_inputs()
+    return fleet
 
 
 def resume(

@@ -132,10 +132,11 @@ def _plain(text: str, name: str) -> Iterator[Expression]:
 
 
 def _mission(source: str) -> Iterator[Expression]:
-    from sleepcast.simulator.scenario.mission import parse_mission
+    from sleepcast.simulator.scenario.mission import instruction, parse_mission
 
     for order in parse_mission(read_file(Path(source)), source):
-        yield Expression(order.place, order.text.strip())
+        if text := instruction(order).text:
+            yield Expression(order.place, text)
 
 
 _NO_CASE = re.compile(r"\s*(#|---|:|$)")

@@ -16,7 +16,8 @@ from sleepcast.cli.eval import NegativeNumbersAllowed
 from sleepcast.cli.streams import complain, put, read_file
 
 if TYPE_CHECKING:
-    from sleepcast.experiments.exercises import Exercise, Miss
+    from sleepcast.experiments.exercises import Exercise
+    from sleepcast.experiments.goals import Miss
 
 
 @click.command("check-exercise", cls=NegativeNumbersAllowed, short_help="Check an answer to an exercise.")

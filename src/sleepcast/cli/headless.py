@@ -8,15 +8,16 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from sleepcast.api.progress import steps
+from sleepcast.api.session_test import counts_of, unmet
 from sleepcast.cli.interrupts import Interrupts, Terminated
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
 from sleepcast.loop import Swarm, save, snapshot
 from sleepcast.loop.snapshots import SnapshotLostError
-from sleepcast.station import Station
+from sleepcast.station import Command, Station
 
 if TYPE_CHECKING:
     from sleepcast.api.recording import RecordingPlan
@@ -52,7 +53,13 @@ class Run:
             "state_hash": simulator.state_hash(),
             "accounting": [self.station.accounting(command.id).to_dict() for command in self.station.commands()],
             "measures": self.swarm.measures(),
+            "missed": self.missed(),
         }
+
+    def missed(self) -> list[str]:
+        """A sentence for each count that the mission wanted, and that came otherwise."""
+        accounts = ((order, self.station.accounting(cast(Command, sent).id)) for order, sent in self.swarm.given)
+        return [each for order, found in accounts for each in unmet(order, counts_of(found))]
 
     def to_text(self) -> str:
         """The outcome for people."""
@@ -69,6 +76,7 @@ class Run:
         for name, series in self.swarm.simulator.measured().items():
             (_, first), (seconds, last) = series[0], series[-1]
             lines.append(f"  {name}: {first:.4g} m at the start, {last:.4g} m after {seconds:g} s")
+        lines += [f"  {each}" for each in self.missed()]
         lines.append(f"  state {found['state_hash']}")
         return "\n".join(lines)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict, TypeVar, Unpack
@@ -144,6 +144,9 @@ def demo(name: str | None, headless: bool, **options: Unpack[Options]) -> int:
 def run(scenario: str | None, headless: bool, **options: Unpack[Options]) -> int:
     """Run SCENARIO (a name of the gallery, or the path of one of your own) with its mission, and print the outcome.
 
+    SCENARIO may also be a test that was saved from a session, a folder or a zip file: it is run again, and the exit
+    status is 1 if not everything is as it was wanted.
+
     With --from instead of a SCENARIO, the swarm resumes from a snapshot that --snapshot has written: bit for bit, or,
     with another --seed, as a fork of it.
 
@@ -154,8 +157,47 @@ def run(scenario: str | None, headless: bool, **options: Unpack[Options]) -> int
       sleepcast run bravo --snapshot half.snap --snapshot-at 30s
       sleepcast run --from half.snap --seconds 30 --seed 8
       sleepcast run ./my-scenario --page
+      sleepcast run ./my-saved-test --json
     """
+    if (scenario is not None and (Path(scenario) / TEST_FILE).is_file()) or Path(scenario or "").suffix == ".zip":
+        return _run_test(Path(scenario or ""), headless, options)
     return _start(scenario, headless, options)
+
+
+TEST_FILE = "test.toml"
+_OF_TESTS = ("threads", "as_json", "quiet")
+"""Options that a saved test takes: everything else is in it."""
+
+
+def _run_test(place: Path, headless: bool, options: Options) -> int:
+    """Run a test that was saved from a session; gives the exit status."""
+    from contextlib import closing
+
+    from sleepcast.api.progress import steps
+    from sleepcast.experiments.acceptance import read_test, run_test
+
+    usual = {option.name: option.default for option in run.params if isinstance(option, click.Option)}
+    for name, value in options.items():
+        if name not in _OF_TESTS and value not in (usual.get(name), None, False, ()):
+            raise MisuseError(
+                f"{place} is a saved test, which has its own scenario, seed and length: leave out "
+                f"--{name.strip('_').replace('_', '-')}"
+            )
+    if not headless:
+        raise MisuseError(f"{place} is a saved test, which runs without a page: leave out --page")
+    with Interrupts() as interrupts:
+        test = read_test(place)
+        with closing(steps(test.ticks, test.name, quiet=options["quiet"])) as ticks:
+            verdict = run_test(test, threads=options["threads"], ticks=_checked(ticks, interrupts))
+    put(json.dumps(verdict.to_dict()) if options["as_json"] else verdict.to_text())
+    return int(not verdict.passed)
+
+
+def _checked(ticks: Iterator[int], interrupts: Interrupts) -> Iterator[int]:
+    """The same, until Ctrl-C."""
+    for tick in ticks:
+        interrupts.check()
+        yield tick
 
 
 def _start(name: str | None, headless: bool, options: Options) -> int:
@@ -178,7 +220,7 @@ def _start_within(interrupts: Interrupts, name: str | None, headless: bool, opti
         interrupts, begin, options["seconds"], quiet=options["quiet"], wanted=wanted, keeping=keeping
     )
     put(json.dumps(outcome.to_dict()) if options["as_json"] else outcome.to_text())
-    return int(outcome.broken)
+    return int(outcome.broken or bool(outcome.missed()))
 
 
 def _show(

@@ -11,15 +11,13 @@
     holds = "share (= marked (> fuel 50%)) >= 0.99"
     otherwise = "Somebody is marked who should not be, or the other way round."
 
-A goal holds at the end; with `when = "always"` in every second, from `after` on; with `when = "once"` in any of them.
+When goals hold: see `goals`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import isnan
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,32 +25,18 @@ from sleepcast.api.fleet import open as open_fleet
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.settings import Table, toml_document
 from sleepcast.core.units import TIME
-from sleepcast.experiments.measures import StopCondition, read_stop
-from sleepcast.language import CheckError, ReadError, check, read_all
+from sleepcast.experiments.goals import EVERY, MAX_GOALS, Goal, GoalJudge, Miss, answering, read_goal
+from sleepcast.language import check, read_all
 from sleepcast.language.learned_names import LearnedNames
 from sleepcast.language.reader import Symbol, walk
 from sleepcast.simulator import Scenario, find_scenario, parse_mission, scenario_names
-from sleepcast.simulator.scenario.mission import Order
+from sleepcast.simulator.scenario.mission import Order, instruction
 
 FOLDER = Path(__file__).resolve().parent.parent / "exercises"
 """The included exercises, a file each, in the order in which they are meant to be done."""
 LONGEST = 600.0
-MAX_GOALS = 16
-EVERY = 1.0
-"""Simulated seconds between two looks at the goals."""
 SEEDS = (1, 2, 3)
 """Runs by which an answer is judged: with other robots, places and chance each."""
-
-
-@dataclass(frozen=True)
-class Goal:
-    """What shall hold, and when: "end", "always" (from `after` s on) or "once". otherwise: what to say if it does
-    not."""
-
-    holds: StopCondition
-    when: str
-    after: float
-    otherwise: str
 
 
 @dataclass(frozen=True)
@@ -69,24 +53,6 @@ class Exercise:
     without: frozenset[str]
     seconds: float
     goals: tuple[Goal, ...]
-
-
-@dataclass(frozen=True)
-class Miss:
-    """A goal that was not met: its condition, what was measured instead at `time` (s), and what to think of."""
-
-    goal: str
-    value: float
-    time: float
-    otherwise: str
-
-    def shown(self) -> float | None:
-        """What was measured; None if it was unknown."""
-        return None if isnan(self.value) else self.value
-
-    def sentence(self) -> str:
-        measured = "unknown" if isnan(self.value) else f"{self.value:.3g}"
-        return f"wanted {self.goal}, but it was {measured} at {self.time:g} s. {self.otherwise}".rstrip()
 
 
 def exercise_names() -> list[str]:
@@ -127,21 +93,11 @@ def _read(table: Table, file: Path) -> Exercise:
         scenario=scenario,
         without=frozenset(table.text("without", "").casefold().split()),
         seconds=table.number("seconds", TIME, low=0.1, high=LONGEST),
-        goals=tuple(map(_goal, table.array("goals", most=MAX_GOALS))),
+        goals=tuple(map(read_goal, table.array("goals", most=MAX_GOALS))),
     )
     if not exercise.goals:
         raise table.error("goals", "an exercise has at least one goal: write [[goals]] and what holds")
     return exercise
-
-
-def _goal(table: Table) -> Goal:
-    with table:
-        text = table.text("holds", most=1000)
-        with table.answering("holds"):
-            condition = read_stop(text)
-        when = table.text("when", "end", choices=("end", "always", "once"))
-        after = table.number("after", TIME, 0.0, low=0.0, high=LONGEST)
-        return Goal(condition, when, after, table.text("otherwise", "", most=1000))
 
 
 class Answer(NamedTuple):
@@ -157,7 +113,7 @@ def read_answer(exercise: Exercise, text: str, name: str) -> Answer:
     if any(line.startswith("@") for line in text.split("\n")):
         orders = parse_mission(text, name)
     else:
-        with _answering(name):
+        with answering(name):
             forms = read_all(text)
         lines = [1 + text.count("\n", 0, form.start) for form in forms]
         places = [f"{name}:{line}" if "\n" in text.strip() else name for line in lines]
@@ -175,44 +131,26 @@ def read_answer(exercise: Exercise, text: str, name: str) -> Answer:
                 f"{order.place}: sent at {order.time:g} s, but the exercise ends at {exercise.seconds:g} s: choose an "
                 "earlier time"
             )
-        with _answering(order.place):
-            checked = check(order.text, names)
+        text = instruction(order).text
+        if not text:
+            continue
+        with answering(order.place):
+            checked = check(text, names)
             form = checked.required().form
         for inside in walk(form):
             if isinstance(inside, Symbol) and inside.key in exercise.without:
                 raise MisuseError(f"{order.place}: {inside.text} is used: this exercise is to be done without it")
         names.learn(form)
-        warnings += [f"{order.place}: {finding.render(order.text)}" for finding in checked.warnings]
+        warnings += [f"{order.place}: {finding.render(text)}" for finding in checked.warnings]
     return Answer(orders, tuple(warnings))
-
-
-@contextmanager
-def _answering(place: str) -> Iterator[None]:
-    """What is wrong in an expression is said with the place where it stands."""
-    try:
-        yield
-    except (ReadError, CheckError) as error:
-        raise MisuseError(f"{place}: {error}") from error
 
 
 def attempt(exercise: Exercise, orders: Sequence[Order], seed: int) -> list[Miss]:
     """Run an answer once; the goals that were not met, none if it passed."""
     scenario = replace(exercise.scenario, mission=tuple(orders), seed=seed)
-    missed: dict[Goal, Miss] = {}
-    met: set[Goal] = set()
+    judge = GoalJudge(exercise.goals, exercise.name)
     with open_fleet(scenario, mission=True, threads=1) as fleet:
         while fleet.time < exercise.seconds - 1e-9:
             fleet.run(min(EVERY, exercise.seconds - fleet.time), quiet=True)
-            is_end = fleet.time >= exercise.seconds - 1e-9
-            for goal in exercise.goals:
-                if goal in met or (goal.when == "end" and not is_end) or fleet.time < goal.after - 1e-9:
-                    continue
-                with _answering(f"{exercise.name}, goal {goal.holds.text}"):
-                    value = goal.holds.measure(fleet)
-                holds = goal.holds.compared(value, goal.holds.bound)
-                if holds and goal.when == "once":
-                    met.add(goal)
-                    missed.pop(goal, None)
-                elif not holds and (goal.when != "always" or goal not in missed):
-                    missed[goal] = Miss(goal.holds.text, value, fleet.time, goal.otherwise)
-    return [missed[goal] for goal in exercise.goals if goal in missed]
+            judge.look(fleet, is_end=fleet.time >= exercise.seconds - 1e-9)
+    return judge.missed

@@ -17,7 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from math import isfinite, nan
-from operator import ge, gt, le, lt
+from operator import eq, ge, gt, le, lt
 from typing import SupportsFloat, TypeAlias
 
 import numpy as np
@@ -55,8 +55,8 @@ GROUP = "sleepcast.measures"
 
 _FUNCTION = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)[.:]([A-Za-z_]\w*)")
 _QUANTILE = re.compile(r"([0-9.]+)\s+(.+)", re.DOTALL)
-_STOP = re.compile(r"(.+?)\s*(>=|<=|>|<)\s*([-+]?[0-9.]+(?:[eE][-+]?\d+)?)\s*", re.DOTALL)
-_COMPARED = {">=": ge, "<=": le, ">": gt, "<": lt}
+_STOP = re.compile(r"(.+?)\s*(>=|<=|==|>|<)\s*([-+]?[0-9.]+(?:[eE][-+]?\d+)?)\s*", re.DOTALL)
+_COMPARED = {">=": ge, "<=": le, "==": eq, ">": gt, "<": lt}
 
 
 class MeasureError(MisuseError):

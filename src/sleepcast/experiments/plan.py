@@ -38,6 +38,7 @@ import msgspec
 
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.settings import Table, toml_document
+from sleepcast.core.toml_text import toml_key, toml_value
 from sleepcast.core.units import TIME
 from sleepcast.experiments.measures import name_of, read_measure, read_stop
 from sleepcast.simulator import Changes, Scenario, find_scenario, scenario_names
@@ -62,7 +63,6 @@ Setting = tuple[Value, ...]
 """What one key says, run by run."""
 
 _NUMBER = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?\d+)?)\s*([A-Za-z%/0-9]*)")
-_PLAIN_KEY = re.compile(r"[\w-]+(?:\.[\w-]+)*")
 
 
 class PlanError(MisuseError):
@@ -269,9 +269,9 @@ class Experiment(msgspec.Struct, frozen=True):
         if (goal := self.goal) is not None:
             lines += [f"{'maximise' if goal.largest else 'minimise'} = {_toml(goal.measure)}"]
             lines += [f"together = {goal.together}"]
-        varied = [f"{_key(key)} = {_toml(each)}" for key, each in self.over.items()]
+        varied = [f"{toml_key(key)} = {_toml(each)}" for key, each in self.over.items()]
         lines += ["", "[over]", *varied] if varied else []
-        lines += ["", "[measures]", *(f"{_key(name)} = {_toml(text)}" for name, text in self.measures.items())]
+        lines += ["", "[measures]", *(f"{toml_key(name)} = {_toml(text)}" for name, text in self.measures.items())]
         if (wanted := self.precision) is not None:
             lines += ["", "[precision]", f"measure = {_toml(wanted.measure)}"]
             lines += [f"within = {wanted.within!r}", f"least = {wanted.least}"]
@@ -470,24 +470,9 @@ def _value(text: str) -> Value:
     return text
 
 
-def _key(name: str) -> str:
-    return name if _PLAIN_KEY.fullmatch(name) else _quoted(name)
-
-
-def _quoted(text: str) -> str:
-    """A basic string of TOML, whose escapes are those of JSON."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007F")
-
-
 def _toml(value: Value | Setting | Span) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return _quoted(value)
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(_toml, value))}]"
     if isinstance(value, Span):
         ends = (f'"{each!r}{value.unit}"' if value.unit else repr(each) for each in (value.low, value.high))
         low, high = ends
         return f"{{ low = {low}, high = {high}{', whole = true' if value.whole else ''} }}"
-    return repr(value)
+    return toml_value(value)

@@ -33,6 +33,7 @@ from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.mind.views import Result
 from sleepcast.robot import RobotModel
 from sleepcast.simulator import MissionError, Order, Simulator
+from sleepcast.simulator.scenario.mission import instruction
 
 MAX_MINDS = 1_000_000
 """Robots of one run: with their minds and the desk they take a good gigabyte, and a tick takes some tenths of a
@@ -46,9 +47,30 @@ WINDOW = 1.0
 class Desk(Protocol):
     """The operator's desk as the loop uses it."""
 
-    def send(self, text: str, *, everybody: bool, undecided: bool) -> object:
-        """Broadcast an expression; everybody: confirms that it is meant for all robots; undecided: even if its test
-        is unknown on all of them."""
+    def send(
+        self,
+        text: str,
+        *,
+        standing: bool,
+        deadline: float | None,
+        everybody: bool,
+        only: Sequence[str] | None,
+        but: Sequence[str] | None,
+        confirmed: bool,
+        undecided: bool,
+    ) -> object:
+        """Broadcast an expression; everybody: confirms that it is meant for all robots; confirmed: as it stands;
+        undecided: even if its test is unknown on all of them. The rest: see `Instruction`. Gives what keeps account of
+        it."""
+
+    def ask(self, text: str, *, only: Sequence[str] | None, but: Sequence[str] | None) -> object:
+        """Ask robots for the value of an expression."""
+
+    def stop(self) -> object:
+        """Stop every body."""
+
+    def release(self) -> object:
+        """End STOP."""
 
     def hear(self, message: Message) -> None:
         """Receive a robot's message."""
@@ -121,6 +143,8 @@ class Swarm:
         self.witnesses: list[Witness] = []
         """They see each tick, in this order."""
         self.mission = deque(_readable(order) for order in mission)
+        self.given: list[tuple[Order, object]] = []
+        """The orders of the mission that say what shall become of them and were sent, with what the desk gave."""
         self.telemetry_ticks = max(1, round(scenario.telemetry / scenario.tick))
         """Telemetry period of a robot, in ticks."""
         self.posted: deque[Message] = deque()
@@ -219,10 +243,35 @@ def _give_orders(swarm: Swarm) -> None:
     """Let the desk send the orders of the mission that are due."""
     while swarm.mission and swarm.desk is not None and swarm.mission[0].time <= swarm.now():
         order = swarm.mission.popleft()
-        try:
-            swarm.desk.send(order.text, everybody=True, undecided=True)
-        except SleepcastError as error:
-            raise MissionError(f"{order.place}: {error}") from error
+        sent = give(swarm.desk, order)
+        if order.wanted:
+            swarm.given.append((order, sent))
+
+
+def give(desk: Desk, order: Order, *, confirmed: bool = False) -> object:
+    """Let the desk send an order; gives what it keeps account of it by. confirmed: whatever is doubted. Raises
+    MissionError."""
+    found = instruction(order)
+    try:
+        match found.sort:
+            case "STOP":
+                return desk.stop()
+            case "RELEASE":
+                return desk.release()
+            case "ask":
+                return desk.ask(found.text, only=found.only, but=found.but)
+        return desk.send(
+            found.text,
+            standing=found.sort == "standing",
+            deadline=found.within,
+            everybody=True,
+            only=found.only,
+            but=found.but,
+            confirmed=confirmed,
+            undecided=True,
+        )
+    except SleepcastError as error:
+        raise MissionError(f"{order.place}: {error}") from error
 
 
 def _think(swarm: Swarm) -> None:
@@ -339,7 +388,8 @@ def vocabulary_of(model: RobotModel) -> Vocabulary:
 
 def _readable(order: Order) -> Order:
     try:
-        read(order.text)
+        if text := instruction(order).text:
+            read(text)
     except SleepcastError as error:
         raise MissionError(f"{order.place}: {error}") from error
     return order

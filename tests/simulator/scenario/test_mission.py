@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from sleepcast.simulator import MissionError, parse_mission, read_mission
-from sleepcast.simulator.scenario.mission import MAX_ORDERS
+from sleepcast.simulator.scenario.mission import MAX_ORDERS, Order, Wanted, instruction, written_mission
 
 
 def test_orders_with_times_and_comments() -> None:
@@ -76,3 +76,44 @@ def test_a_file_that_is_no_script(tmp_path: Path, raw: bytes, said: str) -> None
 def test_a_missing_file(tmp_path: Path) -> None:
     with pytest.raises(MissionError, match="cannot be read"):
         read_mission(tmp_path / "a.sleep")
+
+
+WORDS = """@1s STOP ; now
+= matched at least 3, not matched 0
+@2s standing
+    (RULE a
+      (ST))
+@3s ask only a1,b2 fuel
+@3s once within 3s but a1 STOP
+@4s RELEASE
+"""
+
+
+def test_words_before_an_expression_say_how_it_is_sent() -> None:
+    orders = parse_mission(WORDS, "m.sleep")
+    assert [instruction(order)[:2] for order in orders] == [
+        *(("STOP", ""), ("standing", "(RULE a\n  (ST))"), ("ask", "fuel"), ("once", "STOP"), ("RELEASE", "")),
+    ]
+    assert orders[0].wanted == (Wanted("matched", 3, "at least"), Wanted("not matched", 0))
+    assert instruction(orders[2]).only == ("a1", "b2")
+    assert (instruction(orders[3]).within, instruction(orders[3]).but) == (3.0, ("a1",))
+    again = parse_mission(written_mission(orders), "m.sleep")
+    assert [(each.time, each.text, each.wanted) for each in again] == [(o.time, o.text, o.wanted) for o in orders]
+    for order in orders:
+        assert instruction(Order(0.0, instruction(order).written(), "")) == instruction(order)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("= matched 1", "wanted an order before"),
+        ("@1s,2s (ST)\n= matched 1", "write it once for each"),
+        ("@1s (ST)\n= obeyed 1", "m.sleep:2: wanted counts such as = matched 98"),
+        ("@1s (ST)\n= matched", "not 'matched'"),
+        ("@1s ask ; nothing", "wanted an expression after ask"),
+        ("@1s within 5kg (ST)", "wanted a time with its unit"),
+    ],
+)
+def test_words_that_are_none(text: str, said: str) -> None:
+    with pytest.raises(MissionError, match=said):
+        parse_mission(text, "m.sleep")

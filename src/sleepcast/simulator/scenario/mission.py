@@ -4,6 +4,9 @@
     @1min  (WHEN (IN bravo)                   ; an order continues on lines that begin with a blank
              (GOTO vessel_x vessel_y))
     @{LATE} (WHEN (> fuel {ENOUGH}) (ST))     ; numbers from the scenario's [constants]
+    @2min  standing (RULE shy (...))          ; or: ask fuel, only scout1,scout2 (ST), within 60s (ST)
+    = matched 98, unknown at most 3           ; what shall have become of it when the run ends
+    @3min  STOP                               ; or RELEASE
 
 Times are simulated time since the start of the run, in ascending order. An order may have several of them, `@0s,2s,4s`:
 it is sent again at each, since the radio of a swarm loses messages. Expressions are stored as text; the program that
@@ -17,7 +20,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
-from textwrap import dedent
+from textwrap import dedent, indent
+from typing import Literal, NamedTuple, TypeAlias
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.settings import SettingsError, read_text
@@ -30,6 +34,12 @@ MAX_BYTES = 1_048_576
 MAX_ORDERS = 1_000
 """Orders in one mission: what an operator types in a long day."""
 
+COUNTS = ("matched", "held", "not matched", "unknown", "fault", "silent")
+"""What is counted of an order: robots that obeyed, those among them that STOP held, and so on."""
+BOUNDS = ("exactly", "at least", "at most")
+
+Sort: TypeAlias = Literal["once", "standing", "ask", "STOP", "RELEASE"]
+_SORTS: dict[str, Sort] = {"once": "once", "standing": "standing", "ask": "ask"}
 _ONE = r"(\d++(?:\.\d*+)?+|\.\d++)\s*([A-Za-z%/0-9]*)"
 _TIME = re.compile(_ONE)
 _TIMES = re.compile(rf"@({_ONE}(?:,{_ONE})*)(?=\s|$)")
@@ -39,13 +49,93 @@ class MissionError(MisuseError):
     """An error in a mission script; the text begins with the file and the line."""
 
 
+_SORT = re.compile(r"(once|standing|ask)(?=\s)")
+_WITHIN = re.compile(rf"within\s+{_ONE}(?=\s)")
+_NAMED = re.compile(r"(only|but)\s+([^\s,();]+(?:,[^\s,();]+)*)(?=\s)")
+_WANTED = re.compile(rf"({'|'.join(COUNTS)})\s+(?:({'|'.join(BOUNDS)})\s+)?([0-9]{{1,9}})")
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """How many robots there shall be of a sort (one of `COUNTS`) when the run ends. bound: one of `BOUNDS`."""
+
+    count: str
+    number: int
+    bound: str = "exactly"
+
+    def met(self, number: int) -> bool:
+        """Whether so many are enough, and not too many."""
+        if self.bound == "exactly":
+            return number == self.number
+        return number >= self.number if self.bound == "at least" else number <= self.number
+
+    def __str__(self) -> str:
+        return f"{self.count} {'' if self.bound == 'exactly' else f'{self.bound} '}{self.number}"
+
+
 @dataclass(frozen=True, slots=True)
 class Order:
-    """One expression to send at `time` (s since the start); `place` is its file and line, for errors."""
+    """One expression to send at `time` (s since the start), with the words before it; `place` is its file and line, for
+    errors. wanted: what shall have become of it when the run ends."""
 
     time: float
     text: str
     place: str
+    wanted: tuple[Wanted, ...] = ()
+
+
+class Instruction(NamedTuple):
+    """What an order comes to. text: "" for STOP and RELEASE. within: s for which it is good, None for the usual. only,
+    but: for these robots, or for all except these."""
+
+    sort: Sort
+    text: str = ""
+    within: float | None = None
+    only: tuple[str, ...] | None = None
+    but: tuple[str, ...] | None = None
+
+    def written(self) -> str:
+        """The text of the order that comes to this."""
+        if self.sort in ("STOP", "RELEASE"):
+            return self.sort
+        words: list[str] = [self.sort] if self.sort != "once" or not self.text.startswith("(") else []
+        words += [f"within {self.within!r}s"] if self.within is not None else []
+        words += [f"only {','.join(self.only)}"] if self.only is not None else []
+        words += [f"but {','.join(self.but)}"] if self.but is not None else []
+        line = "\n" if "\n" in self.text else " "
+        return line.join((*([" ".join(words)] if words else []), self.text))
+
+
+def instruction(order: Order) -> Instruction:
+    """What an order comes to. Raises MissionError for words without an expression."""
+    whole = _bare(order.text)
+    if whole in ("STOP", "RELEASE"):
+        return Instruction("STOP" if whole == "STOP" else "RELEASE")
+    found, rest = Instruction("once"), order.text
+    while True:
+        if match := _SORT.match(rest):
+            found = found._replace(sort=_SORTS[match[1]])
+        elif match := _WITHIN.match(rest):
+            found = found._replace(within=_seconds(match[1], match[2], order.place))
+        elif match := _NAMED.match(rest):
+            names = tuple(match[2].split(","))
+            found = found._replace(only=names) if match[1] == "only" else found._replace(but=names)
+        else:
+            return found._replace(text=dedent(rest).strip())
+        rest = rest[match.end() :].lstrip(" \t").removeprefix("\n")
+        if not _bare(rest):
+            raise MissionError(f"{order.place}: wanted an expression after {order.text.strip()[:40]}")
+
+
+def written_mission(orders: Sequence[Order]) -> str:
+    """The script of these orders, without comments; `parse_mission` gives the same ones."""
+    lines = []
+    for order in orders:
+        one = "\n" not in order.text
+        lines.append(f"@{order.time!r}s {order.text}" if one else f"@{order.time!r}s\n{indent(order.text, '    ')}")
+        if order.wanted:
+            lines.append(f"= {', '.join(map(str, order.wanted))}")
+    return "".join(f"{line}\n" for line in lines)
 
 
 def read_mission(path: Path, constants: Sequence[BodyConstant] = ()) -> tuple[Order, ...]:
@@ -70,7 +160,14 @@ def parse_mission(text: str, name: str) -> tuple[Order, ...]:
         place = f"{name}:{number}"
         if not line.partition(";")[0].strip():
             continue
-        if line.startswith("@"):
+        if line.startswith("="):
+            if not orders:
+                raise MissionError(f"{place}: wanted an order before what shall become of it")
+            times, order = orders[-1]
+            if len(times) > 1:
+                raise MissionError(f"{place}: what is sent several times has several answers: write it once for each")
+            orders[-1] = times, replace(order, wanted=order.wanted + _wanted(line, place))
+        elif line.startswith("@"):
             times, rest = _times(line, place, orders[-1][1].time if orders else 0.0)
             orders.append((times, Order(times[0], rest, place)))
             count += len(times)
@@ -87,6 +184,7 @@ def parse_mission(text: str, name: str) -> tuple[Order, ...]:
     for _, order in orders:
         if not _bare(order.text):
             raise MissionError(f"{order.place}: a time without an expression after it")
+        instruction(order)
     sent = [replace(order, time=time, text=dedent(order.text).strip()) for times, order in orders for time in times]
     return tuple(sorted(sent, key=lambda order: order.time))
 
@@ -103,17 +201,38 @@ def _times(line: str, place: str, before: float) -> tuple[tuple[float, ...], str
         raise _no_time(line, place)
     found: list[float] = []
     for number, unit in _TIME.findall(match[1]):
-        if unit.casefold() not in UNITS or UNITS[unit.casefold()].dimension != TIME:
-            raise _no_time(line, place)
-        time = to_si(float(number), unit.casefold())
-        if not isfinite(time):
-            raise MissionError(f"{place}: {line.split()[0][:40]} is too far away")
+        time = _seconds(number, unit, place, line.split()[0])
         if found and time <= found[-1]:
             raise MissionError(f"{place}: {time:g} s does not come after {found[-1]:g} s; sort an order's times")
         if time < before:
             raise MissionError(f"{place}: {time:g} s comes before the order above it ({before:g} s); sort them by time")
         found.append(time)
     return tuple(found), line[match.end() :].strip()
+
+
+def _seconds(number: str, unit: str, place: str, shown: str = "") -> float:
+    """A time in s. shown: as it stands in the script, if it is more than these two."""
+    shown = shown or f"{number}{unit}"
+    if unit.casefold() not in UNITS or UNITS[unit.casefold()].dimension != TIME:
+        raise _no_time(shown, place)
+    time = to_si(float(number), unit.casefold())
+    if not isfinite(time):
+        raise MissionError(f"{place}: {shown[:40]} is too far away")
+    return time
+
+
+def _wanted(line: str, place: str) -> tuple[Wanted, ...]:
+    """What a line says that shall become of the order above it."""
+    found = []
+    for part in line[1:].partition(";")[0].split(","):
+        match = _WANTED.fullmatch(part.strip())
+        if match is None:
+            raise MissionError(
+                f"{place}: wanted counts such as = matched 98, unknown at most 3, not {part.strip()[:40]!r}; what is "
+                f"counted: {', '.join(COUNTS)}"
+            )
+        found.append(Wanted(match[1], int(match[3]), match[2] or "exactly"))
+    return tuple(found)
 
 
 def _no_time(line: str, place: str) -> MissionError:

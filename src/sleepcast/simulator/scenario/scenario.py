@@ -23,6 +23,7 @@ from sleepcast.simulator.scenario.fields import Field, field_sensors, read_field
 from sleepcast.simulator.scenario.groups import filled, read_constants, read_groups, refuse_clashes
 from sleepcast.simulator.scenario.measures import MeasureSpec, read_measures
 from sleepcast.simulator.scenario.mission import Order, read_mission
+from sleepcast.simulator.scenario.origin import written_origin
 from sleepcast.simulator.scenario.robot_settings import (
     BODY_NAMES,
     LEAST,
@@ -86,7 +87,7 @@ class Scenario:
     robots: all robots together; sorts: each type of them with its count or proportion, empty if there is only one
     type. nomad: whether VM takes tenths of inches, as a Nomad's programs do. sliders: numbers that people are invited
     to change. picture: of the map that the world was made of; in a recording or snapshot only the name of its file is
-    left.
+    left. origin: where it was found and what was changed in it, see `origin`; "" for one that was not found.
     """
 
     name: str
@@ -124,6 +125,7 @@ class Scenario:
     stocks: tuple[Stock, ...] = ()
     sliders: tuple[Slider, ...] = ()
     picture: MapPicture | None = None
+    origin: str = ""
 
     @property
     def each_sort(self) -> tuple[RobotSpec, ...]:
@@ -369,15 +371,20 @@ def find_scenario(name: str, changes: Changes = Changes()) -> Scenario:  # noqa:
 
     Raises MisuseError if there is none, and what `load` raises for errors in it.
     """
+    return replace(load(_place(name), changes), origin=written_origin(name, changes))
+
+
+def _place(name: str) -> Path:
+    """The folder or file of a scenario. Raises MisuseError if there is none."""
     names = scenario_names()
     if name in names:
-        return load(GALLERY / name, changes)
+        return GALLERY / name
     path = Path(name)
     if path.exists():
-        return load(path, changes)
+        return path
     added = added_scenarios()
     if name in added:
-        return load(_package_folder(name, added[name]), changes)
+        return _package_folder(name, added[name])
     names += added
     raise MisuseError(
         f'no scenario "{name}"{did_you_mean(name, names)}: wanted one of {", ".join(names)}, '

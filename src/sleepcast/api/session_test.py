@@ -1,0 +1,179 @@
+"""A session as a test: what was sent to a simulated fleet and what became of it, as a folder that can be run again.
+
+    test.toml         the scenario with what was changed in it, the seed, the length, and goals for the end
+    mission.sleep     the commands with their times, and how many robots each of them matched
+
+A message goes out in the first tick that ends at its time or later, so the run repeats bit for bit.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from math import inf
+from pathlib import Path
+
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.message import FOR, NOT
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.toml_text import toml_value
+from sleepcast.loop import Swarm
+from sleepcast.loop.rerun import Inputs
+from sleepcast.simulator import Changes, Scenario, find_scenario, scenario_names
+from sleepcast.simulator.packing import pack
+from sleepcast.simulator.scenario.mission import MAX_ORDERS, Instruction, Order, Sort, Wanted, written_mission
+from sleepcast.simulator.scenario.origin import read_origin
+from sleepcast.station import Account, Station
+from sleepcast.station.account import COUNTED
+from sleepcast.station.validation import DEADLINE
+
+FILE, MISSION = "test.toml", "mission.sleep"
+FORMAT = 1
+SHOWN = 60
+"""Characters of a command in a sentence about it."""
+_SORTS: Mapping[Kind, Sort] = {Kind.COMMAND: "once", Kind.ASK: "ask", Kind.STOP: "STOP", Kind.RELEASE: "RELEASE"}
+
+Hold = Callable[[str, Account], Sequence[Wanted]]
+"""What shall become of a command, by its id, when its account is this one."""
+
+
+def counts_of(found: Account) -> dict[str, int]:
+    """What is counted of a command, by its words in a mission."""
+    return {each.replace("_", " "): int(getattr(found, f"n_{each}")) for each in COUNTED}
+
+
+def as_now(_: str, found: Account) -> Sequence[Wanted]:
+    """All counts as they are now."""
+    return [Wanted(count, number) for count, number in counts_of(found).items() if count != "held" or number]
+
+
+def unmet(order: Order, counts: Mapping[str, int]) -> list[str]:
+    """A sentence for each count of an order that is not as wanted."""
+    line = " ".join(order.text.split())
+    shown = line if len(line) <= SHOWN else f"{line[: SHOWN - 1]}…"
+    return [
+        f"{order.place}: {shown}: wanted {wanted}, but it was {counts[wanted.count]}"
+        for wanted in order.wanted
+        if not wanted.met(counts[wanted.count])
+    ]
+
+
+def orders_of(swarm: Swarm, station: Station, inputs: Inputs, hold: Hold) -> list[Order]:
+    """What was sent, as the orders of a mission. Raises MisuseError for what a mission cannot repeat."""
+    if inputs.changes:
+        at = inputs.changes[0].tick * swarm.simulator.scenario.tick
+        raise MisuseError(
+            f"Obstacles were changed by hand at {at:g} s, which a test cannot "
+            "repeat. Put the change into the scenario as an event, and play it again."
+        )
+    tick = swarm.simulator.scenario.tick
+    known = {command.id for command in station.commands()}
+    orders, seen = list[Order](), set[str]()
+    for sent, message in inputs.posted:
+        if message.id in seen or message.kind not in _SORTS:  # the desk sends a STOP again until all have answered
+            continue
+        seen.add(message.id)
+        if round(message.issued / tick) == sent:  # by the scenario's own mission, which is run again
+            continue
+        wanted = tuple(hold(message.id, station.accounting(message.id))) if message.id in known else ()
+        orders.append(Order(_time(sent, tick), _instruction(message).written(), "", wanted))
+    if len(orders) > MAX_ORDERS:
+        raise MisuseError(f"{len(orders):,} commands were sent; at most {MAX_ORDERS:,} fit into one test")
+    return orders
+
+
+def _time(sent: int, tick: float) -> float:
+    """A short number for the time of this tick, which lies after the tick before and not after this one."""
+    end = sent * tick
+    short = float(f"{end:.9g}")
+    return short if short <= end else (sent - 0.5) * tick
+
+
+def _instruction(message: Message) -> Instruction:
+    sort = "standing" if message.standing else _SORTS[message.kind]
+    lasts = message.deadline - message.issued
+    usual = message.kind is not Kind.COMMAND or lasts == inf or abs(lasts - DEADLINE) < 1e-9
+    only, but = (message.body.get(key) for key in (FOR, NOT))
+    return Instruction(
+        sort,
+        message.text.strip(),
+        None if usual else round(lasts, 9),
+        tuple(map(str, only)) if isinstance(only, list) else None,
+        tuple(map(str, but)) if isinstance(but, list) else None,
+    )
+
+
+def source_of(scenario: Scenario, seed: int) -> tuple[str, Changes]:
+    """The name by which this scenario is found again, and what a run changes in it. Raises MisuseError for one that
+    cannot be had again."""
+    name, changes = read_origin(scenario.origin)
+    if name not in scenario_names():
+        name = os.path.abspath(name) if os.path.exists(name) else name
+    for tried in dict.fromkeys((seed, changes.seed, scenario.seed)):
+        changed = replace(changes, seed=tried)
+        if _same(find_scenario(name, changed), scenario):
+            return name, changed
+    raise MisuseError(f"{name} is not any more the scenario with which this run began: start it again, and then save")
+
+
+def _same(one: Scenario, other: Scenario) -> bool:
+    return pack(replace(one, origin="", seed=0)) == pack(replace(other, origin="", seed=0))
+
+
+def session_files(
+    swarm: Swarm,
+    station: Station,
+    inputs: Inputs,
+    title: str,
+    *,
+    hold: Hold = as_now,
+    goals: Sequence[str] = (),
+    exact: bool = False,
+    home: Path | None = None,
+) -> dict[str, str]:
+    """The files of the test, by name. inputs: all that came from outside since the first tick. goals: measures with a
+    bound, that hold at the end. exact: the whole state shall be the same at the end. home: the folder for the files,
+    None where nobody knows it. Raises MisuseError for a session that cannot be repeated."""
+    simulator = swarm.simulator
+    scenario = simulator.scenario
+    if simulator.tick < 1:
+        raise MisuseError("Nothing has happened yet: let time run first.")
+    if simulator.payload is not None:
+        raise MisuseError("Robots of a class of your own cannot be saved: a test has only the scenario's robots.")
+    orders = orders_of(swarm, station, inputs, hold)
+    name, changes = source_of(scenario, simulator.seed)
+    own = any(round(message.issued / scenario.tick) == sent for sent, message in inputs.posted)
+    if home is not None and os.path.isabs(name):
+        name = os.path.relpath(name, home)
+    lines = [
+        f"format = {FORMAT}",
+        f"title = {toml_value(title)}",
+        f"scenario = {toml_value(name)}",
+        f"seed = {simulator.seed}",
+        f'seconds = "{_time(simulator.tick, scenario.tick)!r}s"',
+        f'mission = "{MISSION}"',
+    ]
+    lines += [f"world_seed = {changes.seed}"] if changes.seed not in (None, simulator.seed) else []
+    lines += ["own_mission = true"] if own else []
+    lines += [f"robots = {changes.robots}"] if changes.robots is not None else []
+    lines += [f"area_per_robot = {changes.area_per_robot!r}"] if changes.area_per_robot is not None else []
+    lines += [] if changes.walls else ["walls = false"]
+    lines += [f'state = "{simulator.state_hash()}"'] if exact else []
+    over = [f"{toml_value(key)} = {toml_value(value)}" for key, value in changes.over]
+    lines += ["", "[over]", *over] if over else []
+    for goal in goals:
+        lines += ["", "[[goals]]", f"holds = {toml_value(goal)}"]
+    return {FILE: "".join(f"{line}\n" for line in lines), MISSION: written_mission(orders)}
+
+
+def write_files(folder: Path, files: Mapping[str, str]) -> None:
+    """Make a folder of these files. Raises MisuseError for one that exists, or cannot be made."""
+    try:
+        folder.mkdir(parents=True)
+        for name, text in files.items():
+            (folder / name).write_text(text, encoding="utf-8", newline="\n")
+    except FileExistsError:
+        raise MisuseError(f"{folder} already exists: choose another name") from None
+    except OSError as error:
+        raise MisuseError(f"{folder} cannot be written: {error.strerror or error}") from None

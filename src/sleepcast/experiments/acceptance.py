@@ -1,0 +1,197 @@
+"""Tests that were saved from a session: read, run again, and compared with what was wanted.
+
+`api/session_test` describes the files. Orders are sent between two ticks, as by hand, so a run repeats bit for bit.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import ceil
+from pathlib import Path
+from typing import cast
+
+from sleepcast.api.assembly import assemble, warm_up
+from sleepcast.api.fleet import SimulatedFleet
+from sleepcast.api.session_test import FILE, FORMAT, MISSION, counts_of, unmet
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.settings import MAX_BYTES, Table, read_text, toml_document
+from sleepcast.core.units import TIME
+from sleepcast.experiments.goals import EVERY, MAX_GOALS, Goal, GoalJudge, read_goal
+from sleepcast.loop.swarm import give
+from sleepcast.simulator import Changes, Order, Scenario, find_scenario, parse_mission, scenario_names
+from sleepcast.simulator.scenario.robot_settings import MAX_TIME
+from sleepcast.simulator.scenario.world_settings import MAX_SEED
+from sleepcast.station import Command
+
+SLACK = 1e-6
+"""Of a tick, by which rounding may move an order."""
+
+
+@dataclass(frozen=True)
+class SavedTest:
+    """A test as it was saved. own_mission: whether the scenario's own orders are sent too. state: the hash at the end,
+    "" for no matter."""
+
+    name: str
+    title: str
+    scenario: Scenario
+    seed: int
+    seconds: float
+    orders: tuple[Order, ...]
+    goals: tuple[Goal, ...]
+    own_mission: bool = False
+    state: str = ""
+
+    @property
+    def ticks(self) -> int:
+        return max(1, _tick_of(self.seconds, self.scenario.tick))
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What came of a test. missed: a sentence for each thing that was wanted and did not come."""
+
+    test: SavedTest
+    missed: tuple[str, ...]
+    state: str
+    counts: tuple[dict[str, int], ...]
+    """Of each order."""
+
+    @property
+    def passed(self) -> bool:
+        return not self.missed
+
+    def to_dict(self) -> dict[str, object]:
+        """For scripts."""
+        test = self.test
+        return {
+            "test": test.name,
+            "passed": self.passed,
+            "missed": list(self.missed),
+            "scenario": test.scenario.name,
+            "seed": test.seed,
+            "robots": test.scenario.robots.count,
+            "seconds": test.seconds,
+            "state_hash": self.state,
+            "commands": [
+                {"time": order.time, "text": order.text, **counts}
+                for order, counts in zip(test.orders, self.counts, strict=True)
+            ],
+        }
+
+    def to_text(self) -> str:
+        """For people."""
+        test = self.test
+        wanted = sum(len(order.wanted) for order in test.orders)
+        lines = [
+            f"{test.name}: {'passed' if self.passed else 'not yet'}",
+            f"  {test.scenario.name}, seed {test.seed}: {test.scenario.robots.count} robots for {test.seconds:g} s; "
+            f"{len(test.orders)} commands, {wanted} counts of them and {len(test.goals)} goals were compared",
+            *(f"  {each}" for each in self.missed),
+        ]
+        return "\n".join(lines)
+
+
+def read_test(place: Path) -> SavedTest:
+    """The test in a folder, or in a zip file. Raises MisuseError."""
+    if place.is_dir():
+        texts = {name: read_text(place / name) for name in (FILE, MISSION)}
+        home = place
+    else:
+        texts, home = _unzipped(place), place.parent
+    with toml_document(place / FILE, texts[FILE]).root() as root:
+        return _read(root, home, place, texts[MISSION])
+
+
+def _unzipped(file: Path) -> dict[str, str]:
+    try:
+        with zipfile.ZipFile(file) as archive:
+            found = {}
+            for info in archive.infolist():
+                name = info.filename.rpartition("/")[2]
+                if name in (FILE, MISSION):
+                    if info.file_size > MAX_BYTES:
+                        raise MisuseError(f"{file}: {name} is too long: at most {MAX_BYTES} bytes")
+                    found[name] = archive.read(info).decode()
+    except (OSError, zipfile.BadZipFile, UnicodeError, RuntimeError, NotImplementedError) as error:
+        raise MisuseError(f"{file} cannot be read: {error}") from error
+    for name in (FILE, MISSION):
+        if name not in found:
+            raise MisuseError(f"{file} is no saved test: it has no {name}")
+    return found
+
+
+def _read(root: Table, home: Path, place: Path, mission: str) -> SavedTest:
+    version = root.whole("format", low=1, high=MAX_SEED)
+    if version > FORMAT:
+        raise root.error("format", f"format {version} is newer than this sleepcast, which reads format {FORMAT}")
+    name = root.text("scenario", most=4096)
+    if name not in scenario_names() and (home / name).exists():
+        name = str(home / name)
+    seed = root.whole("seed", low=0, high=MAX_SEED)
+    with root.table("over") as table:
+        over = tuple((key, _plain(table, key)) for key in table.names())
+    changes = Changes(
+        root.whole("robots", low=1, high=10_000_000) if root.has("robots") else None,
+        root.number("area_per_robot", low=0.0) if root.has("area_per_robot") else None,
+        root.flag("walls", True),
+        root.whole("world_seed", seed, low=0, high=MAX_SEED),
+        over,
+    )
+    root.text("mission", MISSION, choices=(MISSION,))
+    with root.answering("scenario"):
+        scenario = find_scenario(name, changes)
+    return SavedTest(
+        name=place.resolve().stem if place.is_file() else place.resolve().name,
+        title=root.text("title", ""),
+        scenario=scenario,
+        seed=seed,
+        seconds=root.number("seconds", TIME, low=0.0, high=MAX_TIME),
+        orders=parse_mission(mission, str(place / MISSION)),
+        goals=tuple(map(read_goal, root.array("goals", most=MAX_GOALS))),
+        own_mission=root.flag("own_mission", False),
+        state=root.text("state", ""),
+    )
+
+
+def _plain(table: Table, key: str) -> object:
+    table.has(key)
+    value = table.values[key]
+    if isinstance(value, dict):
+        raise table.error(key, 'wanted a value: write a key with dots in quotes, as "radio.loss" = 0.1')
+    return value
+
+
+def _tick_of(time: float, tick: float) -> int:
+    """The first tick that ends at this time or later."""
+    return ceil(time / tick - SLACK)
+
+
+def run_test(test: SavedTest, *, threads: int | None = None, ticks: Iterable[int] | None = None) -> Verdict:
+    """Run a test again. ticks: the numbers of its ticks, from 0, by which to show how far it is. Raises MissionError
+    for an order that cannot be sent, MisuseError for a goal that cannot be measured."""
+    warm_up(test.scenario, threads)
+    fleet = SimulatedFleet(*assemble(test.scenario, test.seed, mission=test.own_mission, threads=threads))
+    swarm, station, tick = fleet.swarm, fleet.station, test.scenario.tick
+    swarm.introduce()
+    judge, waiting, sent = GoalJudge(test.goals, test.name), list(reversed(test.orders)), list[Command]()
+    look = max(1, round(EVERY / tick))
+    with fleet:
+        for done in range(test.ticks) if ticks is None else ticks:
+            while waiting and _tick_of(waiting[-1].time, tick) <= done + 1:
+                sent.append(cast(Command, give(station, waiting.pop(), confirmed=True)))
+            swarm.step()
+            if (done + 1) % look == 0 or done + 1 == test.ticks:
+                judge.look(fleet, is_end=done + 1 == test.ticks)
+        counts = [counts_of(station.accounting(command.id)) for command in sent]
+        state = fleet.hash
+    missed = [f"{order.place}: it was to be sent at {order.time:g} s, after the end" for order in reversed(waiting)]
+    for order, found in zip(test.orders, counts, strict=False):
+        missed += unmet(order, found)
+    missed += [miss.sentence() for miss in judge.missed]
+    if test.state and state != test.state:
+        missed.append(f"wanted the state {test.state} at the end, but it was {state}")
+    counts += [{}] * len(waiting)
+    return Verdict(test, tuple(missed), state, tuple(counts))

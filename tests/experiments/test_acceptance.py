@@ -1,0 +1,103 @@
+"""Tests that are saved from a session and run again."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import sleepcast as sc
+from sleepcast.core.errors import MisuseError
+from sleepcast.experiments.acceptance import read_test, run_test
+from sleepcast.simulator.world.world import Circle
+from small_worlds import write
+
+RADIO = ('delay = "0s"', 'delay = "0.25s"\njitter = "0.3s"\nloss = 0.2')
+
+
+def played(folder: Path) -> sc.SimulatedFleet:
+    """A session on a bad radio, with every sort of command."""
+    write(folder, RADIO)
+    fleet = sc.open(folder, seed=11, robots=30, threads=1, over={"robots.limits.speed": "4m/s"})
+    fleet.run(1.3, quiet=True)
+    fleet.send("(WHEN (> battery 60%)\n  (JOIN crew))", wait=0)
+    fleet.run(0.7, quiet=True)
+    fleet.send("(RULE roam (WHEN (IN crew) (GOTO 1m 1m)))", standing=True, everybody=True, wait=0)
+    fleet.ask("battery", only=["rover1", "rover2"], wait=1.0)
+    fleet.run(0.9, quiet=True)
+    fleet.stop(wait=1.7)
+    fleet.send("(WHEN (IN crew) (DRIVE 1 0))", wait=0.4)
+    fleet.release(wait=1.0)
+    fleet.send("(WHEN (IN crew) (MARK))", but=["rover3"], deadline=2.0, wait=0)
+    fleet.run(3.1, quiet=True)
+    return fleet
+
+
+def test_a_session_repeats_bit_for_bit(tmp_path: Path) -> None:
+    with played(tmp_path) as fleet:
+        saved = fleet.save_test(tmp_path / "again", counts=["(IN crew)"], goals=["mean x >= 0"], exact=True)
+        hashed = fleet.hash
+    verdict = run_test(read_test(saved), threads=1)
+    assert verdict.missed == ()
+    assert verdict.state == hashed
+    assert len(verdict.counts) == 7
+    mission = (saved / "mission.sleep").read_text()
+    for words in ("standing (RULE", "ask only rover1,rover2 battery", "STOP", "RELEASE", "within 2.0s but rover3"):
+        assert words in mission
+
+
+def test_a_changed_expectation_fails_with_a_sentence(tmp_path: Path) -> None:
+    with played(tmp_path) as fleet:
+        saved = fleet.save_test(tmp_path / "again", counts=["(IN crew)"])
+        members = len(fleet.groups["crew"])
+    mission, file = saved / "mission.sleep", saved / "test.toml"
+    text = mission.read_text()
+    first = int(text.partition("= matched ")[2].partition(",")[0])
+    mission.write_text(text.replace(f"= matched {first},", "= matched at least 29,", 1))
+    file.write_text(file.read_text().replace(f"== {members}", f"== {members + 1}"))
+    command = [sys.executable, "-m", "sleepcast", "run", str(saved), "--quiet"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1, done.stderr
+    assert done.stdout.startswith("again: not yet\n")
+    assert f"(WHEN (> battery 60%) (JOIN crew)): wanted matched at least 29, but it was {first}" in done.stdout
+    assert f"wanted count (IN crew) == {members + 1}, but it was {members} at" in done.stdout
+    assert run_test(read_test(saved), threads=1).to_dict()["passed"] is False
+
+
+def test_a_zip_file_is_read_as_well(tmp_path: Path) -> None:
+    with sc.open("bravo", robots=20, threads=1) as fleet:
+        fleet.run(0.3, quiet=True)
+        fleet.send("(WHEN (> fuel 50%) (MARK))", wait=0.5)
+        saved = fleet.save_test(tmp_path / "again", counts=["marked"])
+    with zipfile.ZipFile(tmp_path / "other.zip", "w") as archive:
+        for file in saved.iterdir():
+            archive.write(file, f"again/{file.name}")
+    test = read_test(tmp_path / "other.zip")
+    assert (test.name, run_test(test, threads=1).missed) == ("other", ())
+    with zipfile.ZipFile(tmp_path / "none.zip", "w") as archive:
+        archive.writestr("a", "b")
+    with pytest.raises(MisuseError, match=r"has no test\.toml"):
+        read_test(tmp_path / "none.zip")
+
+
+def test_what_cannot_be_repeated_is_refused(tmp_path: Path) -> None:
+    write(tmp_path)
+    with sc.open(tmp_path, threads=1) as fleet:
+        with pytest.raises(MisuseError, match="Nothing has happened yet"):
+            fleet.save_test(tmp_path / "a")
+        fleet.run(1.0, quiet=True)
+        fleet.save_test(tmp_path / "a")
+        with pytest.raises(MisuseError, match="already exists"):
+            fleet.save_test(tmp_path / "a")
+        with fleet.fork() as fork, pytest.raises(MisuseError, match="goes on from a snapshot, or is a fork"):
+            fork.save_test(tmp_path / "b")
+        write(tmp_path, ('reach = "20km"', 'reach = "21km"'))
+        with pytest.raises(MisuseError, match="not any more the scenario"):
+            fleet.save_test(tmp_path / "b")
+        fleet.world.add(Circle(10.0, 10.0, 1.0))
+        fleet.run(0.1, quiet=True)
+        with pytest.raises(MisuseError, match=r"Obstacles were changed by hand at 1\.1 s"):
+            fleet.save_test(tmp_path / "b")

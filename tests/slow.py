@@ -41,6 +41,7 @@ SLOW = {
     "test_howto.py": 40,
     "console/test_replay.py": 18,
     "console/test_timeline.py": 12,
+    "experiments/test_acceptance.py": 4,
     "console/test_past.py": 10,
     "console/test_fork.py": 14,
     "loop/test_rerun.py": 4,

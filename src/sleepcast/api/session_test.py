@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from pathlib import Path
+from typing import cast
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import FOR, NOT
@@ -20,11 +21,12 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.core.toml_text import toml_value
 from sleepcast.loop import Swarm
 from sleepcast.loop.rerun import Inputs
+from sleepcast.loop.swarm import give
 from sleepcast.simulator import Changes, Scenario, find_scenario, scenario_names
 from sleepcast.simulator.packing import pack
 from sleepcast.simulator.scenario.mission import MAX_ORDERS, Instruction, Order, Sort, Wanted, written_mission
 from sleepcast.simulator.scenario.origin import read_origin
-from sleepcast.station import Account, Station
+from sleepcast.station import Account, Command, Station
 from sleepcast.station.account import COUNTED
 from sleepcast.station.validation import DEADLINE
 
@@ -46,6 +48,11 @@ def counts_of(found: Account) -> dict[str, int]:
 def as_now(_: str, found: Account) -> Sequence[Wanted]:
     """All counts as they are now."""
     return [Wanted(count, number) for count, number in counts_of(found).items() if count != "held" or number]
+
+
+def send_order(station: Station, order: Order) -> str:
+    """Send an order between two ticks, as by hand; gives the id of the command. Raises MissionError."""
+    return cast(Command, give(station, order, confirmed=True)).id
 
 
 def unmet(order: Order, counts: Mapping[str, int]) -> list[str]:

@@ -10,20 +10,17 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
-from typing import cast
 
 from sleepcast.api.assembly import assemble, warm_up
 from sleepcast.api.fleet import SimulatedFleet
-from sleepcast.api.session_test import FILE, FORMAT, MISSION, counts_of, unmet
+from sleepcast.api.session_test import FILE, FORMAT, MISSION, counts_of, send_order, unmet
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.settings import MAX_BYTES, Table, read_text, toml_document
 from sleepcast.core.units import TIME
 from sleepcast.experiments.goals import EVERY, MAX_GOALS, Goal, GoalJudge, read_goal
-from sleepcast.loop.swarm import give
 from sleepcast.simulator import Changes, Order, Scenario, find_scenario, parse_mission, scenario_names
 from sleepcast.simulator.scenario.robot_settings import MAX_TIME
 from sleepcast.simulator.scenario.world_settings import MAX_SEED
-from sleepcast.station import Command
 
 SLACK = 1e-6
 """Of a tick, by which rounding may move an order."""
@@ -176,16 +173,16 @@ def run_test(test: SavedTest, *, threads: int | None = None, ticks: Iterable[int
     fleet = SimulatedFleet(*assemble(test.scenario, test.seed, mission=test.own_mission, threads=threads))
     swarm, station, tick = fleet.swarm, fleet.station, test.scenario.tick
     swarm.introduce()
-    judge, waiting, sent = GoalJudge(test.goals, test.name), list(reversed(test.orders)), list[Command]()
+    judge, waiting, sent = GoalJudge(test.goals, test.name), list(reversed(test.orders)), list[str]()
     look = max(1, round(EVERY / tick))
     with fleet:
         for done in range(test.ticks) if ticks is None else ticks:
             while waiting and _tick_of(waiting[-1].time, tick) <= done + 1:
-                sent.append(cast(Command, give(station, waiting.pop(), confirmed=True)))
+                sent.append(send_order(station, waiting.pop()))
             swarm.step()
             if (done + 1) % look == 0 or done + 1 == test.ticks:
                 judge.look(fleet, is_end=done + 1 == test.ticks)
-        counts = [counts_of(station.accounting(command.id)) for command in sent]
+        counts = [counts_of(station.accounting(command)) for command in sent]
         state = fleet.hash
     missed = [f"{order.place}: it was to be sent at {order.time:g} s, after the end" for order in reversed(waiting)]
     for order, found in zip(test.orders, counts, strict=False):

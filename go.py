@@ -113,6 +113,8 @@ def test(*pytest_options: str) -> int:
     import subprocess
     import tempfile
 
+    # Tests start the program a thousand times. Where nothing compiled may be kept, each start compiles all of it anew.
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     # Whole files go to two processes more than there are cores, since many tests wait for real time, in the order of
     # tests/conftest.py: a file's tests share what is expensive to make.
     spread = (f"--numprocesses={(os.cpu_count() or 1) + 2}", "--dist=loadfile", "--no-loadscope-reorder")

@@ -354,6 +354,10 @@ def test_robots_and_obstacles_are_put_elsewhere_by_hand(page: Page, robot: Nomad
     page.mouse.click(*at(250, -500))
     page.locator("#map").press("Delete")
     until(page, lambda: not solid(page, at(250, -500)))
+    page.locator("#obstacle-bar .undo").click()
+    until(page, lambda: solid(page, at(250, -500)))
+    page.locator("#map").press("Control+Shift+Z")
+    until(page, lambda: not solid(page, at(250, -500)))
 
 
 def test_the_pad_drives_at_its_first_press_after_a_click_on_the_map(page: Page, robot: Nomad) -> None:

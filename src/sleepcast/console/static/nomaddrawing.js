@@ -9,7 +9,7 @@ const NAMED = [
 ];
 
 // The colour of what a program has drawn in this mode.
-export function sketchColour(mode, colours) {
+function sketchColour(mode, colours) {
   return mode > 3 ? NAMED[(mode - 4) % NAMED.length] : colours.ink;
 }
 

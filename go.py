@@ -5,6 +5,7 @@
     python3 go.py test [OPTION ...]     every check; the options go to pytest
     python3 go.py test network          the channel on a thousand robots in networks of their own: twenty minutes
     python3 go.py audit                 ask the package index what is known against the locked versions
+    python3 go.py docs                  build the documentation as a site, in the folder site
 
 The plan: fill a virtual environment in `.venv` beside this file from a lock with hashes (RUN to use it,
 DEV to test it: RUN and more), keep a stamp of what was installed, so that a later start costs one comparison, let the
@@ -20,7 +21,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"
 PYTHON = VENV / "bin" / "python"
-RUN, DEV = "requirements/run.txt", "requirements/dev.txt"
+RUN, DEV, DOCS = "requirements/run.txt", "requirements/dev.txt", "requirements/docs.txt"
 FAST = ("llvmlite==", "numba==")
 """What not every computer that runs Python can have (Macs with Intel's processors, Linux with musl), nor needs."""
 ALONE = ("cflib==",)
@@ -137,16 +138,40 @@ def test(*pytest_options: str) -> int:
     return 1 if failed else 0
 
 
-def audit() -> int:
-    """Ask the package index what is known against the locked versions, with a tool in an environment of its own."""
+def tool_environment(name: str, *what: str) -> Path:
+    """A new environment of this name, beside .venv, with what pip is told to install."""
     import subprocess
     import venv
 
-    tools = ROOT / ".venv-audit"
-    python = tools / "bin" / "python"
+    tools = ROOT / name
     venv.create(tools, clear=True, symlinks=True, with_pip=True)
-    if subprocess.run([python, "-m", "pip", "install", "--quiet", "pip-audit>=2.7"], check=False).returncode:
-        raise refusal("pip-audit cannot be installed; pip says why above. Then run the same command again.", 1)
+    install = ("-m", "pip", "install", "--quiet", "--disable-pip-version-check", *what)
+    if subprocess.run([tools / "bin" / "python", *install], cwd=ROOT, check=False).returncode:
+        raise refusal(f"Filling {name} failed; pip says why above. Then run the same command again.", 1)
+    return tools
+
+
+def docs() -> int:
+    """Build the documentation as a site, with MkDocs in an environment of its own and with what comes from npm."""
+    import shutil
+    import subprocess
+
+    if shutil.which("npm") is None:
+        raise refusal("The site needs npm. On Debian or Ubuntu, install it with: sudo apt install npm", 1)
+    tools = tool_environment(".venv-docs", "--require-hashes", "--requirement", DOCS)
+    for name in ("package.json", "package-lock.json"):
+        shutil.copy(ROOT / "requirements" / "npm" / name, tools / name)
+    quietly = ("--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error")
+    if subprocess.run(["npm", "ci", *quietly], cwd=tools, stdout=sys.stderr, check=False).returncode:
+        raise refusal("Filling .venv-docs failed; npm says why above. Then run the same command again.", 1)
+    return subprocess.run([tools / "bin" / "python", "-m", "mkdocs", "build"], cwd=ROOT, check=False).returncode
+
+
+def audit() -> int:
+    """Ask the package index what is known against the locked versions, with a tool in an environment of its own."""
+    import subprocess
+
+    python = tool_environment(".venv-audit", "pip-audit>=2.7") / "bin" / "python"
     # The development lock holds all of the users'. Without --strict, what cannot be looked up would pass as harmless.
     options = ("--strict", "--require-hashes", "--disable-pip", "--requirement", DEV)
     return subprocess.run([python, "-m", "pip_audit", *options], cwd=ROOT, check=False).returncode
@@ -165,6 +190,8 @@ def main(*arguments: str) -> None:
         sys.exit(test(*arguments[1:]))  # the options go to pytest
     if arguments == ("audit",):
         sys.exit(audit())
+    if arguments == ("docs",):
+        sys.exit(docs())
     prepare(RUN)
     # Named with its Python: in a deep folder a script's first line may be too long for the system.
     os.execv(PYTHON, [str(PYTHON), str(VENV / "bin" / "sleepcast"), *arguments])

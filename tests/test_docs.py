@@ -37,6 +37,7 @@ from types import ModuleType
 import click
 import numpy as np
 import pytest
+import yaml
 
 from language.cases import NodeMachine, Setting, apply_setting, mismatch, read_case
 from sleepcast.cli import program
@@ -335,6 +336,20 @@ def test_every_page_can_be_reached_from_the_readme() -> None:
         links = LINK.findall(FENCE.sub("", page.read_text(encoding="utf-8")))
         waiting += [(page.parent / link.partition("#")[0]).resolve() for link in links if "://" not in link]
     assert not sorted(str(page.relative_to(ROOT)) for page in PAGES if page not in seen)
+
+
+def test_the_sites_navigation_names_every_page_once() -> None:
+    """`go.py docs` finds out the same, but takes too long for every check."""
+
+    def named(entry: object) -> list[str]:
+        if isinstance(entry, dict):
+            (entry,) = entry.values()
+        return [path for inside in entry for path in named(inside)] if isinstance(entry, list) else [str(entry)]
+
+    paths = named(yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))["nav"])
+    assert [path for path in paths if not (ROOT / path).is_file()] == []
+    assert len(paths) == len(set(paths))
+    assert {page.relative_to(ROOT).as_posix() for page in PAGES} - set(paths) == set()
 
 
 # ---- pictures

@@ -1,0 +1,72 @@
+"""The site has the repository's own paths, so that a link which works in the repository works on the site as well.
+
+MkDocs wants all pages in one folder; ours lie where they belong. `on_files` gives it every page under its path from the
+root, and the pictures and other files that pages link to. What is in docs/site/static goes to the root of the site.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+PACKAGES = ROOT / ".venv-docs" / "node_modules"
+"""What `go.py docs` has fetched from npm, as requirements/npm says."""
+PAGES = ("*.md", "docs/**/*.md", "src/**/*.md", "benchmarks/*.md", "clients/*/*.md", "examples/*/*.md")
+LINK = re.compile(r"\]\(([^)\s#]+)|<img src=\"([^\"]+)\"")
+FENCE = re.compile(r"^```(\w[\w-]*)(?: (\S+))?$", re.MULTILINE)
+LISP = {"sleep", "finding", "explain", "bravo", "bravo-fault", "classic", "faithful"}
+"""The sorts of fenced blocks (see tests/test_docs.py) that are coloured as Lisp."""
+HISTORY = {"CHANGELOG.md", "docs/decisions.md"}
+"""Pages that name everything: a search shows them last."""
+SHELL = {"terminal": "console", "air": "console"}
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    config.mdx_configs.setdefault("toc", {})["slugify"] = slug
+    return config
+
+
+def slug(title: str, separator: str) -> str:
+    """The anchor of a heading, as GitHub makes it."""
+    return re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", separator)
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    pages = sorted({page for pattern in PAGES for page in ROOT.glob(pattern)})
+    linked = {target for page in pages for target in linked_files(page)}
+    for path in (*pages, *sorted(linked)):
+        files.append(File.generated(config, path.relative_to(ROOT).as_posix(), abs_src_path=str(path)))
+    icon = ROOT / "src" / "sleepcast" / "console" / "static" / "icon.svg"
+    files.append(File.generated(config, "icon.svg", abs_src_path=str(icon)))
+    shim = PACKAGES / "iframe-worker" / "shim" / "index.js"
+    files.append(File.generated(config, "vendor/iframe-worker.js", abs_src_path=str(shim)))
+    return files
+
+
+def linked_files(page: Path) -> set[Path]:
+    """The files besides pages that a page links to or shows."""
+    found = set()
+    for link in LINK.findall(page.read_text(encoding="utf-8")):
+        target = (page.parent / "".join(link)).resolve()
+        if target.is_file() and target.suffix != ".md" and target.is_relative_to(ROOT):
+            found.add(target)
+    return found
+
+
+def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
+    """Give fenced blocks the colours of a language that the highlighter knows, and their file's name as a title."""
+    if page.file.src_uri in HISTORY:
+        page.meta["search"] = {"boost": 0.1}
+    return FENCE.sub(fence, markdown)
+
+
+def fence(match: re.Match[str]) -> str:
+    sort, file = match[1], match[2]
+    language = "common-lisp" if sort in LISP else SHELL.get(sort, sort)
+    title = f' title="{file}"' if file else ""
+    return f"```{{.{language} .{sort}{title}}}"

@@ -576,6 +576,7 @@ def test_a_program_that_may_ends_the_page_as_well(tmp_path: Path) -> None:
 
 def test_what_is_no_message_of_the_page_is_refused(nomads: Program) -> None:
     with open_page(nomads) as page:
+        assert len(page.ask("sense", robot=1)["body"]["sonars"]) == 16  # what any robot's page may ask
         for kind, fields, reason in (
             ("perform", {"robot": 7, "order": "st", "numbers": []}, "there is no robot 8: there are 2"),
             ("perform", {"robot": 0, "order": "quit_server", "numbers": []}, "there is no order 'quit_server'"),

@@ -80,7 +80,7 @@ export class SensorsPane {
   drawShort(body, near, colours) {
     const { infrared, sight, touched } = body;
     const shown = { bumper: this.shows("bumper"), infrared: this.shows("infrared") };
-    const said = drawBumper(sheet(this.short), { touched, infrared, sight, colours, shown });
+    const said = drawBumper(sheet(this.short), { touched, infrared, sight, colours, shown, none: this.world.scene.discs ? "no infrared" : "" });
     this.short.setAttribute("aria-label", `Bumper: ${said}`);
     const past = new Past(sheet(this.shortPast), this.world.frame.time, colours);
     let [hits, before] = [0, false];

@@ -30,7 +30,7 @@ from sleepcast.fleet.native.kernels import Kernels, available
 
 pytestmark = pytest.mark.usefixtures("rules_elsewhere")
 
-EXAMPLES = max(400, settings().max_examples)
+EXAMPLES = max(1_000, settings().max_examples)
 ROBOTS = 4
 STEPS = 5
 BOUNDS = {

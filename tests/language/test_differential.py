@@ -27,8 +27,8 @@ from sleepcast.node.node import Node
 
 pytestmark = pytest.mark.usefixtures("rules_elsewhere")
 
-EXAMPLES = max(400, settings().max_examples)
-"""Memories: four hundred, or as many as the chosen hypothesis profile says if that is more."""
+EXAMPLES = max(1_000, settings().max_examples)
+"""Memories: a thousand, or as many as the chosen hypothesis profile says if that is more."""
 TEXTS = 6
 """Expressions evaluated in each of them."""
 NUMBERS = st.sampled_from([math.nan, 0.0, 0.25, 0.5, 1.0, 3.0, -2.0, 1e300])
@@ -126,7 +126,7 @@ def test_an_explanation_sees_what_acts_have_set(text: str) -> None:
     assert robot.result.explanation.value == outcome.value
 
 
-@settings(max_examples=EXAMPLES // 2)
+@settings(max_examples=EXAMPLES // 4)
 @given(setting=SETTINGS, chance=st.randoms(use_true_random=False))
 def test_an_explanation_tells_what_the_evaluation_gave(setting: Setting, chance: Random) -> None:
     robot, author = NodeMachine(setting), Author(chance)

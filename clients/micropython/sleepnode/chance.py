@@ -1,7 +1,9 @@
 """Chance: a function of (seed, robot, tick, draw number), the same as on every other node."""
 
-_MASK = 0xFFFFFFFFFFFFFFFF
-_GOLDEN = 0x9E3779B97F4A7C15
+from micropython import const
+
+_MASK = const(0xFFFFFFFFFFFFFFFF)
+_GOLDEN = const(0x9E3779B97F4A7C15)
 
 
 def _mix(z):

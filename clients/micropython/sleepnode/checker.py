@@ -6,15 +6,52 @@ later.
 How each special form is written stands in `forms.py`.
 """
 
-from sleepnode.functions import MANY, PURE, WORDS, arguments_of, is_fixed
-from sleepnode.instructions import FIRST, OPS, USES, parameters_of, shape
+from micropython import const
+
+from sleepnode.functions import PURE, WORDS, arguments_of, is_fixed
+from sleepnode.instructions import parameters_of, shape
 from sleepnode.reader import Label, Refused, head_of, height
 
-MAX_STEPS = 10000
-STORE_STEPS = 40
-BUFFERS = 64
-MAX_LOCALS = 1000
-BINARY = ("<", ">", "+", "-", "*")
+_MAX_STEPS = const(10000)
+_STORE_STEPS = const(40)
+_MANY = const(100)
+_USES = const(2)
+_FIRST = const(3)
+
+# Instructions, by the numbers of `instructions.number_of`: constants cost no memory.
+_VARIABLE = const(0)
+_CONSTANT = const(1)
+_PURE = const(9)
+_JUMP = const(11)
+_POP = const(12)
+_ZERO = const(13)
+_LOCAL = const(15)
+_RETURN = const(16)
+_ENTER = const(17)
+_CALL = const(18)
+_OPERATOR = const(19)
+_HOST = const(32)
+_LESS = const(3)
+
+# Refusals, by their places in `sentences.SENTENCES`.
+_LABEL_REFUSED = const(16)
+_COUNT_REFUSED = const(17)
+_NO_FUNCTION_REFUSED = const(18)
+_HEAD_REFUSED = const(19)
+_EMPTY_REFUSED = const(20)
+_SORT_REFUSED = const(21)
+_E0_NAMED_REFUSED = const(22)
+_FUNCTION_REFUSED = const(23)
+_TEXT_REFUSED = const(24)
+_CONSTANT_REFUSED = const(25)
+_TAKEN_REFUSED = const(26)
+_CIRCLE_REFUSED = const(27)
+_LOCALS_REFUSED = const(28)
+_COST_REFUSED = const(29)
+
+_BUFFERS = const(64)
+_MAX_LOCALS = const(1000)
+_BINARY = const(("<", ">", "+", "-", "*"))
 """Functions of two numbers that the machine knows without calling them."""
 
 GROUP = "group"
@@ -33,7 +70,7 @@ class Function:
 def buffer_number(key):
     """5 for the keys e5 and expr5, None for anything that is no buffer's name."""
     digits = key[4:] if key.startswith("expr") else key[1:] if key.startswith("e") else ""
-    if digits.isdigit() and (digits == "0" or digits[0] != "0") and int(digits) < BUFFERS:
+    if digits.isdigit() and (digits == "0" or digits[:1] != "0") and int(digits) < _BUFFERS:
         return int(digits)
     return None
 
@@ -43,12 +80,14 @@ class Checker:
 
     def __init__(self, mind, outer=None):
         self.mind = mind
-        self.code = [0] * FIRST
+        self.code = [0] * _FIRST
         self.scopes = []
         self.fixed = []
         self.locals = self.loops = 0
         self.uses = {}
         self.deciding = None
+        self.rules, self.moves = False, []
+        """Whether the text changes rules, and the keys of groups that it makes robots join or leave."""
         self.tested = False
         self.count = outer.count if outer else [0]
         """Forms checked so far, stored ones included."""
@@ -62,12 +101,12 @@ class Checker:
         """The program that evaluates these forms in order."""
         self.scope(parameters)
         cost = self.row(forms) + (len(forms) > 1)
-        if cost > MAX_STEPS:
-            raise Refused("cost", cost, MAX_STEPS)
-        self.emit("return")
+        if cost > _MAX_STEPS:
+            raise Refused(_COST_REFUSED, cost, _MAX_STEPS)
+        self.emit(_RETURN)
         tall = max([height(form) for form in forms] or [0])
-        if self.locals > MAX_LOCALS:
-            raise Refused("locals", self.locals, MAX_LOCALS)
+        if self.locals > _MAX_LOCALS:
+            raise Refused(_LOCALS_REFUSED, self.locals, _MAX_LOCALS)
         self.code[0] = cost
         self.code[1] = shape(tall, self.locals, len(parameters), self.tested)
         self.code[2] = tuple(self.uses)
@@ -77,11 +116,11 @@ class Checker:
         """The program of forms to be stored under a key, and the steps that storing costs."""
         before = self.count[0]
         program = Checker(self.mind, self).program(forms, parameters)
-        way = self.mind.reaches(program[USES], key, self.pending_uses)
+        way = self.mind.reaches(program[_USES], key, self.pending_uses)
         if way:
-            raise Refused("circle", key.upper(), through(way))
-        self.pending_uses[key] = program[USES]
-        return program, STORE_STEPS + self.count[0] - before
+            raise Refused(_CIRCLE_REFUSED, key.upper(), through(way))
+        self.pending_uses[key] = program[_USES]
+        return program, _STORE_STEPS + self.count[0] - before
 
     def declare(self, form):
         """Note the names that a text declares, so that the rest of it may use them."""
@@ -103,7 +142,7 @@ class Checker:
 
     def emit(self, op, number=0, *more):
         """One more instruction; gives its place."""
-        self.code.append(OPS[op] | number << 6)
+        self.code.append(op | number << 6)
         self.code.extend(more)
         return len(self.code) - 1 - len(more)
 
@@ -115,11 +154,11 @@ class Checker:
     def row(self, forms):
         """One after the other; the value of the last, 0 of none. Gives the cost, like everything that writes."""
         if not forms:
-            self.emit("zero")
+            self.emit(_ZERO)
         cost = 0
         for at, form in enumerate(forms):
             if at:
-                self.emit("pop")
+                self.emit(_POP)
             cost += self.part(form)
         return cost
 
@@ -128,7 +167,7 @@ class Checker:
         cost = 0
         for form in forms:
             cost += self.part(form)
-            self.emit("pop")
+            self.emit(_POP)
         return cost
 
     def parts(self, forms):
@@ -183,13 +222,13 @@ class Checker:
         """Refuse a name that means something of another sort."""
         meaning = self.meaning(name.lower())
         if meaning not in (None, sort):
-            article = "an" if meaning[0] in "aeiou" else "a"
-            raise Refused("taken", name, article, meaning, sort)
+            article = "an" if meaning[:1] in "aeiou" else "a"
+            raise Refused(_TAKEN_REFUSED, name, article, meaning, sort)
 
     def may_be_local(self, name):
         """Refuse a local name that hides a constant."""
         if isinstance(self.mind.binding(name.lower()), tuple):
-            raise Refused("constant", name)
+            raise Refused(_CONSTANT_REFUSED, name)
 
     def use(self, key):
         self.uses[key] = True
@@ -200,56 +239,56 @@ class Checker:
         """Write what evaluates a form."""
         self.count[0] += 1
         if isinstance(form, tuple):
-            self.emit("constant", 0, form[0])
+            self.emit(_CONSTANT, 0, self.mind.shared(form[0]))
             return 1
         if isinstance(form, str):
             self.name(form)
             return 1
         if isinstance(form, Label):
-            raise Refused("text")
+            raise Refused(_TEXT_REFUSED)
         return self.call(form)
 
     def name(self, name):
         key = name.lower()
         place = self.local(key)
         if place is not None:
-            self.emit("local", place)
+            self.emit(_LOCAL, place)
             return
         found = self.mind.binding(key)
         if isinstance(found, int):
-            self.emit("variable", found)
+            self.emit(_VARIABLE, found)
         elif isinstance(found, tuple):
-            self.emit("constant", 0, found[0])
+            self.emit(_CONSTANT, 0, found[0])
         elif found is not None or is_fixed(key):
-            raise Refused("function", name, name)
+            raise Refused(_FUNCTION_REFUSED, name, name)
         else:
             self.learned(name, key)
 
     def learned(self, name, key):
         number = buffer_number(key)
         if number == 0:
-            raise Refused("e0-named")
+            raise Refused(_E0_NAMED_REFUSED)
         if number is not None:
             key = "e%d" % number
             self.use(key)
-            self.emit("enter", 0, key)
+            self.emit(_ENTER, 0, key)
             return
         sort = self.sort_of(key)
         self.use(key)
         if sort == "variable":
-            self.emit("variable", self.mind.slot(key))
+            self.emit(_VARIABLE, self.mind.slot(key))
         elif sort in (GROUP, "operator"):
             hint = "IN %s" % name if sort == GROUP else "%s ..." % name
-            raise Refused("sort", name, "an" if sort != GROUP else "a", sort, hint)
+            raise Refused(_SORT_REFUSED, name, "an" if sort != GROUP else "a", sort, hint)
         else:
-            self.emit("enter", 0, key)
+            self.emit(_ENTER, 0, key)
 
     def call(self, form):
         if not form:
-            raise Refused("empty")
+            raise Refused(_EMPTY_REFUSED)
         head = form[0]
         if not isinstance(head, str):
-            raise Refused("head")
+            raise Refused(_HEAD_REFUSED)
         key = head.lower()
         if is_fixed(key):
             return self.builtin(form, key)
@@ -258,7 +297,7 @@ class Checker:
             return self.host(form, found)
         sort = "buffer" if buffer_number(key) is not None else self.sort_of(key)
         if found is not None or sort not in (None, "operator"):
-            raise Refused("no-function", head, self.meaning(key))
+            raise Refused(_NO_FUNCTION_REFUSED, head, self.meaning(key))
         if sort is None and key in WORDS:
             return self.builtin(form, key)
         self.use(key)
@@ -268,10 +307,10 @@ class Checker:
 
     def operator(self, key, forms, unknown):
         """Call an operator that is there when this is reached. unknown: the name of one that is not there yet."""
-        self.emit("operator", len(forms), key, unknown)
-        jump = self.emit("jump")
+        self.emit(_OPERATOR, len(forms), key, unknown)
+        jump = self.emit(_JUMP)
         cost = self.parts(forms)
-        self.emit("call", len(forms), key)
+        self.emit(_CALL, len(forms), key)
         self.arrive(jump)
         return 1 + cost
 
@@ -285,26 +324,27 @@ class Checker:
         if least <= given <= most:
             return
         wanted = "%d" % least if least == most else "at least %d" % least
-        if least != most and most < MANY:
+        if least != most and most < _MANY:
             wanted = "%d to %d" % (least, most)
-        if given > MANY:
+        if given > _MANY:
             wanted = "at most %d" % most
         plural = "" if wanted[-2:] in ("1", " 1") else "s"
-        raise Refused("count", form[0], wanted, plural, given)
+        raise Refused(_COUNT_REFUSED, form[0], wanted, plural, given)
 
     def builtin(self, form, key):
         self.arguments(form, *arguments_of(key))
+        key = "=" if key == "eq" else key
         if key in PURE and key != "edge-dist":
             return self.pure(key, form[1:])
-        return self.mind.special[key](self, form)
+        return self.mind.write_form(self, form, key)
 
     def pure(self, key, forms):
         """Call a pure function."""
         cost = 1 + self.parts(forms)
-        if key in BINARY and len(forms) == 2:
-            self.emit(key)
+        if key in _BINARY and len(forms) == 2:
+            self.emit(_BINARY.index(key) + _LESS)
         else:
-            self.emit("pure", len(forms), PURE[key])
+            self.emit(_PURE, len(forms), PURE[key])
         return cost
 
     def host(self, form, function):
@@ -312,10 +352,10 @@ class Checker:
         label, rest = None, form[1:]
         if function.labelled:
             if not isinstance(form[1], Label):
-                raise Refused("label", form[0])
+                raise Refused(_LABEL_REFUSED, form[0])
             label, rest = form[1].text, form[2:]
         cost = self.parts(rest)
-        self.emit("host", len(rest), function, label)
+        self.emit(_HOST, len(rest), function, label)
         return 1 + cost
 
 

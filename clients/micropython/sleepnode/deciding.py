@@ -1,25 +1,27 @@
 """Which part of a message decides whether it is for this robot."""
 
+from micropython import const
+
 from sleepnode.checker import Function
 from sleepnode.functions import PURE, arguments_of
 from sleepnode.reader import head_of
 
-_LOOKING = ("in", "inside", "to-edge", "prob", "random", "gauss")
-_PLAIN = ("and", "or", "known", "cond", "if", "when", "progn", "let", "dotimes", "dice")
+_LOOKING = const(("in", "inside", "to-edge", "prob", "random", "gauss"))
+_PLAIN = const(("eq", "and", "or", "known", "cond", "if", "when", "progn", "let", "dotimes", "dice"))
 
 
-def deciding(checker, form):
+def deciding(c, form):
     """The form that decides whether a message is for this robot: its first COND, IF, WHEN or AND; None if it has
     none."""
     head = head_of(form)
     if head == "and":
-        return form if leading(checker, form) else None
+        return form if leading(c, form) else None
     if head in ("if", "when") or (head == "cond" and len(form) > 1):
         return form
     if head in ("progn", "let"):
         for part in form[2 if head == "let" else 1 :]:
             if _tested(part):
-                return deciding(checker, part)
+                return deciding(c, part)
     return None
 
 
@@ -30,27 +32,27 @@ def _tested(form):
     return head in ("cond", "if", "when", "and")
 
 
-def leading(checker, form):
+def leading(c, form):
     """How many operands of an AND only look and do nothing, from the first on."""
     count = 0
     for part in form[1:]:
-        if _acts(checker, part, ()):
+        if _acts(c, part, ()):
             break
         count += 1
     return count
 
 
-def _acts(checker, form, local):
+def _acts(c, form, local):
     """Whether a form changes the robot or speaks."""
     head = head_of(form)
     if not head:
         return False
-    found = checker.mind.binding(head)
+    found = c.mind.binding(head)
     rest = form[1:]
     if isinstance(found, Function):
         if found.acts:
             return True
-    elif checker.sort_of(head) == "operator":
+    elif c.sort_of(head) == "operator":
         pass
     elif arguments_of(head) is None:
         return False  # a function that the robot does not have does nothing, nor do its arguments
@@ -59,7 +61,7 @@ def _acts(checker, form, local):
             return True
         rest = form[2:]
     elif head in _LOOKING:
-        return any([_acts(checker, part, local) for part in rest if isinstance(part, list)])
+        return any([_acts(c, part, local) for part in rest if isinstance(part, list)])
     elif head not in _PLAIN and head not in PURE:
         return True
     if head in ("cond", "dice"):
@@ -70,7 +72,7 @@ def _acts(checker, form, local):
             [pair[0].lower() for pair in pairs if isinstance(pair, list) and pair and isinstance(pair[0], str)]
         )
         values = [pair[1] for pair in pairs if isinstance(pair, list) and len(pair) > 1]
-        return any([_acts(checker, part, local) for part in values]) or any(
-            [_acts(checker, part, local + names) for part in rest[1:]]
+        return any([_acts(c, part, local) for part in values]) or any(
+            [_acts(c, part, local + names) for part in rest[1:]]
         )
-    return any([_acts(checker, part, local) for part in rest])
+    return any([_acts(c, part, local) for part in rest])

@@ -6,23 +6,16 @@ is not finite, into a fault. What is rarely asked for stands in texts here: they
 
 import math
 
-MANY = 100
-MAX_CORNERS = 48
-MAX_HOPS = 8
-MAX_REPEATS = 1000
-MAX_LOOPS = 4
+from micropython import const
+
+_MANY = const(100)
+
+_MAX_CORNERS = const(48)
 _TWO_PI = 2.0 * math.pi
 
 
 class Undefined(Exception):
     """A function has no value for these numbers."""
-
-
-def _add(*a):
-    total = a[0] if a else 0.0
-    for x in a[1:]:
-        total += x
-    return total
 
 
 def _subtract(*a):
@@ -59,20 +52,6 @@ def _power(x, y):
         return math.inf
 
 
-def _mod(x, y):
-    if y == 0:
-        raise Undefined("division by zero")
-    return x % y
-
-
-def _least(*a):
-    return a[0] if len(a) == 1 else min(*a)
-
-
-def _greatest(*a):
-    return a[0] if len(a) == 1 else max(*a)
-
-
 def _root(x):
     if x < 0:
         raise Undefined("square root of %g" % x)
@@ -85,8 +64,8 @@ def _logarithm(x):
     return math.log(x)
 
 
-def _distance(x1, y1, x2, y2):
-    across, up = x1 - x2, y1 - y2
+def _distance(a, b, x, y):
+    across, up = a - x, b - y
     return math.sqrt(across * across + up * up)
 
 
@@ -108,15 +87,10 @@ def _edge_distance(*a):
     return sign * math.sqrt(nearest) + 0.0
 
 
-def _wrap(angle):
-    turned = angle % _TWO_PI
-    return turned - _TWO_PI if turned > math.pi else turned
-
-
-def _clamp(value, low, high):
-    if low > high:
-        raise Undefined("CLAMP from %g to %g: the low end is above the high end" % (low, high))
-    return low if value < low else high if value > high else value
+def clamp(x, a, b):
+    if a > b:
+        raise Undefined("CLAMP from %g to %g: the low end is above the high end" % (a, b))
+    return a if x < a else b if x > b else x
 
 
 def _all_different(*a):
@@ -140,15 +114,15 @@ def _chain(holds, equal):
 
 
 PURE = {
-    "+": _add,
+    "+": lambda *a: sum(a[1:], a[0]) if a else 0.0,
     "-": _subtract,
     "*": _multiply,
     "/": _divide,
     "^": _power,
-    "mod": _mod,
+    "mod": lambda x, y: x % y if y else _divide(x, y),
     "abs": abs,
-    "min": _least,
-    "max": _greatest,
+    "min": lambda *a: a[0] if len(a) == 1 else min(*a),
+    "max": lambda *a: a[0] if len(a) == 1 else max(*a),
     "sqrt": _root,
     "exp": math.exp,
     "log": _logarithm,
@@ -160,10 +134,10 @@ PURE = {
     "ceil": math.ceil,
     "round": round,
     "dist": _distance,
-    "bearing": lambda x1, y1, x2, y2: math.atan2(y2 - y1, x2 - x1),
+    "bearing": lambda a, b, x, y: math.atan2(y - b, x - a),
     "edge-dist": _edge_distance,
-    "wrap": _wrap,
-    "clamp": _clamp,
+    "wrap": lambda x: math.pi - (math.pi - x) % _TWO_PI,
+    "clamp": clamp,
     "=": _chain("", True),
     "/=": _all_different,
     "<": _chain("<", False),
@@ -172,9 +146,8 @@ PURE = {
     ">=": _chain(">", True),
     "not": lambda x: 0.0 if x else 1.0,
 }
-PURE["eq"] = PURE["="]
 
-_ARGUMENTS = (
+_ARGUMENTS = const(
     " + 0- - 1- * 0- / 1- ^ 2 mod 2 abs 1 min 1- max 1- sqrt 1 exp 1 log 1 sin 1 cos 1 tan 1 atan2 2 floor 1 ceil 1 "
     "round 1 dist 4 bearing 4 edge-dist 8-98 wrap 1 clamp 3 = 1- eq 1- /= 1- < 1- <= 1- > 1- >= 1- not 1 and 0- or 0- "
     "known 1 cond 0- if 2-3 when 1- progn 0- let 1- dotimes 1- setq 2 setqq 2 defvar 1-2 quote 1 quasiquote 1 "
@@ -189,11 +162,11 @@ WORDS = ("area", "inside", "to-edge", "once", "held", "hysteresis", "every", "af
 def arguments_of(key):
     """The least and the largest number of arguments of a built-in; None for a key that is none."""
     at = _ARGUMENTS.find(" %s " % key)
-    if at < 0 or not key or "0" <= key[0] <= "9":
+    if at < 0 or not key or key[:1].isdigit():
         return None
     written = _ARGUMENTS[at + len(key) + 2 : _ARGUMENTS.find(" ", at + len(key) + 2)]
     least, _, most = written.partition("-")
-    return int(least), MANY if written.endswith("-") else int(most or least)
+    return int(least), _MANY if written.endswith("-") else int(most or least)
 
 
 def is_fixed(key):

@@ -8,15 +8,18 @@ import math
 
 from micropython import const
 
-from sleepnode.checker import MAX_STEPS
 from sleepnode.functions import Undefined
-from sleepnode.instructions import COST, FIRST, height_of, is_tested, places_of
+from sleepnode.instructions import height_of, is_tested, places_of
 from sleepnode.reader import format_number
 
-MAX_DEPTH = 32
-MAX_LEVELS = 100
+_MAX_STEPS = const(10000)
+_MAX_DEPTH = const(32)
+_MAX_LEVELS = const(100)
+_COST = const(0)
+_FIRST = const(3)
 
-# The numbers of `instructions.OPS`, as constants that cost no look-up.
+
+# The numbers of `instructions.number_of`, as constants that cost no look-up.
 _VARIABLE = const(0)
 _CONSTANT = const(1)
 _ELSE = const(2)
@@ -83,8 +86,8 @@ def _pure(mind, call, arguments):
 def run(mind, program):
     """The value of a program, with all its effects. Leaves in the mind: matched, undecided, steps and faults."""
     mind.matched, mind.undecided = not is_tested(program), False
-    mind.steps, levels = program[COST], height_of(program)
-    code, local, pc = program, [None] * places_of(program), FIRST
+    mind.steps, levels = program[_COST], height_of(program)
+    code, local, pc = program, [None] * places_of(program), _FIRST
     stack, frames, values = [], [], mind.values
     while True:
         op = code[pc]
@@ -154,18 +157,18 @@ def run(mind, program):
                 stack.append(found)
                 continue
             tall = height_of(found)
-            if len(frames) >= 4 * MAX_DEPTH or levels + tall > MAX_LEVELS:
-                stack.append(mind.fault("calls nested too deeply: at most %d" % MAX_DEPTH))
+            if len(frames) >= 4 * _MAX_DEPTH or levels + tall > _MAX_LEVELS:
+                stack.append(mind.fault("calls nested too deeply: at most %d" % _MAX_DEPTH))
                 continue
-            mind.steps += found[COST]
-            if mind.steps > MAX_STEPS:
-                return mind.fault("out of steps: at most %d in one evaluation" % MAX_STEPS)
+            mind.steps += found[_COST]
+            if mind.steps > _MAX_STEPS:
+                return mind.fault("out of steps: at most %d in one evaluation" % _MAX_STEPS)
             frames.append(code)
             frames.append(pc)
             frames.append(local)
             frames.append(tall)
             levels += tall
-            code, pc = found, FIRST
+            code, pc = found, _FIRST
             local = list(arguments) + [None] * (places_of(found) - len(arguments))
         elif op == _OPERATOR:
             if mind.operator(code[pc], argument, code[pc + 1]) is None:
@@ -228,7 +231,7 @@ def run(mind, program):
         elif op == _TELL:
             pieces = code[pc]
             pc += 1
-            stack.append(_tell(mind, pieces, _taken(stack, len(pieces) - 1), argument))
+            stack.append(tell(mind, pieces, _taken(stack, len(pieces) - 1), argument))
         elif op == _PROB:
             if stack[-1] is not None:
                 stack[-1] = 1.0 if mind.draw() < stack[-1] else 0.0
@@ -252,7 +255,7 @@ def run(mind, program):
             stack[-1] = 0.0
         elif op == _RANDOM or op == _GAUSS:
             y = stack.pop()
-            stack[-1] = _chance(mind, op == _GAUSS, stack[-1], y)
+            stack[-1] = chance(mind, op == _GAUSS, stack[-1], y)
         elif op == _FLAG:
             values[argument >> 1] = float(argument & 1)
             stack.append(1.0)
@@ -269,10 +272,10 @@ def _taken(stack, count):
     return found
 
 
-def _chance(mind, normally, x, y):
+def chance(mind, on, x, y):
     if x is None or y is None:
         return None
-    if not normally:
+    if not on:
         return _finite(mind, x + mind.draw() * (y - x))
     from sleepnode.gauss import normal  # rarely used, so loaded when it is
 
@@ -281,7 +284,7 @@ def _chance(mind, normally, x, y):
     return _finite(mind, x + y * normal(mind.draw()))
 
 
-def _tell(mind, pieces, values, hops):
+def tell(mind, pieces, values, hops):
     if None in values:
         return mind.fault("an unknown cannot be told")
     text = pieces[0]

@@ -8,35 +8,54 @@ an operator, GROUP for a group. (Lists and tuples take less memory than objects.
 import gc
 import math
 
+from micropython import const
+
 from sleepnode import chance
 from sleepnode.checker import GROUP, Checker, buffer_number, through
 from sleepnode.deciding import deciding
-from sleepnode.forms import SPECIAL
-from sleepnode.instructions import USES, parameters_of
+from sleepnode.forms import write as write_form
+from sleepnode.instructions import parameters_of
 from sleepnode.machine import run
-from sleepnode.reader import MAX_TEXT, Refused, head_of, read, unload
+from sleepnode.reader import Refused, head_of, read, unload
 
-MARKED, MARKING, FROZEN, SLEEPING = range(4)
-ACTIVE = 3
-ID, TIME, TICK = 67, 68, 69
-_SUPPORT = 70
-MAX_RULES = MAX_OPERATORS = MAX_GROUPS = 64
-MAX_VARIABLES = 256
-MAX_FAULTS = 100
-MAX_FAULTS_IN_ROW = 10
-TICK_STEPS = 50000
-PROVEN_TICKS = 100
-MAX_OUTBOX = 64
-COMPILING = 4096
-"""Bytes of memory after which garbage is collected while a text is checked, so that what stays lies close together."""
-MAX_HOPS = 8
-TELL_BURST = 8
-TELLS_A_SECOND = 2.0
-TELLS_TOO_OFTEN = "tells too often: more than 2 a second are dropped"
+_MAX_TEXT = const(16384)
+_MAX_RULES = const(64)
+_MAX_OPERATORS = const(64)
+_MAX_GROUPS = const(64)
+_ID = const(67)
+_TIME = const(68)
+_TICK = const(69)
+_USES = const(2)
+_MAX_HOPS = const(8)
+
+# Refusals, by their places in `sentences.SENTENCES`.
+_MEMORY_REFUSED = const(64)
+_DEEP_REFUSED = const(65)
+_VARIABLES_REFUSED = const(66)
+
+_MARKED = const(0)
+_MARKING = const(1)
+_FROZEN = const(2)
+_SLEEPING = const(3)
+_ACTIVE = const(3)
+_SUPPORT = const(70)
+_MAX_VARIABLES = const(256)
+_MAX_NUMBERS = const(32)
+_MAX_FAULTS = const(100)
+_MAX_FAULTS_IN_ROW = const(10)
+_TICK_STEPS = const(50000)
+_PROVEN_TICKS = const(100)
+_MAX_OUTBOX = const(64)
+_TELL_BURST = const(8)
+_TELLS_A_SECOND = const(2.0)
+_TELLS_TOO_OFTEN = const("tells too often: more than 2 a second are dropped")
 _CONSTANTS = {"true": 1.0, "false": 0.0, "nil": 0.0, "pi": math.pi, "unknown": None}
 
 
-KEY, PROGRAM, RUNS, FAULTS = range(4)
+_KEY = const(0)
+_PROGRAM = const(1)
+_RUNS = const(2)
+_FAULTS = const(3)
 """Places in a rule: its key, its program, whether it runs (a buffer's flag says that), its evaluations in a row with a
 fault (-1: it is built in, and no message can change it)."""
 
@@ -45,28 +64,30 @@ class Mind:
     """See the module. number: its `id`. seed: of its chance. After `evaluate` and `rule`: matched, undecided (whether
     its test was unknown), faults and moved (whether the body was asked to move).
 
+    ruling, moving: whether the text compiled last changes rules, and which groups it makes robots join or leave.
     reports, told, pings: what it says, until somebody takes it. dirty: slots of actuators that were assigned. held:
     whether functions that act are refused.
     """
 
     def __init__(self, sensors=(), actuators=(), constants=None, functions=(), number=0, seed=0):
-        self.values = [0.0] * (ID) + [float(number), 0.0, 0.0] + [None] * (len(sensors) + len(actuators))
-        self.values[MARKING] = 1.0
+        self.values = [0.0] * (_ID) + [float(number), 0.0, 0.0] + [None] * (len(sensors) + len(actuators))
+        self.values[_MARKING] = 1.0
         self.first_actuator = _SUPPORT + len(sensors)
         self.first_user = self.first_actuator + len(actuators)
-        self._names = {"marked": 0, "marking": 1, "frozen": 2, "sleeping": 3, "id": ID, "time": TIME, "tick": TICK}
+        self.names = {"marked": 0, "marking": 1, "frozen": 2, "sleeping": 3, "id": _ID, "time": _TIME, "tick": _TICK}
         for at, name in enumerate(tuple(sensors) + tuple(actuators)):
-            self._names[name.lower()] = _SUPPORT + at
+            self.names[name.lower()] = _SUPPORT + at
         for table in (_CONSTANTS, constants or {}):
             for name, value in table.items():
-                self._names[name.lower()] = (value,)
+                self.names[name.lower()] = (value,)
         for function in functions:
-            self._names[function.name.lower()] = function
-        self.special = SPECIAL
+            self.names[function.name.lower()] = function
+        self.write_form = write_form
         self.learned = {}
         self._slots = {}
         """Of user variables that texts name and nobody has made yet."""
         self._members = {}
+        self.numbers = {}
         self._leases = {}
         """When rules are deactivated, by key."""
         self._order = []
@@ -74,30 +95,34 @@ class Mind:
         self.reports, self.told, self.pings, self.dirty = [], [], [], []
         self.faults = []
         self.matched, self.undecided, self.moved, self.held = False, False, False, False
+        self.ruling, self.moving, self.asked = False, (), False
         self.steps = self.dropped = self.lost = 0
-        self.hops = MAX_HOPS
+        self.hops = _MAX_HOPS
         self.tick, self.now, self._draws = 0, 0.0, 0
-        self._key = chance.stream(seed, number)
+        self.key = chance.stream(seed, number)
         self._paid, self._refused = 0.0, False
-        self._proven, self._since = (), 0
+        self._proven, self.since = (), 0
         self._left = None
 
     # ---- names
 
     def binding(self, key):
         """What the robot was made with: a slot, a constant in a tuple, a Function; or None."""
-        found = self._names.get(key)
-        if found is None and key.startswith("active") and key[6:].isdigit() and key[6] != "0":
+        found = self.names.get(key)
+        if found is None and key.startswith("active") and key[6:].isdigit() and key[6:7] != "0":
             number = int(key[6:])
             if number < 64:
-                return ACTIVE + number
+                return _ACTIVE + number
         return found
 
     def kind(self, slot):
         """sensor, actuator or support."""
         if slot < _SUPPORT:
-            return "sensor" if slot >= ID else "support"
+            return "sensor" if slot >= _ID else "support"
         return "sensor" if slot < self.first_actuator else "actuator"
+
+    def is_active_flag(self, slot):
+        return _ACTIVE < slot < _ID
 
     def assignable(self, slot):
         return self.kind(slot) != "sensor"
@@ -108,11 +133,17 @@ class Mind:
         if isinstance(found, int):
             return found
         if key not in self._slots:
-            if len(self.values) - self.first_user >= MAX_VARIABLES:
-                raise Refused("variables", key, MAX_VARIABLES)
+            if len(self.values) - self.first_user >= _MAX_VARIABLES:
+                raise Refused(_VARIABLES_REFUSED, key, _MAX_VARIABLES)
             self.values.append(None)
             self._slots[key] = len(self.values) - 1
         return self._slots[key]
+
+    def shared(self, number):
+        """A number that programs have: the same one for equal ones, which saves memory."""
+        if number not in self.numbers and number and len(self.numbers) < _MAX_NUMBERS:
+            self.numbers[number] = number
+        return self.numbers.get(number, number)
 
     def reaches(self, uses, goal, pending=None):
         """A way from `uses` to `goal` along what each rule, buffer and operator enters; None if there is none."""
@@ -129,8 +160,8 @@ class Mind:
                 more = pending[last]
             else:
                 found = self.learned.get(last)
-                found = found[PROGRAM] if isinstance(found, list) else found
-                more = found[USES] if isinstance(found, tuple) else ()
+                found = found[_PROGRAM] if isinstance(found, list) else found
+                more = found[_USES] if isinstance(found, tuple) else ()
             for key in more:
                 waiting.append(way + (key,))
         return None
@@ -144,7 +175,7 @@ class Mind:
     def compile(self, text):
         """The program of a message. Raises Refused."""
         gc.collect()
-        gc.threshold(COMPILING)
+        gc.threshold(1024)
         try:
             form = read(text)
             if _remembers(form):
@@ -152,11 +183,13 @@ class Mind:
             checker = Checker(self)
             checker.declare(form)
             checker.deciding = deciding(checker, form)
-            return checker.program([form])
+            program = checker.program([form])
+            self.ruling, self.moving = checker.rules, checker.moves
+            return program
         except RuntimeError:  # the interpreter's own stack is full
-            raise Refused("deep")
+            raise Refused(_DEEP_REFUSED)
         except MemoryError:
-            raise Refused("memory")
+            raise Refused(_MEMORY_REFUSED)
         finally:
             gc.threshold(-1)
 
@@ -184,27 +217,35 @@ class Mind:
         except MemoryError:
             return self.fault("out of memory")
 
+    def ask(self, program):
+        """The value of a program that changes nothing: what it would do is left out, and variables are set back."""
+        kept, drawn, self.asked = self.values, self._draws, True
+        self.values = list(kept)
+        value = self.run(program)
+        self.values, self._draws, self.asked = kept, drawn, False
+        return value
+
     def rule(self, rule):
         """Evaluate a rule."""
-        value = self.run(rule[PROGRAM])
-        own = rule[FAULTS] < 0
+        value = self.run(rule[_PROGRAM])
+        own = rule[_FAULTS] < 0
         if not self.faults:
-            rule[FAULTS] = min(rule[FAULTS], 0)
+            rule[_FAULTS] = min(rule[_FAULTS], 0)
             return value
         self._changing()
         if own:
             return value
-        rule[FAULTS] += 1
-        if rule[FAULTS] >= MAX_FAULTS_IN_ROW:
+        rule[_FAULTS] += 1
+        if rule[_FAULTS] >= _MAX_FAULTS_IN_ROW:
             self._activate(rule, False)
-            self._since = None
-            self.reports.append(("rule %s deactivated" % rule[KEY], (), rule[KEY]))
+            self.since = None
+            self.reports.append(("rule %s deactivated" % rule[_KEY], (), rule[_KEY]))
         return value
 
     def begin(self, tick, now):
         """Begin a tick: what its time and its chance are."""
         self.tick, self.now, self._draws = tick, now, 0
-        self.values[TICK], self.values[TIME] = float(tick), now
+        self.values[_TICK], self.values[_TIME] = float(tick), now
         for key in [key for key, until in self._leases.items() if until <= now]:
             rule = self.learned[key]
             if self._runs(rule):
@@ -215,7 +256,7 @@ class Mind:
     def round(self):
         """Evaluate the active rules, as far as the budget of a tick goes; the rest comes first in the next one. Gives
         whether a rule has moved the body."""
-        if self.values[SLEEPING] or self.values[FROZEN]:
+        if self.values[_SLEEPING] or self.values[_FROZEN]:
             return False
         used, moved, running = 0, False, [rule for rule in self._order if self._runs(rule)]
         if self._left in running:
@@ -223,10 +264,10 @@ class Mind:
             running = running[at:] + running[:at]
         self._left = None
         for rule in running:
-            if used > TICK_STEPS:
+            if used > _TICK_STEPS:
                 self._left = rule
                 break
-            if self._runs(rule) and self.learned.get(rule[KEY]) is rule:
+            if self._runs(rule) and self.learned.get(rule[_KEY]) is rule:
                 self.rule(rule)
                 used += self.steps
                 moved = moved or self.moved
@@ -237,13 +278,13 @@ class Mind:
         self.evaluate("(RULE %s %s)" % (key, text))
         if self.faults:
             raise Refused(self.faults[0])
-        self.learned[key.lower()][FAULTS] = -1
+        self.learned[key.lower()][_FAULTS] = -1
 
     # ---- called by the machine
 
     def fault(self, reason):
         """Note what went wrong; gives unknown."""
-        if len(self.faults) < MAX_FAULTS:
+        if len(self.faults) < _MAX_FAULTS:
             self.faults.append(reason)
         return None
 
@@ -256,7 +297,7 @@ class Mind:
 
     def draw(self):
         self._draws += 1
-        return chance.draw(self._key, self.tick, self._draws - 1)
+        return chance.draw(self.key, self.tick, self._draws - 1)
 
     def value_of(self, key):
         found = self.learned[key]
@@ -266,7 +307,7 @@ class Mind:
         """The program of a rule or buffer; the value of a variable that was made later; None for neither."""
         found = self.learned.get(key)
         if isinstance(found, list):
-            return found[PROGRAM]
+            return found[_PROGRAM]
         return self.values[found] if isinstance(found, int) else None
 
     def operator(self, key, count, unknown=""):
@@ -284,7 +325,7 @@ class Mind:
             self.dropped += 1
             actuator = slot >= self.first_actuator
             return self.fault("unknown never reaches an actuator" if actuator else "unknown cannot be a flag")
-        if slot >= self.first_actuator:
+        if slot >= self.first_actuator and not self.asked:
             self.moved = True
             if slot not in self.dirty:
                 self.dirty.append(slot)
@@ -307,6 +348,8 @@ class Mind:
                 return self.fault("unknown never reaches the body (%s)" % function.name)
             return None
         if function.acts:
+            if self.asked:
+                return 1.0
             if self.held:
                 return self.fault("the robot is stopped: %s waits for RELEASE" % function.name)
             self.moved = True
@@ -318,31 +361,40 @@ class Mind:
         return value if value is not None and value - value == 0 else None
 
     def report(self, label, values):
-        if len(self.reports) < MAX_OUTBOX:
+        if self.asked:
+            return
+        if len(self.reports) < _MAX_OUTBOX:
             self.reports.append((label, values, ""))
         else:
             self.lost += 1
 
     def tell(self, text, hops):
         """Tell other robots, within the bounds of TELL."""
+        if self.asked:
+            return
         hops = min(hops, self.hops)
         begin = max(self._paid, self.now)
-        often = begin - self.now > (TELL_BURST - 1) / TELLS_A_SECOND
+        often = begin - self.now > (_TELL_BURST - 1) / _TELLS_A_SECOND
         if often or hops < 1:
             self.lost += 1
             if not self._refused:
                 self._refused = True
-                self.report(TELLS_TOO_OFTEN if often else "did not tell on what came by its last hop", ())
+                self.report(_TELLS_TOO_OFTEN if often else "did not tell on what came by its last hop", ())
             return
-        if len(text) > MAX_TEXT:
-            self.fault("a text of %d characters cannot be sent by TELL: at most %d fit" % (len(text), MAX_TEXT))
+        if len(text) > _MAX_TEXT:
+            self.fault("a text of %d characters cannot be sent by TELL: at most %d fit" % (len(text), _MAX_TEXT))
             return
         self._refused = self._refused and begin > self.now
-        self._paid = begin + 1.0 / TELLS_A_SECOND
+        self._paid = begin + 1.0 / _TELLS_A_SECOND
         self.told.append((text, hops))
 
     def act(self, which, code, pc, stack):
         """Acts on groups, rules and variables. which: of the instructions from "flag" on; gives where to go on."""
+        if self.asked and which not in (1, 4):
+            if which in (5, 9, 11):
+                stack.pop()
+            stack.append(1.0)
+            return pc + (which < 10)
         if which == 10:
             self._roll_back()
             stack.append(1.0)
@@ -371,7 +423,7 @@ class Mind:
     def _ping(self, caste):
         if caste is None:
             return self.fault("an unknown caste cannot be sent")
-        if len(self.pings) < MAX_OUTBOX:
+        if len(self.pings) < _MAX_OUTBOX:
             self.pings.append(caste)
         return 1.0
 
@@ -387,13 +439,18 @@ class Mind:
 
     def _full(self, sort, most, what):
         """Whether there is no room for one more of a sort; that is a fault."""
-        count = sum([each is GROUP if sort is GROUP else isinstance(each, sort) for each in self.learned.values()])
+        count = 0
+        for name, each in self.learned.items():
+            if (each is GROUP) if sort is GROUP else (isinstance(each, sort) and buffer_number(name) is None):
+                count += 1
         if count < most:
             return False
         self.fault("no room for another %s: there are %d" % (what, most))
         return True
 
     def _define(self, key, value):
+        if self.asked:
+            return value
         if self._clash(key, int):
             return None
         slot = self.slot(key)
@@ -404,23 +461,25 @@ class Mind:
 
     def store(self, key, program, activate):
         """SETQQ, RULE, and SETQ of a buffer."""
-        way = self.reaches(program[USES], key)
+        if self.asked:
+            return 1.0 if activate else 0.0
+        way = self.reaches(program[_USES], key)
         if way:
             return self.fault("%s would name itself%s" % (key.upper(), through(way)))
         if self._clash(key, list):
             return None
         rule = self.learned.get(key)
         if rule is None:
-            if buffer_number(key) is None and self._full(list, MAX_RULES + 63, "rule"):
+            if buffer_number(key) is None and self._full(list, _MAX_RULES, "rule"):
                 return None
             self._changing()
             rule = self.learned[key] = [key, program, False, 0]
             self._place(rule)
-        elif rule[FAULTS] < 0:
+        elif rule[_FAULTS] < 0:
             return self._built_in(key)
         else:
             self._changing()
-            rule[PROGRAM], rule[FAULTS] = program, 0
+            rule[_PROGRAM], rule[_FAULTS] = program, 0
         if activate:
             self._activate(rule, True)
         return 1.0 if activate else 0.0
@@ -434,10 +493,10 @@ class Mind:
 
     def _place(self, rule):
         """Put a new rule where it runs: buffers by their number, then the others as they come."""
-        number, at = buffer_number(rule[KEY]), len(self._order)
+        number, at = buffer_number(rule[_KEY]), len(self._order)
         if number is not None:
             while at:
-                other = buffer_number(self._order[at - 1][KEY])
+                other = buffer_number(self._order[at - 1][_KEY])
                 if other is not None and other < number:
                     break
                 at -= 1
@@ -445,11 +504,13 @@ class Mind:
 
     def operate(self, key, program):
         """DEFUN."""
+        if self.asked:
+            return 1.0
         if self._clash(key, tuple):
             return None
-        if key not in self.learned and self._full(tuple, MAX_OPERATORS, "operator"):
+        if key not in self.learned and self._full(tuple, _MAX_OPERATORS, "operator"):
             return None
-        way = self.reaches(program[USES], key)
+        way = self.reaches(program[_USES], key)
         if way:
             return self.fault("%s would name itself%s" % (key.upper(), through(way)))
         self.learned[key] = program
@@ -460,7 +521,7 @@ class Mind:
             if key in self._members:
                 self._members[key] = False
             return 1.0
-        if self._clash(key, GROUP) or (key not in self.learned and self._full(GROUP, MAX_GROUPS, "group")):
+        if self._clash(key, GROUP) or (key not in self.learned and self._full(GROUP, _MAX_GROUPS, "group")):
             return None
         self.learned[key] = GROUP
         self._members[key] = True
@@ -473,24 +534,24 @@ class Mind:
         found = self.learned.get(key)
         if not isinstance(found, list):
             return self.fault("no rule %s" % key)
-        return self._built_in(key) if found[FAULTS] < 0 else found
+        return self._built_in(key) if found[_FAULTS] < 0 else found
 
     def _runs(self, rule):
-        number = buffer_number(rule[KEY])
-        return rule[RUNS] if number is None else bool(self.values[ACTIVE + number])
+        number = buffer_number(rule[_KEY])
+        return rule[_RUNS] if number is None else bool(self.values[_ACTIVE + number])
 
     def _activate(self, rule, on):
-        number = buffer_number(rule[KEY])
-        rule[RUNS] = on
+        number = buffer_number(rule[_KEY])
+        rule[_RUNS] = on
         if number is not None:
-            self.values[ACTIVE + number] = 1.0 if on else 0.0
+            self.values[_ACTIVE + number] = 1.0 if on else 0.0
         if not on:
-            self._leases.pop(rule[KEY], None)
+            self._leases.pop(rule[_KEY], None)
 
     def _switch(self, key, on):
         number = buffer_number(key)
         if number is not None and key not in self.learned:
-            self.values[ACTIVE + number] = 1.0 if on else 0.0
+            self.values[_ACTIVE + number] = 1.0 if on else 0.0
             return 1.0
         rule = self._changeable(key)
         if rule is None:
@@ -512,7 +573,7 @@ class Mind:
 
     def _remove(self, rule):
         self._activate(rule, False)
-        del self.learned[rule[KEY]]
+        del self.learned[rule[_KEY]]
         self._order.remove(rule)
 
     def _lease(self, key, seconds):
@@ -529,21 +590,21 @@ class Mind:
 
     def _changing(self):
         """The rules change, or one has met a fault: a proven set becomes the one to roll back to."""
-        if self._since is not None and self.tick - self._since >= PROVEN_TICKS:
+        if self.since is not None and self.tick - self.since >= _PROVEN_TICKS:
             self._proven = self._rule_set()
-        self._since = self.tick
+        self.since = self.tick
 
     def _rule_set(self):
         return [
-            (rule[KEY], rule[PROGRAM], self._runs(rule), self._leases.get(rule[KEY]))
+            (rule[_KEY], rule[_PROGRAM], self._runs(rule), self._leases.get(rule[_KEY]))
             for rule in self._order
-            if rule[FAULTS] >= 0
+            if rule[_FAULTS] >= 0
         ]
 
     def _roll_back(self):
-        if self._since is not None and self.tick - self._since >= PROVEN_TICKS:
+        if self.since is not None and self.tick - self.since >= _PROVEN_TICKS:
             return
-        for rule in [rule for rule in self._order if rule[FAULTS] >= 0]:
+        for rule in [rule for rule in self._order if rule[_FAULTS] >= 0]:
             self._remove(rule)
         for key, program, active, until in self._proven:
             rule = self.learned[key] = [key, program, False, 0]
@@ -553,7 +614,7 @@ class Mind:
                 self._leases[key] = until
 
 
-_REMEMBERING = ("once", "held", "hysteresis", "every", "after", "within", "age", "share")
+_REMEMBERING = const(("once", "held", "hysteresis", "every", "after", "within", "age", "share"))
 
 
 def _remembers(form):

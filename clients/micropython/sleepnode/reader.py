@@ -9,27 +9,54 @@ import gc
 import math
 import sys
 
-MAX_TEXT = 16384
-MAX_NESTING = 32
-MAX_NAME = 64
+from micropython import const
 
-_SPACE = " \t\n\r\f\v"
-_DELIMITERS = _SPACE + "()'`,;\""
-_FIRST = "_+*/<>=^%!?$&.:-"
-_REST = "_+*/<>=^%!?$&.#:-"
-_PREFIXES = {"'": "QUOTE", "`": "QUASIQUOTE", ",": "UNQUOTE"}
+_MAX_TEXT = const(16384)
+
+# Refusals, by their places in `sentences.SENTENCES`.
+_UNIT_REFUSED = const(0)
+_HUGE_REFUSED = const(1)
+_NUMBER_REFUSED = const(2)
+_NAME_ODD_REFUSED = const(3)
+_BARS_REFUSED = const(4)
+_NAME_LONG_REFUSED = const(5)
+_LABEL_ODD_REFUSED = const(6)
+_LABEL_LONG_REFUSED = const(7)
+_PREFIX_REFUSED = const(8)
+_CLOSED_REFUSED = const(9)
+_QUOTE_REFUSED = const(10)
+_OPEN_REFUSED = const(11)
+_NESTED_REFUSED = const(12)
+_LONG_REFUSED = const(13)
+_MORE_REFUSED = const(14)
+_NONE_REFUSED = const(15)
+
+_MAX_NESTING = const(32)
+_MAX_NAME = const(64)
+
+_OPEN = const(40)
+_CLOSE = const(41)
+_QUOTE = const(34)
+_SEMICOLON = const(59)
+_DOT = const(46)
+_SPACE = const(b" \t\n\r\f\v")
+_DELIMITERS = const(b" \t\n\r\f\v()'`,;\"")
+_FIRST = const(b"_+*/<>=^%!?$&.:-")
+_REST = const(b"0123456789_+*/<>=^%!?$&.#:-")
+_PREFIXES = {39: "quote", 96: "quasiquote", 44: "unquote"}
 _MARKS = {"quote": "'", "quasiquote": "`", "unquote": ","}
-_UNITS = (
+_UNITS = const(
     " m 1 km 1000 in 0.0254 ft 0.3048 yd 0.9144 mi 1609.344 nmi 1852 s 1 min 60 h 3600 rad 1 m/s 1 in/s 0.0254 "
     "ft/s 0.3048 m/s2 1 rad/s 1 kg 1 km/h 1000/3600 kn 1852/3600 % /100 cm /100 mm /1000 ms /1000 "
 )
 """Units and their factors; those that begin with a slash divide, which rounds once: 50% is 0.5."""
-_PLAIN = ("", "%", "deg", "rad")
+_PLAIN = const(("", "%", "deg", "rad"))
 """Units of plain numbers, which have no dimension."""
 
 
 class Refused(Exception):
-    """A text that no robot could run. reason: a key of `sentences.SENTENCES`; values: what its sentence names."""
+    """A text that no robot could run. reason: a place in `sentences.SENTENCES`, or a text; values: what its sentence
+    names."""
 
     def __init__(self, reason, *values):
         self.reason, self.values = reason, values
@@ -40,8 +67,8 @@ class Refused(Exception):
             from sleepnode.sentences import SENTENCES
 
             said = SENTENCES[self.reason] % self.values
-        except (KeyError, MemoryError):
-            said = self.reason
+        except (TypeError, MemoryError):
+            said = "%s" % self.reason
         unload("sentences")
         return said
 
@@ -64,114 +91,108 @@ class Label:
 
 def read(text):
     """The one form in a text. Raises Refused."""
-    forms = read_all(text)
-    if not forms:
-        raise Refused("none")
-    if len(forms) > 1:
-        raise Refused("more")
-    return forms[0]
-
-
-def read_all(text):
-    """Every form in a text. Raises Refused."""
-    if len(text) > MAX_TEXT:
-        raise Refused("long", len(text), MAX_TEXT)
+    if len(text) > _MAX_TEXT:
+        raise Refused(_LONG_REFUSED, len(text), _MAX_TEXT)
+    text = text.encode()
     items, around, at = [], [], 0
     while at < len(text):
         c = text[at]
         at += 1
         if c in _SPACE:
             continue
-        if c == ";":
-            end = text.find("\n", at)
+        if c == _SEMICOLON:
+            end = text.find(b"\n", at)
             at = len(text) if end < 0 else end
             continue
-        if c == "(" or c in _PREFIXES:
-            if len(around) >= MAX_NESTING:
-                raise Refused("nested", MAX_NESTING)
+        if c == _OPEN or c in _PREFIXES:
+            if len(around) >= _MAX_NESTING:
+                raise Refused(_NESTED_REFUSED, _MAX_NESTING)
             around.append((items, c))
             items = []
             continue
-        if c == ")":
+        if c == _CLOSE:
             if not around:
-                raise Refused("open")
+                raise Refused(_OPEN_REFUSED)
             outer, mark = around.pop()
-            if mark != "(":
-                raise Refused("prefix", mark)
+            if mark != _OPEN:
+                raise Refused(_PREFIX_REFUSED, _PREFIXES[mark])
             form, items = items, outer
-        elif c == '"':
-            end = text.find('"', at)
-            if end < 0 or "\n" in text[at:end]:
-                raise Refused("quote")
-            form, at = _label(text[at:end]), end + 1
+        elif c == _QUOTE:
+            end = text.find(b'"', at)
+            if end < 0 or b"\n" in text[at:end]:
+                raise Refused(_QUOTE_REFUSED)
+            form, at = label(str(text[at:end], "utf-8")), end + 1
         else:
             end = at
             while end < len(text) and text[end] not in _DELIMITERS:
                 end += 1
             form, at = _word(text[at - 1 : end]), end
-        while around and around[-1][1] != "(":
+        while around and around[-1][1] != _OPEN:
             outer, mark = around.pop()
             form, items = [_PREFIXES[mark], form], outer
         items.append(form)
     if around:
-        missing = sum([mark == "(" for _, mark in around])
-        if around[-1][1] == "(":
-            raise Refused("closed", missing)
-        raise Refused("prefix", around[-1][1])
-    return items
+        missing = sum([mark == _OPEN for _, mark in around])
+        if around[-1][1] == _OPEN:
+            raise Refused(_CLOSED_REFUSED, missing)
+        raise Refused(_PREFIX_REFUSED, _PREFIXES[around[-1][1]])
+    if len(items) != 1:
+        raise Refused(_MORE_REFUSED if items else _NONE_REFUSED)
+    return items[0]
 
 
-def _label(text):
-    if len(text) > MAX_NAME:
-        raise Refused("label-long", len(text), MAX_NAME)
-    if any([ord(c) < 32 or 127 <= ord(c) < 160 for c in text]):
-        raise Refused("label-odd")
+def label(text):
+    if len(text) > _MAX_NAME:
+        raise Refused(_LABEL_LONG_REFUSED, len(text), _MAX_NAME)
+    if any([c < 32 or c == 127 for c in text.encode()]):
+        raise Refused(_LABEL_ODD_REFUSED)
     return Label(text)
 
 
-def _word(word):
-    """A number or a name."""
-    body = word[1:] if word[0] in "+-" else word
-    if body[:1].isdigit() or (body[:1] == "." and body[1:2].isdigit()):
-        return _number(word)
-    if len(word) > MAX_NAME:
-        raise Refused("name-long", len(word), MAX_NAME)
-    if "|" in word and not word.strip("|"):
-        raise Refused("bars", word)
-    if not (_is_letter(word[0]) or word[0] in _FIRST) or not all(
-        [_is_letter(c) or c.isdigit() or c in _REST for c in word]
-    ):
-        raise Refused("name-odd", word)
+def _word(data):
+    """A number or a name. (Bytes, because every character that is taken out of a text stays in memory for ever.)"""
+    at = 1 if data[0] in b"+-" else 0
+    dot = at < len(data) and data[at] == _DOT
+    if _digits(data, at + dot) > at + dot:
+        return _number(data)
+    word = str(data, "utf-8")
+    if len(word) > _MAX_NAME:
+        raise Refused(_NAME_LONG_REFUSED, len(word), _MAX_NAME)
+    if b"|" in data and not word.strip("|"):
+        raise Refused(_BARS_REFUSED, word)
+    if not (_is_letter(data[0]) or data[0] in _FIRST) or not all([_is_letter(c) or c in _REST for c in data]):
+        raise Refused(_NAME_ODD_REFUSED, word)
     return word
 
 
 def _is_letter(c):
-    return "a" <= c <= "z" or "A" <= c <= "Z"
+    return 97 <= c | 32 <= 122 and c < 128
 
 
-def _digits(word, at):
-    while at < len(word) and "0" <= word[at] <= "9":
+def _digits(data, at):
+    while at < len(data) and 48 <= data[at] <= 57:
         at += 1
     return at
 
 
-def _number(word):
-    at = _digits(word, 1 if word[0] in "+-" else 0)
-    if word[at : at + 1] == ".":
-        at = _digits(word, at + 1)
-    if word[at : at + 1] in ("e", "E"):
-        begin = at + 2 if word[at + 1 : at + 2] in ("+", "-") else at + 1
-        end = _digits(word, begin)
+def _number(data):
+    at = _digits(data, 1 if data[0] in b"+-" else 0)
+    if data[at : at + 1] == b".":
+        at = _digits(data, at + 1)
+    if data[at : at + 1] in (b"e", b"E"):
+        begin = at + 2 if data[at + 1 : at + 2] in (b"+", b"-") else at + 1
+        end = _digits(data, begin)
         if end > begin:
             at = end
+    word = str(data, "utf-8")
     unit = word[at:].lower()
-    if unit and not _like_unit(unit):
-        raise Refused("number", word)
+    if unit and not _like_unit(data[at:]):
+        raise Refused(_NUMBER_REFUSED, word)
     value = float(word[:at])
     if unit:
         value = _to_si(value, unit)
     if value - value != 0:
-        raise Refused("huge", word)
+        raise Refused(_HUGE_REFUSED, word)
     return value, word, unit in _PLAIN
 
 
@@ -179,8 +200,8 @@ def _to_si(value, unit):
     if unit in ("deg", "deg/s"):
         return value * (math.pi / 180.0)
     at = _UNITS.find(" %s " % unit)
-    if at < 0 or "0" <= unit[0] <= "9":
-        raise Refused("unit", unit)
+    if at < 0 or unit[:1].isdigit():
+        raise Refused(_UNIT_REFUSED, unit)
     at += len(unit) + 2
     factor, _, part = _UNITS[at : _UNITS.find(" ", at)].partition("/")
     if not factor:
@@ -188,13 +209,13 @@ def _to_si(value, unit):
     return value * (float(factor) / float(part) if part else float(factor))
 
 
-def _like_unit(unit):
+def _like_unit(data):
     """Whether this is `%`, or letters, perhaps a slash and letters, perhaps one digit."""
-    if unit == "%":
+    if data == b"%":
         return True
-    if unit[-1].isdigit():
-        unit = unit[:-1]
-    parts = unit.split("/")
+    if 48 <= data[-1] <= 57:
+        data = data[:-1]
+    parts = data.split(b"/")
     return len(parts) <= 2 and all([part and all([_is_letter(c) for c in part]) for part in parts])
 
 

@@ -4,10 +4,13 @@ Loaded when the first text with such a form comes. In the templates M and S stan
 for local names, A, B and C for its arguments, and REST for those behind them.
 """
 
+from micropython import const
+
 from sleepnode.checker import buffer_number
 from sleepnode.reader import head_of, read
 
-MAX_PREFIX = 48
+_MAX_PREFIX = const(48)
+
 _FORMS = {
     "once": ("(LET ((N A) (P (DEFVAR M FALSE))) (SETQ M (IF (KNOWN N) N P)) (WHEN (AND N (NOT P)) REST))", 1, "FALSE"),
     "held": (
@@ -87,7 +90,7 @@ class _Rule:
         text, count, first = _FORMS[head]
         if len(form) <= count:
             return inside
-        name = "%s_%s%d" % (self.key[:MAX_PREFIX], head, len(self.resets) + 1)
+        name = "%s_%s%d" % (self.key[:_MAX_PREFIX], head, len(self.resets) + 1)
         values = {"n": [name + "_now"], "p": [name + "_before"], "m": [name], "s": [name + "_since"]}
         for at, form in enumerate(inside[1:4]):
             values["abc"[at]] = [form]

@@ -1,8 +1,12 @@
 """SHARE, a value that robots keep alike, written out in ordinary forms. BETTER and WORSE stand for the signs of a
 better value and of one that is worse by C; the other names are those of `remembering.py`."""
 
+from micropython import const
+
 from sleepnode.reader import read
-from sleepnode.remembering import MAX_PREFIX, filled
+from sleepnode.remembering import filled
+
+_MAX_PREFIX = const(48)
 
 _TURN = "(AND %s (= (MOD (+ tick id) 5) 0) (OR (NOT (KNOWN P)) (/= %s P) (= (MOD (+ tick id) 50) 0)))"
 _BEST = (
@@ -31,10 +35,10 @@ def shared(form, rule):
         return form
     text, better, worse = _MERGED[how]
     name = form[1]
-    prefix = "%s_share%d" % (rule.key[:MAX_PREFIX], len(rule.resets) + 1)
+    prefix = "%s_share%d" % (rule.key[:_MAX_PREFIX], len(rule.resets) + 1)
     values = {"n": [prefix + "_now"], "p": [prefix + "_before"], "m": [prefix], "a": [name], "c": [step]}
     values["better"], values["worse"] = [better], [worse]
-    values["merged"] = [name.lower()[:MAX_PREFIX] + "_merged"]
-    values["version"] = [name.lower()[:MAX_PREFIX] + "_version"]
+    values["merged"] = [name.lower()[:_MAX_PREFIX] + "_merged"]
+    values["version"] = [name.lower()[:_MAX_PREFIX] + "_version"]
     rule.resets.append(filled(read("(PROGN (DEFVAR A) (DEFVAR M) (SETQ M UNKNOWN))"), values)[0])
     return filled(read(text), values)[0]

@@ -1,0 +1,493 @@
+"""The node: a radio, a mind and a body, ten times a second, and the radio in between.
+
+Datagrams are looked at as they come, and their signatures verified in slices, one at a time: a STOP goes before
+everything else, whenever it comes. Whatever the node says is signed in slices as well.
+"""
+
+import gc
+import os
+import random
+import time
+
+from micropython import const
+
+from sleepnode import ed25519
+from sleepnode.cbor import Malformed
+from sleepnode.envelope import content, look, names, payload, sealed, signed
+from sleepnode.latch import Latch
+from sleepnode.mind import Mind
+from sleepnode.radio import Clock
+from sleepnode.reader import Refused, unload
+from sleepnode.streams import Streams
+from sleepnode.trust import Trust, key_id, load_key
+
+_ASK = const(1)
+_STOP = const(2)
+_RELEASE = const(3)
+_HEARTBEAT = const(4)
+_ANSWER = const(5)
+_REPORT = const(6)
+_DIGEST = const(7)
+_REQUEST = const(8)
+_STANDING = const(9)
+_OWNER = const(0)
+_ROLE = const(1)
+
+# Why a datagram is dropped.
+_MALFORMED = const(1)
+_UNKNOWN_KEY = const(2)
+_REVOKED_KEY = const(3)
+_NOT_ALLOWED = const(4)
+_LATE = const(5)
+_FROM_THE_FUTURE = const(6)
+_REPEATED = const(7)
+_TOO_MANY = const(8)
+_FORGED = const(9)
+_OTHER_FLEET = const(10)
+_NO_ROOM = const(11)
+_NO_MEMORY = const(12)
+_NOT_SENT = const(13)
+_TOO_LONG_TO_SEND = const(14)
+_OURS = const(15)
+
+_SKEW = const(2000000)
+_OLDEST = const(3600000000)
+_MAX_JOBS = const(6)
+_MAX_PARTS = const(3)
+_MAX_QUEUE = const(16)
+_MAX_OUT = const(16)
+_MAX_ANSWERED = const(8)
+_RANKS = const(b"\x01\x03\x00\x00\x02\x05\x05\x04\x05\x01")
+"""In which order signatures are verified, by kind: orders before questions, and those before digests."""
+_TICK = const(100)
+_LISTEN = const(16)
+"""Datagrams read at once, before the node does something else."""
+
+
+class Node:
+    """A robot on the air. body: see `body.py`; radio: see `radio.py`; key, trust: files of `sleepcast keys`.
+
+    lease: the seconds for which a driven body goes on while no operator is heard, None for ever. number: its `id`.
+    name: by default the owner of the key.
+    """
+
+    def __init__(
+        self, body, radio, key="robot.key", trust="trust.json", fleet="", lease=1.0, number=0, seed=0, name=None
+    ):
+        self.body, self.radio, self.fleet = body, radio, fleet
+        owner, secret = load_key(key)
+        self.name = name or owner
+        self._secret = ed25519.expand(secret)
+        self._public = ed25519.public_key(self._secret)
+        self.key = key_id(self._public)
+        self.trust, self.clock, self.latch = Trust(trust), Clock(), Latch()
+        sensors = [each[0] for each in body.sensors]
+        actuators = [each[0] for each in body.actuators]
+        self.mind = Mind(sensors, actuators, body.constants, body.functions, number, seed)
+        self.stopped = self.driven = self._still = False
+        self.dropped = [0] * 16
+        """Datagrams that were dropped, by the numbers above."""
+        now = self.clock.now()
+        self._epoch = now if self.clock.is_set else int.from_bytes(os.urandom(6), "big")
+        self.number, self._zero = 0, now
+        self._streams = Streams(now)
+        self._lease, self._heard = lease, None
+        self.stop = self.job = self._signing = None
+        self._stops, self._turn = 0, False
+        self._jobs, self._queue, self.out = [], [], []
+        self._answered = []
+        self.pieces = {}
+        self.next, self.tick = now, 0
+        self._nonce, self.asked, self._pause = None, now - 16000, 2000
+        gc.threshold(-1)
+
+    def run(self):
+        """Go on for ever."""
+        while True:
+            try:
+                if not self.step():
+                    time.sleep_ms(1)
+            except MemoryError:  # what was being done is lost, as on the air; the sender repeats it
+                self.job = self._signing = None
+                gc.collect()
+                self._drop(_NO_MEMORY)
+
+    def step(self):
+        """One slice of what there is to do; whether there was anything."""
+        self.listen()
+        busy = self._work()
+        now = self.clock.now()
+        if now >= self.next:
+            self.next = max(self.next + _TICK, now)
+            self._think(now)
+            return True
+        return busy
+
+    # ---- receiving
+
+    def listen(self):
+        """Look at the datagrams that have come."""
+        for _ in range(_LISTEN):
+            datagram = self.radio.receive()
+            if datagram is None:
+                return
+            try:
+                reason = self._look(look(datagram))
+            except Malformed:
+                reason = _MALFORMED
+            if reason:
+                self._drop(reason)
+
+    def _drop(self, reason):
+        self.dropped[reason] += 1
+
+    def _look(self, part):
+        """Why a datagram is dropped, 0 if its signature is to be verified."""
+        which, kind, epoch, number = part[:4]
+        if which == self.key:
+            return _OURS
+        reason = self.trust.objection(which, kind)
+        if reason:
+            return reason
+        if kind != _STOP and not (kind == _HEARTBEAT and self._nonce and self._nonce in part[8]):
+            now = 1000 * self.clock.now()
+            if now > part[5] + _SKEW or (kind != _STANDING and now > part[4] + _OLDEST + _SKEW):
+                return _LATE
+            if part[4] > now + _SKEW:
+                return _FROM_THE_FUTURE
+        owner = self.trust.keys[which][_OWNER]
+        if kind != _STANDING and self.trust.knows((which, owner, epoch), number):
+            return _REPEATED
+        if kind == _STANDING and number <= self._streams.of((which, epoch))[0]:
+            return _REPEATED
+        if part[6] in self.pieces.get((which, epoch, number), ()):
+            return _REPEATED
+        if part in self._jobs or (self.job and part == self.job[0]):
+            return _REPEATED
+        if kind == _STOP:  # of many at once a random one: forgeries have only their own share
+            self._stops += 1
+            if self.stop is None or (not self.stop[1] and random.random() * self._stops < 1):
+                self.stop = [part, None]
+        else:
+            rank = _RANKS[kind]
+            same = [at for at in range(len(self._jobs)) if _RANKS[self._jobs[at][1]] >= rank]
+            if len(self._jobs) < _MAX_JOBS:
+                self._jobs.append(part)
+            elif same:  # of many at once a random one, but orders before questions
+                self._jobs[same[random.getrandbits(8) % len(same)]] = part
+                return _TOO_MANY
+            else:
+                return _TOO_MANY
+        return 0
+
+    def _work(self):
+        """A slice of verifying or signing; whether there was anything to do."""
+        if self.stop is not None:
+            return self._go_on(self.stop, True)
+        self._turn = not self._turn
+        if self._turn and self._sign():
+            return True
+        if self.job is None and self._jobs:
+            first = min(range(len(self._jobs)), key=lambda at: _RANKS[self._jobs[at][1]])
+            self.job = [self._jobs.pop(first), None]
+        return self._go_on(self.job, False) if self.job is not None else self._sign()
+
+    def _go_on(self, job, on):
+        part = job[0]
+        if job[1] is None:
+            job[1] = self.trust.verification(part[0], signed(part[8]), part[9])
+        try:
+            next(job[1])
+            return True
+        except StopIteration as end:
+            good = end.value
+        if on:
+            self.stop, self._stops = None, 0
+        else:
+            self.job = None
+        try:
+            if not good:
+                self._drop(_FORGED)
+            else:
+                self._verified(part, names(part[8]))
+        except Malformed:
+            self._drop(_MALFORMED)
+        return True
+
+    def _verified(self, part, name):
+        which, kind, epoch, number, issued, deadline, at, parts = part[:8]
+        fleet, sender, piece = name
+        if fleet != self.fleet or not self.trust.is_of(which, sender):
+            self._drop(_OTHER_FLEET if fleet != self.fleet else _NOT_ALLOWED)
+            return
+        if kind != _STANDING and self.trust.knows((which, sender, epoch), number):
+            self._drop(_REPEATED)
+            return
+        message = [which, kind, epoch, number, issued, deadline, sender, "", {}]
+        if parts > _MAX_PARTS:
+            self.trust.note((which, sender, epoch), number)
+            self._streams.of((which, epoch))[0] = max(number, self._streams.of((which, epoch))[0])
+            self._answer(message, "fault", None, "a message of %d parts is too long for this computer" % parts)
+            return
+        if parts > 1:
+            waiting = self.pieces.setdefault((which, epoch, number), {})
+            waiting[at] = piece
+            if len(waiting) < parts:
+                if len(self.pieces) > 2:
+                    del self.pieces[min([each for each in self.pieces if self.pieces[each] is not waiting])]
+                return
+            del self.pieces[which, epoch, number]
+            piece = b"".join([waiting[each] for each in range(parts)])
+        message[7], message[8] = content(piece)
+        self.trust.note((which, sender, epoch), number)
+        self._take(message)
+
+    # ---- messages: [key, kind, epoch, number, issued, deadline, sender, text, body]
+
+    def _take(self, message):
+        which, kind, epoch, number = message[:4]
+        body, role, now = message[8], self.trust.keys[which][_ROLE], self.clock.now()
+        if kind == _DIGEST:
+            self._streams.compare(body.get("have"), self._commands, now)
+            return
+        if kind == _HEARTBEAT and "time" in body:
+            self._take_time(message, now)
+            return
+        if role in ("operator", "commander") and kind != _STANDING:
+            self._heard = now
+        if kind == _STOP:
+            self._obey_stop(message)
+        elif kind == _RELEASE and self._is_addressed(body):
+            self._obey_release(message)
+        elif kind == _ASK and "again" in body:
+            self._say_again(body)
+        elif kind in (0, _STANDING) and role != "robot":
+            if "keys" in body:
+                if kind == _STANDING and role == "commander":
+                    reason = self.trust.change(body["keys"])
+                    self._answer(message, "fault" if reason else "matched", None, reason)
+                message[7] = ""
+            for each in self._streams.take((which, epoch), number, kind == _STANDING, body, message, now):
+                self._enqueue(each)
+        elif kind in (0, _ASK):
+            self._enqueue(message)
+
+    def _enqueue(self, message):
+        old = message[1] != _STANDING and message[4] < 1000 * (self._streams.since - 2000)
+        if old or "keys" in message[8] or not self._is_addressed(message[8]):
+            return
+        if len(self._queue) < _MAX_QUEUE:
+            self._queue.append(message)
+        else:
+            self._drop(_NO_ROOM)
+
+    def _commands(self, which):
+        key = self.trust.keys.get(which)
+        return key is not None and key[_ROLE] in ("operator", "commander")
+
+    def _is_addressed(self, body):
+        only, others = body.get("for"), body.get("not", [])
+        if not isinstance(others, list) or self.name in others:
+            return False
+        return "for" not in body or (isinstance(only, list) and self.name in only)
+
+    def _obey_stop(self, message):
+        body = message[8]
+        if not self.latch.stop([message[6], message[2], message[3]], body):
+            self._answer(message, "fault", None, "a RELEASE that was sent later has ended this STOP")
+            return
+        fault = self._halt()
+        if self._is_addressed(body):
+            self._answer(message, "stopped", None, fault)
+
+    def _halt(self):
+        """Stop the body, and keep it stopped."""
+        self.stopped = self.mind.held = True
+        self.mind.dirty = []
+        return self._rest()
+
+    def _rest(self):
+        try:
+            self.body.stop()
+        except Exception as error:
+            return "the body does not stop: %r" % error
+        return ""
+
+    def _obey_release(self, message):
+        if not self.latch.release([message[6], message[2], message[3]], message[8]):
+            said = "the STOP %s holds: the RELEASE does not name it" % self.latch.names()
+            self._answer(message, "fault", None, said)
+            return
+        self.stopped = self.mind.held = False
+        self.body.release()
+        self._answer(message, "released", None, "")
+
+    # ---- ticks
+
+    def _think(self, now):
+        mind, seconds = self.mind, (now - self._zero) / 1000
+        self.tick += 1
+        mind.begin(self.tick, seconds)
+        self.body.sense(mind, 70)
+        quiet = self._heard is None or now - self._heard > 1000 * (self._lease or 0)
+        if self.driven and self._lease is not None and quiet:
+            self.driven = False
+            mind.dirty = []
+            fault = self._rest()
+            if not self.stopped:
+                self.body.release()
+            mind.report(fault or "at rest: nobody drives it any more", ())
+        for message in self._streams.expire(now):
+            self._enqueue(message)
+        queue, self._queue = self._queue, []
+        for message in queue:
+            self._obey(message)
+        if mind.round():
+            self.driven = False
+        still = bool(mind.values[2] or mind.values[3])
+        if still != self._still:
+            self._still = still
+            if still:
+                self._rest()
+            elif not self.stopped:
+                self.body.release()
+        if not (still or self.stopped):
+            fault = self.body.act(mind)
+            if fault:
+                mind.report(fault, ())
+        self._speak(now)
+
+    def _obey(self, message):
+        kind, sender, text, body = message[1], message[6], message[7], message[8]
+        mind, role = self.mind, self.trust.keys[message[0]][_ROLE]
+        if 1000 * self.clock.now() > message[5]:
+            self._answer(message, "late", None, "")
+            return
+        if kind == _ASK and "look" in body:
+            from sleepnode.telemetry import told
+
+            more = told(self, body)
+            unload("telemetry")
+            self._answer(message, "answer", None, more.pop("fault", ""), more)
+            return
+        if "lease" in body:
+            self._answer(message, "fault", None, "this robot knows no leases of groups")
+            return
+        try:
+            program = mind.compile(text)
+        except Refused as error:
+            self._answer(message, "fault", None, error.sentence())
+            return
+        if kind == _ASK:
+            value = mind.ask(program)
+            more = {"matched": mind.matched} if "matched" in body else {}
+            if more and mind.undecided and not mind.matched:
+                more["unknown"] = True
+            self._answer(message, "answer", value, "; ".join(mind.faults), more)
+            return
+        if role != "commander" and mind.ruling:
+            said = "only a commander's key may change rules, and that of %s is of role %s" % (sender, role)
+            self._answer(message, "fault", None, said)
+            return
+        hops = body.get("hops")
+        mind.hops = min(max(hops, 1), 8) - 1 if isinstance(hops, int) else 0 if role == "robot" else 8
+        value = mind.run(program)
+        mind.hops = 8
+        if mind.moved:
+            self.driven = role != "robot" and kind != _STANDING
+        if role == "robot":
+            return
+        if mind.faults:
+            self._answer(message, "fault", value, mind.faults[0])
+        elif mind.matched:
+            self._answer(message, "matched", value, "", {"held": True} if mind.moved and self.stopped else {})
+        else:
+            self._answer(message, "not matched", value, "", {"unknown": True} if mind.undecided else {})
+
+    # ---- speaking: [when, kind, deadline, text, body]
+
+    def _say(self, kind, body, text="", life=5000, within=0):
+        now = self.clock.now()
+        if len(self.out) < _MAX_OUT:
+            self.out.append([now + int(1000 * within * random.random()), kind, now + life, text, body])
+        else:
+            self._drop(_NOT_SENT)
+
+    def _answer(self, message, outcome, value, fault, more=None):
+        body = {"command": "%s-%d.%d" % (message[6], message[2], message[3]), "outcome": outcome, "value": value}
+        body["fault"] = fault[:200] or None
+        body.update(more or {})
+        self._answered.append(body)
+        del self._answered[:-_MAX_ANSWERED]
+        self._say(_ANSWER, body, within=self._within(message[8]))
+
+    def _within(self, body):
+        within = body.get("within")
+        return within if isinstance(within, (int, float)) and 0 < within <= 60 else 0
+
+    def _say_again(self, body):
+        """An operator has missed answers."""
+        if ("for" in body or "not" in body) and self._is_addressed(body):
+            for answer in self._answered:
+                if answer["command"] == body["again"] and not any([each[4] is answer for each in self.out]):
+                    self._say(_ANSWER, answer, within=self._within(body))
+
+    def _speak(self, now):
+        """Hand what the mind has said, and what the channel wants, to the radio."""
+        mind, streams = self.mind, self._streams
+        for label, values, rule in mind.reports:
+            body = {"label": label, "values": list(values)}
+            if rule:
+                body["rule"] = rule
+            self._say(_REPORT, body)
+        for text, hops in mind.told:
+            self._say(0, {"hops": hops}, text)
+        mind.reports, mind.told, mind.pings = [], [], []
+        if streams.missed:
+            self._say(_REPORT, {"label": "missed", "values": [float(streams.missed)]})
+            streams.missed = 0
+        wanted = streams.wanted(now)
+        if wanted:
+            self._say(_REQUEST, {"want": wanted})
+        if streams.is_due(now):
+            self._say(_DIGEST, {"have": streams.have()})
+        if not self.clock.is_set and now - self.asked >= self._pause:
+            self.asked, self._pause = now, min(2 * self._pause, 16000)
+            self._nonce = os.urandom(16)
+            self._say(_REPORT, {"time": self._nonce})
+
+    def _sign(self):
+        """A slice of signing; whether there was anything to sign."""
+        now = self.clock.now()
+        if self._signing is None:
+            due = [each for each in self.out if each[0] <= now]
+            if not due:
+                return False
+            self.out.remove(due[0])
+            _, kind, deadline, text, body = due[0]
+            self.number += 1
+            numbers = self._epoch, self.number, 1000 * now, 1000 * deadline
+            found = payload(kind, numbers, self.fleet, self.name, text, body)
+            if found is None:
+                self._drop(_TOO_LONG_TO_SEND)
+                return True
+            self._signing = [found, ed25519.sign(self._secret, self._public, signed(found))]
+        try:
+            next(self._signing[1])
+        except StopIteration as end:
+            self.radio.send(sealed(self.key, self._signing[0], end.value))
+            self._signing = None
+        return True
+
+    def _take_time(self, message, now):
+        """Set the clock by the answer to our question."""
+        if self._nonce is None or message[8]["time"] != self._nonce or now - self.asked > 1000:
+            return
+        told = message[4] // 1000 + (now - self.asked) // 2
+        behind = told - now
+        self.clock.set(told)
+        self._nonce = None
+        self._zero += behind
+        self.next = told
+        self._streams = Streams(told)
+        self._say(_REPORT, {"label": "clock", "values": [behind / 1000], "took": message[6]})

@@ -1,0 +1,157 @@
+"""The commands of each sender in their order: which can be obeyed, which wait, and which are missing.
+
+Times are milliseconds of Unix time. A message is a tuple; NUMBER_AT and BODY_AT say where its number and its body are.
+"""
+
+import random
+
+from micropython import const
+
+_MAX_STREAMS = const(8)
+_MAX_WAITING = const(8)
+_MAX_WANTED = const(16)
+_SLACK = const(250)
+_SOONEST, _LATEST = 400, 60000
+_ENOUGH = const(2)
+_DONE = const(0)
+_RULES = const(1)
+_WAITING = const(2)
+_WANTED = const(3)
+"""Places in a stream: numbers of the latest command and of the latest standing one that were obeyed or skipped, waiting
+commands by number, and missing ones: number to [when to ask, the pause after that, until when]."""
+
+
+def _late(x, y):
+    """A random time, seldom early: of many robots a few ask, and the others hear them."""
+    return x + (y - x) * max(random.random(), random.random())
+
+
+def link(body, number):
+    """After which number a command comes, sent when, until when, and after which standing one."""
+    after, rules = body.get("after"), body.get("rules")
+    if isinstance(after, int) and isinstance(rules, int) and 0 <= rules <= after < number:
+        return after, _time(body.get("sent")), _time(body.get("until")), rules
+    return 0, None, None, 0
+
+
+def _time(seconds):
+    return int(seconds * 1000) if isinstance(seconds, (int, float)) else None
+
+
+class Streams:
+    """since: when the robot began to listen. missed: how many commands never came in time."""
+
+    def __init__(self, since):
+        self.since, self.missed = since, 0
+        self._streams = {}
+        self._alike, self._interval, self._speaks, self._ends = 0, _SOONEST, 0, 0
+        self.news(since)
+
+    def of(self, name):
+        found = self._streams.get(name)
+        if found is None:
+            if len(self._streams) >= _MAX_STREAMS:
+                without = [each for each in self._streams if not self._streams[each][_RULES]]
+                del self._streams[(without or list(self._streams))[0]]
+            found = self._streams[name] = [0, 0, {}, {}]
+        return found
+
+    def take(self, name, number, standing, body, message, now):
+        """The commands that can be obeyed now that this one has come, in order."""
+        stream = self.of(name)
+        if number <= stream[_DONE]:
+            return []
+        stream[_WAITING][number] = standing, body, message
+        stream[_WANTED].pop(number, None)
+        if len(stream[_WAITING]) > _MAX_WAITING:
+            del stream[_WAITING][max(stream[_WAITING])]
+        return self._advance(stream, now)
+
+    def expire(self, now):
+        """The commands that need not wait any longer."""
+        found = []
+        for stream in self._streams.values():
+            if stream[_WAITING]:
+                found += self._advance(stream, now)
+        return found
+
+    def _advance(self, stream, now):
+        found = []
+        while stream[_WAITING]:
+            number = min(stream[_WAITING])
+            standing, body, message = stream[_WAITING][number]
+            after, sent, until, rules = link(body, number)
+            if rules > stream[_RULES]:
+                self._want(stream, rules, now, None)
+                break
+            if after > stream[_DONE] and (sent is None or sent >= self.since):
+                if until is None or now <= until + _SLACK:
+                    self._want(stream, after, now, until)
+                    break
+                self.missed += 1
+            del stream[_WAITING][number]
+            stream[_DONE] = number
+            for old in [each for each in stream[_WANTED] if each <= number]:
+                del stream[_WANTED][old]
+            if standing:
+                stream[_RULES] = number
+                self.news(now)
+            found.append(message)
+        return found
+
+    def _want(self, stream, number, now, until):
+        if number not in stream[_WANTED] and len(stream[_WANTED]) < _MAX_WANTED:
+            stream[_WANTED][number] = [now + _late(20, 80), 150, until]
+
+    def wanted(self, now):
+        """What to request now, as in a request's body; [] for nothing."""
+        found = []
+        for name, stream in self._streams.items():
+            numbers = []
+            for number, want in list(stream[_WANTED].items()):
+                if want[2] is not None and want[2] + _SLACK < now:
+                    del stream[_WANTED][number]
+                elif want[0] <= now:
+                    numbers.append(number)
+                    want[0] = now + _late(want[1] // 2, want[1])
+                    want[1] = min(2 * want[1], 2000)
+            if numbers:
+                found.append([name[0], name[1], numbers])
+        return found
+
+    # ---- digests
+
+    def have(self):
+        """What a digest says: each stream's latest standing command."""
+        return sorted([[name[0], name[1], each[_RULES]] for name, each in self._streams.items() if each[_RULES]])
+
+    def compare(self, have, may, now):
+        """Somebody's digest: ask soon if it says anything else than ours. may: tells whether a key may command."""
+        theirs = {}
+        for each in have if isinstance(have, list) else ():
+            if isinstance(each, list) and len(each) == 3 and isinstance(each[2], int) and may(each[0]):
+                theirs[each[0], each[1]] = each[2]
+        ours = {(each[0], each[1]): each[2] for each in self.have()}
+        if theirs == ours:
+            self._alike += 1
+        else:
+            self.news(now)
+
+    def news(self, now):
+        """There is news: send a digest soon."""
+        if self._ends <= now or self._interval > _SOONEST:
+            self._begin(now, _SOONEST)
+
+    def is_due(self, now):
+        """Whether to send a digest now."""
+        speak = self._speaks is not None and self._speaks <= now
+        if speak:
+            self._speaks = None
+            speak = self._alike < _ENOUGH
+        if self._ends <= now:
+            self._begin(now, min(2 * self._interval, _LATEST))
+        return speak
+
+    def _begin(self, now, wait):
+        self._interval, self._ends, self._alike = wait, now + wait, 0
+        self._speaks = now + _late(wait // 2, wait)

@@ -1,0 +1,64 @@
+"""What a robot tells about itself when it is asked (docs/wire.md, telemetry requests). Loaded for one answer."""
+
+import hashlib
+import json
+import struct
+
+
+def told(node, body):
+    """The fields of the answer."""
+    what = body.get("look")
+    if what == "vocabulary":
+        return {"told": vocabulary(node.body)}
+    if what == "mind":
+        return {"told": learned(node.mind)}
+    if what != "telemetry":
+        return {"fault": "this robot tells its telemetry, vocabulary and mind, not its %s" % what}
+    mind = node.mind
+    values = mind.values[:4] + mind.values[67 : mind.first_user]
+    said = (
+        _digest(vocabulary(node.body)),
+        _digest(learned(mind)),
+        b"".join([struct.pack("<d", float("nan") if each is None else each) for each in values]),
+        sum([1 << at - 1 for at in range(1, 64) if mind.values[3 + at]]),
+        b"",
+        {},
+        mind.groups(),
+        node.stopped,
+        node.driven,
+    )
+    names = "type mind values active running user groups stopped driven".split()  # so they need not stay in memory
+    found = {names[at]: said[at] for at in range(9)}
+    for key, slot in mind.learned.items():
+        if isinstance(slot, int):
+            value = mind.values[slot]
+            said[5][key] = float("nan") if value is None else value
+    more = {"told": found}
+    if node.latch.holding:
+        more["stops"] = [each + [0.0] for each in node.latch.holding]
+    return more
+
+
+def vocabulary(body):
+    """The names of this type of robot as a text."""
+    found = {"name": "small computer", "sensors": [], "actuators": [], "constants": [], "functions": []}
+    for sort in ("sensors", "actuators"):
+        for name, _, unit, low, high in getattr(body, sort):
+            found[sort].append([name, unit, low, high, None, "", ""])
+    for name in sorted(body.constants):
+        found["constants"].append([name, body.constants[name], None, ""])
+    for each in body.functions:
+        more = 1 if each.labelled else 0
+        most, least = each.most - more, each.least - more
+        found["functions"].append([each.name, [None] * most, least, "", None, each.acts, each.labelled, False, ""])
+    return json.dumps(found)
+
+
+def learned(mind):
+    """The names of its groups as a text. The texts of its rules and operators are not kept."""
+    groups = sorted([key for key, found in mind.learned.items() if found == "group"])
+    return json.dumps({"groups": groups, "operators": [], "rules": []})
+
+
+def _digest(text):
+    return hashlib.sha256(text.encode()).digest()[:8]

@@ -1,0 +1,122 @@
+"""Whom a robot obeys: the keys it knows, what their roles may send, and which messages it has heard already."""
+
+import hashlib
+import json
+
+from micropython import const
+
+from sleepnode import ed25519
+
+_OWNER = const(0)
+_ROLE = const(1)
+_PUBLIC = const(2)
+_POINT = const(3)
+_REVOKED = const(4)
+"""Places in a key. _POINT is computed when it is first needed."""
+_UNKNOWN_KEY = const(2)
+_REVOKED_KEY = const(3)
+_NOT_ALLOWED = const(4)
+_WINDOW = const(256)
+"""Numbers back from the latest that are told apart; older ones count as received."""
+_MAX_KEYS = const(64)
+_MAX_SENDERS = const(32)
+_MAY = {"observer": (1, 2, 7), "operator": (0, 1, 2, 3, 4, 7), "commander": (0, 1, 2, 3, 4, 7, 9), "robot": (0, 2, 7)}
+"""Numbers of the kinds that a robot takes from each role; it has nothing to send again, so no requests."""
+
+
+def key_id(public):
+    return hashlib.sha256(public).digest()[:8]
+
+
+def load_key(file):
+    """Owner and seed of a key file of `sleepcast keys`."""
+    with open(file) as opened:
+        found = json.load(opened)
+    return found["owner"], bytes.fromhex(found["secret"])
+
+
+class Trust:
+    """See the module. file: a trust file of `sleepcast keys`; changes are written to it."""
+
+    def __init__(self, file):
+        self.file = file
+        self.keys = {}
+        self.gone = []
+        self._heard = {}
+        with open(file) as opened:
+            found = json.load(opened)
+        for key in found["keys"]:
+            self.add(key["owner"], key["role"], bytes.fromhex(key["public"]), key.get("revoked", False))
+        self.gone = [bytes.fromhex(each) for each in found.get("gone", ())]
+
+    def add(self, owner, role, public, revoked=False):
+        which = key_id(public)
+        if which not in self.keys and len(self.keys) < _MAX_KEYS and role in _MAY and len(public) == 32:
+            self.keys[which] = [owner, role, public, None, revoked or which in self.gone]
+
+    def objection(self, which, kind):
+        """Why a message of this kind under this key is dropped (a number of `node.py`), 0 if it is not."""
+        key = self.keys.get(which)
+        if key is None:
+            return _UNKNOWN_KEY
+        if key[_REVOKED]:
+            return _REVOKED_KEY
+        return 0 if kind in _MAY[key[_ROLE]] else _NOT_ALLOWED
+
+    def verification(self, which, message, signature):
+        """The work of checking a signature, in slices."""
+        key = self.keys[which]
+        if key[_POINT] is None:
+            key[_POINT] = ed25519.point(key[_PUBLIC])
+        return ed25519.verify(key[_PUBLIC], key[_POINT], message, signature)
+
+    def is_of(self, which, name):
+        owner = self.keys[which][_OWNER]
+        return name.startswith(owner[:-1]) if owner.endswith("*") else name == owner
+
+    def change(self, change):
+        """Take a commander's change of keys; gives why it cannot be taken."""
+        try:
+            for which in change["revoke"]:
+                which = bytes.fromhex(which)
+                if which in self.keys:
+                    self.keys[which][_REVOKED] = True
+                elif which not in self.gone and len(self.gone) < _MAX_KEYS:
+                    self.gone.append(which)
+            for owner, role, public in change["trust"]:
+                self.add(owner, role, bytes.fromhex(public))
+        except (KeyError, TypeError, ValueError):
+            return "a change of keys has the lists trust, vouch and revoke"
+        self._save()
+        return ""
+
+    def _save(self):
+        keys = [
+            {"owner": key[_OWNER], "role": key[_ROLE], "public": key[_PUBLIC].hex(), "revoked": key[_REVOKED]}
+            for key in self.keys.values()
+        ]
+        with open(self.file, "w") as opened:
+            json.dump({"format": 1, "keys": keys, "gone": [each.hex() for each in self.gone]}, opened)
+
+    # ---- what was heard
+
+    def knows(self, name, number):
+        """Whether this number was heard. name: key, sender and epoch."""
+        heard = self._heard.get(name)
+        if heard is None or number > heard[0]:
+            return False
+        return heard[0] - number >= _WINDOW or bool(heard[1] >> (heard[0] - number) & 1)
+
+    def note(self, name, number):
+        """This number was heard."""
+        heard = self._heard.get(name)
+        if heard is None:
+            if len(self._heard) >= _MAX_SENDERS:
+                del self._heard[min(self._heard, key=lambda each: self._heard[each][2])]
+            heard = self._heard[name] = [number, 1, 0]
+        elif number > heard[0]:
+            heard[1] = (heard[1] << min(number - heard[0], _WINDOW) | 1) & (1 << _WINDOW) - 1
+            heard[0] = number
+        elif heard[0] - number < _WINDOW:
+            heard[1] |= 1 << (heard[0] - number)
+        heard[2] = max([each[2] for each in self._heard.values()]) + 1

@@ -1,0 +1,100 @@
+"""Runs under MicroPython: a node without a radio takes in the datagrams that arrive as lines of JSON, and says what
+became of each: `passed`, `kept` for a part that waits for others, or why it was dropped. Also decodes and signs."""
+
+import gc
+import json
+import sys
+
+from sleepnode import ed25519
+from sleepnode.body import Body
+from sleepnode.cbor import Malformed
+from sleepnode.envelope import content, look, names, payload, sealed, signed
+from sleepnode.node import Node
+
+REASONS = [
+    "",
+    "malformed",
+    "unknown key",
+    "revoked key",
+    "not allowed",
+    "late",
+    "from the future",
+    "repeated",
+    "too many",
+    "forged",
+    "other fleet",
+]
+
+
+class Radio:
+    def receive(self):
+        return None
+
+    def send(self, datagram):
+        pass
+
+
+class Clock:
+    def __init__(self, now):
+        self._now, self.is_set, self.taken = now, True, 0
+
+    def now(self):
+        return self._now
+
+    def set(self, now):
+        self.taken = now
+
+
+def take(node, datagram):
+    """What becomes of a datagram."""
+    taken, heard = [], node._take
+    node._take = lambda message: taken.append(message[1])
+    before = list(node.dropped)
+    try:
+        reason = node._look(look(datagram))
+        if reason:
+            return REASONS[reason]
+        while node.stop or node.job or node._jobs:
+            node._work()
+    except Malformed:
+        return "malformed"
+    finally:
+        node._take = heard
+    for at in range(len(before)):
+        if node.dropped[at] > before[at]:
+            return REASONS[at]
+    if taken and taken[0] == 9:
+        part = look(datagram)
+        node._streams.of((part[0], part[2]))[0] = part[3]  # as if it had been obeyed
+    return "passed" if taken else "kept"
+
+
+node = None
+for line in sys.stdin:
+    asked = json.loads(line)
+    if "fleet" in asked:
+        node = None
+        gc.collect()
+        node = Node(Body(stop=lambda: None), Radio(), fleet=asked["fleet"], name="r3")
+        node.clock = Clock(asked["now"])
+        node._nonce = bytes.fromhex(asked["nonce"]) or None
+        print(json.dumps({"name": node.name}))
+    elif "read" in asked:
+        try:
+            part = look(bytes.fromhex(asked["read"]))
+            said = names(part[8])
+            print(json.dumps({"kind": part[1], "numbers": part[2:8], "names": said[:2], "piece": said[2].hex()}))
+        except Malformed:
+            print(json.dumps({}))
+    elif "content" in asked:
+        text, body = content(bytes.fromhex(asked["content"]))
+        print(json.dumps({"text": text, "keys": sorted(body)}))
+    elif "seed" in asked:
+        secret = ed25519.expand(bytes.fromhex(asked["seed"]))
+        public = ed25519.public_key(secret)
+        found = payload(asked["kind"], asked["numbers"], asked["lab"], asked["sender"], asked["text"], {})
+        signature = ed25519.finished(ed25519.sign(secret, public, signed(found)))
+        datagram = sealed(bytes.fromhex(asked["key"]), found, signature)
+        print(json.dumps({"public": public.hex(), "datagram": datagram.hex()}))
+    else:
+        print(json.dumps({"became": take(node, bytes.fromhex(asked["datagram"]))}))

@@ -1,0 +1,108 @@
+"""A robot with MicroPython in 128 KB is one of a swarm: it obeys, answers, stops and catches up as the others do."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from channel.test_udp import free_port
+from cli.calling import called
+from cli.test_swarm import swarm
+from clients import board
+from sleepcast.channel.keyring import key_file, keys_folder, save_key, save_trust
+from sleepcast.channel.keys import KeyPair, Role, Trust
+
+ORDINARY = ["r1", "r2", "r3"]
+ALL = [*ORDINARY, "tiny"]
+PATIENT = 20.0
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    board.needed()
+    return board.build(tmp_path_factory.mktemp("board"))
+
+
+@pytest.fixture(scope="module")
+def channel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The channel of three ordinary robots, whose keys belong to this user."""
+    board.needed()
+    group = f"239.255.83.79:{free_port()}"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HOME", str(tmp_path_factory.mktemp("home")))
+        for name in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
+            patch.delenv(name, raising=False)
+        keys = [KeyPair.new("desk", Role.COMMANDER), KeyPair.new("r*", Role.ROBOT), KeyPair.new("tiny", Role.ROBOT)]
+        for key in keys:
+            save_key(key, key_file(keys_folder(), key.public.owner))
+        save_trust(Trust(key.public for key in keys), keys_folder() / "trust.json")
+        uri = f"udp://{group}?interface=lo"
+        with swarm(len(ORDINARY), uri, "--key", "r*"):
+            yield uri
+
+
+@contextmanager
+def tiny(folder: Path, channel: str, at: Path, **config: object) -> Iterator[board.Process]:
+    """A robot with MicroPython."""
+    address, _, port = channel.removeprefix("udp://").partition("?")[0].partition(":")
+    usual = {"address": address, "port": int(port), "interface": "127.0.0.1", "fleet": "sleepcast", "id": 9}
+    (at / "config.json").write_text(json.dumps({**usual, "fuel": 0.8, "lease": 1.0, **config}), encoding="utf-8")
+    shutil.copy(keys_folder() / "tiny.key", at / "robot.key")
+    shutil.copy(keys_folder() / "trust.json", at / "trust.json")
+    with board.start(folder, "main", at=at) as process:
+        try:
+            assert process.stdout is not None
+            assert "tiny is up" in process.stdout.readline()
+            yield process
+        finally:
+            process.kill()
+
+
+def account(channel: str, *arguments: str) -> dict[str, Any]:
+    """What becomes of a command."""
+    found = called(*arguments, "--within", "0.3", "--channel", channel, "--key", "desk", "--json")
+    assert found.out, found.err
+    told: dict[str, Any] = json.loads(found.out)
+    return told
+
+
+def value(channel: str, text: str) -> object:
+    """What a text is on the small robot, None if it has not answered."""
+    asked = account(channel, "ask", f"(IF (= id 9) {text} 0)")
+    return asked["max"] if "tiny" in asked["matched"] else None
+
+
+def until(holds: Callable[[], bool]) -> None:
+    late = time.monotonic() + PATIENT
+    while not holds():
+        assert time.monotonic() < late
+
+
+def test_it_is_one_of_the_swarm(folder: Path, channel: str, tmp_path: Path) -> None:
+    greeted = account(channel, "send", "--standing", "--all", "(RULE greet (+ id 100))")
+    assert sorted(greeted["matched"]) == ORDINARY
+    with tiny(folder, channel, tmp_path):
+        # A rule that was sent before it was there reaches it, from the other robots: the desk is gone.
+        until(lambda: value(channel, "greet") == 109.0)
+        # Each robot decides for itself.
+        sent = account(channel, "send", "(WHEN (> id 2) (JOIN late))")
+        assert (sorted(sent["matched"]), sorted(sent["not_matched"])) == (["r3", "tiny"], ["r1", "r2"])
+        # What one robot tells, the others do.
+        tell = "(WHEN (= id 1) (TELL (WHEN (= id 9) (SETQ lamp 1))))"
+        until(lambda: bool(account(channel, "send", tell, "--anyway")["matched"]) and value(channel, "lamp") == 1.0)
+        # It stops with the others, says why it does not move, and is released with them.
+        assert sorted(account(channel, "stop")["matched"]) == ALL
+        moved = account(channel, "send", "--anyway", "(WHEN (= id 9) (DRIVE 0.3m/s))")
+        assert "waits for RELEASE" in moved["faults"]["tiny"]
+        assert sorted(account(channel, "release")["matched"]) == ALL
+        # Driven, it comes to rest when its operator is gone for longer than the lease.
+        assert account(channel, "send", "--anyway", "(WHEN (= id 9) (DRIVE 0.3m/s))")["matched"] == ["tiny"]
+        until(lambda: value(channel, "speed") == 0.0)
+        assert 0.0 < float(str(value(channel, "x"))) < 1.5

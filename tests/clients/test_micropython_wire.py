@@ -1,0 +1,107 @@
+"""clients/micropython reads and signs the vectors of docs/wire.md, and drops what other robots drop."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from clients import board
+from sleepcast.channel.keys import KeyPair, Role
+
+ROOT = Path(__file__).resolve().parents[2]
+VECTORS: dict[str, list[dict[str, Any]]] = json.loads((ROOT / "docs" / "wire-vectors.json").read_text(encoding="utf-8"))
+DOORS = [door for door in VECTORS["doors"] if door["robot"]]
+KINDS = ["command", "ask", "stop", "release", "heartbeat", "answer", "report", "digest", "request"]
+NEVER = 2**63 - 1
+ROOM = "256k"
+"""Of memory: the datagrams come as lines of text here."""
+UNREAD = {5: "not for us", 6: "not for us", 8: "passed"}
+"""Kinds that this robot drops unread, and what others do with them: it repairs nobody, so it needs no requests."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    board.needed()
+    return board.build(tmp_path_factory.mktemp("board"))
+
+
+def write_keys(folder: Path, trust: list[dict[str, Any]]) -> None:
+    (folder / "trust.json").write_text(json.dumps({"format": 1, "keys": trust}), encoding="utf-8")
+    (folder / "robot.key").write_text(
+        json.dumps({"format": 1, "owner": "r3", "role": "robot", "secret": bytes(range(1, 33)).hex()}), encoding="utf-8"
+    )
+
+
+@pytest.fixture
+def receiver(folder: Path) -> Iterator[board.Talk]:
+    with board.Talk(board.start(folder, "receiver", heap=ROOM)) as talk:
+        yield talk
+
+
+def micro(seconds: float | None) -> int:
+    return NEVER if seconds is None else round(seconds * 1e6)
+
+
+def test_it_reads_every_message_of_the_vectors(receiver: board.Talk) -> None:
+    for vector in VECTORS["messages"]:
+        message, content = vector["message"], ""
+        for number, datagram in enumerate(vector["datagrams"]):
+            found = receiver.ask({"read": datagram})
+            times = [micro(message["issued"]), micro(message["deadline"])]
+            parts = [number, len(vector["datagrams"])]
+            assert found["numbers"] == [message["epoch"], message["sequence"], *times, *parts], vector["about"]
+            assert found["kind"] == (9 if message["standing"] else KINDS.index(message["kind"]))
+            assert found["names"] == [vector["fleet"], message["sender"]]
+            content += str(found["piece"])
+        if len(content) < 20_000:  # longer ones do not fit into one line here
+            said = receiver.ask({"content": content})
+            assert (said["text"], said["keys"]) == (message["text"], sorted(message["body"])), vector["about"]
+
+
+def test_it_drops_what_is_no_message(receiver: board.Talk) -> None:
+    for vector in VECTORS["refused"]:
+        assert receiver.ask({"read": vector["datagram"]}) == {}, vector["about"]
+
+
+@pytest.mark.parametrize("door", [pytest.param(door, id=door["about"]) for door in DOORS])
+def test_it_lets_in_what_other_robots_let_in(folder: Path, door: dict[str, Any]) -> None:
+    write_keys(folder, door["trust"])
+    vouched = {bytes.fromhex(each) for each in door["vouched"]}
+    with board.Talk(board.start(folder, "receiver", heap=ROOM)) as receiver:
+        nonce = door.get("nonce", "")
+        receiver.ask({"fleet": door["fleet"], "now": round(door["now"] * 1000), "nonce": nonce})
+        for step in door["steps"]:
+            kind = int(step["datagram"][44:46] or "0", 16)
+            wanted = step["found"]
+            became = receiver.ask({"datagram": step["datagram"]})["became"]
+            if wanted != became and kind in UNREAD:
+                assert (wanted, became) == (UNREAD[kind], "not allowed"), step["about"]
+            elif wanted != became and vouched:  # it keeps no list of what is vouched for
+                assert became == "revoked key", step["about"]
+                assert wanted in ("passed", "repeated"), step["about"]
+            else:
+                assert became == wanted, step["about"]
+
+
+def test_it_signs_as_others_do(receiver: board.Talk) -> None:
+    vector = next(each for each in VECTORS["messages"] if each["role"] == "operator" and not each["message"]["body"])
+    message = vector["message"]
+    key = KeyPair(vector["owner"], Role(vector["role"]), bytes.fromhex(vector["seed"]))
+    numbers = [message["epoch"], message["sequence"], micro(message["issued"]), micro(message["deadline"])]
+    found = receiver.ask(
+        {
+            "seed": vector["seed"],
+            "key": key.id.hex(),
+            "kind": KINDS.index(message["kind"]),
+            "numbers": numbers,
+            "lab": vector["fleet"],
+            "sender": message["sender"],
+            "text": message["text"],
+        }
+    )
+    assert found["public"] == vector["public"]
+    assert found["datagram"] == vector["datagrams"][0]

@@ -45,6 +45,7 @@ FIELDS = [
     "state_hash",
     "accounting",
     "measures",
+    "missed",
 ]
 
 

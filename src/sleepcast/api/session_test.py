@@ -13,14 +13,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import FOR, NOT
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.toml_text import toml_value
 from sleepcast.loop import Swarm
-from sleepcast.loop.rerun import Inputs
 from sleepcast.loop.swarm import give
 from sleepcast.simulator import Changes, Scenario, find_scenario, scenario_names
 from sleepcast.simulator.packing import pack
@@ -29,6 +28,9 @@ from sleepcast.simulator.scenario.origin import read_origin
 from sleepcast.station import Account, Command, Station
 from sleepcast.station.account import COUNTED
 from sleepcast.station.validation import DEADLINE
+
+if TYPE_CHECKING:
+    from sleepcast.loop.rerun import Inputs
 
 FILE, MISSION = "test.toml", "mission.sleep"
 FORMAT = 1

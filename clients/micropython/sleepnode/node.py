@@ -111,6 +111,9 @@ class Node:
                 self.job = self._signing = None
                 gc.collect()
                 self._drop(_NO_MEMORY)
+            except Exception:  # whatever a message says, the node goes on
+                self.job = self.stop = None
+                self._drop(_MALFORMED)
 
     def step(self):
         """One slice of what there is to do; whether there was anything."""

@@ -6,7 +6,9 @@ root, and the pictures and other files that pages link to. What is in docs/site/
 
 from __future__ import annotations
 
+import io
 import re
+import zipfile
 from pathlib import Path
 
 from mkdocs.config.defaults import MkDocsConfig
@@ -14,6 +16,10 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parent.parent.parent
+PACKAGE = ROOT / "src" / "sleepcast"
+PLAYGROUND = ROOT / "docs" / "site" / "playground.py"
+PYODIDE = ("pyodide.mjs", "pyodide.asm.mjs", "pyodide.asm.wasm", "python_stdlib.zip", "pyodide-lock.json")
+"""What Pyodide needs in a browser."""
 PACKAGES = ROOT / ".venv-docs" / "node_modules"
 """What `go.py docs` has fetched from npm, as requirements/npm says."""
 PAGES = ("*.md", "docs/**/*.md", "src/**/*.md", "benchmarks/*.md", "clients/*/*.md", "examples/*/*.md")
@@ -21,6 +27,11 @@ LINK = re.compile(r"\]\(([^)\s#]+)|<img src=\"([^\"]+)\"")
 FENCE = re.compile(r"^```(\w[\w-]*)(?: (\S+))?$", re.MULTILINE)
 LISP = {"sleep", "finding", "explain", "bravo", "bravo-fault", "classic", "faithful"}
 """The sorts of fenced blocks (see tests/test_docs.py) that are coloured as Lisp."""
+BOX = """<div id="playground" class="playground">
+<p>With a server, such as <code>python3 -m http.server</code> in the site's folder, expressions can be tried here.</p>
+</div>
+<script type="module" src="../playground/box.js"></script>"""
+"""Where static/playground/box.js builds the playground."""
 HISTORY = {"CHANGELOG.md", "docs/decisions.md"}
 """Pages that name everything: a search shows them last."""
 SHELL = {"terminal": "console", "air": "console"}
@@ -41,11 +52,25 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     linked = {target for page in pages for target in linked_files(page)}
     for path in (*pages, *sorted(linked)):
         files.append(File.generated(config, path.relative_to(ROOT).as_posix(), abs_src_path=str(path)))
-    icon = ROOT / "src" / "sleepcast" / "console" / "static" / "icon.svg"
-    files.append(File.generated(config, "icon.svg", abs_src_path=str(icon)))
-    shim = PACKAGES / "iframe-worker" / "shim" / "index.js"
-    files.append(File.generated(config, "vendor/iframe-worker.js", abs_src_path=str(shim)))
+    others = {
+        "icon.svg": PACKAGE / "console" / "static" / "icon.svg",
+        "vendor/iframe-worker.js": PACKAGES / "iframe-worker" / "shim" / "index.js",
+        **{f"vendor/pyodide/{name}": PACKAGES / "pyodide" / name for name in PYODIDE},
+    }
+    for place, path in others.items():
+        files.append(File.generated(config, place, abs_src_path=str(path)))
+    files.append(File.generated(config, "playground/sleepcast.zip", content=packed()))
     return files
+
+
+def packed() -> bytes:
+    """The archive that the playground's Python imports from: the language, and what it needs."""
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.write(PLAYGROUND, PLAYGROUND.name)
+        for path in sorted([PACKAGE / "__init__.py", *PACKAGE.glob("core/*.py"), *PACKAGE.glob("language/*.py")]):
+            archive.write(path, path.relative_to(PACKAGE.parent))
+    return content.getvalue()
 
 
 def linked_files(page: Path) -> set[Path]:
@@ -62,7 +87,10 @@ def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
     """Give fenced blocks the colours of a language that the highlighter knows, and their file's name as a title."""
     if page.file.src_uri in HISTORY:
         page.meta["search"] = {"boost": 0.1}
-    return FENCE.sub(fence, markdown)
+    markdown = FENCE.sub(fence, markdown)
+    if page.file.src_uri == "docs/language.md":
+        markdown = markdown.replace("\n## ", f"\n{BOX}\n\n## ", 1)
+    return markdown
 
 
 def fence(match: re.Match[str]) -> str:

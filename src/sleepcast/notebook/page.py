@@ -1,8 +1,8 @@
 """The page as one text: its plain modules, its style and its markup, which a server sends as files elsewhere.
 
 Each module becomes a function that is called once, after those that it imports; what it exports is what the function
-gives. The page's modules keep to the two forms that are known here: `import { a, b } from "./x.js";` on a line of its
-own, and `export` before a class, a function or a constant.
+gives. The page's modules keep to the two forms that are known here: `import { a, b as c } from "./x.js";` on a line of
+its own, and `export` before a class, a function or a constant.
 """
 
 from __future__ import annotations
@@ -68,9 +68,14 @@ def bundle() -> str:
     return "".join(_as_function(name, texts[name]) for name in TopologicalSorter(needs).static_order())
 
 
+def _as_constants(found: re.Match[str]) -> str:
+    """What stands for an import: a name may be taken in by another one."""
+    return f"const {{ {found[1].replace(' as ', ': ')} }} = module_{found[2]};"
+
+
 def _as_function(name: str, text: str) -> str:
     exported = ", ".join(_EXPORT.findall(text))
-    body = _EXPORT.sub("", _IMPORT.sub(r"const { \1 } = module_\2;", text))
+    body = _EXPORT.sub("", _IMPORT.sub(_as_constants, text))
     if other := _OTHER.search(body):
         raise ValueError(f"{name}.js: {other[0]!r} is not a form that can be put together")
     return f"const module_{name} = (() => {{\n{body}\nreturn {{ {exported} }};\n}})();\n"

@@ -1,4 +1,5 @@
-"""Addresses of bodies: `SCHEME://HOST:PORT?SETTING=VALUE&...#PART`. An error says what was wanted."""
+"""Addresses of bodies: `SCHEME://HOST:PORT?SETTING=VALUE&...#PART`, or `SCHEME:///PATH?SETTING=VALUE&...` where names
+need no host. An error says what was wanted."""
 
 from __future__ import annotations
 
@@ -20,13 +21,15 @@ class BodyError(MisuseError):
 
 @dataclass(frozen=True, slots=True)
 class BodyAddress:
-    """Where a body is. port: None if not said; part: what stands behind #. settings: with what holds otherwise."""
+    """Where a body is. port: None if not said; part: what stands behind #. settings: with what holds otherwise. path:
+    with its slash, of an address without a host."""
 
     uri: str
     host: str
     port: int | None
     part: str
     settings: Mapping[str, str]
+    path: str = ""
 
     def number(self, key: str, least: float = 0.0, most: float = inf, unit: str = "") -> float:
         """A setting that is a number above `least`, or `most` at most. Raises BodyError."""
@@ -49,9 +52,9 @@ class BodyAddress:
         return found
 
 
-def read_body_address(uri: str, example: str, settings: Mapping[str, str]) -> BodyAddress:
+def read_body_address(uri: str, example: str, settings: Mapping[str, str], *, by_path: bool = False) -> BodyAddress:
     """An address in its parts. example: one that is right, for errors. settings: those that may stand behind the
-    question mark, and what holds otherwise. Raises BodyError."""
+    question mark, and what holds otherwise. by_path: whether it has a path and no host. Raises BodyError."""
     wanted = f"wanted something like {example}"
     if len(uri) > MAX_URI:
         raise BodyError(f"{uri!r:.80}... is too long; {wanted}")
@@ -61,7 +64,9 @@ def read_body_address(uri: str, example: str, settings: Mapping[str, str]) -> Bo
         given = parse_qsl(parts.query, keep_blank_values=True, max_num_fields=MAX_SETTINGS)
     except ValueError as error:
         raise BodyError(f"{uri!r:.100} leads nowhere ({error}); {wanted}") from None
-    if parts.path not in ("", "/") or not parts.hostname:
+    if by_path and (parts.netloc or parts.fragment or not parts.path.startswith("/")):
+        raise BodyError(f"{uri!r:.100} has a host, or no path; {wanted}")
+    if not by_path and (parts.path not in ("", "/") or not parts.hostname):
         raise BodyError(f"{uri!r:.100} has no host, or more than one; {wanted}")
     found = dict(settings)
     for key, text in given:
@@ -69,4 +74,4 @@ def read_body_address(uri: str, example: str, settings: Mapping[str, str]) -> Bo
             known = f"{did_you_mean(key, settings)}; there are {', '.join(settings)}"
             raise BodyError(f"{uri!r:.100}: there is no setting {key!r:.40}{known}")
         found[key] = text
-    return BodyAddress(uri, parts.hostname, port, parts.fragment, found)
+    return BodyAddress(uri, parts.hostname or "", port, parts.fragment, found, parts.path if by_path else "")

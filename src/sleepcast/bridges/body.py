@@ -146,6 +146,11 @@ class BridgedBody(ABC):
         """Distance to the nearest thing between two angles, rad counter-clockwise from the heading; NaN if unknown."""
         return nan
 
+    @property
+    def measures_ranges(self) -> bool:
+        """Whether `nearest` may know something."""
+        return bool(self.model.geometry.sonars)
+
     # ---- a Robot
 
     def begin(self) -> None:
@@ -158,7 +163,7 @@ class BridgedBody(ABC):
         names = {sensor.name for sensor in self.model.sensors}
         if limits.fence is not None and not {"x", "y", "heading", "speed", "turn_rate"} <= names:
             raise MisuseError(f"a {self.model.name} does not know where it is, so it cannot keep within a fence")
-        if limits.least_range > 0.0 and not self.model.geometry.sonars:
+        if limits.least_range > 0.0 and not self.measures_ranges:
             raise MisuseError(f"a {self.model.name} has no range sensors, so it cannot keep a range to anything")
         self.model = replace(self.model, limits=self.model.limits.within(limits))
 

@@ -1,0 +1,305 @@
+"""ROS 2 robots as bodies: `ros2:///NAMESPACE`, over DDS, without ROS on this computer.
+
+    ros2:///scout3                              a TurtleBot-like robot, whose topics are /scout3/odom and so on
+    ros2:///?mapping=rover.toml                 one without a namespace, with a mapping of its own
+    ros2:///scout3?use_sim_time=yes&domain=7    one in a simulation, whose time is what /clock says
+
+`ros2_mapping` says how topics become names, `ros2_link` is the way to them. The robot is told its speeds in every
+round; rest, and STOP, are zeros said again and again. STOP is also said at a latched topic, so that a driver of the
+robot that starts later knows it as well. A robot that has not been heard for `SILENT` is out of reach, and is told to
+stand all the same, in every round, since it may hear what we do not.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import partial
+from math import isnan, nan, pi
+from pathlib import Path
+from typing import Protocol
+
+from sleepcast.bridges import Opening
+from sleepcast.bridges.address import BodyError, read_body_address
+from sleepcast.bridges.body import FRESH, PATIENCE, BridgedBody, Motion, OutOfReachError
+from sleepcast.bridges.ros2_mapping import (
+    CLOCK,
+    TURTLEBOT,
+    Heard,
+    RobotMapping,
+    Sink,
+    is_namespace,
+    read_mapping,
+)
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.model import HostFunction
+from sleepcast.core.units import NONE
+from sleepcast.robot import Geometry, Reading, RobotModel
+
+EXAMPLE = "ros2:///scout3"
+SILENT = 2.0
+"""Seconds without a message of those that come all the time, after which the robot is out of reach."""
+ASTRAY = 1.0
+"""Seconds by which the times of messages may differ from the clock."""
+HIGHEST_DOMAIN = 232
+"""DDS has no ports for higher ones."""
+RANGES = ("subnet", "localhost")
+GLANCE = 0.02
+"""Seconds between two looks for its first words."""
+LAST_WORDS = 3
+"""How often it is told to stand at the end: it may not hear each of them."""
+
+
+class Link(Protocol):
+    """The way to a robot. Each may raise OutOfReachError."""
+
+    def heard(self) -> Mapping[str, Heard]:
+        """The last message of each topic at which something came since the last call."""
+
+    def say(self, topic: str, values: tuple[float, ...]) -> None:
+        """Speed and turn rate, or whether it is so, in the topic's units."""
+
+    def remarks(self) -> list[str]:
+        """Sentences about what does not fit, each once."""
+
+    def close(self) -> None:
+        """Let go of it, when what was said has arrived."""
+
+
+class Ros2Body(BridgedBody):
+    """See the module. sim_time: whether time is what /clock says. epoch: the clock of this computer, s since 1970, with
+    which times of messages are compared."""
+
+    def __init__(
+        self,
+        link: Link,
+        mapping: RobotMapping,
+        *,
+        sim_time: bool = False,
+        clock: Clock | None = None,
+        epoch: Callable[[], float] = time.time,
+    ) -> None:
+        super().__init__(model_of(mapping), clock=clock)
+        self._link, self._mapping, self._epoch = link, mapping, epoch
+        self._sources = {source.topic: source for source in mapping.sources}
+        lively = {topic for topic, source in self._sources.items() if source.freshness <= FRESH}
+        self._lively = lively or set(self._sources)
+        """Topics at which something comes all the time."""
+        self._arrived: dict[str, tuple[float, Heard]] = {}
+        self._quantities = {sensor.name: sensor for sensor in self.model.sensors}
+        self._wrong: set[str] = set()
+        """What is wrong and has been said, until it is right."""
+        self._told_stop: bool | None = None
+        now = self._clock.now()
+        self._pulse, self._time = now, 0.0 if sim_time else now
+        """When the robot was last heard; the time of the last reading."""
+        self._sim_time = sim_time
+        self._simulated, self._ticked, self._before = nan, now, 0.0
+        """What /clock last said, when it last changed, and seconds of the simulations before this one."""
+
+    # ---- what a bridge says
+
+    def carry_out(self, motion: Motion) -> None:
+        self._tell(*(motion.values if motion.sort == "speeds" else (0.0, 0.0)))
+
+    def measure(self) -> None:
+        self._listen()
+        self._check_pulse()
+
+    def reading(self) -> Reading:
+        now, values = self._clock.now(), list[float]()
+        for topic, source in self._sources.items():
+            arrived, heard = self._arrived.get(topic, (now, None))
+            if heard is None or now - arrived > source.freshness:
+                values += [nan] * len(source.fields)
+            else:
+                values += (v * field.factor for v, field in zip(heard.values, source.fields, strict=True))
+        pairs = zip(values, self.model.sensors, strict=True)
+        return Reading(self._time, tuple(v if s.low <= v <= s.high else nan for v, s in pairs))
+
+    def seek(self) -> None:
+        self._check_pulse()
+
+    def round(self) -> None:
+        super().round()
+        if self._lost is not None:
+            with suppress(*self.FAILURES):
+                before = self._pulse
+                self._listen()
+                if self._pulse > before:  # it is back: no need to wait for the next look
+                    self._next = 0.0
+                self._tell(0.0, 0.0)
+
+    def leave(self) -> None:
+        try:
+            for _ in range(LAST_WORDS):
+                self._tell(0.0, 0.0)
+        except OutOfReachError as error:
+            self._lost = error
+        self._link.close()
+
+    @property
+    def measures_ranges(self) -> bool:
+        return any(source.sort == "LaserScan" for source in self._mapping.sources)
+
+    def nearest(self, first: float, last: float) -> float:
+        now, found = self._clock.now(), list[float]()
+        for topic, source in self._sources.items():
+            arrived, heard = self._arrived.get(topic, (now, None))
+            if heard is None or not heard.sectors or now - arrived > source.freshness:
+                continue
+            width = 2.0 * pi / len(heard.sectors)
+            wide = last - first + width  # sectors that only begin there, too
+            for number, distance in enumerate(heard.sectors):
+                if (number * width - first + width / 2.0) % (2.0 * pi) <= wide and not isnan(distance):
+                    found.append(distance)
+        return min(found, default=nan)
+
+    def meet(self, patience: float) -> None:
+        """Wait for the robot's first words, so many s at most. Raises OutOfReachError if none come."""
+        ends = self._clock.now() + patience
+        while not self._lively & self._arrived.keys() or (self._sim_time and isnan(self._simulated)):
+            if self._clock.now() > ends:
+                where = " and ".join([*sorted(self._lively), *([CLOCK] if self._sim_time else [])])
+                why = "; ".join([f"nothing came at {where} for {patience:g} s", *self.complaints()])
+                raise OutOfReachError(why)
+            time.sleep(GLANCE)
+            self._listen()
+
+    # ---- what expressions may ask
+
+    def switch(self, on: float, sink: Sink) -> None:
+        """Say whether it is so at the topic of a switch."""
+        self.send(lambda: self._link.say(sink.topic, (float(on != 0.0),)))
+
+    # ---- the robot
+
+    def _tell(self, speed: float, turn_rate: float) -> None:
+        drive, stop = self._mapping.drive, self._mapping.stop
+        values = (speed, turn_rate)
+        self._link.say(drive.topic, tuple(v / field.factor for v, field in zip(values, drive.fields, strict=True)))
+        if stop is not None and self._told_stop is not self._stopped:
+            stopped = self._stopped
+            self._link.say(stop.topic, (float(stopped),))
+            self._told_stop = stopped
+
+    def _listen(self) -> None:
+        now = self._clock.now()
+        for sentence in self._link.remarks():
+            self.complain(sentence)
+        found = dict(self._link.heard())
+        simulated = found.pop(CLOCK, None)
+        if self._sim_time and simulated is not None and simulated.stamp != self._simulated:
+            if simulated.stamp < self._simulated:  # it has begun anew
+                self._before += self._simulated - simulated.stamp
+            self._simulated, self._ticked = simulated.stamp, now
+        for topic, heard in found.items():
+            _, before = self._arrived.get(topic, (now, None))
+            if before is not None and before.stamp == heard.stamp:
+                continue  # the same message again is no news
+            self._arrived[topic] = now, heard
+            if topic in self._lively:
+                self._pulse = now
+            self._check_stamp(topic, heard.stamp)
+            self._check_values(topic, heard)
+        if not self._sim_time:
+            self._time = self._pulse
+        elif not isnan(self._simulated):
+            self._time = self._before + self._simulated
+
+    def _check_pulse(self) -> None:
+        """Raises OutOfReachError if the robot, or the simulation's clock, has not been heard for too long."""
+        now = self._clock.now()
+        if now - self._pulse > SILENT:
+            where = " and ".join(sorted(self._lively))
+            raise OutOfReachError(f"nothing new has come at {where} for {SILENT:g} s")
+        if self._sim_time and now - self._ticked > SILENT:
+            raise OutOfReachError(f"{CLOCK} has stood still for {SILENT:g} s: the simulation pauses, or is gone")
+
+    def _check_stamp(self, topic: str, stamp: float) -> None:
+        """Times far from the clock: either one is wrong, or messages are late."""
+        behind = (self._simulated if self._sim_time else self._epoch()) - stamp
+        if not self._is_first(topic, abs(behind) > ASTRAY):
+            return
+        which = CLOCK if self._sim_time else "this computer's clock"
+        side = "behind" if behind > 0.0 else "ahead of"
+        self.complain(
+            f"{topic} has times {abs(behind):.3g} s {side} {which}: set both clocks alike, or use_sim_time; until then "
+            "what it brings counts from when it comes"
+        )
+
+    def _check_values(self, topic: str, heard: Heard) -> None:
+        """Values beyond what they can be: mostly, of another unit than the mapping says."""
+        for field, value in zip(self._sources[topic].fields, heard.values, strict=True):
+            quantity, found = self._quantities[field.name], value * field.factor
+            if self._is_first(f"{topic} {field.name}", found < quantity.low or found > quantity.high):
+                self.complain(
+                    f"{field.name} is {found:.4g} by {topic}, beyond {quantity.low:.4g} to {quantity.high:.4g}, and "
+                    "counts as unknown: does the mapping have its unit?"
+                )
+
+    def _is_first(self, of: str, wrong: bool) -> bool:
+        """Whether something is wrong that was right before."""
+        if not wrong:
+            self._wrong.discard(of)
+            return False
+        known = of in self._wrong
+        self._wrong.add(of)
+        return not known
+
+
+def model_of(mapping: RobotMapping) -> RobotModel:
+    """What a robot with this mapping is."""
+    switches = tuple(
+        HostFunction(
+            sink.function,
+            partial(Ros2Body.switch, sink=sink),
+            (NONE,),
+            arguments="on",
+            doc=f"Says true or false at {sink.topic}.",
+            moves=False,
+        )
+        for sink in mapping.switches
+    )
+    return RobotModel(
+        mapping.name, mapping.sensors(), mapping.actuators(), switches, mapping.limits, Geometry(mapping.radius)
+    )
+
+
+def open_body(uri: str, opening: Opening) -> Ros2Body:
+    """Reach the robot at a URI; see the module. Raises BodyError, SettingsError, OutOfReachError."""
+    address = read_body_address(
+        uri,
+        EXAMPLE,
+        {
+            "mapping": str(TURTLEBOT),
+            "domain": os.environ.get("ROS_DOMAIN_ID") or "0",
+            "discovery": os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").lower() or "subnet",
+            "use_sim_time": "no",
+        },
+        by_path=True,
+    )
+    namespace = address.path.rstrip("/")
+    if not is_namespace(namespace):
+        raise BodyError(f"{uri!r:.100}: {namespace:.60} is no namespace of ROS 2; wanted something like {EXAMPLE}")
+    domain, local = address.settings["domain"], address.choice("discovery", RANGES) == "localhost"
+    if not domain.isascii() or not domain.isdigit() or len(domain) > 3 or int(domain) > HIGHEST_DOMAIN:
+        raise BodyError(f"{uri!r:.100}: domain is a whole number from 0 to {HIGHEST_DOMAIN}, not {domain!r:.40}")
+    sim_time = address.choice("use_sim_time", ("no", "yes")) == "yes"
+    if opening.in_step:
+        raise MisuseError(f"{uri!r:.100}: a ROS 2 robot does not wait for its mind: leave out --lockstep")
+    mapping = read_mapping(Path(address.settings["mapping"]), namespace)
+    try:
+        from sleepcast.bridges.ros2_link import DdsLink
+    except ImportError:
+        raise MisuseError('ROS 2 robots need Cyclone DDS: pip install "sleepcast[ros2]"') from None
+    body = Ros2Body(DdsLink(mapping, int(domain), local=local, clock=sim_time), mapping, sim_time=sim_time)
+    try:
+        body.meet(PATIENCE)
+    except BaseException:
+        body.close()
+        raise
+    return body

@@ -1,0 +1,310 @@
+"""The mapping of a ROS 2 robot's topics to names: a TOML file such as turtlebot.toml beside this module.
+
+What a topic says has the unit of its type, SI, unless the file says another one: `battery = "percentage %"` for a robot
+that counts to 100. A unit must be one of the same dimension. Names without a slash at the front are within the
+robot's namespace.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf, pi
+from pathlib import Path
+from typing import NamedTuple
+
+from sleepcast.bridges.body import FRESH
+from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.model import Quantity
+from sleepcast.core.settings import Table, checked_name, toml_document
+from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, UNITS
+from sleepcast.robot import Limits
+
+CLOCK = "/clock"
+"""Where a simulation says what time it is."""
+TURTLEBOT = Path(__file__).with_name("turtlebot.toml")
+MAX_TOPICS, MAX_VALUES = 32, 64
+"""Topics of each direction, and values of all that a robot tells: more is no small mapping."""
+MAX_NAME = 200
+"""Characters of a topic's name with its namespace: ROS has about as many."""
+FASTEST, LARGEST = 1_000.0, 100.0
+"""Of m/s, rad/s and m/s2, and of m: more is a mistake."""
+QOS = ("sensor", "reliable", "latched")
+"""How a topic is listened to: what is lost is lost; it is sent again; and what was said before comes, too."""
+
+_TOPIC = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
+_NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)*")
+
+
+class Heard(NamedTuple):
+    """The values in a message of a topic, in the order of the mapping and in the topic's units. stamp: when it was
+    made, by the clock of who made it, s; NaN if it does not say. sectors: of a scan, m; see `ros2_messages`."""
+
+    stamp: float
+    values: tuple[float, ...]
+    sectors: tuple[float, ...] = ()
+
+
+class Value(NamedTuple):
+    """What is in messages of a type: its unit there, its range, the unit in which people read it."""
+
+    unit: str = ""
+    low: float = -inf
+    high: float = inf
+    shown_as: str = ""
+    doc: str = ""
+
+
+_PLACE = {
+    "x": Value("m", doc="along x of its frame"),
+    "y": Value("m", doc="along y of its frame"),
+    "z": Value("m", doc="above the ground of its frame"),
+    "heading": Value("rad", -pi, pi, "deg", "counter-clockwise from x"),
+}
+_PACE = {
+    "speed": Value("m/s", doc="along its heading"),
+    "side_speed": Value("m/s", doc="to its left"),
+    "turn_rate": Value("rad/s", shown_as="deg/s", doc="counter-clockwise"),
+}
+TYPES: Mapping[str, Mapping[str, Value]] = {
+    "Odometry": {**_PLACE, **_PACE},
+    "PoseStamped": _PLACE,
+    "Twist": _PACE,
+    "TwistStamped": _PACE,
+    "LaserScan": {
+        "nearest": Value("m", 0.0, doc="to the nearest thing all round"),
+        "front": Value("m", 0.0, doc="to the nearest thing in front"),
+        "left": Value("m", 0.0, doc="to the nearest thing on its left"),
+        "back": Value("m", 0.0, doc="to the nearest thing behind it"),
+        "right": Value("m", 0.0, doc="to the nearest thing on its right"),
+    },
+    "Range": {"range": Value("m", 0.0, doc="to the nearest thing before the sensor")},
+    "BatteryState": {
+        "percentage": Value("", 0.0, 1.0, "%", "1 is full"),
+        "voltage": Value("", doc="in volts"),
+        "current": Value("", doc="in amperes"),
+        "temperature": Value("", doc="in degrees Celsius"),
+        "charge": Value("", doc="in ampere-hours"),
+        "present": Value("", 0.0, 1.0, doc="whether there is a battery"),
+    },
+    "Imu": {
+        "heading": Value("rad", -pi, pi, "deg", "counter-clockwise from x"),
+        "roll": Value("rad", -pi, pi, "deg", "to the right"),
+        "pitch": Value("rad", -pi, pi, "deg", "nose down"),
+        "turn_rate": Value("rad/s", shown_as="deg/s", doc="counter-clockwise"),
+        "acceleration": Value("m/s2", doc="forwards"),
+        "side_acceleration": Value("m/s2", doc="to its left"),
+        "up_acceleration": Value("m/s2", doc="upwards"),
+    },
+    "Bool": {"data": Value("", 0.0, 1.0, doc="whether it is so")},
+}
+"""Types of messages, and the values in each."""
+DRIVES = ("Twist", "TwistStamped")
+"""Types that a robot can be driven by."""
+STOPPED = "stopped"
+"""The name that the topic for STOP has."""
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A value of a topic, and the name that it has in expressions. factor: what one of the topic's unit is in SI."""
+
+    name: str
+    value: str
+    factor: float
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A topic that a robot tells. topic: with its namespace. turned: where the front of its scanner looks, rad."""
+
+    topic: str
+    sort: str
+    fields: tuple[Field, ...]
+    qos: str
+    freshness: float
+    turned: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sink:
+    """A topic that a robot is told. function: for a switch, its name in expressions."""
+
+    topic: str
+    sort: str
+    fields: tuple[Field, ...]
+    function: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RobotMapping:
+    """What a file says of a robot. stop: where STOP is said, None if nowhere."""
+
+    name: str
+    limits: Limits
+    radius: float
+    sources: tuple[Source, ...]
+    drive: Sink
+    stop: Sink | None
+    switches: tuple[Sink, ...]
+
+    def sensors(self) -> tuple[Quantity, ...]:
+        """In the order of sources and fields."""
+        return tuple(
+            Quantity(field.name, known.unit, known.low, known.high, source.freshness, known.doc, known.shown_as)
+            for source in self.sources
+            for field in source.fields
+            for known in (TYPES[source.sort][field.value],)
+        )
+
+    def actuators(self) -> tuple[Quantity, ...]:
+        """Speed and turn rate, within the limits."""
+        speed, turn = self.drive.fields
+        most, fastest = self.limits.speed, self.limits.turn_rate
+        return (
+            Quantity(speed.name, "m/s", -most, most, doc="drives ahead at this speed"),
+            Quantity(turn.name, "rad/s", -fastest, fastest, doc="turns at this rate", shown_as="deg/s"),
+        )
+
+
+def is_namespace(text: str) -> bool:
+    """Whether ROS takes this for a namespace: "" or /parts, each of letters, digits and _."""
+    return len(text) <= MAX_NAME and bool(_NAMESPACE.fullmatch(text))
+
+
+def read_mapping(path: Path, namespace: str) -> RobotMapping:
+    """The mapping in a file, for a robot with this namespace. Raises SettingsError."""
+    with toml_document(path).root() as root:
+        limits = Limits(
+            root.number("speed", SPEED, low=0.01, high=FASTEST),
+            root.number("turn_rate", RATE, low=0.01, high=FASTEST),
+            root.number("acceleration", ACCELERATION, low=0.01, high=FASTEST),
+        )
+        name = checked_name(root, root.text("name", "robot"), "name")
+        reader = _Reader(namespace)
+        told = root.tables("in", most=MAX_TOPICS)
+        sources = tuple(reader.source(topic, table) for topic, table in told.items())
+        if not sources:
+            raise root.error("in", "a robot that tells nothing: wanted at least one topic, such as [in.odom]")
+        tables = root.tables("out", most=MAX_TOPICS)
+        sinks = [reader.sink(topic, table) for topic, table in tables.items()]
+        drives = [sink for sink in sinks if sink.sort in DRIVES]
+        if len(drives) != 1:
+            wanted = f"wanted one topic of the type {' or '.join(DRIVES)}, to drive it"
+            raise root.error("out", f"{wanted}; there are {len(drives)}")
+        switches = [sink for sink in sinks if sink.sort == "Bool"]
+        stops = [sink for sink in switches if not sink.function]
+        if len(stops) > 1:
+            raise root.error("out", f"{len(stops)} topics for STOP; at most one fits: give the others a function")
+        return RobotMapping(
+            name,
+            limits,
+            root.number("radius", LENGTH, low=0.01, high=LARGEST),
+            sources,
+            drives[0],
+            stops[0] if stops else None,
+            tuple(sink for sink in switches if sink.function),
+        )
+
+
+class _Reader:
+    """Reads topics, and refuses what is there twice."""
+
+    def __init__(self, namespace: str) -> None:
+        self._namespace = namespace
+        self._names: dict[str, str] = {}
+        self._topics: set[str] = set()
+
+    def source(self, topic: str, table: Table) -> Source:
+        with table:
+            sort = table.text("type", choices=tuple(TYPES))
+            turned = table.number("turned", NONE, 0.0, low=-pi, high=pi) if sort == "LaserScan" else 0.0
+            return Source(
+                self._topic(table, topic, "in"),
+                sort,
+                self._fields(table, sort),
+                table.text("qos", "sensor", choices=QOS),
+                table.number("freshness", TIME, FRESH, low=0.1, high=3600.0),
+                turned,
+            )
+
+    def sink(self, topic: str, table: Table) -> Sink:
+        with table:
+            sort = table.text("type", choices=(*DRIVES, "Bool"))
+            found = self._topic(table, topic, "out")
+            if sort == "Bool" and table.has("function"):
+                function = checked_name(table, table.text("function"), "function")
+                self._take(table, "function", function)
+                return Sink(found, sort, (), function)
+            fields = self._fields(table, sort)
+            if sort == "Bool":
+                if fields[0].name.casefold() != STOPPED:
+                    wanted = f'wanted {STOPPED} = "data", or a function in place of values'
+                    raise table.error("values", wanted)
+                return Sink(found, sort, fields)
+            by_value = {field.value: field for field in fields}
+            if by_value.keys() != {"speed", "turn_rate"} or len(fields) != 2:
+                raise table.error("values", "wanted two names, one for speed and one for turn_rate")
+            return Sink(found, sort, (by_value["speed"], by_value["turn_rate"]))
+
+    def _topic(self, table: Table, topic: str, direction: str) -> str:
+        found = topic if topic.startswith("/") else f"{self._namespace}/{topic}"
+        if not _TOPIC.fullmatch(topic) or len(found) > MAX_NAME:
+            wanted = 'wanted letters, digits and _, in parts with slashes between them, such as "sensors/front"'
+            raise table.error("type", f'"{topic:.60}" is no topic of ROS 2: {wanted}')
+        if (direction + found) in self._topics:
+            raise table.error("type", f"{found} is there twice")
+        self._topics.add(direction + found)
+        return found
+
+    def _fields(self, table: Table, sort: str) -> tuple[Field, ...]:
+        values = table.table("values")
+        if not values.names():
+            raise table.error("values", f"is missing; wanted names for its values, such as {{ {_example(sort)} }}")
+        fields = []
+        for name in values.names():
+            value, _, unit = values.text(name).partition(" ")
+            known = TYPES[sort].get(value)
+            if known is None:
+                there = f"{did_you_mean(value, TYPES[sort])}; there are {', '.join(TYPES[sort])}"
+                raise values.error(name, f'{sort} has no value "{value}"{there}')
+            self._take(values, name, checked_name(values, name))
+            with values.answering(name):
+                fields.append(Field(name, value, _factor(sort, value, known, unit.strip())))
+        return tuple(fields)
+
+    def _take(self, table: Table, key: str, name: str) -> None:
+        before = self._names.setdefault(name.casefold(), name)
+        if before is not name:
+            raise table.error(key, f'there is a "{before}" already; case does not count')
+        if len(self._names) > MAX_VALUES:
+            raise table.error(key, f"more than {MAX_VALUES} names")
+
+
+def _factor(sort: str, value: str, known: Value, unit: str) -> float:
+    """What one of this unit is in SI. Raises MisuseError where it does not fit."""
+    if not unit:
+        return 1.0
+    dimension = UNITS[known.unit].dimension if known.unit else NONE
+    fitting = [
+        name for name, each in UNITS.items() if each.dimension == dimension and _is_angle(name) == (known.unit == "rad")
+    ]
+    if unit not in UNITS:
+        raise MisuseError(f'unknown unit "{unit:.20}"{did_you_mean(unit, fitting)}; wanted one of {", ".join(fitting)}')
+    if unit not in fitting:
+        what = f"{UNITS[unit].dimension}"
+        raise MisuseError(
+            f'{value} of {sort} is {"an angle" if known.unit == "rad" else dimension}, and "{unit}" is a unit of '
+            f"{'angles' if _is_angle(unit) else what}; wanted one of {', '.join(fitting)}"
+        )
+    return UNITS[unit].factor
+
+
+def _is_angle(unit: str) -> bool:
+    return unit in ("deg", "rad")
+
+
+def _example(sort: str) -> str:
+    value = next(iter(TYPES[sort]))
+    return f'{value} = "{value}"'

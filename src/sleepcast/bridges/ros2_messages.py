@@ -1,0 +1,306 @@
+"""The messages of ROS 2 that bodies need, as DDS carries them, and the values in them.
+
+The layouts are those of ROS 2's .msg files; DDS compares the names of types. A layout may end early where the end of
+the original differs between releases of ROS (`Range`): a reader does not look beyond it.
+"""
+
+# No postponed annotations: cyclonedds reads them when it makes the classes.
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from math import asin, atan2, inf, isfinite, nan, pi
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from cyclonedds.idl import IdlStruct
+from cyclonedds.idl.types import array, float32, float64, int32, sequence, uint8, uint32
+
+MAX_RAYS = 20_000
+"""Of one scan: beyond, it is no scan of a robot's lidar."""
+SECTORS = 16
+"""Parts of a scan all round, of which the nearest thing is kept; number 0 is in front, then counter-clockwise."""
+
+_TURN = 2.0 * pi
+
+if TYPE_CHECKING:
+    Numbers: TypeAlias = list[float]
+    Numbers9: TypeAlias = list[float]
+    Numbers36: TypeAlias = list[float]
+else:
+    Numbers, Numbers9, Numbers36 = sequence[float32], array[float64, 9], array[float64, 36]
+
+
+def dds_type(package: str, name: str) -> str:
+    """What DDS calls a type of ROS 2."""
+    return f"{package}::msg::dds_::{name}_"
+
+
+def ros_type(name: str) -> str:
+    """What people call a type that DDS calls so."""
+    package, _, rest = name.partition("::msg::dds_::")
+    return f"{package}/{rest.removesuffix('_')}" if rest else name
+
+
+@dataclass
+class Time(IdlStruct, typename=dds_type("builtin_interfaces", "Time")):
+    sec: int32 = 0
+    nanosec: uint32 = 0
+
+
+@dataclass
+class Header(IdlStruct, typename=dds_type("std_msgs", "Header")):
+    stamp: Time = field(default_factory=Time)
+    frame_id: str = ""
+
+
+@dataclass
+class Vector3(IdlStruct, typename=dds_type("geometry_msgs", "Vector3")):
+    x: float64 = 0.0
+    y: float64 = 0.0
+    z: float64 = 0.0
+
+
+@dataclass
+class Point(IdlStruct, typename=dds_type("geometry_msgs", "Point")):
+    x: float64 = 0.0
+    y: float64 = 0.0
+    z: float64 = 0.0
+
+
+@dataclass
+class Quaternion(IdlStruct, typename=dds_type("geometry_msgs", "Quaternion")):
+    x: float64 = 0.0
+    y: float64 = 0.0
+    z: float64 = 0.0
+    w: float64 = 1.0
+
+
+@dataclass
+class Pose(IdlStruct, typename=dds_type("geometry_msgs", "Pose")):
+    position: Point = field(default_factory=Point)
+    orientation: Quaternion = field(default_factory=Quaternion)
+
+
+@dataclass
+class PoseWithCovariance(IdlStruct, typename=dds_type("geometry_msgs", "PoseWithCovariance")):
+    pose: Pose = field(default_factory=Pose)
+    covariance: Numbers36 = field(default_factory=lambda: [0.0] * 36)
+
+
+@dataclass
+class PoseStamped(IdlStruct, typename=dds_type("geometry_msgs", "PoseStamped")):
+    header: Header = field(default_factory=Header)
+    pose: Pose = field(default_factory=Pose)
+
+
+@dataclass
+class Twist(IdlStruct, typename=dds_type("geometry_msgs", "Twist")):
+    linear: Vector3 = field(default_factory=Vector3)
+    angular: Vector3 = field(default_factory=Vector3)
+
+
+@dataclass
+class TwistStamped(IdlStruct, typename=dds_type("geometry_msgs", "TwistStamped")):
+    header: Header = field(default_factory=Header)
+    twist: Twist = field(default_factory=Twist)
+
+
+@dataclass
+class TwistWithCovariance(IdlStruct, typename=dds_type("geometry_msgs", "TwistWithCovariance")):
+    twist: Twist = field(default_factory=Twist)
+    covariance: Numbers36 = field(default_factory=lambda: [0.0] * 36)
+
+
+@dataclass
+class Odometry(IdlStruct, typename=dds_type("nav_msgs", "Odometry")):
+    header: Header = field(default_factory=Header)
+    child_frame_id: str = ""
+    pose: PoseWithCovariance = field(default_factory=PoseWithCovariance)
+    twist: TwistWithCovariance = field(default_factory=TwistWithCovariance)
+
+
+@dataclass
+class LaserScan(IdlStruct, typename=dds_type("sensor_msgs", "LaserScan")):
+    header: Header = field(default_factory=Header)
+    angle_min: float32 = 0.0
+    angle_max: float32 = 0.0
+    angle_increment: float32 = 0.0
+    time_increment: float32 = 0.0
+    scan_time: float32 = 0.0
+    range_min: float32 = 0.0
+    range_max: float32 = 0.0
+    ranges: Numbers = field(default_factory=list)
+    intensities: Numbers = field(default_factory=list)
+
+
+@dataclass
+class Range(IdlStruct, typename=dds_type("sensor_msgs", "Range")):
+    """Without the variance at its end, which newer releases of ROS have."""
+
+    header: Header = field(default_factory=Header)
+    radiation_type: uint8 = 0
+    field_of_view: float32 = 0.0
+    min_range: float32 = 0.0
+    max_range: float32 = 0.0
+    range: float32 = 0.0
+
+
+@dataclass
+class BatteryState(IdlStruct, typename=dds_type("sensor_msgs", "BatteryState")):
+    header: Header = field(default_factory=Header)
+    voltage: float32 = 0.0
+    temperature: float32 = nan
+    current: float32 = nan
+    charge: float32 = nan
+    capacity: float32 = nan
+    design_capacity: float32 = nan
+    percentage: float32 = nan
+    power_supply_status: uint8 = 0
+    power_supply_health: uint8 = 0
+    power_supply_technology: uint8 = 0
+    present: bool = True
+    cell_voltage: Numbers = field(default_factory=list)
+    cell_temperature: Numbers = field(default_factory=list)
+    location: str = ""
+    serial_number: str = ""
+
+
+@dataclass
+class Imu(IdlStruct, typename=dds_type("sensor_msgs", "Imu")):
+    header: Header = field(default_factory=Header)
+    orientation: Quaternion = field(default_factory=Quaternion)
+    orientation_covariance: Numbers9 = field(default_factory=lambda: [0.0] * 9)
+    angular_velocity: Vector3 = field(default_factory=Vector3)
+    angular_velocity_covariance: Numbers9 = field(default_factory=lambda: [0.0] * 9)
+    linear_acceleration: Vector3 = field(default_factory=Vector3)
+    linear_acceleration_covariance: Numbers9 = field(default_factory=lambda: [0.0] * 9)
+
+
+@dataclass
+class Bool(IdlStruct, typename=dds_type("std_msgs", "Bool")):
+    data: bool = False
+
+
+@dataclass
+class Clock(IdlStruct, typename=dds_type("rosgraph_msgs", "Clock")):
+    clock: Time = field(default_factory=Time)
+
+
+# ---- the values in them, by the names that a mapping has for them; see ros2_mapping.TYPES
+
+
+def seconds(time: Time) -> float:
+    return time.sec + time.nanosec * 1e-9
+
+
+def time_of(seconds: float) -> Time:
+    whole = int(seconds // 1.0)
+    return Time(whole, min(int((seconds - whole) * 1e9), 999_999_999))
+
+
+def stamp(message: Any) -> float:
+    """When it was made, by the clock of who made it, s; NaN if it does not say."""
+    header = getattr(message, "header", None)
+    return seconds(header.stamp) or nan if header is not None else nan
+
+
+def _angles(q: Quaternion) -> dict[str, float]:
+    """Roll, pitch and yaw, rad; unknown without an orientation: a quaternion of zeros is none."""
+    if not 0.9 < q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w < 1.1:
+        return {"heading": nan, "roll": nan, "pitch": nan}
+    return {
+        "heading": atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z)),
+        "roll": atan2(2.0 * (q.w * q.x + q.y * q.z), 1.0 - 2.0 * (q.x * q.x + q.y * q.y)),
+        "pitch": asin(min(max(2.0 * (q.w * q.y - q.z * q.x), -1.0), 1.0)),
+    }
+
+
+def _pose(pose: Pose) -> dict[str, float]:
+    place = pose.position
+    return {"x": place.x, "y": place.y, "z": place.z, "heading": _angles(pose.orientation)["heading"]}
+
+
+def _twist(twist: Twist) -> dict[str, float]:
+    return {"speed": twist.linear.x, "side_speed": twist.linear.y, "turn_rate": twist.angular.z}
+
+
+def sectors_of(scan: LaserScan, turned: float = 0.0) -> tuple[float, ...]:
+    """Distance to the nearest thing in each sector, m; NaN where it does not look. turned: where its front looks, rad
+    counter-clockwise from the robot's. Raises ValueError for what is no scan."""
+    if len(scan.ranges) > MAX_RAYS:
+        raise ValueError(f"a scan of {len(scan.ranges):,} rays; at most {MAX_RAYS:,} are read")
+    found = [nan] * SECTORS
+    step, angle = SECTORS / _TURN * scan.angle_increment, SECTORS / _TURN * (scan.angle_min + turned) + 0.5
+    if not isfinite(step) or not isfinite(angle):
+        raise ValueError("a scan whose angles are no numbers")
+    least, most = scan.range_min, scan.range_max
+    for number, distance in enumerate(scan.ranges):
+        if least <= distance <= most or distance == inf:
+            sector = int((angle + number * step) // 1.0) % SECTORS
+            if not found[sector] <= distance:
+                found[sector] = min(distance, most)
+    return tuple(found)
+
+
+def _sides(sectors: tuple[float, ...]) -> dict[str, float]:
+    """The nearest thing in each quarter, and all round."""
+    quarter = SECTORS // 4
+    found = {"nearest": _least(sectors)}
+    for number, side in enumerate(("front", "left", "back", "right")):
+        middle = number * quarter
+        found[side] = _least([sectors[(middle + k) % SECTORS] for k in range(-quarter // 2, quarter // 2 + 1)])
+    return found
+
+
+def _least(distances: Any) -> float:
+    return min((each for each in distances if each == each), default=nan)
+
+
+def _range(message: Range) -> dict[str, float]:
+    distance = message.range
+    if abs(distance) == inf:  # nothing within its range, or something too near to be measured
+        distance = message.max_range if distance > 0.0 else message.min_range
+    return {"range": distance}
+
+
+def _battery(message: BatteryState) -> dict[str, float]:
+    names = ("percentage", "voltage", "current", "temperature", "charge", "present")
+    return {name: float(getattr(message, name)) for name in names}
+
+
+def _imu(message: Imu) -> dict[str, float]:
+    turning, pushing = message.angular_velocity, message.linear_acceleration
+    known = message.orientation_covariance[0] != -1.0  # how a sensor says that it measures none
+    angles = _angles(message.orientation if known else Quaternion(w=0.0))
+    along = {"acceleration": pushing.x, "side_acceleration": pushing.y, "up_acceleration": pushing.z}
+    return {**angles, "turn_rate": turning.z, **along}
+
+
+READ: Mapping[str, tuple[type[Any], Callable[[Any], dict[str, float]]]] = {
+    "Odometry": (Odometry, lambda message: {**_pose(message.pose.pose), **_twist(message.twist.twist)}),
+    "Twist": (Twist, _twist),
+    "TwistStamped": (TwistStamped, lambda message: _twist(message.twist)),
+    "LaserScan": (LaserScan, lambda message: _sides(sectors_of(message))),
+    "Range": (Range, _range),
+    "BatteryState": (BatteryState, _battery),
+    "Imu": (Imu, _imu),
+    "PoseStamped": (PoseStamped, lambda message: _pose(message.pose)),
+    "Bool": (Bool, lambda message: {"data": float(message.data)}),
+}
+"""Of each type: its class, and the values in a message."""
+
+
+def read(sort: str, message: Any, turned: float) -> tuple[dict[str, float], tuple[float, ...]]:
+    """The values in a message, and the sectors of a scan; see `sectors_of`."""
+    if sort == "LaserScan":
+        sectors = sectors_of(message, turned)
+        return _sides(sectors), sectors
+    return READ[sort][1](message), ()
+
+
+def made(sort: str, values: tuple[float, ...], now: float) -> Any:
+    """A message of a type that bodies send. values: speed and turn rate, or whether it is true. now: s since 1970."""
+    if sort == "Bool":
+        return Bool(bool(values[0]))
+    speed, turn_rate = values
+    twist = Twist(Vector3(speed), Vector3(z=turn_rate))
+    return twist if sort == "Twist" else TwistStamped(Header(time_of(now)), twist)

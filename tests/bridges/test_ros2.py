@@ -1,0 +1,369 @@
+"""A ROS 2 robot as a body: the contract of all bridges, clocks, what does not fit; and over DDS with another process.
+
+With SLEEPCAST_RCLPY, the same with real ROS 2: see CONTRIBUTING.md.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, contextmanager
+from dataclasses import replace
+from math import inf, isclose, isnan, nan, pi, remainder
+from pathlib import Path
+
+import pytest
+
+from bridges.ros2_robot import OverDds, Wheels
+from processes import start
+from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
+from sleepcast.bridges.ros2 import SILENT, Ros2Body
+from sleepcast.bridges.ros2_mapping import CLOCK, TURTLEBOT, Heard, read_mapping
+from sleepcast.bridges.ros2_messages import Bool, Twist
+from sleepcast.core.clock import ManualClock
+from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.robot import Limits, Setpoint
+from sleepcast.testing.robot_contract import BridgeContract, BridgeRig
+
+PATIENCE = 60.0
+"""Seconds that a busy machine may take."""
+RCLPY = os.environ.get("SLEEPCAST_RCLPY")
+"""A Python that has rclpy."""
+HERE = Path(__file__).parent
+MAPPING = read_mapping(TURTLEBOT, "/scout3")
+ODOM, SCAN, BATTERY = (source.topic for source in MAPPING.sources)
+
+
+class FakeRobot(Wheels):
+    """A robot in this process, and the way to it."""
+
+    def __init__(self, clock: ManualClock) -> None:
+        super().__init__()
+        self.clock, self.whole, self.ahead, self.charge = clock, True, 0.0, 0.8
+        self.simulated = nan
+        """What /clock says."""
+        self.stuck: float | None = None
+        """The time that its messages have, if it stands still."""
+        self.sectors = (3.5,) * 16
+        self.said: list[tuple[str, tuple[float, ...]]] = []
+
+    def heard(self) -> Mapping[str, Heard]:
+        if not self.whole:
+            return {}
+        stamp = self.clock.now() + self.ahead if self.stuck is None else self.stuck
+        heading = remainder(self.heading, 2.0 * pi)
+        found = {
+            ODOM: Heard(stamp, (self.x, self.y, heading, self.speed, self.turn_rate)),
+            SCAN: Heard(stamp, (min(self.sectors), 1.0, 1.0, 1.0, 1.0), self.sectors),
+            BATTERY: Heard(nan, (self.charge, 12.0)),
+        }
+        return found if isnan(self.simulated) else {**found, CLOCK: Heard(self.simulated, ())}
+
+    def say(self, topic: str, values: tuple[float, ...]) -> None:
+        self.said.append((topic, values))
+        if self.whole and topic == MAPPING.drive.topic:
+            self.speed, self.turn_rate = values
+
+    def remarks(self) -> list[str]:
+        return []
+
+    def close(self) -> None:
+        self.said.append(("closed", ()))
+
+
+@pytest.fixture
+def clock() -> ManualClock:
+    return ManualClock()
+
+
+@pytest.fixture
+def robot(clock: ManualClock) -> FakeRobot:
+    return FakeRobot(clock)
+
+
+def rig_of(robot: FakeRobot, *, sim_time: bool = False) -> BridgeRig:
+    body = Ros2Body(robot, MAPPING, sim_time=sim_time, clock=robot.clock, epoch=robot.clock.now)
+    body.measure()  # as it is met
+
+    def cut() -> None:
+        robot.whole, robot.speed, robot.turn_rate = False, 0.0, 0.0  # as every base does that hears nothing
+
+    def mend() -> None:
+        robot.whole = True
+
+    return BridgeRig(body, robot.clock, robot.advance, cut, mend, resolution=1e-6)
+
+
+class TestRos2(BridgeContract):
+    @pytest.fixture
+    def rig(self, robot: FakeRobot) -> BridgeRig:
+        return rig_of(robot)
+
+
+def drive(rig: BridgeRig) -> None:
+    rig.body.act(Setpoint(0.2, 0.0))
+    rig.wait(1.0)
+    assert isclose(rig.sensed()["speed"], 0.2)
+
+
+def test_stop_is_zeros_again_and_again_and_is_latched_once(robot: FakeRobot) -> None:
+    rig = rig_of(robot)
+    drive(rig)
+    assert robot.said[0:2] == [("/scout3/cmd_vel", (0.0, 0.0)), ("/scout3/stop", (0.0,))]
+    rig.body.stop()
+    rig.wait(1.0)
+    robot.said.clear()
+    rig.wait(1.0)
+    assert robot.said == [("/scout3/cmd_vel", (0.0, 0.0))] * 20
+    rig.body.release()
+    rig.wait(1.0)
+    assert [each for each in robot.said if each[0] == "/scout3/stop"] == [("/scout3/stop", (0.0,))]
+
+
+def test_a_robot_that_is_not_heard_is_told_to_stand_all_the_same(robot: FakeRobot) -> None:
+    rig = rig_of(robot)
+    drive(rig)
+    rig.cut()
+    rig.wait(SILENT + 0.2)
+    assert rig.body.lost == f"nothing new has come at {ODOM} and {SCAN} for 2 s"
+    rig.body.stop()
+    robot.said.clear()
+    rig.wait(0.2)
+    assert robot.said[0] == ("/scout3/cmd_vel", (0.0, 0.0))
+    assert robot.said[1] == ("/scout3/stop", (1.0,))
+    assert len(robot.said) == 5, "in every round"
+
+
+def test_messages_that_come_again_and_again_with_an_old_time_are_no_news(robot: FakeRobot) -> None:
+    rig = rig_of(robot)
+    drive(rig)
+    robot.stuck = robot.clock.now()
+    rig.wait(1.2)
+    assert isnan(rig.sensed()["x"])
+    assert rig.sensed()["battery"] == 0.8, "which has no time"
+    rig.wait(1.0)
+    assert rig.body.lost.startswith("nothing new has come")
+
+
+def test_a_clock_that_is_wrong_is_told_once_and_the_robot_is_driven(robot: FakeRobot) -> None:
+    rig = rig_of(robot)
+    robot.ahead = -35.25
+    drive(rig)
+    (said,) = [each for each in rig.body.complaints() if ODOM in each]
+    assert said.startswith(f"{ODOM} has times 35.2 s behind this computer's clock: set both clocks alike")
+    robot.ahead = 0.0
+    rig.wait(0.1)
+    robot.ahead = 3.0
+    rig.wait(0.2)
+    assert [each for each in rig.body.complaints() if f"{ODOM} has times 3 s ahead of" in each]
+
+
+def test_in_a_simulation_time_is_what_its_clock_says(robot: FakeRobot, clock: ManualClock) -> None:
+    rig = rig_of(robot, sim_time=True)
+
+    def half_as_fast(seconds: float) -> None:
+        FakeRobot.advance(robot, seconds)
+        robot.simulated = 0.0 if isnan(robot.simulated) else robot.simulated + seconds / 2.0
+        robot.ahead = robot.simulated - clock.now()
+
+    robot.advance = half_as_fast  # type: ignore[method-assign]
+    rig._advance = half_as_fast
+    rig.wait(2.0)
+    before = rig.body.sense().time
+    rig.wait(2.0)
+    assert isclose(rig.body.now() - before, 1.0)
+    assert not rig.body.complaints()
+    before = rig.body.now()
+    robot.simulated = 0.0  # it begins anew
+    rig.wait(1.0)
+    assert before < rig.body.now() < before + 1.0
+    rig._advance = lambda seconds: None
+    rig.wait(SILENT + 0.2)
+    assert rig.body.lost in (
+        "/clock has stood still for 2 s: the simulation pauses, or is gone",
+        f"nothing new has come at {ODOM} and {SCAN} for 2 s",
+    )
+
+
+def test_a_clock_that_stands_still_is_told(robot: FakeRobot) -> None:
+    rig = rig_of(robot, sim_time=True)
+    robot.simulated = 5.0
+    rig.wait(SILENT + 0.2)
+    assert rig.body.lost == "/clock has stood still for 2 s: the simulation pauses, or is gone"
+
+
+def test_values_of_another_unit_are_unknown_and_told(robot: FakeRobot) -> None:
+    rig = rig_of(robot)
+    robot.charge = 80.0
+    rig.wait(0.2)
+    assert isnan(rig.sensed()["battery"])
+    assert rig.body.complaints() == [
+        f"battery is 80 by {BATTERY}, beyond 0 to 1, and counts as unknown: does the mapping have its unit?"
+    ]
+
+
+def test_it_keeps_a_range_by_its_scanner(robot: FakeRobot) -> None:
+    rig = rig_of(robot)
+    rig.body.narrow(Limits(inf, inf, inf, least_range=0.5))
+    drive(rig)
+    robot.sectors = (0.4, *(3.5,) * 15)
+    rig.wait(1.0)
+    assert rig.sensed()["speed"] == 0.0
+    rig.body.act(Setpoint(-0.2, 0.0))
+    rig.wait(1.0)
+    assert isclose(rig.sensed()["speed"], -0.2), "it may go back"
+
+
+def test_without_a_scanner_it_keeps_no_range(robot: FakeRobot) -> None:
+    body = Ros2Body(robot, replace(MAPPING, sources=MAPPING.sources[:1]), clock=robot.clock)
+    with pytest.raises(MisuseError, match="has no range sensors"):
+        body.narrow(Limits(inf, inf, inf, least_range=0.5))
+
+
+def test_at_its_end_it_is_told_to_stand(robot: FakeRobot) -> None:
+    rig = rig_of(robot)
+    drive(rig)
+    rig.body.close()
+    assert robot.said[-4:] == [("/scout3/cmd_vel", (0.0, 0.0))] * 3 + [("closed", ())]
+
+
+@pytest.mark.parametrize(
+    ("uri", "complaint"),
+    [
+        ("ros2://scout3", "has a host, or no path; wanted something like ros2:///scout3"),
+        ("ros2:/", None),
+        ("ros2:///scout 3", "is no namespace of ROS 2"),
+        ("ros2:///3", "is no namespace of ROS 2"),
+        ("ros2:///scout3?domain=233", "domain is a whole number from 0 to 232, not '233'"),
+        ("ros2:///scout3?domain=x", "domain is a whole number"),
+        ("ros2:///scout3?discovery=off", "there is no discovery 'off'"),
+        ("ros2:///scout3?use_sim_time=true", "there is no use_sim_time 'true'"),
+        ("ros2:///scout3?map=x", "there is no setting 'map'; there are mapping, domain, discovery, use_sim_time"),
+        ("ros2:///scout3?mapping=/nowhere.toml", "cannot be read"),
+    ],
+)
+def test_an_address_that_means_nothing_is_refused(
+    uri: str, complaint: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sleepcast.bridges.ros2.PATIENCE", 0.0)
+    with pytest.raises(SleepcastError) as error:
+        open_robot(uri)
+    assert complaint is None or complaint in str(error.value)
+    assert complaint is None or isinstance(error.value, BodyError | MisuseError)
+
+
+def test_it_does_not_wait_for_its_mind() -> None:
+    with pytest.raises(MisuseError, match="does not wait for its mind"):
+        open_robot("ros2:///scout3", Opening(in_step=True))
+
+
+# ---- over DDS, with another process
+
+DOMAIN = 1 + os.getpid() % 50
+"""Of this run; a simulation has another one. Up to 101, no other program gets their ports by chance."""
+
+
+@contextmanager
+def another(*, ros: bool = False, domain: int = DOMAIN, simulated: str = "") -> Iterator[subprocess.Popen[str]]:
+    """The robot /scout3 in another process."""
+    command = (
+        (RCLPY, HERE / "rclpy_robot.py", "/scout3")
+        if ros
+        else (sys.executable, HERE / "ros2_robot.py", "/scout3", domain, *filter(None, [simulated]))
+    )
+    path = "" if ros else os.pathsep.join([str(HERE.parent), *sys.path])
+    place = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "PYTHONPATH": path}
+    with start(*command, **place) as process:
+        try:
+            assert process.stdout is not None
+            assert "is up" in process.stdout.readline(), process.communicate()
+            yield process
+        finally:
+            process.kill()
+
+
+def until(true: Callable[[], bool]) -> None:
+    ends = time.monotonic() + PATIENCE
+    while not true():
+        assert time.monotonic() < ends
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize(
+    "ros",
+    [
+        False,
+        pytest.param(
+            True,
+            marks=pytest.mark.skipif(
+                not RCLPY, reason=("needs ROS 2: SLEEPCAST_RCLPY names a Python that has rclpy, see CONTRIBUTING.md")
+            ),
+        ),
+    ],
+)
+def test_another_process_is_driven_lost_and_found_again(ros: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sleepcast.bridges.ros2.SILENT", 0.5)
+    with (
+        another(ros=ros) as process,
+        closing(open_robot(f"ros2:///scout3?domain={DOMAIN}&discovery=localhost")) as body,
+    ):
+        names = [sensor.name for sensor in body.model.sensors]
+
+        def sensed(name: str) -> float:
+            return body.sense().values[names.index(name)]
+
+        until(lambda: isclose(sensed("battery"), 0.8, rel_tol=1e-6) and sensed("front") == 2.0)
+        body.act(Setpoint(0.2, 0.5))
+        until(lambda: isclose(sensed("speed"), 0.2) and sensed("heading") > 0.1)
+        body.stop()
+        until(lambda: sensed("speed") == 0.0)
+        assert process.stdout is not None
+        assert [process.stdout.readline().strip() for _ in range(2)] == ["free", "stopped"]
+        body.release()
+        until(lambda: process.stdout is not None and process.stdout.readline().strip() == "free")
+        body.act(Setpoint(0.2, 0.0))
+        until(lambda: isclose(sensed("speed"), 0.2))
+        process.kill()
+        until(lambda: bool(body.lost))
+        body.stop()
+        with another(ros=ros) as again:
+            assert again.stdout is not None
+            assert again.stdout.readline().strip() == "stopped", "what is latched reaches who comes later"
+            until(lambda: not body.lost)
+            assert sensed("speed") == 0.0
+            said = body.complaints()
+            assert said[0].startswith("the body is out of reach: nothing new has come at /scout3/odom")
+            assert said[-1].startswith("the body is within reach again")
+            body.release()
+            body.act(Setpoint(0.1, 0.0))
+            until(lambda: isclose(sensed("speed"), 0.1))
+
+
+def test_a_simulation_with_its_clock_and_others_that_do_not_fit_are_told() -> None:
+    domain = DOMAIN + 50
+    over = OverDds("/scout3", domain)
+    wrong, rival = over.writer("battery_state", Bool), over.writer("cmd_vel", Twist, "reliable")
+    with (
+        another(domain=domain, simulated="3"),
+        closing(open_robot(f"ros2:///scout3?domain={domain}&discovery=localhost&use_sim_time=yes")) as body,
+    ):
+        began, first = time.monotonic(), body.sense().time
+        until(lambda: body.sense().time > first + 1.0)
+        assert time.monotonic() - began < 1.0, "three times as fast as ours"
+        said: set[str] = set()
+        until(lambda: said.update(body.complaints()) or len(said) >= 2)  # type: ignore[func-returns-value]
+        assert said == {
+            "/scout3/battery_state has the type std_msgs/Bool, not sensor_msgs/BatteryState as the mapping says: what "
+            "it brings is not read",
+            "somebody else drives it, too, by /scout3/cmd_vel: STOP does not hold for them",
+        }
+    del wrong, rival
+
+
+def test_nobody_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sleepcast.bridges.ros2.PATIENCE", 0.2)
+    with pytest.raises(OutOfReachError, match=r"nothing came at /scout4/odom and /scout4/scan for 0\.2 s"):
+        open_robot(f"ros2:///scout4?domain={DOMAIN}&discovery=localhost")

@@ -81,6 +81,11 @@ class OverDds:
         return Topic(self.participant, f"rt{name if name[0] == '/' else self.namespace + '/' + name}", sort)
 
 
+def heard_at(reader: DataReader[Any]) -> list[Any]:
+    """What came; that somebody has gone is no message."""
+    return [message for message in reader.take(1) if message.sample_info.valid_data]
+
+
 def main(namespace: str, domain: str, factor: str = "") -> None:
     over, wheels = OverDds(namespace, int(domain)), Wheels()
     odom, lidar = over.writer("odom", Odometry), over.writer("scan", LaserScan)
@@ -91,11 +96,11 @@ def main(namespace: str, domain: str, factor: str = "") -> None:
     while True:
         time.sleep(TICK)
         now = time.monotonic()
-        for twist in told.take(1):
+        for twist in heard_at(told):
             heard, wheels.speed, wheels.turn_rate = now, twist.linear.x, twist.angular.z
         if now - heard > FORGOTTEN:
             wheels.speed = wheels.turn_rate = 0.0
-        for each in stop.take(1):
+        for each in heard_at(stop):
             print("stopped" if each.data else "free", flush=True)
         wheels.advance(TICK)
         stamp = time_of(float(factor) * (now - began) + TICK if factor else time.time())

@@ -7,7 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from sleepcast.bridges.ros2_mapping import MAX_TOPICS, MAX_VALUES, TURTLEBOT, is_namespace, read_mapping
+from sleepcast.bridges.ros2_mapping import (
+    MAX_TOPICS,
+    MAX_VALUES,
+    TURTLEBOT,
+    TYPES,
+    RobotMapping,
+    is_namespace,
+    read_mapping,
+)
 from sleepcast.core.settings import SettingsError
 
 HEAD = 'name = "rover"\nradius = "0.3m"\nspeed = "1m/s"\nturn_rate = "90deg/s"\nacceleration = "1m/s2"\n'
@@ -15,7 +23,7 @@ ODOM = '[in.odom]\ntype = "Odometry"\nvalues = { x = "x", v = "speed km/h" }\n'
 DRIVE = '[out.cmd_vel]\ntype = "Twist"\nvalues = { drive_speed = "speed", drive_turn = "turn_rate deg/s" }\n'
 
 
-def mapping_of(tmp_path: Path, text: str):  # type: ignore[no-untyped-def]
+def mapping_of(tmp_path: Path, text: str) -> RobotMapping:
     file = tmp_path / "rover.toml"
     file.write_text(text)
     return read_mapping(file, "/a/b")
@@ -101,3 +109,12 @@ def test_each_mistake_is_a_sentence_with_its_place(tmp_path: Path, text: str, co
 )
 def test_namespaces(text: str, good: bool) -> None:
     assert is_namespace(text) is good
+
+
+def test_the_mapping_in_the_documentation_is_one(tmp_path: Path) -> None:
+    page = Path(__file__).parents[2] / "docs" / "howto" / "ros2.md"
+    found = mapping_of(tmp_path, page.read_text().split("```toml\n")[1].split("```")[0])
+    assert [each.name for each in found.sensors()][-2:] == ["battery", "gate"]
+    assert [each.function for each in found.switches] == ["HORN"]
+    for sort, values in TYPES.items():
+        assert ", ".join(f"`{value}`" for value in values) in page.read_text(), sort

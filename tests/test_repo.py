@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -16,6 +17,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
+import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
@@ -68,6 +70,18 @@ def test_the_locks_satisfy_the_project() -> None:
             versions = [version for name, version in pins if name == canonicalize_name(requirement.name)]
             assert versions, f"{lock} lacks {requirement}: renew it as CONTRIBUTING.md says"
             assert all(version in requirement.specifier for version in versions), f"{lock}: {requirement}"
+
+
+def test_the_readme_says_what_each_extra_brings() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    listed = re.findall(r"^\| `(\w+)` \|", (ROOT / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert listed == sorted(project["optional-dependencies"])
+
+
+def test_the_citation_is_of_this_version() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert citation["title"] == "sleepcast"
+    assert citation["version"] == sleepcast.__version__
 
 
 def test_every_slow_file_is_there() -> None:

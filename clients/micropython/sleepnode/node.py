@@ -185,9 +185,10 @@ class Node:
 
     def _work(self):
         """A slice of verifying or signing; whether there was anything to do."""
-        if self.stop is not None:
-            return self._go_on(self.stop, True)
         self._turn = not self._turn
+        if self.stop is not None:
+            # A flood of forged STOPs must not keep a robot that has stopped from saying so.
+            return (self.stopped and self._turn and self._sign()) or self._go_on(self.stop, True)
         if self._turn and self._sign():
             return True
         if self.job is None and self._jobs:

@@ -17,7 +17,7 @@ from sleepcast.console import incoming, outgoing
 from sleepcast.console.account_table import AccountTable
 from sleepcast.console.alerts import AlertBoard, Alerted
 from sleepcast.console.completion import names_of
-from sleepcast.console.driver import Driver, together
+from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import ShownWhy, show_why
 from sleepcast.console.ground import pictured
 from sleepcast.console.histogram import Spread, spread
@@ -30,6 +30,7 @@ from sleepcast.console.values import TelemetryValues, Values
 from sleepcast.console.view import MindView, ObstacleEditor, RuleView, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, and_more
+from sleepcast.core.tasks import together
 from sleepcast.core.units import shown_value
 from sleepcast.language import Checked, Explanation, Finding, ReadError, Variable, format_value
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, SUPPORT, TIME_SLOT, unit_of

@@ -9,11 +9,11 @@ way at 30 times real time, and flat out after some 15 ms against 10, while the s
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from concurrent.futures import Future
 from math import inf
 from threading import Thread
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from sleepcast.console.frames import pack, repeats
 from sleepcast.console.view import Pace, SwarmView
@@ -190,20 +190,6 @@ class Driver(FrameSource):
             (swarm.pings(), self.groups.second, swarm.colours()),
         )
         self.show(frame)
-
-
-async def together(*works: Coroutine[Any, Any, None]) -> None:
-    """Do all of this until one of it ends or fails, or until cancelled; then all of it has ended."""
-    tasks = [asyncio.ensure_future(work) for work in works]
-    try:
-        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        for task in tasks:
-            task.cancel()
-        ended = await asyncio.gather(*tasks, return_exceptions=True)
-    for error in ended:
-        if isinstance(error, BaseException) and not isinstance(error, asyncio.CancelledError):
-            raise error
 
 
 async def aside(work: Callable[[], T]) -> T:

@@ -19,7 +19,7 @@ import numpy as np
 
 from sleepcast.console import incoming, outgoing
 from sleepcast.console.alerts import AlertBoard, Alerted
-from sleepcast.console.driver import FRAME_PERIOD, FrameSource, together
+from sleepcast.console.driver import FRAME_PERIOD, FrameSource
 from sleepcast.console.exact import Exact
 from sleepcast.console.film import Timeline, commands_of, frame_of, news_of, values_of
 from sleepcast.console.ground import pictured
@@ -30,6 +30,7 @@ from sleepcast.console.plots import Measure
 from sleepcast.console.recorded_values import RecordedPlots, RecordedValues
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.tasks import together
 
 MOST_WATCHED = 16
 """Robots that pages look at, at one time: as many as there may be pages."""

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.core.geodesy import LocalMap
+from sleepcast.core.tasks import together
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import TelemetryClient
 from sleepcast.station.validation import SendPolicy
@@ -54,16 +55,7 @@ class TakBridge:
 
     async def run(self) -> None:
         """Go on until cancelled. Raises what the channel raises."""
-        tasks = [asyncio.ensure_future(self._link.run(self._take)), asyncio.ensure_future(self._serve())]
-        try:
-            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for task in tasks:
-                task.cancel()
-            ended = await asyncio.gather(*tasks, return_exceptions=True)
-        for error in ended:
-            if isinstance(error, BaseException) and not isinstance(error, asyncio.CancelledError):
-                raise error
+        await together(self._link.run(self._take), self._serve())
 
     async def _serve(self) -> None:
         due = 0.0

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import islice
 
-from sleepcast.console.driver import together
 from sleepcast.console.nomads.driver import NomadDriver
 from sleepcast.console.nomads.editor import NomadEditor
 from sleepcast.console.nomads.orders import ORDERS, check
@@ -33,6 +32,7 @@ from sleepcast.console.outgoing import (
 from sleepcast.console.view import Scene
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.tasks import together
 from sleepcast.robot import Condition, Pose
 
 MOST_LINES = 100

@@ -38,7 +38,7 @@ export class RobotWindow extends EventTarget {
     root.addEventListener("keydown", (event) => {
       if (!event.ctrlKey && !event.metaKey && !event.altKey && this.key(event)) event.preventDefault();
     });
-    this.find("own-follow").addEventListener("click", () => this.follow(!this.following));
+    this.find("own-follow").addEventListener("click", () => this.follow(true));
     this.find("own-follow").addEventListener("pointerdown", (event) => event.stopPropagation()); // it is no place
     windows.addEventListener("sensed", () => this.show());
     windows.world.addEventListener("layers", () => this.repaint());
@@ -66,7 +66,7 @@ export class RobotWindow extends EventTarget {
 
   follow(on) {
     this.following = on;
-    this.find("own-follow").setAttribute("aria-pressed", String(on));
+    this.find("own-follow").hidden = on;
     this.repaint();
   }
 

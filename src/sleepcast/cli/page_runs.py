@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from sleepcast.api.assembly import assemble, assemble_from, station_of, warm_up
 from sleepcast.api.fleet import SimulatedFleet
+from sleepcast.cli.page_tests import PageTests
 from sleepcast.cli.streams import complain
 from sleepcast.console.adapters.live_past import LivePast
 from sleepcast.console.adapters.swarm import SwarmAdapter, shown_slider
@@ -181,10 +182,12 @@ class PageRuns:
         pace = Pace(self._clock, swarm, scenario.speed_up if speed is None else speed)
         place = Path(wish.scenario)
         folder = place if place.is_dir() else place.parent if place.is_file() else None
-        measures = [Measure(*each) for each in live_measures(SimulatedFleet(swarm, station), folder)]
+        fleet = SimulatedFleet(swarm, station)
+        measures = [Measure(*each) for each in live_measures(fleet, folder)]
         seen = SwarmAdapter(swarm, map_picture)
         past = LivePast(seen, swarm, station, self._clock)
-        return Run(seen, station, pace, prepare, self._shown_as(swarm, station, wish, warm), measures, past)
+        tests, around = PageTests(fleet, past), self._shown_as(swarm, station, wish, warm)
+        return Run(seen, station, pace, prepare, around, measures, past, tests)
 
     @contextmanager
     def _shown_as(self, swarm: Swarm, station: Station, wish: Wish, warm: Event) -> Iterator[None]:

@@ -60,6 +60,12 @@ MAX_ROWS = 200
 MAX_PICKED = 10_000
 """Robots that are picked from the table by hand."""
 Expression = Annotated[str, Meta(max_length=2_000)]
+MOST_HELD = 1_000
+"""Commands of one test: as many as a mission may have."""
+MOST_GOALS = 16
+"""Goals of one test, as in an exercise."""
+Bound = Literal["exactly", "at least", "at most"]
+TestName = Annotated[str, Meta(pattern=r"\A[A-Za-z0-9][A-Za-z0-9_-]{0,59}\Z")]
 Place = Annotated[int, Meta(ge=0, le=2**31 - 1)]
 
 
@@ -442,6 +448,47 @@ class Save(Message):
     serial: Serial
 
 
+class DraftTest(Message):
+    """Let time stand still, and tell what a test of the session up to now would hold."""
+
+    serial: Serial
+
+
+class CountTrue(Message):
+    """For how many robots an expression is true now, by what they themselves know."""
+
+    serial: Serial
+    text: Expression
+
+
+class HeldCount(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """What shall become of a command when a test ends. how: what the count is to the number."""
+
+    count: Literal["matched", "held", "not matched", "unknown", "fault", "silent"]
+    how: Bound
+    number: Annotated[int, Meta(ge=0, le=10_000_000)]
+
+
+class HeldGoal(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """For how many robots an expression shall be true when a test ends."""
+
+    text: Expression
+    how: Bound
+    number: Annotated[int, Meta(ge=0, le=10_000_000)]
+
+
+class SaveTest(Message):
+    """Make the files of a test. tick: at which it was drafted. held: by the ids of commands. exact: the whole state
+    shall be the same at the end."""
+
+    serial: Serial
+    tick: Annotated[int, Meta(ge=0, le=2**53 - 1)]
+    name: TestName
+    held: Annotated[dict[Id, Annotated[list[HeldCount], Meta(max_length=6)]], Meta(max_length=MOST_HELD)] = {}
+    goals: Annotated[list[HeldGoal], Meta(max_length=MOST_GOALS)] = []
+    exact: bool = False
+
+
 AlertMessage = AddAlert | MuteAlert | RemoveAlert | Fired
 Incoming = (
     Preview
@@ -486,6 +533,9 @@ Incoming = (
     | Scenarios
     | Setup
     | Renew
+    | DraftTest
+    | CountTrue
+    | SaveTest
     | Perform
     | Drive
     | Click

@@ -21,11 +21,12 @@ import numpy as np
 
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver, aside
-from sleepcast.console.incoming import Fork, Renew, Scenarios, Setup
+from sleepcast.console.incoming import CountTrue, DraftTest, Fork, Renew, SaveTest, Scenarios, Setup
 from sleepcast.console.marks import clock_time
 from sleepcast.console.outgoing import Hello, Said
 from sleepcast.console.past import Past
 from sleepcast.console.plots import Measure
+from sleepcast.console.session_test import NO_TEST, Counted, Drafted, Packed, TestMaker
 from sleepcast.console.view import Pace, ShownSlider, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
@@ -95,7 +96,8 @@ class Note(Said):
 @dataclass(frozen=True, slots=True)
 class Run:
     """A swarm that a page can show, with its desk. prepare: see `Driver`. around: entered when the run is shown, and
-    left when another one is, or the program ends. measures: of its scenario, see `Plots`. past: see `Backend`."""
+    left when another one is, or the program ends. measures: of its scenario, see `Plots`. past: see `Backend`.
+    tests: makes tests of it."""
 
     swarm: SwarmView
     station: Station
@@ -104,6 +106,7 @@ class Run:
     around: AbstractContextManager[object]
     measures: Sequence[Measure] = ()
     past: Past | None = None
+    tests: TestMaker | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,6 +259,7 @@ class RenewableBackend(Backend):
     def __init__(self, run: Run, driver: Driver, clock: Clock, runs: Runs) -> None:
         super().__init__(run.swarm, run.station, driver, clock, measures=run.measures, past=run.past)
         self.over = False
+        self._tests = run.tests
         self._runs, self._number = runs, runs.number
 
     def hello(self) -> Hello:
@@ -280,6 +284,22 @@ class RenewableBackend(Backend):
         same = not message.scenario
         wish = None if same else Wish(message.scenario, seed, message.robots, message.values)
         return await self._runs.renew(message.serial, wish)
+
+    def session_test(self, message: DraftTest | CountTrue | SaveTest) -> Said:
+        """The answer to what a page asks about a test of this session. Raises SleepcastError."""
+        if self._tests is None:
+            raise MisuseError(NO_TEST)
+        match message:
+            case CountTrue(serial, text):
+                return Counted(serial, self._tests.count(text))
+            case SaveTest(serial, tick, name, held, goals, exact):
+                if tick != self._swarm.tick:
+                    raise MisuseError("Time has gone on since this dialog was opened: close it, and open it again.")
+                return Packed(serial, f"{name}.zip", self._tests.files(name, held, goals, exact))
+        ran = not self.driver.pace.paused
+        name, commands = self._tests.draft()
+        self.driver.set_pace(running=False)
+        return Drafted(message.serial, self._swarm.tick, self._swarm.now(), ran, name, commands)
 
     def _refuse_doubt(self) -> None:
         """Raise MisuseError while it is not clear whether STOP is obeyed."""

@@ -21,12 +21,16 @@ from sleepcast.console.marks import clock_time
 from sleepcast.console.past import Past
 from sleepcast.console.renewal import NOT_HERE, RenewableBackend
 from sleepcast.console.replay import ReplayBackend
+from sleepcast.console.session_test import NO_TEST, OF_RECORDING
 from sleepcast.console.table import RobotTable
 from sleepcast.core.errors import MisuseError
 
 OF_THEN = (outgoing.Commands, outgoing.Failing, outgoing.Groups, outgoing.Obstacles, outgoing.Robot)
 """News that are those of the time at which a page looks; all other news are of now."""
-ACTS = (incoming.Send, incoming.Wink, incoming.Build, incoming.Shift, incoming.Clear, incoming.Undo)
+ACTS = (
+    *(incoming.Send, incoming.Wink, incoming.Build, incoming.Shift, incoming.Clear, incoming.Undo),
+    *(incoming.DraftTest, incoming.CountTrue, incoming.SaveTest),
+)
 """What changes the run, which can be done only now."""
 QUESTIONS = (
     *(incoming.Preview, incoming.Spread, incoming.Pick, incoming.Names, incoming.Glance, incoming.Members),
@@ -111,6 +115,10 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
                 return desk.picture(serial)
             case incoming.Commands(serial):
                 return desk.commands(serial)
+            case incoming.DraftTest() | incoming.CountTrue() | incoming.SaveTest():
+                if not isinstance(desk, RenewableBackend):
+                    raise MisuseError(OF_RECORDING if isinstance(desk, ReplayBackend) else NO_TEST)
+                return desk.session_test(message)
             case incoming.Scenarios() | incoming.Setup() | incoming.Renew() | incoming.Fork():
                 if not isinstance(desk, RenewableBackend):
                     raise MisuseError(NOT_HERE)

@@ -18,6 +18,7 @@ import { Operators } from "./operators.js";
 import { Plots } from "./plots.js";
 import { Prompt } from "./prompt.js";
 import { RobotPane } from "./robot.js";
+import { SaveTest } from "./savetest.js";
 import { Selecting } from "./select.js";
 import { Senses } from "./senses.js";
 import { SensorsPane } from "./sensors.js";
@@ -40,6 +41,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   const glance = new Glance(document.querySelector(".glance"), wire);
   const robot = new RobotPane(document.querySelector(".robot"), wire, ["why", "values", "rules", "said"]);
   new NewRun(document, wire);
+  new SaveTest(document, wire);
   const timeline = new Timeline(document.querySelector(".timeline"), wire);
   const names = async () => (await wire.ask("names")).names;
   const table = new Table(document.querySelector(".table-pane"), wire, names);
@@ -321,6 +323,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   const actions = [
     ["Back to live", "F8", () => timeline.toLive()],
     ["New run: scenario, robots, seed", "", () => find("renew").hidden || press("renew")],
+    ["Save as a test", "commands and what came of them", () => press("as-test")],
     ["Select robots with a lasso", "L", () => press("lasso")],
     ["Select the highlighted robots", "S", () => press("select-lit")],
     ["Type a sentence, or an expression again", "Ctrl+;", () => sentence.toggle()],

@@ -78,9 +78,6 @@ def test_what_was_done_by_hand_is_repeated_in_another_process(session: Program, 
         refused = page.ask("savetest", tick=draft["tick"], name="again")
         assert "Time has gone on" in refused["reason"]
         assert "never closed" in page.ask("counttrue", text="(IN crew")["reason"]
-        assert page.ask("build", corners=[(1.0, 1.0), (2.0, 1.0), (2.0, 2.0)])["type"] == "built"
-        page.tell("step")
-        assert "Obstacles were changed by hand" in page.ask("drafttest")["reason"]
 
 
 @pytest.mark.browser

@@ -111,7 +111,7 @@ function row({ id, at, text, counts }) {
     return field;
   });
   const words = make("code", { title: text }, text.replace(/\s+/g, " "));
-  const line = make("li", {}, make("label", {}, hold, ` ${clock(at)} `, words), make("div", { className: "bounds" }, ...bounds));
+  const line = make("li", {}, make("label", {}, hold, clock(at), words), make("div", { className: "bounds" }, ...bounds));
   line.dataset.id = id;
   hold.addEventListener("change", () => line.classList.toggle("off", !hold.checked));
   return line;

@@ -121,6 +121,13 @@ def start_changed(clone: Path, change: str) -> subprocess.CompletedProcess[str]:
     return run(sys.executable, "-c", start, cwd=clone)
 
 
+def test_go_builds_no_site_without_npm(clone: Path) -> None:
+    done = run(sys.executable, "go.py", "docs", cwd=clone, env={**os.environ, "PATH": str(clone)})
+    assert done.stderr.startswith("The site needs npm.")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert not (clone / ".venv-docs").exists()
+
+
 def test_go_says_why_it_cannot_make_its_environment(clone: Path) -> None:
     (clone / ".venv").write_text("a file where the folder should be")
     done = run(sys.executable, "go.py", cwd=clone)

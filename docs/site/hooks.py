@@ -25,8 +25,9 @@ PACKAGES = ROOT / ".venv-docs" / "node_modules"
 PAGES = ("*.md", "docs/**/*.md", "src/**/*.md", "benchmarks/*.md", "clients/*/*.md", "examples/*/*.md")
 LINK = re.compile(r"\]\(([^)\s#]+)|<img src=\"([^\"]+)\"")
 FENCE = re.compile(r"^```(\w[\w-]*)(?: (\S+))?$", re.MULTILINE)
-LISP = {"sleep", "finding", "explain", "bravo", "bravo-fault", "classic", "faithful"}
-"""The sorts of fenced blocks (see tests/test_docs.py) that are coloured as Lisp."""
+LISP = ("sleep", "finding", "explain", "bravo", "bravo-fault", "classic", "faithful")
+COLOURED = {**dict.fromkeys(LISP, "common-lisp"), "terminal": "console", "air": "console"}
+"""As what the sorts of fenced blocks (see tests/test_docs.py) are coloured that the highlighter does not know."""
 BOX = """<div id="playground" class="playground">
 <p>With a server, such as <code>python3 -m http.server</code> in the site's folder, expressions can be tried here.</p>
 </div>
@@ -34,7 +35,6 @@ BOX = """<div id="playground" class="playground">
 """Where static/playground/box.js builds the playground."""
 HISTORY = {"CHANGELOG.md", "docs/decisions.md"}
 """Pages that name everything: a search shows them last."""
-SHELL = {"terminal": "console", "air": "console"}
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
@@ -84,7 +84,7 @@ def linked_files(page: Path) -> set[Path]:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
-    """Give fenced blocks the colours of a language that the highlighter knows, and their file's name as a title."""
+    """Prepare a page's text: the colours and titles of its fenced blocks, and on one page the playground."""
     if page.file.src_uri in HISTORY:
         page.meta["search"] = {"boost": 0.1}
     markdown = FENCE.sub(fence, markdown)
@@ -94,7 +94,7 @@ def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
 
 
 def fence(match: re.Match[str]) -> str:
+    """The first line of a fenced block, as the highlighter wants it."""
     sort, file = match[1], match[2]
-    language = "common-lisp" if sort in LISP else SHELL.get(sort, sort)
     title = f' title="{file}"' if file else ""
-    return f"```{{.{language} .{sort}{title}}}"
+    return f"```{{.{COLOURED.get(sort, sort)} .{sort}{title}}}"

@@ -248,7 +248,7 @@ def test_at_its_end_it_is_told_to_stand(robot: FakeRobot) -> None:
 def test_an_address_that_means_nothing_is_refused(
     uri: str, complaint: str | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sleepcast.bridges.ros2.PATIENCE", 0.0)
+    monkeypatch.setattr("sleepcast.bridges.ros2.MEETING", 0.0)
     with pytest.raises(SleepcastError) as error:
         open_robot(uri)
     assert complaint is None or complaint in str(error.value)
@@ -283,6 +283,12 @@ def another(*, ros: bool = False, domain: int = DOMAIN, simulated: str = "") -> 
             yield process
         finally:
             process.kill()
+
+
+def line(process: subprocess.Popen[str]) -> str:
+    """The next one that it prints."""
+    assert process.stdout is not None
+    return process.stdout.readline().strip()
 
 
 def until(true: Callable[[], bool]) -> None:
@@ -320,20 +326,18 @@ def test_another_process_is_driven_lost_and_found_again(ros: bool, monkeypatch: 
         until(lambda: isclose(sensed("speed"), 0.2) and sensed("heading") > 0.1)
         body.stop()
         until(lambda: sensed("speed") == 0.0)
-        assert process.stdout is not None
-        assert [process.stdout.readline().strip() for _ in range(2)] == ["free", "stopped"]
+        until(lambda: line(process) == "stopped")
         body.release()
-        until(lambda: process.stdout is not None and process.stdout.readline().strip() == "free")
+        until(lambda: line(process) == "free")
         body.act(Setpoint(0.2, 0.0))
         until(lambda: isclose(sensed("speed"), 0.2))
         process.kill()
         until(lambda: bool(body.lost))
         body.stop()
         with another(ros=ros) as again:
-            assert again.stdout is not None
-            assert again.stdout.readline().strip() == "stopped", "what is latched reaches who comes later"
+            assert line(again) == "stopped", "what is latched reaches who comes later"
             until(lambda: not body.lost)
-            assert sensed("speed") == 0.0
+            until(lambda: sensed("speed") == 0.0)
             said = body.complaints()
             assert said[0].startswith("the body is out of reach: nothing new has come at /scout3/odom")
             assert said[-1].startswith("the body is within reach again")
@@ -364,6 +368,6 @@ def test_a_simulation_with_its_clock_and_others_that_do_not_fit_are_told() -> No
 
 
 def test_nobody_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sleepcast.bridges.ros2.PATIENCE", 0.2)
+    monkeypatch.setattr("sleepcast.bridges.ros2.MEETING", 0.2)
     with pytest.raises(OutOfReachError, match=r"nothing came at /scout4/odom and /scout4/scan for 0\.2 s"):
         open_robot(f"ros2:///scout4?domain={DOMAIN}&discovery=localhost")

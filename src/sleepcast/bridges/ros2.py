@@ -23,7 +23,7 @@ from typing import Protocol
 
 from sleepcast.bridges import Opening
 from sleepcast.bridges.address import BodyError, read_body_address
-from sleepcast.bridges.body import FRESH, PATIENCE, BridgedBody, Motion, OutOfReachError
+from sleepcast.bridges.body import FRESH, BridgedBody, Motion, OutOfReachError
 from sleepcast.bridges.ros2_mapping import (
     CLOCK,
     TURTLEBOT,
@@ -47,6 +47,8 @@ ASTRAY = 1.0
 HIGHEST_DOMAIN = 232
 """DDS has no ports for higher ones."""
 RANGES = ("subnet", "localhost")
+MEETING = 10.0
+"""Seconds for its first words: with loss, both sides need some to find each other."""
 GLANCE = 0.02
 """Seconds between two looks for its first words."""
 LAST_WORDS = 3
@@ -298,7 +300,7 @@ def open_body(uri: str, opening: Opening) -> Ros2Body:
         raise MisuseError('ROS 2 robots need Cyclone DDS: pip install "sleepcast[ros2]"') from None
     body = Ros2Body(DdsLink(mapping, int(domain), local=local, clock=sim_time), mapping, sim_time=sim_time)
     try:
-        body.meet(PATIENCE)
+        body.meet(MEETING)
     except BaseException:
         body.close()
         raise

@@ -6,6 +6,7 @@ another type, and somebody else who drives the same robot.
 
 from __future__ import annotations
 
+import os
 import time
 from contextlib import suppress
 from functools import cache
@@ -33,12 +34,14 @@ MAX_LOCAL = 99
 PARTING = duration(milliseconds=100)
 """For the last words at a topic to arrive."""
 
-_LOCAL = f"""<CycloneDDS><Domain><General><AllowMulticast>false</AllowMulticast>
+_HERE = f"""<General><AllowMulticast>false</AllowMulticast>
 <Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces></General>
 <Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{MAX_LOCAL}</MaxAutoParticipantIndex>
-<Peers><Peer address="127.0.0.1"/></Peers></Discovery>
-<Internal><WriterLingerDuration>100 ms</WriterLingerDuration></Internal></Domain></CycloneDDS>"""
-"""As ROS has it with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST; and what was not acknowledged is soon let go."""
+<Peers><Peer address="127.0.0.1"/></Peers></Discovery>"""
+"""As ROS has it with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST."""
+_ANYWHERE = """<Discovery><SPDPInterval>1 s</SPDPInterval></Discovery>
+<Internal><WriterLingerDuration>100 ms</WriterLingerDuration></Internal>"""
+"""We say more often that we are there than every 30 s, since it may be lost; and wait less for who has gone."""
 
 _ONE = Policy.History.KeepLast(1)
 _RELIABLE = Policy.Reliability.Reliable(max_blocking_time=duration(milliseconds=100))
@@ -51,11 +54,14 @@ QOS = {
 
 @cache
 def join(domain: int, local: bool) -> Domain | None:
-    """Settle once in this process how others are found in a domain; None: as Cyclone DDS does by itself."""
+    """Settle once in this process how others are found in a domain; None: as CYCLONEDDS_URI says, where it is set."""
+    if "CYCLONEDDS_URI" in os.environ and not local:
+        return None
     try:
-        return Domain(domain, _LOCAL) if local else None
+        return Domain(domain, f"<CycloneDDS><Domain>{_HERE if local else ''}{_ANYWHERE}</Domain></CycloneDDS>")
     except DDSException as error:
-        raise MisuseError(f"ROS domain {domain} cannot be joined with discovery=localhost: {error}") from None
+        where = "localhost" if local else "subnet"
+        raise MisuseError(f"ROS domain {domain} cannot be joined with discovery={where}: {error}") from None
 
 
 class DdsLink:

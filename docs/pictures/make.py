@@ -193,6 +193,7 @@ def maze() -> None:
               return 3600 * hours + 60 * minutes + seconds >= {SECONDS};
             }}""")
             page.locator("#legend", has_text="home").wait_for()  # the groups of that moment are news that come later
+            page.locator("#scrub").blur()  # its ring would reach into the picture
             taken = page.locator(".world").screenshot()
     apng.write(FOLDER / "maze.png", [apng.decoded(taken)], [LAST])
     print(f"maze.png: {(FOLDER / 'maze.png').stat().st_size / 1e6:.2f} MB")

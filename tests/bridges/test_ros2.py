@@ -21,8 +21,9 @@ from bridges.ros2_robot import OverDds, Wheels
 from processes import start
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.ros2 import SILENT, Ros2Body
+from sleepcast.bridges.ros2_link import DdsLink
 from sleepcast.bridges.ros2_mapping import CLOCK, TURTLEBOT, Heard, read_mapping
-from sleepcast.bridges.ros2_messages import Bool, Twist
+from sleepcast.bridges.ros2_messages import MAX_RAYS, Bool, LaserScan, Odometry, Twist
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.robot import Limits, Setpoint
@@ -365,6 +366,30 @@ def test_a_simulation_with_its_clock_and_others_that_do_not_fit_are_told() -> No
             "somebody else drives it, too, by /scout3/cmd_vel: STOP does not hold for them",
         }
     del wrong, rival
+
+
+def test_what_cannot_be_read_is_told_once_and_the_rest_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    over = OverDds("/scout3", DOMAIN + 50)
+    lidar = over.writer("scan", LaserScan)
+    link = DdsLink(MAPPING, DOMAIN + 50, local=True, clock=False)
+    monkeypatch.setattr(link._sources[ODOM][1], "take", lambda most: [Odometry.deserialize(b"\0\1\0\0short")])
+    said: list[str] = []
+    found: dict[str, Heard] = {}
+
+    def all_is_said() -> bool:
+        lidar.write(LaserScan(ranges=[1.0] * (MAX_RAYS + 1)))
+        found.update(link.heard())
+        said.extend(link.remarks())
+        return len(said) >= 2
+
+    with closing(link):
+        until(all_is_said)
+        assert sorted(said)[1] == f"{SCAN} brings a scan of 20,001 rays; at most 20,000 are read"
+        assert sorted(said)[0].startswith(f"{ODOM} brings something that is no message: error: ")
+        lidar.write(LaserScan(angle_increment=0.1, range_max=5.0, ranges=[1.0]))
+        until(lambda: SCAN in link.heard())
+        assert not link.remarks()
+    assert not found
 
 
 def test_nobody_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

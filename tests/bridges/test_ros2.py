@@ -17,6 +17,8 @@ from pathlib import Path
 
 import pytest
 
+pytest.importorskip("cyclonedds", reason="cyclonedds is not installed here")
+
 from bridges.ros2_robot import OverDds, Wheels
 from processes import start
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot

@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 
+pytest.importorskip("cyclonedds", reason="cyclonedds is not installed here")
+
 from bridges.ros2_robot import scan
 from sleepcast.bridges.ros2_mapping import TYPES
 from sleepcast.bridges.ros2_messages import (

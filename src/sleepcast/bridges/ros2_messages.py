@@ -189,7 +189,7 @@ class Clock(IdlStruct, typename=dds_type("rosgraph_msgs", "Clock")):
 
 
 def seconds(time: Time) -> float:
-    return time.sec + time.nanosec * 1e-9
+    return float(time.sec + time.nanosec * 1e-9)
 
 
 def time_of(seconds: float) -> Time:

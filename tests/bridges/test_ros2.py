@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import replace
-from math import inf, isclose, isnan, nan, pi, remainder
+from math import degrees, inf, isclose, isnan, nan, pi, remainder
 from pathlib import Path
 
 import pytest
@@ -24,7 +24,7 @@ from processes import start
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.ros2 import SILENT, Ros2Body
 from sleepcast.bridges.ros2_link import DdsLink
-from sleepcast.bridges.ros2_mapping import CLOCK, TURTLEBOT, Heard, read_mapping
+from sleepcast.bridges.ros2_mapping import CLOCK, TURTLEBOT, Heard, Sink, read_mapping
 from sleepcast.bridges.ros2_messages import MAX_RAYS, Bool, LaserScan, Odometry, Twist
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
@@ -220,6 +220,26 @@ def test_it_keeps_a_range_by_its_scanner(robot: FakeRobot) -> None:
     assert isclose(rig.sensed()["speed"], -0.2), "it may go back"
 
 
+def test_units_of_what_it_is_told_and_a_switch(robot: FakeRobot) -> None:
+    speed, turn = MAPPING.drive.fields
+    mapping = replace(
+        MAPPING,
+        drive=replace(MAPPING.drive, fields=(replace(speed, factor=0.01), replace(turn, factor=pi / 180.0))),
+        switches=(Sink("/scout3/horn", "Bool", (), "HORN"),),
+    )
+    body = Ros2Body(robot, mapping, clock=robot.clock)
+    body.model.functions[0].call(body, 2.0)
+    limit = body.model.limits.turn_rate
+    body.act(Setpoint(0.2, pi))
+    for _ in range(20):
+        robot.clock.advance(0.05)
+        body.round()
+        body.sense()
+    assert ("/scout3/horn", (1.0,)) in robot.said
+    assert robot.said[-1][0] == "/scout3/cmd_vel"
+    assert all(map(isclose, robot.said[-1][1], (20.0, degrees(limit))))
+
+
 def test_without_a_scanner_it_keeps_no_range(robot: FakeRobot) -> None:
     body = Ros2Body(robot, replace(MAPPING, sources=MAPPING.sources[:1]), clock=robot.clock)
     with pytest.raises(MisuseError, match="has no range sensors"):
@@ -301,18 +321,12 @@ def until(true: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize(
-    "ros",
-    [
-        False,
-        pytest.param(
-            True,
-            marks=pytest.mark.skipif(
-                not RCLPY, reason=("needs ROS 2: SLEEPCAST_RCLPY names a Python that has rclpy, see CONTRIBUTING.md")
-            ),
-        ),
-    ],
+needs_ros = pytest.mark.skipif(
+    not RCLPY, reason="needs ROS 2: SLEEPCAST_RCLPY names a Python that has rclpy, see CONTRIBUTING.md"
 )
+
+
+@pytest.mark.parametrize("ros", [False, pytest.param(True, marks=needs_ros)])
 def test_another_process_is_driven_lost_and_found_again(ros: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sleepcast.bridges.ros2.SILENT", 0.5)
     with (
@@ -347,6 +361,21 @@ def test_another_process_is_driven_lost_and_found_again(ros: bool, monkeypatch: 
             body.release()
             body.act(Setpoint(0.1, 0.0))
             until(lambda: isclose(sensed("speed"), 0.1))
+
+
+@needs_ros
+def test_other_sensors_of_real_ros(tmp_path: Path) -> None:
+    """Range has one more value at its end since ROS 2 Iron."""
+    text = TURTLEBOT.read_text()
+    text += '[in.imu]\ntype = "Imu"\nvalues = { turning = "turn_rate", lifted = "up_acceleration" }\n'
+    text += '[in.sonar]\ntype = "Range"\nvalues = { ahead = "range" }\n'
+    file = tmp_path / "more.toml"
+    file.write_text(text)
+    with (
+        another(ros=True),
+        closing(open_robot(f"ros2:///scout3?domain={DOMAIN}&discovery=localhost&mapping={file}")) as body,
+    ):
+        until(lambda: body.sense().values[-3:] == (0.0, 0.0, 1.5))
 
 
 def test_a_simulation_with_its_clock_and_others_that_do_not_fit_are_told() -> None:

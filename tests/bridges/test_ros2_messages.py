@@ -49,6 +49,8 @@ def test_bytes_are_those_of_ros() -> None:
     assert twist.serialize().hex() == (
         "00010000000000000000e03f" + "00" * 8 + "00" * 8 + "00" * 8 + "00" * 8 + "000000000000f0bf"
     )
+    stamped = made("TwistStamped", (0.5, -1.0), 7.5)
+    assert (stamped.header.stamp, stamped.twist) == (Time(7, 500_000_000), twist)
     assert Bool(True).serialize().hex() == "0001000001"
     assert Header(Time(1, 2), "odom").serialize().hex() == "000100000100000002000000050000006f646f6d00"
 

@@ -115,9 +115,10 @@ class Page:
         return message
 
     def wait_for(self, kind: str, when: Callable[[dict[str, Any]], bool] = lambda found: True) -> dict[str, Any]:
-        """The next message of this type that is as wanted."""
+        """The next message of this type that is as wanted. Raises TimeoutError, though others may come all the time."""
+        ends = time.monotonic() + PATIENCE
         while True:
-            found = self.receive()
+            found = self.receive(max(0.0, ends - time.monotonic()))
             if found is not None and found["type"] == kind and when(found):
                 return found
 

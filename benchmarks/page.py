@@ -49,7 +49,7 @@ PAST = 400.0
 and thins them when these bounds are reached."""
 HOURS = 8.0
 SECONDS, QUICK_SECONDS = 6.0, 1.0
-STOPS, QUICK_STOPS = 9, 2
+STOPS, QUICK_STOPS = 25, 2
 PATIENCE = 300.0
 """Seconds for what a busy machine may take."""
 

@@ -113,3 +113,13 @@ def test_a_stream_keeps_no_more_than_one_event() -> None:
     assert stream.lost == 20
     event = Event("u", "b", 1.0, 2.0, 0.0, 0.0)
     assert [found.uid for found in stream.read(event.xml())] == ["u"]
+
+
+def test_beginnings_of_events_that_are_none_do_no_harm() -> None:
+    stream = EventStream()
+    stream.protobuf = True
+    event = Event("u", "b", 1.0, 2.0, 0.0, 0.0)
+    for piece in (b"\xbf\xff\xff\xff\x7f", b"\xbf\xff\xff\xff\xff"):
+        noise = piece * 5_000 + b"\x00"
+        assert [each.uid for each in stream.read(noise + stream.written(event))] == ["u"]
+    assert stream.lost == 10_000

@@ -6,6 +6,7 @@ import click
 
 from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.air import on_air
+from sleepcast.cli.options import every_option
 from sleepcast.cli.streams import announce, complain
 
 
@@ -24,14 +25,7 @@ def bridge() -> None:
     "--server", metavar="ADDRESS", required=True, help="tcp://HOST:PORT, tls://HOST:PORT?..., or udp://GROUP:PORT?..."
 )
 @click.option("--origin", metavar="LAT,LON", required=True, help="Where robots have x = 0, y = 0, in degrees.")
-@click.option(
-    "--every",
-    metavar="S",
-    type=click.FloatRange(0.2, 60.0),
-    default=1.0,
-    show_default=True,
-    help="Seconds between two pictures.",
-)
+@every_option("pictures")
 @click.option("--markers", is_flag=True, help="Let markers set by others become named places of robots.")
 @click.option("--type", metavar="TYPE", help="Type of a robot's event (default: a-f-G-E-V-U, a ground robot).")
 @on_air

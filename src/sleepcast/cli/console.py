@@ -6,7 +6,7 @@ import click
 
 from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.air import on_air
-from sleepcast.cli.options import alert_option, allow_host_option
+from sleepcast.cli.options import alert_option, allow_host_option, every_option
 from sleepcast.cli.streams import announce, complain
 
 TITLE = "Robots on the air"
@@ -21,14 +21,7 @@ STORY = (
 
 @click.command("console", short_help="Open the operator's page for robots on the air.")
 @click.option("--scenario", metavar="NAME|FILE", help="Draw the world of this scenario under the robots.")
-@click.option(
-    "--every",
-    metavar="S",
-    type=click.FloatRange(0.2, 60.0),
-    default=1.0,
-    show_default=True,
-    help="Seconds between two requests.",
-)
+@every_option("requests")
 @click.option("--host", default="127.0.0.1", show_default=True, help="The address at which the page is served.")
 @click.option("--port", type=click.IntRange(0, 65_535), help="Its port (default: 8317; 0 for any free one).")
 @click.option("--insecure", is_flag=True, help="Allow a host that others can reach.")

@@ -88,6 +88,9 @@ allow_host_option = click.option(
 )
 
 
+Command = TypeVar("Command", bound=Callable[..., object])
+
+
 alert_option = click.option(
     "--alert",
     "alerts",
@@ -97,7 +100,16 @@ alert_option = click.option(
 )
 
 
-Command = TypeVar("Command", bound=Callable[..., object])
+def every_option(what: str) -> Callable[[Command], Command]:
+    """How often robots are asked: the command gets `every`, s. what: between two of which."""
+    return click.option(
+        "--every",
+        metavar="S",
+        type=click.FloatRange(0.2, 60.0),
+        default=1.0,
+        show_default=True,
+        help=f"Seconds between two {what}.",
+    )
 
 
 def restraints(command: Command) -> Command:

@@ -12,6 +12,7 @@ import click
 from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.air import operator
 from sleepcast.cli.eval import NegativeNumbersAllowed
+from sleepcast.cli.options import every_option
 from sleepcast.cli.streams import announce, complain, put
 from sleepcast.core.errors import MisuseError, did_you_mean, printable
 
@@ -37,14 +38,7 @@ PAUSE = 0.05
 @click.command("watch", cls=NegativeNumbersAllowed, short_help="Watch robots on the air in a table.")
 @click.argument("text", required=False)
 @click.option("--show", metavar="NAMES", help=f"Variables, e.g. x,y,fuel (default: {', '.join(USUAL)}, if known).")
-@click.option(
-    "--every",
-    metavar="S",
-    type=click.FloatRange(0.2, 60.0),
-    default=1.0,
-    show_default=True,
-    help="Seconds between two requests.",
-)
+@every_option("requests")
 @click.option("--once", is_flag=True, help="Print the table once.")
 @operator
 def watch(text: str | None, show: str | None, every: float, once: bool, air: AirOptions, as_json: bool) -> int:

@@ -24,6 +24,7 @@ from uuid import uuid4
 
 from sleepcast.channel.transports.udp import UdpTransport
 from sleepcast.core.errors import MisuseError, printable
+from sleepcast.core.varint import read_varint, varint
 from sleepcast.tak.event import MAX_EVENT, MESH, Event, EventError, read_datagram, read_protobuf, read_xml
 
 EXAMPLE = "tcp://tak.example.org:8087, tls://HOST:8089?cert=me.pem&ca=server.pem, or udp://239.2.3.1:6969?interface=lo"
@@ -37,7 +38,9 @@ LISTEN = 0.05
 """Seconds between two looks for datagrams."""
 END = b"</event>"
 STREAM = b"\xbf"
-"""The first byte of each protobuf event in a stream; its length follows, seven bits a byte, the lowest first."""
+"""The first byte of each protobuf event in a stream; its length follows."""
+LONGEST_LENGTH = 4
+"""Bytes that such a length may take."""
 CONTROL = "t-x-"
 """How the type of an event begins that is about the connection, not about the world."""
 OFFER, REQUEST, RESPONSE = "t-x-takp-v", "t-x-takp-q", "t-x-takp-r"
@@ -217,7 +220,7 @@ class EventStream:
         if not self.protobuf:
             return event.xml()
         data = event.protobuf()
-        return STREAM + _length(len(data)) + data
+        return STREAM + varint(len(data)) + data
 
     def read(self, data: bytes) -> Iterator[Event]:
         """The events that are whole with these bytes; what is no event is counted and left out."""
@@ -256,29 +259,22 @@ class EventStream:
         return found[max(begin, 0) :]
 
     def _next_protobuf(self) -> bytes | None:
-        begin = self._waiting.find(STREAM)
-        self._waiting = self._waiting[begin:] if begin >= 0 else b""
-        length = 0
-        for place, byte in enumerate(self._waiting[1:5]):
-            length |= (byte & 0x7F) << 7 * place
-            if not byte & 0x80:
-                begin, end = 2 + place, 2 + place + length
-                if length > MAX_EVENT:
-                    self._waiting = self._waiting[1:]
-                    self.lost += 1
-                    return self._next_protobuf()
-                if len(self._waiting) < end:
-                    return None
-                found, self._waiting = self._waiting[begin:end], self._waiting[end:]
-                return found
+        waiting, begin = self._waiting, 0
+        while (begin := waiting.find(STREAM, begin)) >= 0:
+            head = waiting[begin : begin + 1 + LONGEST_LENGTH]
+            try:
+                length, first = read_varint(head, 1)
+            except IndexError:
+                if len(head) <= LONGEST_LENGTH:
+                    break
+                length = first = MAX_EVENT + 1
+            if length <= MAX_EVENT:
+                end = begin + first + length
+                if len(waiting) < end:
+                    break
+                self._waiting = waiting[end:]
+                return waiting[begin + first : end]
+            begin += 1  # what looked like a beginning is none
+            self.lost += 1
+        self._waiting = waiting[begin:] if begin >= 0 else b""
         return None
-
-
-def _length(number: int) -> bytes:
-    """A length, seven bits a byte, the lowest first."""
-    found = bytearray()
-    while number > 0x7F:
-        found.append(number & 0x7F | 0x80)
-        number >>= 7
-    found.append(number)
-    return bytes(found)

@@ -14,6 +14,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.core.varint import read_varint
 from sleepcast.simulator.recording.protobuf import (
     BYTES,
     DOUBLE,
@@ -141,8 +142,8 @@ def read_log(data: bytes) -> tuple[str, str]:
     at = 0
     try:
         while at < len(data):
-            tag, at = _read_varint(data, at)
-            value, at = _read_varint(data, at)
+            tag, at = read_varint(data, at)
+            value, at = read_varint(data, at)
             if tag & 7 == LENGTH_DELIMITED:
                 if tag >> 3 in found:
                     found[tag >> 3] = data[at : at + value].decode()
@@ -152,15 +153,6 @@ def read_log(data: bytes) -> tuple[str, str]:
     except IndexError:
         raise ValueError("a log line breaks off") from None
     return found[4], found[3]
-
-
-def _read_varint(data: bytes, at: int) -> tuple[int, int]:
-    """An integer at this position, and the position after it. Raises IndexError at the end of the data."""
-    value = shift = 0
-    while data[at] > 0x7F:
-        value |= (data[at] & 0x7F) << shift
-        at, shift = at + 1, shift + 7
-    return value | data[at] << shift, at + 1
 
 
 # ---- the schemas

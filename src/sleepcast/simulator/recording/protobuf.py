@@ -8,21 +8,13 @@ import struct
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
+from sleepcast.core.varint import varint
+
 NANO = 1_000_000_000
 LENGTH_DELIMITED, FIXED_32, FIXED_64 = 2, 5, 1
 """Wire types."""
 
 # ---- the bytes of fields
-
-
-def varint(value: int) -> bytes:
-    """A whole number in as few bytes as it needs."""
-    found = bytearray()
-    while value > 0x7F:
-        found.append(value & 0x7F | 0x80)
-        value >>= 7
-    found.append(value)
-    return bytes(found)
 
 
 def tag(number: int, wire: int = LENGTH_DELIMITED) -> bytes:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.model import NamedArea
+from sleepcast.core.varint import varint
 from sleepcast.simulator.recording.foxglove import POSE_MESSAGES, WORLD
 from sleepcast.simulator.recording.protobuf import (
     BOOL,
@@ -39,7 +40,6 @@ from sleepcast.simulator.recording.protobuf import (
     one_of,
     tag,
     timestamp,
-    varint,
     whole,
     with_values,
 )

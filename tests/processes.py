@@ -7,9 +7,19 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
 
 SLEEPCAST = ("env", "--default-signal=INT,TERM", sys.executable, "-m", "sleepcast")
 """The program as a shell starts it in the foreground: signals end it."""
+
+
+def live_in(home: Path, patch: pytest.MonkeyPatch) -> None:
+    """Keys, and what a desk remembers, lie in this folder: the home of a user who has none yet."""
+    patch.setenv("HOME", str(home))
+    for name in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
+        patch.delenv(name, raising=False)
 
 
 def start(

@@ -16,7 +16,7 @@ import pytest
 from channel.test_udp import free_port
 from cli.calling import LONGEST, Called, called
 from nomad.serving import Served, serving
-from processes import SLEEPCAST, running
+from processes import SLEEPCAST, live_in, running
 from sleepcast.simulator.engine import NumPyMachine
 from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
@@ -24,9 +24,7 @@ from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A user with no keys and no memory of any fleet."""
-    monkeypatch.setenv("HOME", str(tmp_path))
-    for name in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
-        monkeypatch.delenv(name, raising=False)
+    live_in(tmp_path, monkeypatch)
     return tmp_path
 
 

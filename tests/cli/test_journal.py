@@ -18,6 +18,7 @@ import pytest
 from channel.test_udp import free_port
 from cli.calling import Called, called
 from cli.test_swarm import account, swarm
+from processes import live_in
 from sleepcast.api.connection import journal_of, open_journal
 from sleepcast.cli import main
 from sleepcast.core.clock import ManualClock
@@ -203,9 +204,7 @@ def test_a_run_is_written_when_asked(tmp_path: Path) -> None:
 
 
 def test_commands_on_the_air_are_written_by_whoever_sends_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("HOME", str(tmp_path))
-    for name in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
-        monkeypatch.delenv(name, raising=False)
+    live_in(tmp_path, monkeypatch)
     channel = f"udp://239.255.83.78:{free_port()}?interface=lo"
     with swarm(2, channel):
         sent = account(channel, "send", "(WHEN (> id 1) (DRIVE 1 0))")

@@ -13,6 +13,7 @@ from channel.test_udp import free_port
 from cli.calling import called
 from cli.terminal import terminal
 from cli.test_swarm import channel, swarm
+from processes import live_in
 from sleepcast.station.validation import TEST_UNKNOWN
 
 __all__ = ["channel"]
@@ -32,9 +33,7 @@ def taught(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     rules.write_text(TEACHING)
     uri = f"udp://239.255.83.79:{free_port()}?interface=lo"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HOME", str(home))
-        for name in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
-            patch.delenv(name, raising=False)
+        live_in(home, patch)
         with swarm(6, uri, "--rules", str(rules)):
             yield uri
 

@@ -18,7 +18,7 @@ import pytest
 
 from channel.test_udp import free_port
 from cli.calling import LONGEST, called
-from processes import SLEEPCAST, running
+from processes import SLEEPCAST, live_in, running
 from sleepcast.api.connection import AirOptions, session_for
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.session import ChannelSession
@@ -31,9 +31,7 @@ PATIENCE = 5.0
 @pytest.fixture
 def channel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """The address of a channel of our own, of a user with no keys and no memory of any fleet."""
-    monkeypatch.setenv("HOME", str(tmp_path))
-    for name in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
-        monkeypatch.delenv(name, raising=False)
+    live_in(tmp_path, monkeypatch)
     return f"udp://239.255.83.78:{free_port()}?interface=lo"
 
 

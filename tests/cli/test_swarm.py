@@ -13,15 +13,13 @@ import pytest
 
 from channel.test_udp import free_port
 from cli.calling import LONGEST, called
-from processes import SLEEPCAST, running
+from processes import SLEEPCAST, live_in, running
 
 
 @pytest.fixture
 def channel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """The address of a channel of our own, of a user with no keys and no memory of any fleet."""
-    monkeypatch.setenv("HOME", str(tmp_path))
-    for name in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
-        monkeypatch.delenv(name, raising=False)
+    live_in(tmp_path, monkeypatch)
     return f"udp://239.255.83.77:{free_port()}?interface=lo"
 
 

@@ -18,17 +18,11 @@ from cli.calling import called
 from cli.test_notices import attacked
 from cli.test_swarm import swarm
 from console.running import PATIENCE, Page, Program, number, open_page
+from processes import live_in
 
 TEACHING = """(DEFUN late (n) (> id n))
 (RULE keep (WHEN (late 20) (SETQ marked 1)))
 """
-
-
-def live_in(home: Path, patch: pytest.MonkeyPatch) -> None:
-    """Keys, and what a desk remembers, lie in this folder."""
-    patch.setenv("HOME", str(home))
-    for name in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
-        patch.delenv(name, raising=False)
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ import pytest
 
 from channel.test_udp import free_port
 from cli.calling import called
-from processes import SLEEPCAST, running
+from processes import SLEEPCAST, live_in, running
 from sleepcast.tak.event import Event, read_xml
 
 with warnings.catch_warnings():
@@ -44,9 +44,7 @@ enabled = false
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A user with no keys and no memory of any fleet."""
-    monkeypatch.setenv("HOME", str(tmp_path))
-    for name in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
-        monkeypatch.delenv(name, raising=False)
+    live_in(tmp_path, monkeypatch)
     return tmp_path
 
 

@@ -45,6 +45,9 @@ reach = "20km"
 delay = "0s"
 """
 
+IN_MAZE = ("[robots]\n", '[world.maze]\ncell = "2m"\n\n[robots]\n')
+"""The change that puts a maze into the world, which has the seed of the run."""
+
 SCOUTS = """
 format = 1
 title = "Scouts"

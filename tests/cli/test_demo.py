@@ -29,7 +29,7 @@ from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.incoming import MAX_FACTOR, MIN_FACTOR
 from sleepcast.loop import resume, snapshot
 from sleepcast.simulator import Changes, Wall, find_scenario
-from small_worlds import small, write
+from small_worlds import IN_MAZE, SCOUTS, small, write
 
 WALL = re.compile(r"wall_|realtime_factor|_per_second")
 FIELDS = [
@@ -106,6 +106,15 @@ def test_a_scenario_of_ones_own(capsys: pytest.CaptureFixture[str], tmp_path: Pa
     assert joined["matched"] == went["matched"] == found["measures"]["groups"]["full"] > 0
     assert failed["fault"] == 20
     assert repeated(outcome(capsys, "run", tmp_path, "--json")) == repeated(found)
+
+
+def test_the_seed_chooses_the_maze_too(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    runs = {}
+    for written in ("3", "4"):
+        (folder := tmp_path / written).mkdir()
+        file = write(folder, IN_MAZE, ("seed = 3", f"seed = {written}"), text=SCOUTS)
+        runs[written] = outcome(capsys, "run", file, "--seed", "4", "--seconds", "2", "--json")["state_hash"]
+    assert runs["3"] == runs["4"]
 
 
 def test_silence_is_counted_as_silence(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.loop import Pace
 from sleepcast.simulator import Changes, load
-from small_worlds import SMALL, write
+from small_worlds import IN_MAZE, SCOUTS, SMALL, write
 
 SLIDER = '\n[sliders.speed]\nkey = "robots.limits.speed"\nlow = "1m/s"\nhigh = "9m/s"\n'
 COMMAND = '\n[sliders.level]\nvalue = "60%"\nlow = "0%"\nhigh = "100%"\n[[commands]]\ntitle = "Full"\n' + (
@@ -94,6 +94,15 @@ class TestWhatMayBeChosen:
 
 
 class TestRenewing:
+    def test_another_seed_is_another_maze(self, tmp_path: Path) -> None:
+        maker = maker_of(tmp_path, SCOUTS.replace(*IN_MAZE))
+        home = maker.current.scenario
+        for seed in (3, 4):
+            with maker.make(Wish(home, seed), lambda _: None).around:
+                assert maker.swarm is not None
+                wanted = load(Path(home), Changes(seed=seed))
+                assert maker.swarm.simulator.scenario.shapes == wanted.shapes
+
     def test_the_new_run_is_as_wished_and_waits(self, tmp_path: Path) -> None:
         maker = maker_of(tmp_path)
         with runs_of(maker) as runs:

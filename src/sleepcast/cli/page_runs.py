@@ -101,9 +101,8 @@ class PageRuns:
             simulator = self.swarm.simulator
             return Choices(str(simulator.seed), len(simulator.names), True, [])
         found = self._scenario(wish)
-        seed = found.seed if wish.seed is None else wish.seed
         sliders = [shown_slider(slider) for slider in found.sliders]
-        return Choices(str(seed), found.robots.count, False, sliders)
+        return Choices(str(found.seed), found.robots.count, False, sliders)
 
     def _is_snapshot(self, scenario: str) -> bool:
         return self._beginning.name is None and scenario == self._beginning.home
@@ -115,6 +114,7 @@ class PageRuns:
             changes = self._beginning.changes
         elif name not in scenario_names() and name not in added_scenarios():
             raise MisuseError(f'there is no scenario "{name:.80}" to choose')
+        changes = replace(changes, seed=wish.seed)
         found = find_scenario(name, changes)
         over = _over(found, wish.values)
         if over:

@@ -376,4 +376,4 @@ def _changes(options: Options) -> Changes:
         raise MisuseError(f"--robots {robots} is too many: at most {MAX_MINDS} fit into one run")
     if density is not None and not LEAST <= density <= MAX_WORLD:
         raise MisuseError(f"--density must be from {LEAST:g} to {MAX_WORLD:g} square metres, not {density:g}")
-    return Changes(robots, density, not options["no_walls"])
+    return Changes(robots, density, not options["no_walls"], options["seed"])

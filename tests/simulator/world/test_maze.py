@@ -10,7 +10,7 @@ import pytest
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Changes, SettingsError, Simulator, Wall, load
 from sleepcast.simulator.world.maze import MAX_CELLS, maze
-from small_worlds import SCOUTS, write
+from small_worlds import IN_MAZE, SCOUTS, write
 
 Cell = tuple[int, int]
 
@@ -81,13 +81,10 @@ def test_too_many_cells_are_refused() -> None:
         maze(2000.0, 1000.0, 1.0, 0.0, 1)
 
 
-MAZE = '[world.maze]\ncell = "2m"\n\n[robots]\n'
-
-
 class TestInScenarios:
     def test_scouts_move_in_a_maze_that_grows_with_them(self, tmp_path: Path) -> None:
         grown = ('width = "12m"\nheight = "12m"', "area_per_robot = 4")
-        file = write(tmp_path, ("[robots]\n", MAZE), grown, ('motion = "still"\n', ""), text=SCOUTS)
+        file = write(tmp_path, IN_MAZE, grown, ('motion = "still"\n', ""), text=SCOUTS)
         scenario = load(file, Changes(robots=100))
         assert (scenario.width, scenario.height) == (20.0, 20.0)
         inner = scenario.shapes[:-1]  # without the edge
@@ -99,14 +96,14 @@ class TestInScenarios:
         assert abs(simulator.x - start).max() > 0.5
 
     def test_the_runs_seed_chooses_the_maze_unless_the_file_does(self, tmp_path: Path) -> None:
-        file = write(tmp_path, ("[robots]\n", MAZE), text=SCOUTS)
+        file = write(tmp_path, IN_MAZE, text=SCOUTS)
         assert load(file) == load(file, Changes(seed=3))
         assert load(file, Changes(seed=4)).shapes != load(file).shapes
         assert load(file, Changes(seed=4)).seed == 4
-        fixed = write(tmp_path, ("[robots]\n", MAZE.replace("[robots]", "seed = 9\n\n[robots]")), text=SCOUTS)
+        fixed = write(tmp_path, IN_MAZE, ("[robots]\n", "seed = 9\n\n[robots]\n"), text=SCOUTS)
         assert load(fixed, Changes(seed=4)).shapes == load(fixed).shapes
 
     def test_a_mistake_is_told_with_its_place(self, tmp_path: Path) -> None:
-        file = write(tmp_path, ('"12m"', '"5km"'), ("[robots]\n", MAZE), text=SCOUTS)
+        file = write(tmp_path, ('"12m"', '"5km"'), IN_MAZE, text=SCOUTS)
         with pytest.raises(SettingsError, match=r"scenario.toml:\d+: world.maze: a maze of 2500 by 2500 cells"):
             load(file)

@@ -14,6 +14,7 @@ import tomllib
 import venv
 import zipfile
 from collections.abc import Mapping
+from email.parser import BytesParser
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,7 @@ import sleepcast
 from slow import SLOW
 
 ROOT = Path(__file__).resolve().parent.parent
+SITE = "https://sleepcast.readthedocs.io/en/stable/"
 SOURCE = ROOT / "src"
 
 
@@ -218,6 +220,27 @@ def test_the_wheel_holds_the_whole_package(wheel: Path) -> None:
     assert "sleepcast/console/static/index.html" in packed
     assert "sleepcast/py.typed" in packed
     assert any(name.startswith("sleepcast/scenarios/") for name in packed)
+
+
+def test_what_the_package_index_shows_leads_to_the_documentation(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        (metadata,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
+        about = BytesParser().parsebytes(archive.read(metadata))
+    text = about.get_payload()
+    assert isinstance(text, str)
+    links = re.findall(r"\]\(([^)\s]+)", text)
+    assert not [link for link in links if not link.startswith(("https://", "#"))]
+    urls = [url.partition(", ")[2] for url in about.get_all("Project-URL", [])]
+    ours = [link.removeprefix(SITE).partition("#")[0] for link in (*links, *urls) if link.startswith(SITE)]
+    assert len(ours) > 30
+    assert [path for path in ours if not (source := page_source(path)).is_file() or source.suffix == ".html"] == []
+
+
+def page_source(path: str) -> Path:
+    """The file from which the documentation's site makes what it has at this path."""
+    folder, _, name = path.rpartition("/")
+    name = "README.md" if name in ("", "index.html") else name
+    return ROOT / folder / (name.removesuffix(".html") + ".md" if name.endswith(".html") else name)
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, inf, isclose, isnan, nan, pi, sin
+from math import inf, isclose, isnan, nan, pi
 from typing import Any
 
 import pytest
@@ -12,6 +12,7 @@ pytest.importorskip("cyclonedds", reason="cyclonedds is not installed here")
 from bridges.ros2_robot import scan
 from sleepcast.bridges.ros2_mapping import TYPES
 from sleepcast.bridges.ros2_messages import (
+    MADE,
     MAX_RAYS,
     READ,
     BatteryState,
@@ -24,8 +25,12 @@ from sleepcast.bridges.ros2_messages import (
     PoseWithCovariance,
     Quaternion,
     Range,
+    TFMessage,
     Time,
+    Transform,
+    TransformStamped,
     Twist,
+    Vector3,
     made,
     read,
     ros_type,
@@ -33,6 +38,7 @@ from sleepcast.bridges.ros2_messages import (
     sectors_of,
     stamp,
     time_of,
+    turned_by,
 )
 
 
@@ -52,13 +58,29 @@ def test_bytes_are_those_of_ros() -> None:
     stamped = made("TwistStamped", (0.5, -1.0), 7.5)
     assert (stamped.header.stamp, stamped.twist) == (Time(7, 500_000_000), twist)
     assert Bool(True).serialize().hex() == "0001000001"
+    way = TransformStamped(Header(Time(1, 2), "odom"), "base_link", Transform(Vector3(0.5, -1.0)))
+    head = "0100000002000000050000006f646f6d000000000a000000626173655f6c696e6b00"
+    numbers = "000000000000e03f" + "000000000000f0bf" + "00" * 32 + "000000000000f03f"
+    assert way.serialize().hex() == "00010000" + head + "00" * 6 + numbers
+    assert TFMessage([way]).serialize().hex() == "00010000" + "01000000" + head + "00" * 2 + numbers
     assert Header(Time(1, 2), "odom").serialize().hex() == "000100000100000002000000050000006f646f6d00"
+
+
+@pytest.mark.parametrize("sort", MADE)
+def test_messages_that_are_made_have_the_values_that_they_were_made_of(sort: str) -> None:
+    values = {name: 0.25 * place for place, name in enumerate(TYPES[sort], 1)}
+    values |= {name: 1.0 for name in ("present", "data") if name in values}
+    if sort == "Imu":
+        values |= {"roll": 0.0, "pitch": 0.0}
+    message = MADE[sort](values, Header(Time(5)))
+    found, _ = read(sort, READ[sort][0].deserialize(message.serialize()), 0.0)
+    assert found == pytest.approx(values, abs=1e-6)
+    assert isnan(stamp(message)) or stamp(message) == 5.0
 
 
 def test_headings_come_from_quaternions() -> None:
     for heading in (-3.0, -0.1, 0.0, 1.0, 3.1):
-        turned = Quaternion(z=sin(heading / 2.0), w=cos(heading / 2.0))
-        odometry = Odometry(pose=PoseWithCovariance(Pose(orientation=turned)))
+        odometry = Odometry(pose=PoseWithCovariance(Pose(orientation=turned_by(heading))))
         assert isclose(read("Odometry", odometry, 0.0)[0]["heading"], heading, abs_tol=1e-12)
     nothing = Odometry(pose=PoseWithCovariance(Pose(orientation=Quaternion(w=0.0))))
     assert isnan(read("Odometry", nothing, 0.0)[0]["heading"])

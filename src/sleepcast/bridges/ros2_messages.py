@@ -8,7 +8,7 @@ the original differs between releases of ROS (`Range`): a reader does not look b
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from math import asin, atan2, inf, isfinite, nan, pi
+from math import asin, atan2, cos, inf, isfinite, nan, pi, sin
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from cyclonedds.idl import IdlStruct
@@ -22,6 +22,7 @@ SECTORS = 16
 _TURN = 2.0 * pi
 
 if TYPE_CHECKING:
+    Transforms: TypeAlias = list["TransformStamped"]
     Numbers: TypeAlias = list[float]
     Numbers9: TypeAlias = list[float]
     Numbers36: TypeAlias = list[float]
@@ -90,6 +91,28 @@ class PoseWithCovariance(IdlStruct, typename=dds_type("geometry_msgs", "PoseWith
 class PoseStamped(IdlStruct, typename=dds_type("geometry_msgs", "PoseStamped")):
     header: Header = field(default_factory=Header)
     pose: Pose = field(default_factory=Pose)
+
+
+@dataclass
+class Transform(IdlStruct, typename=dds_type("geometry_msgs", "Transform")):
+    translation: Vector3 = field(default_factory=Vector3)
+    rotation: Quaternion = field(default_factory=Quaternion)
+
+
+@dataclass
+class TransformStamped(IdlStruct, typename=dds_type("geometry_msgs", "TransformStamped")):
+    header: Header = field(default_factory=Header)
+    child_frame_id: str = ""
+    transform: Transform = field(default_factory=Transform)
+
+
+if not TYPE_CHECKING:
+    Transforms = sequence[TransformStamped]
+
+
+@dataclass
+class TFMessage(IdlStruct, typename=dds_type("tf2_msgs", "TFMessage")):
+    transforms: Transforms = field(default_factory=list)
 
 
 @dataclass
@@ -297,10 +320,58 @@ def read(sort: str, message: Any, turned: float) -> tuple[dict[str, float], tupl
     return READ[sort][1](message), ()
 
 
+# ---- the other way: messages of such values
+
+
+def turned_by(heading: float) -> Quaternion:
+    """A heading, rad counter-clockwise from x, as ROS has it."""
+    return Quaternion(z=sin(heading / 2.0), w=cos(heading / 2.0))
+
+
+def _as_pose(values: Mapping[str, float]) -> Pose:
+    place = Point(values.get("x", 0.0), values.get("y", 0.0), values.get("z", 0.0))
+    return Pose(place, turned_by(values.get("heading", 0.0)))
+
+
+def _as_twist(values: Mapping[str, float]) -> Twist:
+    along = Vector3(values.get("speed", 0.0), values.get("side_speed", 0.0))
+    return Twist(along, Vector3(z=values.get("turn_rate", 0.0)))
+
+
+def _as_odometry(values: Mapping[str, float], header: Header) -> Odometry:
+    return Odometry(header, "base_link", PoseWithCovariance(_as_pose(values)), TwistWithCovariance(_as_twist(values)))
+
+
+def _as_battery(values: Mapping[str, float], header: Header) -> BatteryState:
+    names = ("voltage", "temperature", "current", "charge", "percentage")
+    voltage, temperature, current, charge, share = (values.get(name, nan) for name in names)
+    return BatteryState(
+        header, voltage, temperature, current, charge, percentage=share, present=values.get("present", 1.0) != 0.0
+    )
+
+
+def _as_imu(values: Mapping[str, float], header: Header) -> Imu:
+    along = Vector3(*(values.get(f"{side}acceleration", 0.0) for side in ("", "side_", "up_")))
+    turning = Vector3(z=values.get("turn_rate", 0.0))
+    unknown = [0.0 if "heading" in values else -1.0] + [0.0] * 8  # how a sensor says that it measures none
+    return Imu(header, turned_by(values.get("heading", 0.0)), unknown, turning, linear_acceleration=along)
+
+
+MADE: Mapping[str, Callable[[Mapping[str, float], Header], Any]] = {
+    "Odometry": _as_odometry,
+    "Twist": lambda values, _: _as_twist(values),
+    "TwistStamped": lambda values, header: TwistStamped(header, _as_twist(values)),
+    "Range": lambda values, header: Range(header, range=values["range"]),
+    "BatteryState": _as_battery,
+    "Imu": _as_imu,
+    "PoseStamped": lambda values, header: PoseStamped(header, _as_pose(values)),
+    "Bool": lambda values, _: Bool(values["data"] != 0.0),
+}
+"""Of each type that can be sent: a message of these values, by their names in `READ`; what is not given is 0, of a
+battery unknown."""
+
+
 def made(sort: str, values: tuple[float, ...], now: float) -> Any:
     """A message of a type that bodies send. values: speed and turn rate, or whether it is true. now: s since 1970."""
-    if sort == "Bool":
-        return Bool(bool(values[0]))
-    speed, turn_rate = values
-    twist = Twist(Vector3(speed), Vector3(z=turn_rate))
-    return twist if sort == "Twist" else TwistStamped(Header(time_of(now)), twist)
+    names = ("data",) if sort == "Bool" else ("speed", "turn_rate")
+    return MADE[sort](dict(zip(names, values, strict=True)), Header(time_of(now)))

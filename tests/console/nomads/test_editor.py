@@ -65,17 +65,17 @@ def test_nothing_is_changed_by_mistake(editor: NomadEditor, nomads: NomadsAdapte
     assert nomads.add(OTHER)  # a program's
     clock.advance(LOOK_AGAIN)
     editor.outlines()
-    for version, place in ((seen, 0), (editor.version, 2)):
+    for version, place in ((seen, 0), (editor.version, 2), (editor.version, -1)):
         with pytest.raises(MisuseError, match="have changed meanwhile"):
             editor.clear(version, place)
     with pytest.raises(MisuseError, match="encloses nothing"):
         editor.build([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])
     with pytest.raises(MisuseError, match="too far away"):
         editor.build([(0.0, 0.0), (1e6, 0.0), (2.0, 4.0)])
-    with pytest.raises(MisuseError, match="only the last"):
+    with pytest.raises(MisuseError, match="Only the last"):
         editor.undo(built.change + 1, again=False)
     nomads.remove(SQUARE)  # a program's, too
-    with pytest.raises(MisuseError, match=f"obstacle {built.obstacle} has been changed"):
+    with pytest.raises(MisuseError, match=f"Obstacle {built.obstacle} has been changed"):
         editor.undo(built.change, again=False)
     clock.advance(LOOK_AGAIN)
     assert places(editor) == [(-3.0, 1.0)]

@@ -588,8 +588,8 @@ def test_what_is_no_message_of_the_page_is_refused(nomads: Program) -> None:
             ("click", {"robot": 0, "x": 0.0, "y": 0.0}, "no program waits for a place"),
             ("click", {"robot": 0, "x": 1e300, "y": 0.0}, "not a message of this page"),
             ("build", {"corners": [[0, 0], [1, 1]]}, "not a message of this page"),
-            ("build", {"corners": [[0, 0], [1, 1], [2, 2]]}, "this cannot be put up"),
-            ("clear", {"version": 1, "place": 400}, "the obstacles have changed meanwhile"),
+            ("build", {"corners": [[0, 0], [1, 1], [2, 2]]}, "This cannot be put up"),
+            ("clear", {"version": 1, "place": 400}, "The obstacles have changed meanwhile"),
             ("preview", {"text": "(MARK)"}, "These robots cannot do that"),
             ("clack", {}, "not a message of this page"),
         ):

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from sleepcast.console.obstacle_log import ObstacleLog, changed_meanwhile
 from sleepcast.console.view import ObstacleChange
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Polygon, Shape, Simulator
 
 MAX_THINGS = 2_000
 """Obstacles of a world that people may change: after each change the page is told all of them."""
-MAX_CHANGES = 200
-"""Changes that can be undone; of earlier ones nothing is kept."""
 
 
 class WorldEditor:
@@ -25,9 +24,7 @@ class WorldEditor:
     def __init__(self, simulator: Simulator) -> None:
         self._world = simulator.world
         self._size = simulator.scenario.width, simulator.scenario.height
-        self._changes: dict[int, tuple[int, Shape | None, Shape | None]] = {}
-        """Of each change that can be undone: the thing's number in the world, and how it was before and after."""
-        self._last = 0
+        self._log = ObstacleLog[Shape]()
 
     @property
     def version(self) -> int:
@@ -57,12 +54,9 @@ class WorldEditor:
 
     def undo(self, change: int, again: bool) -> None:
         """Undo a change by its number, or (again) do it once more. Raises MisuseError where that is not possible."""
-        if change not in self._changes:
-            raise MisuseError(f"Only the last {MAX_CHANGES} changes of obstacles can be undone.")
-        number, before, after = self._changes[change]
-        expected, wanted = (before, after) if again else (after, before)
+        number, expected, wanted = self._log.find(change, again)
         if self._world.shapes.get(number) != expected:
-            raise MisuseError(f"Obstacle {number} has been changed by somebody else meanwhile.")
+            raise changed_meanwhile(number)
         if wanted is None:
             self._world.remove(number)
         else:
@@ -72,10 +66,7 @@ class WorldEditor:
 
     def _changed(self, number: int, before: Shape | None) -> ObstacleChange:
         """Keep how a thing was before a change that has been made, and how it is now."""
-        self._last += 1
-        self._changes[self._last] = number, before, self._world.shapes.get(number)
-        self._changes.pop(self._last - MAX_CHANGES, None)
-        return ObstacleChange(self._last, number)
+        return self._log.keep(number, before, self._world.shapes.get(number))
 
     def _room(self) -> None:
         if len(self._world.shapes) >= MAX_THINGS:

@@ -10,14 +10,13 @@ from collections.abc import Sequence
 
 from sleepcast.console.incoming import FARTHEST
 from sleepcast.console.nomads.view import Nomads
+from sleepcast.console.obstacle_log import ObstacleLog, changed_meanwhile
 from sleepcast.console.view import ObstacleChange, Outline
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 
 LOOK_AGAIN = 0.25
 """Seconds for which a look at all solid things is good."""
-MAX_CHANGES = 200
-"""Changes that can be undone; of earlier ones nothing is kept."""
 
 
 class NomadEditor:
@@ -28,11 +27,10 @@ class NomadEditor:
         self._outlines: list[Outline] = []
         self._version = 0
         self._looked = -LOOK_AGAIN
-        self._changes: dict[int, tuple[int, Outline | None, Outline | None]] = {}
-        """Of each change that can be undone: the thing's number, and how it was before and after."""
+        self._log = ObstacleLog[Outline]()
         self._numbers: dict[Outline, int] = {}
         """Of things that were changed from here, as they are now."""
-        self._last = self._things = 0
+        self._things = 0
 
     @property
     def version(self) -> int:
@@ -53,37 +51,34 @@ class NomadEditor:
     def build(self, corners: Sequence[tuple[float, float]]) -> ObstacleChange:
         """Put up a polygon with these corners, m. Raises MisuseError."""
         if any(abs(each) > FARTHEST for corner in corners for each in corner):
-            raise MisuseError("this cannot be put up: it lies too far away")
+            raise MisuseError("This cannot be put up: it lies too far away.")
         before = self._solids()
         if not self._nomads.add(corners):
-            raise MisuseError("this cannot be put up: it encloses nothing, or the world is full")
+            raise MisuseError("This cannot be put up: it encloses nothing, or the world is full.")
         return self._changed(None, self._new(before))
 
     def shift(self, version: int, place: int, across: float, up: float) -> ObstacleChange:
         """Move a thing by this vector, m. Raises MisuseError."""
         outline, before = self._outline(version, place), self._solids()
         if max(abs(across), abs(up)) > FARTHEST or not self._nomads.move(outline, across, up):
-            raise MisuseError("this one cannot be moved there")
+            raise MisuseError("This one cannot be moved there.")
         return self._changed(outline, self._new(before) or outline)
 
     def clear(self, version: int, place: int) -> ObstacleChange:
         """Take a thing away. Raises MisuseError."""
         outline = self._outline(version, place)
         if not self._nomads.remove(outline):
-            raise MisuseError("this one cannot be taken away")
+            raise MisuseError("This one cannot be taken away.")
         return self._changed(outline, None)
 
     def undo(self, change: int, again: bool) -> None:
         """Undo a change by its number, or (again) do it once more. Raises MisuseError where that is not possible."""
-        if change not in self._changes:
-            raise MisuseError(f"only the last {MAX_CHANGES} changes of obstacles can be undone")
-        number, before, after = self._changes[change]
-        expected, wanted = (before, after) if again else (after, before)
+        number, expected, wanted = self._log.find(change, again)
         there = self._solids()
         if (expected is not None and expected not in there) or (wanted is not None and wanted in there):
-            raise MisuseError(f"obstacle {number} has been changed by somebody else meanwhile")
+            raise changed_meanwhile(number)
         if wanted is not None and not self._nomads.add(wanted):
-            raise MisuseError("this cannot be put up: the world is full")
+            raise MisuseError("This cannot be put up: the world is full.")
         if expected is not None:
             self._nomads.remove(expected)
         self._renumber(number, expected, wanted)
@@ -102,8 +97,8 @@ class NomadEditor:
         return next((outline for outline in self._solids() if outline not in known), None)
 
     def _outline(self, version: int, place: int) -> Outline:
-        if version != self._version or place >= len(self._outlines):
-            raise MisuseError("the obstacles have changed meanwhile: choose it again")
+        if version != self._version or not 0 <= place < len(self._outlines):
+            raise MisuseError("The obstacles have changed meanwhile: choose it again.")
         return self._outlines[place]
 
     def _changed(self, before: Outline | None, after: Outline | None) -> ObstacleChange:
@@ -113,10 +108,7 @@ class NomadEditor:
             self._things += 1
             number = self._things
         self._renumber(number, before, after)
-        self._last += 1
-        self._changes[self._last] = number, before, after
-        self._changes.pop(self._last - MAX_CHANGES, None)
-        return ObstacleChange(self._last, number)
+        return self._log.keep(number, before, after)
 
     def _renumber(self, number: int, before: Outline | None, after: Outline | None) -> None:
         if before is not None:

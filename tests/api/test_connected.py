@@ -19,6 +19,7 @@ from api.test_fleet import count_tags
 from channel.test_udp import free_port
 from cli.calling import LONGEST
 from cli.test_swarm import channel, swarm
+from processes import live_in
 from sleepcast.api import connected
 from sleepcast.station import CountNeededError, UnknownRobotError
 from sleepcast.station.asking import SilentError, look_around
@@ -35,9 +36,7 @@ def six(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """The channel of six robots."""
     uri = f"udp://239.255.83.78:{free_port()}?interface=lo"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HOME", str(tmp_path_factory.mktemp("home")))
-        for name in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
-            patch.delenv(name, raising=False)
+        live_in(tmp_path_factory.mktemp("home"), patch)
         with swarm(6, uri):
             yield uri
 

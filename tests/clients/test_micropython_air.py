@@ -16,6 +16,7 @@ from channel.test_udp import free_port
 from cli.calling import called
 from cli.test_swarm import swarm
 from clients import board
+from processes import live_in
 from sleepcast.channel.keyring import key_file, keys_folder, save_key, save_trust
 from sleepcast.channel.keys import KeyPair, Role, Trust
 
@@ -36,9 +37,7 @@ def channel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     board.needed()
     group = f"239.255.83.79:{free_port()}"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HOME", str(tmp_path_factory.mktemp("home")))
-        for name in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
-            patch.delenv(name, raising=False)
+        live_in(tmp_path_factory.mktemp("home"), patch)
         keys = [KeyPair.new("desk", Role.COMMANDER), KeyPair.new("r*", Role.ROBOT), KeyPair.new("tiny", Role.ROBOT)]
         for key in keys:
             save_key(key, key_file(keys_folder(), key.public.owner))

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import replace
+from functools import partial
 from math import degrees, inf, isclose, isnan, nan, pi, remainder
 from pathlib import Path
 
@@ -23,8 +24,8 @@ from bridges.ros2_robot import OverDds, Wheels
 from processes import start
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.ros2 import SILENT, Ros2Body
-from sleepcast.bridges.ros2_link import DdsLink
-from sleepcast.bridges.ros2_mapping import CLOCK, TURTLEBOT, Heard, Sink, read_mapping
+from sleepcast.bridges.ros2_link import DdsLink, Ros2Network
+from sleepcast.bridges.ros2_mapping import CLOCK, TURTLEBOT, Field, Heard, Sink, read_mapping
 from sleepcast.bridges.ros2_messages import MAX_RAYS, Bool, LaserScan, Odometry, Twist
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
@@ -52,6 +53,7 @@ class FakeRobot(Wheels):
         """The time that its messages have, if it stands still."""
         self.sectors = (3.5,) * 16
         self.said: list[tuple[str, tuple[float, ...]]] = []
+        self.told_at = nan
 
     def heard(self) -> Mapping[str, Heard]:
         if not self.whole:
@@ -65,10 +67,11 @@ class FakeRobot(Wheels):
         }
         return found if isnan(self.simulated) else {**found, CLOCK: Heard(self.simulated, ())}
 
-    def say(self, topic: str, values: tuple[float, ...]) -> None:
-        self.said.append((topic, values))
+    def say(self, topic: str, values: Mapping[str, float], now: float) -> None:
+        self.said.append((topic, tuple(values.values())))
+        self.told_at = now
         if self.whole and topic == MAPPING.drive.topic:
-            self.speed, self.turn_rate = values
+            self.speed, self.turn_rate = values["speed"], values["turn_rate"]
 
     def remarks(self) -> list[str]:
         return []
@@ -85,6 +88,10 @@ def clock() -> ManualClock:
 @pytest.fixture
 def robot(clock: ManualClock) -> FakeRobot:
     return FakeRobot(clock)
+
+
+DRIVEN = ("/scout3/cmd_vel", (0.0, 0.0))
+"""It is told to stand."""
 
 
 def rig_of(robot: FakeRobot, *, sim_time: bool = False) -> BridgeRig:
@@ -112,7 +119,7 @@ def drive(rig: BridgeRig) -> None:
     assert isclose(rig.sensed()["speed"], 0.2)
 
 
-def test_stop_is_zeros_again_and_again_and_is_latched_once(robot: FakeRobot) -> None:
+def test_stop_is_zeros_again_and_again_and_is_latched(robot: FakeRobot) -> None:
     rig = rig_of(robot)
     drive(rig)
     assert robot.said[0:2] == [("/scout3/cmd_vel", (0.0, 0.0)), ("/scout3/stop", (0.0,))]
@@ -120,10 +127,12 @@ def test_stop_is_zeros_again_and_again_and_is_latched_once(robot: FakeRobot) -> 
     rig.wait(1.0)
     robot.said.clear()
     rig.wait(1.0)
-    assert robot.said == [("/scout3/cmd_vel", (0.0, 0.0))] * 20
+    assert [each for each in robot.said if each == DRIVEN] == [DRIVEN] * 20
+    assert [each for each in robot.said if each != DRIVEN] == [("/scout3/stop", (1.0,))], "once a second"
+    robot.said.clear()
     rig.body.release()
-    rig.wait(1.0)
-    assert [each for each in robot.said if each[0] == "/scout3/stop"] == [("/scout3/stop", (0.0,))]
+    rig.wait(0.9)
+    assert [each for each in robot.said if each != DRIVEN] == [("/scout3/stop", (0.0,))]
 
 
 def test_a_robot_that_is_not_heard_is_told_to_stand_all_the_same(robot: FakeRobot) -> None:
@@ -225,10 +234,12 @@ def test_units_of_what_it_is_told_and_a_switch(robot: FakeRobot) -> None:
     mapping = replace(
         MAPPING,
         drive=replace(MAPPING.drive, fields=(replace(speed, factor=0.01), replace(turn, factor=pi / 180.0))),
-        switches=(Sink("/scout3/horn", "Bool", (), "HORN"),),
+        functions=(Sink("/scout3/horn", "horn", "Bool", (Field("on", "data", 1.0),), "HORN"),),
     )
     body = Ros2Body(robot, mapping, clock=robot.clock)
-    body.model.functions[0].call(body, 2.0)
+    body.model.functions[0].call(body, 1.0)
+    with pytest.raises(MisuseError, match="data of Bool is from 0 to 1, not 2"):
+        body.model.functions[0].call(body, 2.0)
     limit = body.model.limits.turn_rate
     body.act(Setpoint(0.2, pi))
     for _ in range(20):
@@ -238,6 +249,79 @@ def test_units_of_what_it_is_told_and_a_switch(robot: FakeRobot) -> None:
     assert ("/scout3/horn", (1.0,)) in robot.said
     assert robot.said[-1][0] == "/scout3/cmd_vel"
     assert all(map(isclose, robot.said[-1][1], (20.0, degrees(limit))))
+
+
+def goal_rig(robot: FakeRobot, tmp_path: Path) -> tuple[BridgeRig, Callable[..., None]]:
+    """A robot with a planner that takes goals, in cm, and what gives it one."""
+    file = tmp_path / "planner.toml"
+    goal = '[out.goal_pose]\ntype = "PoseStamped"\nfunction = "NAV_TO"\nvalues = { x = "x cm", y = "y cm" }\n'
+    file.write_text(TURTLEBOT.read_text() + goal)
+    body = Ros2Body(robot, read_mapping(file, "/scout3"), clock=robot.clock, epoch=robot.clock.now)
+    body.measure()
+    rig = BridgeRig(body, robot.clock, robot.advance, lambda: None, lambda: None)
+    (function,) = body.model.functions
+    assert (function.usage, function.moves) == ("(NAV_TO x y)", True)
+    rig.wait(0.1)
+    return rig, partial(function.call, body)
+
+
+def test_a_planner_drives_to_a_goal_until_something_else_is_wanted(robot: FakeRobot, tmp_path: Path) -> None:
+    rig, navigate = goal_rig(robot, tmp_path)
+    robot.said.clear()
+    navigate(1.5, -2.0)
+    rig.wait(0.5)
+    assert [(topic, [round(v) for v in values]) for topic, values in robot.said] == [("/scout3/goal_pose", [150, -200])]
+    rig.body.stop()
+    robot.said.clear()
+    rig.wait(0.9)
+    assert robot.said == [DRIVEN, ("/scout3/stop", (1.0,)), *[DRIVEN] * 17]
+    rig.body.release()
+    robot.said.clear()
+    rig.wait(2.0)
+    assert set(robot.said) == {DRIVEN, ("/scout3/stop", (1.0,))}, "the planner still has its goal: it stays locked"
+    navigate(1.0, 0.0)
+    robot.said.clear()
+    rig.wait(0.9)
+    assert [topic for topic, _ in robot.said] == ["/scout3/goal_pose", "/scout3/stop"]
+    assert robot.said[1][1] == (0.0,)
+    rig.body.act(Setpoint(0.1, 0.0))
+    robot.said.clear()
+    rig.wait(0.2)
+    assert robot.said[1] == ("/scout3/stop", (1.0,)), "we drive, and the planner does not"
+
+
+@pytest.mark.parametrize("gone", ["mind", "robot", "operator"])
+def test_a_goal_ends_with_whoever_gave_it(robot: FakeRobot, tmp_path: Path, gone: str) -> None:
+    rig, navigate = goal_rig(robot, tmp_path)
+    navigate(1.0, 0.0)
+    rig.wait(0.2)
+    robot.said.clear()
+    if gone == "operator":
+        rig.body.let_go()
+    robot.whole = gone != "robot"
+    rig.look_away(SILENT + 1.0, looking=gone != "mind")
+    robot.whole = True
+    rig.wait(1.0)
+    locked = robot.said.index(("/scout3/stop", (1.0,)))
+    assert set(robot.said[locked:]) == {DRIVEN, ("/scout3/stop", (1.0,))}, "nothing old resumes"
+
+
+def test_a_planner_keeps_within_the_fence(robot: FakeRobot, tmp_path: Path) -> None:
+    rig, navigate = goal_rig(robot, tmp_path)
+    rig.body.narrow(Limits(inf, inf, inf, fence=(-1.0, -1.0, 1.0, 1.0)))
+    navigate(9.0, 0.0)
+    rig.wait(0.2)
+    robot.speed = 0.2  # as its planner says
+    rig.wait(10.0)
+    assert robot.x < 1.0
+    assert ("/scout3/stop", (1.0,)) in robot.said
+
+
+def test_messages_have_the_time_of_the_simulation(robot: FakeRobot) -> None:
+    rig = rig_of(robot, sim_time=True)
+    robot.simulated = robot.stuck = 17.0
+    rig.wait(0.2)
+    assert robot.told_at == 17.0
 
 
 def test_without_a_scanner_it_keeps_no_range(robot: FakeRobot) -> None:
@@ -402,7 +486,7 @@ def test_a_simulation_with_its_clock_and_others_that_do_not_fit_are_told() -> No
 def test_what_cannot_be_read_is_told_once_and_the_rest_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
     over = OverDds("/scout3", DOMAIN + 50)
     lidar = over.writer("scan", LaserScan)
-    link = DdsLink(MAPPING, DOMAIN + 50, local=True, clock=False)
+    link = DdsLink(Ros2Network(DOMAIN + 50, local=True), MAPPING, clock=False)
     monkeypatch.setattr(link._sources[ODOM][1], "take", lambda most: [Odometry.deserialize(b"\0\1\0\0short")])
     said: list[str] = []
     found: dict[str, Heard] = {}

@@ -22,6 +22,8 @@ HEAD = 'name = "rover"\nradius = "0.3m"\nspeed = "1m/s"\nturn_rate = "90deg/s"\n
 ODOM = '[in.odom]\ntype = "Odometry"\nvalues = { x = "x", v = "speed km/h" }\n'
 DRIVE = '[out.cmd_vel]\ntype = "Twist"\nvalues = { drive_speed = "speed", drive_turn = "turn_rate deg/s" }\n'
 
+GOAL = '[out.goal_pose]\ntype = "PoseStamped"\nfunction = "NAV_TO"\nvalues = { x = "x", y = "y cm" }\n'
+
 
 def mapping_of(tmp_path: Path, text: str) -> RobotMapping:
     file = tmp_path / "rover.toml"
@@ -50,9 +52,23 @@ def test_units_switches_and_absolute_topics(tmp_path: Path) -> None:
     assert isclose(odom.fields[1].factor, 1 / 3.6)
     assert (scan.topic, scan.qos, scan.turned, scan.fields[0].factor) == ("/lidar/scan", "latched", pi / 2, 0.001)
     assert isclose(found.drive.fields[1].factor, pi / 180)
-    assert [(each.topic, each.function) for each in found.switches] == [("/a/b/horn", "HORN")]
+    assert [(each.topic, each.function) for each in found.functions] == [("/a/b/horn", "HORN")]
     assert found.stop is None
     assert found.sensors()[0].high == inf
+
+
+def test_functions_publish_what_they_are_given(tmp_path: Path) -> None:
+    stop = '[out.lock]\ntype = "Bool"\nvalues = { stopped = "data" }\n'
+    level = '[out.level]\ntype = "BatteryState"\nfunction = "LEVEL"\nvalues = { x = "percentage %" }\n'
+    place = '[out.seen]\ntype = "PoseStamped"\nfunction = "SEEN"\nframe = "odom"\ngoal = false\nvalues = { x = "x" }\n'
+    found = mapping_of(tmp_path, HEAD + ODOM + DRIVE + stop + GOAL + level + place)
+    goal, level_, seen = found.functions
+    assert (goal.topic, goal.name, goal.frame, goal.goal) == ("/a/b/goal_pose", "goal_pose", "map", True)
+    assert [(each.name, each.value, each.factor) for each in goal.fields] == [("x", "x", 1.0), ("y", "y", 0.01)]
+    assert (level_.frame, level_.fields[0].factor) == ("base_link", 0.01), "arguments may be called as anything else"
+    assert (seen.frame, seen.goal) == ("odom", False)
+    assert found.stop is not None
+    assert found.sinks == (found.drive, goal, level_, seen, found.stop)
 
 
 @pytest.mark.parametrize(
@@ -83,6 +99,20 @@ def test_units_switches_and_absolute_topics(tmp_path: Path) -> None:
         (HEAD + ODOM + DRIVE + '[out.a]\ntype = "Bool"\nvalues = { lamp = "data" }\n', 'wanted stopped = "data"'),
         (HEAD + ODOM + DRIVE + '[out.a]\ntype = "Bool"\nfunction = "V"\n', 'there is a "v" already'),
         (HEAD + ODOM + DRIVE + '[out.a]\ntype = "Bool"\n', "is missing; wanted names for its values"),
+        (HEAD + ODOM + DRIVE + '[out.a]\ntype = "Range"\nvalues = { a = "range" }\n', "out.a.function: is missing"),
+        (HEAD + ODOM + DRIVE + GOAL, "NAV_TO has a planner drive the robot, and nothing would stop it: wanted a topic"),
+        (HEAD + ODOM + DRIVE + GOAL + "frame = 3\n", "wanted a text in quotes, not 3"),
+        (HEAD + ODOM + DRIVE + GOAL.replace('"y cm"', '"x"'), "one of them is there twice"),
+        (
+            HEAD + ODOM + DRIVE + GOAL.replace("y cm", "y kg"),
+            'y of PoseStamped is a length, and "kg" is a unit of a mass',
+        ),
+        (HEAD + ODOM + DRIVE + '[out.a]\ntype = "Range"\nfunction = "A"\n', "is missing; wanted names"),
+        (
+            HEAD + ODOM + DRIVE + '[out.a]\ntype = "LaserScan"\nfunction = "A"\nvalues = { a = "nearest" }\n',
+            "nearest follows from them",
+        ),
+        (HEAD + ODOM + DRIVE + '[out.a]\ntype = "Range"\nfunction = "A"\ngoal = true\n', "is missing"),
         (HEAD + "[in]\n" + "".join(f"t{i} = {{}}\n" for i in range(MAX_TOPICS + 1)) + DRIVE, "at most 32 fit"),
         (
             HEAD + ODOM + "x2 = 1\n[in.many.values]\n" + "".join(f'n{i} = "x"\n' for i in range(MAX_VALUES)) + DRIVE,
@@ -115,6 +145,6 @@ def test_the_mapping_in_the_documentation_is_one(tmp_path: Path) -> None:
     page = Path(__file__).parents[2] / "docs" / "howto" / "ros2.md"
     found = mapping_of(tmp_path, page.read_text().split("```toml\n")[1].split("```")[0])
     assert [each.name for each in found.sensors()][-2:] == ["battery", "gate"]
-    assert [each.function for each in found.switches] == ["HORN"]
+    assert [each.function for each in found.functions] == ["HORN", "NAV_TO", "SAY_BATTERY"]
     for sort, values in TYPES.items():
         assert ", ".join(f"`{value}`" for value in values) in page.read_text(), sort

@@ -5,9 +5,13 @@
     ros2:///scout3?use_sim_time=yes&domain=7    one in a simulation, whose time is what /clock says
 
 `ros2_mapping` says how topics become names, `ros2_link` is the way to them. The robot is told its speeds in every
-round; rest, and STOP, are zeros said again and again. STOP is also said at a latched topic, so that a driver of the
-robot that starts later knows it as well. A robot that has not been heard for `SILENT` is out of reach, and is told to
-stand all the same, in every round, since it may hear what we do not.
+round; rest, and STOP, are zeros said again and again. STOP is also said at a latched topic, and repeated, so that a
+driver of the robot that starts later knows it as well. A robot that has not been heard for `SILENT` is out of reach,
+and is told to stand all the same, in every round, since it may hear what we do not.
+
+A goal is a pose for a planner on the robot, which drives it while we say no speeds. Nothing but the lock takes a goal
+away from a planner that we know only by its topic: so the latched topic says true from when the body is to do anything
+else, STOP or not, until there is a new goal. An old goal never resumes by itself.
 """
 
 from __future__ import annotations
@@ -16,10 +20,11 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import KW_ONLY, dataclass
 from functools import partial
-from math import isnan, nan, pi
+from math import inf, isnan, nan, pi
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from sleepcast.bridges import Opening
 from sleepcast.bridges.address import BodyError, read_body_address
@@ -27,17 +32,22 @@ from sleepcast.bridges.body import FRESH, BridgedBody, Motion, OutOfReachError
 from sleepcast.bridges.ros2_mapping import (
     CLOCK,
     TURTLEBOT,
+    TYPES,
     Heard,
     RobotMapping,
     Sink,
+    Value,
     is_namespace,
     read_mapping,
 )
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.model import HostFunction
-from sleepcast.core.units import NONE
+from sleepcast.core.units import NONE, UNITS, Dimension
 from sleepcast.robot import Geometry, Reading, RobotModel
+
+if TYPE_CHECKING:
+    from sleepcast.bridges.ros2_link import Ros2Network
 
 EXAMPLE = "ros2:///scout3"
 SILENT = 2.0
@@ -46,6 +56,9 @@ ASTRAY = 1.0
 """Seconds by which the times of messages may differ from the clock."""
 HIGHEST_DOMAIN = 232
 """DDS has no ports for higher ones."""
+AGAIN = 1.0
+"""Seconds after which the word at the topic for STOP is said again: not everybody who listens there takes what was
+latched before."""
 RANGES = ("subnet", "localhost")
 MEETING = 10.0
 """Seconds for its first words: with loss, both sides need some to find each other."""
@@ -55,14 +68,22 @@ LAST_WORDS = 3
 """How often it is told to stand at the end: it may not hear each of them."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Goal(Motion):
+    """A pose for a planner that listens at a topic. values: as its function got them."""
+
+    _: KW_ONLY
+    sink: Sink
+
+
 class Link(Protocol):
     """The way to a robot. Each may raise OutOfReachError."""
 
     def heard(self) -> Mapping[str, Heard]:
         """The last message of each topic at which something came since the last call."""
 
-    def say(self, topic: str, values: tuple[float, ...]) -> None:
-        """Speed and turn rate, or whether it is so, in the topic's units."""
+    def say(self, topic: str, values: Mapping[str, float], now: float) -> None:
+        """Send a message with these values, in the topic's units. now: when it is made, s since 1970 or by /clock."""
 
     def remarks(self) -> list[str]:
         """Sentences about what does not fit, each once."""
@@ -94,7 +115,11 @@ class Ros2Body(BridgedBody):
         self._quantities = {sensor.name: sensor for sensor in self.model.sensors}
         self._wrong: set[str] = set()
         """What is wrong and has been said, until it is right."""
-        self._told_stop: bool | None = None
+        self._locked: bool | None = None
+        self._lock_at = -inf
+        """What was last said at the topic for STOP, and when it is said again."""
+        self._goal: Motion | None = None
+        """The goal that a planner has."""
         now = self._clock.now()
         self._pulse, self._time = now, 0.0 if sim_time else now
         """When the robot was last heard; the time of the last reading."""
@@ -105,7 +130,22 @@ class Ros2Body(BridgedBody):
     # ---- what a bridge says
 
     def carry_out(self, motion: Motion) -> None:
-        self._tell(*(motion.values if motion.sort == "speeds" else (0.0, 0.0)))
+        if isinstance(motion, Goal):
+            if motion is not self._goal:
+                self._say(motion.sink, motion.values)
+                self._goal = motion
+            self._lock_others(self._stopped)
+        else:
+            self._tell(*(motion.values if motion.sort == "speeds" else (0.0, 0.0)))
+
+    def course(self, motion: Motion) -> tuple[float, float] | None:
+        """Of a goal: what its planner has it do now."""
+        if not isinstance(motion, Goal):
+            return super().course(motion)
+        most = self.model.limits
+        known = {} if self.stale else dict(zip(self._quantities, self.reading().values, strict=True))
+        found = known.get("speed", nan), known.get("turn_rate", nan)
+        return most.speed if isnan(found[0]) else found[0], most.turn_rate if isnan(found[1]) else found[1]
 
     def measure(self) -> None:
         self._listen()
@@ -173,20 +213,36 @@ class Ros2Body(BridgedBody):
 
     # ---- what expressions may ask
 
-    def switch(self, on: float, sink: Sink) -> None:
-        """Say whether it is so at the topic of a switch."""
-        self.send(lambda: self._link.say(sink.topic, (float(on != 0.0),)))
+    def tell(self, *values: float, sink: Sink) -> None:
+        """Publish these values at a topic, or have a planner drive there. Raises MisuseError, OutOfReachError."""
+        for field, value in zip(sink.fields, values, strict=True):
+            known = TYPES[sink.sort][field.value]
+            if known.unit != "rad" and not known.low <= value <= known.high:  # any angle is one
+                raise MisuseError(
+                    f"{field.value} of {sink.sort} is from {known.low:g} to {known.high:g}, not {value:g}"
+                )
+        if sink.goal:
+            self.move(Goal("goal", values, sink=sink))
+        else:
+            self.send(lambda: self._say(sink, values))
 
     # ---- the robot
 
+    def _say(self, sink: Sink, values: tuple[float, ...]) -> None:
+        told = {field.value: value / field.factor for field, value in zip(sink.fields, values, strict=True)}
+        now = self._simulated if self._sim_time else self._epoch()
+        self._link.say(sink.topic, told, 0.0 if isnan(now) else now)
+
     def _tell(self, speed: float, turn_rate: float) -> None:
-        drive, stop = self._mapping.drive, self._mapping.stop
-        values = (speed, turn_rate)
-        self._link.say(drive.topic, tuple(v / field.factor for v, field in zip(values, drive.fields, strict=True)))
-        if stop is not None and self._told_stop is not self._stopped:
-            stopped = self._stopped
-            self._link.say(stop.topic, (float(stopped),))
-            self._told_stop = stopped
+        self._say(self._mapping.drive, (speed, turn_rate))
+        self._lock_others(self._stopped or self._goal is not None)
+
+    def _lock_others(self, lock: bool) -> None:
+        """Say at the topic for STOP whether everybody else who drives the robot is to stand."""
+        now = self._clock.now()
+        if self._mapping.stop is not None and (self._locked is not lock or now >= self._lock_at):
+            self._say(self._mapping.stop, (float(lock),))
+            self._locked, self._lock_at = lock, now + AGAIN
 
     def _listen(self) -> None:
         now = self._clock.now()
@@ -255,20 +311,51 @@ class Ros2Body(BridgedBody):
 
 def model_of(mapping: RobotMapping) -> RobotModel:
     """What a robot with this mapping is."""
-    switches = tuple(
+    functions = tuple(
         HostFunction(
             sink.function,
-            partial(Ros2Body.switch, sink=sink),
-            (NONE,),
-            arguments="on",
-            doc=f"Says true or false at {sink.topic}.",
-            moves=False,
+            partial(Ros2Body.tell, sink=sink),
+            tuple(_dimension(TYPES[sink.sort][field.value]) for field in sink.fields),
+            arguments=" ".join(field.name for field in sink.fields),
+            doc=f"A planner that listens at {sink.topic} drives there." if sink.goal else f"Published at {sink.topic}.",
+            moves=sink.goal,
         )
-        for sink in mapping.switches
+        for sink in mapping.functions
     )
     return RobotModel(
-        mapping.name, mapping.sensors(), mapping.actuators(), switches, mapping.limits, Geometry(mapping.radius)
+        mapping.name, mapping.sensors(), mapping.actuators(), functions, mapping.limits, Geometry(mapping.radius)
     )
+
+
+def _dimension(value: Value) -> Dimension:
+    return UNITS[value.unit].dimension if value.unit else NONE
+
+
+def usual_domain() -> str:
+    """The number of the ROS domain, unless another one is said."""
+    return os.environ.get("ROS_DOMAIN_ID") or "0"
+
+
+def usual_discovery() -> str:
+    """Where ROS looks for others, unless something else is said: one of `RANGES`, or what we do not know."""
+    return os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").lower() or "subnet"
+
+
+def join_network(domain: int, *, local: bool) -> Ros2Network:
+    """Join a ROS domain. local: whether to look for robots on this computer only. Raises MisuseError,
+    OutOfReachError."""
+    try:
+        from sleepcast.bridges.ros2_link import Ros2Network
+    except ImportError:
+        raise MisuseError('ROS 2 robots need Cyclone DDS: pip install "sleepcast[ros2]"') from None
+    return Ros2Network(domain, local=local)
+
+
+def body_on(network: Ros2Network, mapping: RobotMapping, *, sim_time: bool) -> Ros2Body:
+    """The body of a robot in a ROS domain, whether it is there or not."""
+    from sleepcast.bridges.ros2_link import DdsLink
+
+    return Ros2Body(DdsLink(network, mapping, clock=sim_time), mapping, sim_time=sim_time)
 
 
 def open_body(uri: str, opening: Opening) -> Ros2Body:
@@ -278,8 +365,8 @@ def open_body(uri: str, opening: Opening) -> Ros2Body:
         EXAMPLE,
         {
             "mapping": str(TURTLEBOT),
-            "domain": os.environ.get("ROS_DOMAIN_ID") or "0",
-            "discovery": os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").lower() or "subnet",
+            "domain": usual_domain(),
+            "discovery": usual_discovery(),
             "use_sim_time": "no",
         },
         by_path=True,
@@ -294,11 +381,7 @@ def open_body(uri: str, opening: Opening) -> Ros2Body:
     if opening.in_step:
         raise MisuseError(f"{uri!r:.100}: a ROS 2 robot does not wait for its mind: leave out --lockstep")
     mapping = read_mapping(Path(address.settings["mapping"]), namespace)
-    try:
-        from sleepcast.bridges.ros2_link import DdsLink
-    except ImportError:
-        raise MisuseError('ROS 2 robots need Cyclone DDS: pip install "sleepcast[ros2]"') from None
-    body = Ros2Body(DdsLink(mapping, int(domain), local=local, clock=sim_time), mapping, sim_time=sim_time)
+    body = body_on(join_network(int(domain), local=local), mapping, sim_time=sim_time)
     try:
         body.meet(MEETING)
     except BaseException:

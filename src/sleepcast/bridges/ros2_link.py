@@ -1,16 +1,19 @@
-"""The way to a ROS 2 robot: its topics over DDS, by Eclipse Cyclone DDS; no ROS is needed on this computer.
+"""The way to ROS 2 robots: their topics over DDS, by Eclipse Cyclone DDS; no ROS is needed on this computer.
 
-Readers keep the last message of each topic only: a body wants what is now. What cannot match is said: a topic of
-another type, and somebody else who drives the same robot.
+A `Ros2Network` is one participant in a domain, however many robots are reached through it: each one more would have to
+be found by every other program there. It also knows which topics others have. A `DdsLink` is the way to one robot. Its
+readers keep the last message of each topic only: a body wants what is now. What cannot match is said: a topic of
+another type or with another quality of service, and somebody else who drives the same robot.
 """
 
 from __future__ import annotations
 
 import os
-import time
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from functools import cache
-from typing import Any
+from threading import Lock
+from typing import Any, NamedTuple
 
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
 from cyclonedds.core import DDSException, Policy, Qos
@@ -21,18 +24,22 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from sleepcast.bridges.body import OutOfReachError
-from sleepcast.bridges.ros2_mapping import CLOCK, Heard, RobotMapping, Source
+from sleepcast.bridges.ros2_mapping import CLOCK, Heard, RobotMapping, Sink, Source
 from sleepcast.bridges.ros2_messages import READ, Clock, made, read, ros_type, seconds, stamp
 from sleepcast.core.errors import MisuseError, printable
 
-AT_ONCE = 100
+AT_ONCE = 1_000
 """Endpoints of others that are looked at in one round."""
+MAX_ENDPOINTS = 20_000
+"""Of others that are known at a time: some hundred robots have so many."""
 MAX_REMARKED = 1_000
-"""Endpoints that were remarked upon: no network of robots has so many that do not fit."""
+"""Messages that were remarked upon: no robot has so many topics."""
 MAX_LOCAL = 99
 """Programs on this computer that look for each other where there is no multicast."""
 PARTING = duration(milliseconds=100)
 """For the last words at a topic to arrive."""
+TOPICS = "rt"
+"""What DDS has before the names of ROS 2's topics; services have others."""
 
 _HERE = f"""<General><AllowMulticast>false</AllowMulticast>
 <Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces></General>
@@ -50,6 +57,8 @@ QOS = {
     "reliable": Qos(_ONE, _RELIABLE, Policy.Durability.Volatile),
     "latched": Qos(_ONE, _RELIABLE, Policy.Durability.TransientLocal),
 }
+GRADES = tuple(QOS)
+"""Each gives what those before it give, and more: who listens hears only who gives at least what is wanted."""
 
 
 @cache
@@ -64,41 +73,108 @@ def join(domain: int, local: bool) -> Domain | None:
         raise MisuseError(f"ROS domain {domain} cannot be joined with discovery={where}: {error}") from None
 
 
-class DdsLink:
-    """A `Link` of the module `ros2`. local: whether to look for the robot on this computer only. clock: whether it
-    hears /clock, too. Raises OutOfReachError, MisuseError."""
+def dds_name(sort: str) -> str:
+    """What DDS calls a type that mappings call so."""
+    name: str = READ[sort][0].__idl_typename__.replace(".", "::")
+    return name
 
-    def __init__(self, mapping: RobotMapping, domain: int, *, local: bool, clock: bool) -> None:
+
+class Endpoint(NamedTuple):
+    """A topic of another program: its type, as DDS calls it, whether it publishes there or listens, and which of
+    `GRADES` it gives or wants."""
+
+    topic: str
+    sort: str
+    publishes: bool
+    grade: str
+
+
+class Ros2Network:
+    """See the module. local: whether to look for others on this computer only. Raises OutOfReachError, MisuseError."""
+
+    def __init__(self, domain: int, *, local: bool) -> None:
         join(domain, local)
         try:
             self._participant = DomainParticipant(domain)
         except DDSException as error:
             raise OutOfReachError(f"ROS domain {domain} cannot be joined: {error}") from None
+        self.domain = domain
+        self._looking = (
+            (True, BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)),
+            (False, BuiltinDataReader(self._participant, BuiltinTopicDcpsSubscription)),
+        )
+        self._lock = Lock()
+        self._known: dict[Any, Endpoint] = {}
+        self._there: dict[str, tuple[Endpoint, ...]] = {}
+
+    def reader(self, topic: str, message: type[Any], qos: str) -> DataReader[Any]:
+        """message: the class of its messages."""
+        return DataReader(self._participant, Topic(self._participant, TOPICS + topic, message), QOS[qos])
+
+    def writer(self, topic: str, message: type[Any], qos: str) -> DataWriter[Any]:
+        return DataWriter(self._participant, Topic(self._participant, TOPICS + topic, message), QOS[qos])
+
+    def others(self) -> Mapping[str, tuple[Endpoint, ...]]:
+        """The topics that other programs have now, each with theirs; another one after every change."""
+        with self._lock:
+            changed = False
+            for publishes, reader in self._looking:
+                for each in reader.take(AT_ONCE):
+                    changed |= self._note(each, publishes)
+            if changed:
+                there: dict[str, tuple[Endpoint, ...]] = {}
+                for endpoint in self._known.values():
+                    there[endpoint.topic] = (*there.get(endpoint.topic, ()), endpoint)
+                self._there = there
+            return self._there
+
+    def _note(self, sample: Any, publishes: bool) -> bool:
+        """Whether anything has changed by it."""
+        if not sample.sample_info.valid_data:  # it is gone
+            return self._known.pop(sample.key, None) is not None
+        if sample.participant_key == self._participant.guid or not sample.topic_name.startswith(TOPICS + "/"):
+            return False
+        if len(self._known) >= MAX_ENDPOINTS:
+            return False
+        topic = printable(sample.topic_name.removeprefix(TOPICS))
+        self._known[sample.key] = Endpoint(topic, printable(sample.type_name), publishes, _grade(sample.qos))
+        return True
+
+    def close(self) -> None:
+        """Leave the domain; links are closed before."""
+        del self._looking, self._participant
+
+
+def _grade(qos: Qos) -> str:
+    if qos[Policy.Reliability] == Policy.Reliability.BestEffort:
+        return "sensor"
+    return "reliable" if qos[Policy.Durability] == Policy.Durability.Volatile else "latched"
+
+
+class DdsLink:
+    """A `Link` of the module `ros2`. clock: whether it hears /clock, too."""
+
+    def __init__(self, network: Ros2Network, mapping: RobotMapping, *, clock: bool) -> None:
+        self._network = network
+        self._driven = mapping.drive.topic
+        self._wanted: dict[tuple[str, bool], tuple[str, str]] = {}
+        """For each topic, and whether others are to publish there: the type, as mappings call it, and what is wanted or
+        given by us."""
         self._sources: dict[str, tuple[Source, DataReader[Any]]] = {}
-        self._wanted: dict[str, str] = {}
-        """The types of our topics, as DDS calls both."""
-        self._writers: dict[str, tuple[str, DataWriter[Any]]] = {}
-        self._driven = f"rt{mapping.drive.topic}"
+        self._writers: dict[str, tuple[Sink, DataWriter[Any]]] = {}
+        for source in mapping.sources:
+            self._wanted[source.topic, True] = source.sort, source.qos
+            self._sources[source.topic] = source, network.reader(source.topic, READ[source.sort][0], source.qos)
+        for sink in mapping.sinks:
+            qos = "latched" if sink is mapping.stop else "reliable"
+            self._wanted[sink.topic, False] = sink.sort, qos
+            self._writers[sink.topic] = sink, network.writer(sink.topic, READ[sink.sort][0], qos)
+        self._clock = network.reader(CLOCK, Clock, "sensor") if clock else None
+        self._seen: Mapping[str, tuple[Endpoint, ...]] = {}
+        self._misfits: set[str] = set()
+        """What does not fit now, in sentences."""
         self._remarked: set[tuple[str, str]] = set()
         self._remarks: list[str] = []
-        for source in mapping.sources:
-            reader = DataReader(self._participant, self._topic(source.topic, READ[source.sort][0]), QOS[source.qos])
-            self._sources[source.topic] = source, reader
-        self._clock: DataReader[Any] | None = None
-        if clock:
-            self._clock = DataReader(self._participant, self._topic(CLOCK, Clock), QOS["sensor"])
-        for sink in (mapping.drive, *mapping.switches, *([mapping.stop] if mapping.stop else ())):
-            qos = QOS["latched" if sink is mapping.stop else "reliable"]
-            writer = DataWriter(self._participant, self._topic(sink.topic, READ[sink.sort][0]), qos)
-            self._writers[sink.topic] = sink.sort, writer
-        self._others = (
-            BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication),
-            BuiltinDataReader(self._participant, BuiltinTopicDcpsSubscription),
-        )
-
-    def _topic(self, name: str, sort: Any) -> Topic[Any]:
-        self._wanted[f"rt{name}"] = sort.__idl_typename__.replace(".", "::")
-        return Topic(self._participant, f"rt{name}", sort)
 
     def heard(self) -> dict[str, Heard]:
         found: dict[str, Heard] = {}
@@ -126,29 +202,29 @@ class DdsLink:
             self._remark(topic, "?", f"{topic} brings something that is no message: {type(error).__name__}: {error}")
             return []
 
-    def say(self, topic: str, values: tuple[float, ...]) -> None:
-        sort, writer = self._writers[topic]
+    def say(self, topic: str, values: Mapping[str, float], now: float) -> None:
+        sink, writer = self._writers[topic]
         try:
-            writer.write(made(sort, values, time.time()))
+            writer.write(made(sink.sort, values, now, sink.frame))
         except DDSException as error:
             raise OutOfReachError(f"{topic} cannot be written: {error}") from None
 
     def remarks(self) -> list[str]:
-        ours = self._participant.guid
-        for publishing, reader in zip((True, False), self._others, strict=True):
-            for each in reader.take(AT_ONCE):
-                wanted = self._wanted.get(each.topic_name)
-                if wanted is None or not each.sample_info.valid_data or each.participant_key == ours:
-                    continue
-                topic = each.topic_name.removeprefix("rt")
-                if each.type_name != wanted:
-                    there, sort = ros_type(printable(each.type_name)), ros_type(wanted)
-                    what = "what it brings is not read" if publishing else "whoever listens there hears nothing of us"
-                    self._remark(topic, there, f"{topic} has the type {there}, not {sort} as the mapping says: {what}")
-                elif publishing and each.topic_name == self._driven:
-                    self._remark(topic, "", f"somebody else drives it, too, by {topic}: STOP does not hold for them")
+        others = self._network.others()
+        if others is not self._seen:
+            self._seen, before = others, self._misfits
+            self._misfits = set(self._all_misfits(others))
+            self._remarks += sorted(self._misfits - before)
         said, self._remarks = self._remarks, []
         return said
+
+    def _all_misfits(self, others: Mapping[str, tuple[Endpoint, ...]]) -> Iterable[str]:
+        for (topic, published), (sort, qos) in self._wanted.items():
+            for each in others.get(topic, ()):
+                if each.publishes == published:
+                    yield from misfit(each, sort, qos)
+                elif each.publishes and topic == self._driven:
+                    yield f"somebody else drives it, too, by {topic}: STOP does not hold for them"
 
     def _remark(self, topic: str, why: str, sentence: str) -> None:
         """Say it once."""
@@ -162,4 +238,20 @@ class DdsLink:
                 writer.wait_for_acks(PARTING)
         self._sources.clear()
         self._writers.clear()
-        del self._others, self._clock, self._participant
+        self._clock = None
+
+
+def misfit(other: Endpoint, sort: str, qos: str) -> Iterable[str]:
+    """Why nothing passes between another program's topic and ours, in a sentence; nothing if it does. sort: its type,
+    as mappings call it. qos: which of `GRADES` we want, or give."""
+    topic, there, wanted = other.topic, ros_type(other.sort), ros_type(dds_name(sort))
+    if there != wanted:
+        what = "what it brings is not read" if other.publishes else "whoever listens there hears nothing of us"
+        yield f"{topic} has the type {there}, not {wanted} as the mapping says: {what}"
+    elif other.publishes and GRADES.index(other.grade) < GRADES.index(qos):
+        yield (
+            f'nothing comes by {topic}: the mapping wants qos = "{qos}", and it is published as "{other.grade}": '
+            f'say qos = "{other.grade}" there'
+        )
+    elif not other.publishes and GRADES.index(other.grade) > GRADES.index(qos):
+        yield f"whoever listens at {topic} hears nothing of us: they want what is {other.grade}, and we are {qos}"

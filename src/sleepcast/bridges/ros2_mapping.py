@@ -104,6 +104,9 @@ DRIVES = ("Twist", "TwistStamped")
 """Types that a robot can be driven by."""
 STOPPED = "stopped"
 """The name that the topic for STOP has."""
+FRAMES = {"PoseStamped": "map", "Odometry": "odom"}
+"""In which frame things are, if the mapping does not say it; else, in that of the robot."""
+BASE = "base_link"
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,9 +120,11 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A topic that a robot tells. topic: with its namespace. turned: where the front of its scanner looks, rad."""
+    """A topic that a robot tells. topic: with its namespace. name: without it, as the file has it. turned: where the
+    front of its scanner looks, rad."""
 
     topic: str
+    name: str
     sort: str
     fields: tuple[Field, ...]
     qos: str
@@ -129,12 +134,17 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Sink:
-    """A topic that a robot is told. function: for a switch, its name in expressions."""
+    """A topic that a robot is told. topic, name: as those of a source. function: that says something there, its name in
+    expressions; the fields are its arguments. frame: of the messages. goal: whether a planner drives the robot there.
+    """
 
     topic: str
+    name: str
     sort: str
     fields: tuple[Field, ...]
     function: str = ""
+    frame: str = ""
+    goal: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +157,12 @@ class RobotMapping:
     sources: tuple[Source, ...]
     drive: Sink
     stop: Sink | None
-    switches: tuple[Sink, ...]
+    functions: tuple[Sink, ...]
+
+    @property
+    def sinks(self) -> tuple[Sink, ...]:
+        """All that it is told."""
+        return (self.drive, *self.functions, *((self.stop,) if self.stop else ()))
 
     def sensors(self) -> tuple[Quantity, ...]:
         """In the order of sources and fields."""
@@ -173,9 +188,10 @@ def is_namespace(text: str) -> bool:
     return len(text) <= MAX_NAME and bool(_NAMESPACE.fullmatch(text))
 
 
-def read_mapping(path: Path, namespace: str) -> RobotMapping:
-    """The mapping in a file, for a robot with this namespace. Raises SettingsError."""
-    with toml_document(path).root() as root:
+def read_mapping(path: Path, namespace: str, text: str | None = None) -> RobotMapping:
+    """The mapping in a file, for a robot with this namespace. text: what stands in it, None to read it. Raises
+    SettingsError."""
+    with toml_document(path, text).root() as root:
         limits = Limits(
             root.number("speed", SPEED, low=0.01, high=FASTEST),
             root.number("turn_rate", RATE, low=0.01, high=FASTEST),
@@ -193,10 +209,16 @@ def read_mapping(path: Path, namespace: str) -> RobotMapping:
         if len(drives) != 1:
             wanted = f"wanted one topic of the type {' or '.join(DRIVES)}, to drive it"
             raise root.error("out", f"{wanted}; there are {len(drives)}")
-        switches = [sink for sink in sinks if sink.sort == "Bool"]
-        stops = [sink for sink in switches if not sink.function]
+        functions = tuple(sink for sink in sinks if sink.function)
+        stops = [sink for sink in sinks if sink.sort == "Bool" and not sink.function]
         if len(stops) > 1:
             raise root.error("out", f"{len(stops)} topics for STOP; at most one fits: give the others a function")
+        goals = [sink.function for sink in functions if sink.goal]
+        if goals and not stops:
+            wanted = f'wanted a topic of the type Bool with values = {{ {STOPPED} = "data" }}, as a lock of twist_mux'
+            raise root.error(
+                "out", f"{goals[0]} has a planner drive the robot, and nothing would stop it: {wanted}; or goal = false"
+            )
         return RobotMapping(
             name,
             limits,
@@ -204,7 +226,7 @@ def read_mapping(path: Path, namespace: str) -> RobotMapping:
             sources,
             drives[0],
             stops[0] if stops else None,
-            tuple(sink for sink in switches if sink.function),
+            functions,
         )
 
 
@@ -222,6 +244,7 @@ class _Reader:
             turned = table.number("turned", NONE, 0.0, low=-pi, high=pi) if sort == "LaserScan" else 0.0
             return Source(
                 self._topic(table, topic, "in"),
+                topic,
                 sort,
                 self._fields(table, sort),
                 table.text("qos", "sensor", choices=QOS),
@@ -231,22 +254,35 @@ class _Reader:
 
     def sink(self, topic: str, table: Table) -> Sink:
         with table:
-            sort = table.text("type", choices=(*DRIVES, "Bool"))
+            sort = table.text("type", choices=tuple(TYPES))
             found = self._topic(table, topic, "out")
-            if sort == "Bool" and table.has("function"):
-                function = checked_name(table, table.text("function"), "function")
-                self._take(table, "function", function)
-                return Sink(found, sort, (), function)
+            if sort not in DRIVES and (sort != "Bool" or table.has("function")):
+                return self._function(table, found, topic, sort)
             fields = self._fields(table, sort)
             if sort == "Bool":
                 if fields[0].name.casefold() != STOPPED:
-                    wanted = f'wanted {STOPPED} = "data", or a function in place of values'
+                    wanted = f'wanted {STOPPED} = "data", or a function'
                     raise table.error("values", wanted)
-                return Sink(found, sort, fields)
+                return Sink(found, topic, sort, fields)
             by_value = {field.value: field for field in fields}
             if by_value.keys() != {"speed", "turn_rate"} or len(fields) != 2:
                 raise table.error("values", "wanted two names, one for speed and one for turn_rate")
-            return Sink(found, sort, (by_value["speed"], by_value["turn_rate"]))
+            return Sink(found, topic, sort, (by_value["speed"], by_value["turn_rate"]), frame=BASE)
+
+    def _function(self, table: Table, topic: str, name: str, sort: str) -> Sink:
+        function = checked_name(table, table.text("function"), "function")
+        self._take(table, "function", function)
+        if sort == "Bool" and not table.has("values"):
+            return Sink(topic, name, sort, (Field("on", "data", 1.0),), function)
+        fields = self._fields(table, sort, arguments=True)
+        values = [field.value for field in fields]
+        if len(set(values)) < len(values):
+            raise table.error("values", "one of them is there twice")
+        if sort == "LaserScan" and "nearest" in values:
+            raise table.error("values", "a scan is made of front, left, back and right; nearest follows from them")
+        frame = table.text("frame", FRAMES.get(sort, BASE), most=MAX_NAME)
+        goal = sort == "PoseStamped" and table.flag("goal", True)
+        return Sink(topic, name, sort, fields, function, frame, goal)
 
     def _topic(self, table: Table, topic: str, direction: str) -> str:
         found = topic if topic.startswith("/") else f"{self._namespace}/{topic}"
@@ -258,7 +294,8 @@ class _Reader:
         self._topics.add(direction + found)
         return found
 
-    def _fields(self, table: Table, sort: str) -> tuple[Field, ...]:
+    def _fields(self, table: Table, sort: str, *, arguments: bool = False) -> tuple[Field, ...]:
+        """arguments: whether the names are those of a function's arguments, which others may have, too."""
         values = table.table("values")
         if not values.names():
             raise table.error("values", f"is missing; wanted names for its values, such as {{ {_example(sort)} }}")
@@ -269,7 +306,9 @@ class _Reader:
             if known is None:
                 there = f"{did_you_mean(value, TYPES[sort])}; there are {', '.join(TYPES[sort])}"
                 raise values.error(name, f'{sort} has no value "{value}"{there}')
-            self._take(values, name, checked_name(values, name))
+            checked_name(values, name)
+            if not arguments:
+                self._take(values, name, name)
             with values.answering(name):
                 fields.append(Field(name, value, _factor(sort, value, known, unit.strip())))
         return tuple(fields)

@@ -1,4 +1,4 @@
-"""The messages of ROS 2 that bodies need, as DDS carries them, and the values in them.
+"""The messages of ROS 2 that bodies need, as DDS carries them; the values in them, and how they are made of values.
 
 The layouts are those of ROS 2's .msg files; DDS compares the names of types. A layout may end early where the end of
 the original differs between releases of ROS (`Range`): a reader does not look beyond it.
@@ -18,6 +18,8 @@ MAX_RAYS = 20_000
 """Of one scan: beyond, it is no scan of a robot's lidar."""
 SECTORS = 16
 """Parts of a scan all round, of which the nearest thing is kept; number 0 is in front, then counter-clockwise."""
+SIDES = ("front", "left", "back", "right")
+"""Quarters of a scan, counter-clockwise."""
 
 _TURN = 2.0 * pi
 
@@ -268,7 +270,7 @@ def _sides(sectors: tuple[float, ...]) -> dict[str, float]:
     """The nearest thing in each quarter, and all round."""
     quarter = SECTORS // 4
     found = {"nearest": _least(sectors)}
-    for number, side in enumerate(("front", "left", "back", "right")):
+    for number, side in enumerate(SIDES):
         middle = number * quarter
         found[side] = _least([sectors[(middle + k) % SECTORS] for k in range(-quarter // 2, quarter // 2 + 1)])
     return found
@@ -323,9 +325,15 @@ def read(sort: str, message: Any, turned: float) -> tuple[dict[str, float], tupl
 # ---- the other way: messages of such values
 
 
-def turned_by(heading: float) -> Quaternion:
-    """A heading, rad counter-clockwise from x, as ROS has it."""
-    return Quaternion(z=sin(heading / 2.0), w=cos(heading / 2.0))
+def turned_by(heading: float, roll: float = 0.0, pitch: float = 0.0) -> Quaternion:
+    """An orientation by its angles, rad, as a mapping has them: a heading counter-clockwise from x."""
+    (cr, sr), (cp, sp), (cy, sy) = ((cos(angle / 2.0), sin(angle / 2.0)) for angle in (roll, pitch, heading))
+    return Quaternion(
+        cy * cp * sr - sy * sp * cr,
+        cy * sp * cr + sy * cp * sr,
+        sy * cp * cr - cy * sp * sr,
+        cy * cp * cr + sy * sp * sr,
+    )
 
 
 def _as_pose(values: Mapping[str, float]) -> Pose:
@@ -351,27 +359,44 @@ def _as_battery(values: Mapping[str, float], header: Header) -> BatteryState:
 
 
 def _as_imu(values: Mapping[str, float], header: Header) -> Imu:
-    along = Vector3(*(values.get(f"{side}acceleration", 0.0) for side in ("", "side_", "up_")))
-    turning = Vector3(z=values.get("turn_rate", 0.0))
-    unknown = [0.0 if "heading" in values else -1.0] + [0.0] * 8  # how a sensor says that it measures none
-    return Imu(header, turned_by(values.get("heading", 0.0)), unknown, turning, linear_acceleration=along)
+    def exactness(*names: str) -> list[float]:
+        """Of what is measured, not known: zeros; of what is not, as sensors say it, -1 in front."""
+        return [0.0 if any(name in values for name in names) else -1.0] + [0.0] * 8
+
+    angles, pushes = ("heading", "roll", "pitch"), ("acceleration", "side_acceleration", "up_acceleration")
+    return Imu(
+        header,
+        turned_by(*(values.get(name, 0.0) for name in angles)),
+        exactness(*angles),
+        Vector3(z=values.get("turn_rate", 0.0)),
+        exactness("turn_rate"),
+        Vector3(*(values.get(name, 0.0) for name in pushes)),
+        exactness(*pushes),
+    )
+
+
+def _as_scan(values: Mapping[str, float], header: Header) -> LaserScan:
+    """Four rays: a side that is not known has no range."""
+    ranges = [values.get(side, nan) for side in SIDES]
+    return LaserScan(header, 0.0, 0.75 * _TURN, _TURN / 4.0, range_max=inf, ranges=ranges)
 
 
 MADE: Mapping[str, Callable[[Mapping[str, float], Header], Any]] = {
     "Odometry": _as_odometry,
     "Twist": lambda values, _: _as_twist(values),
     "TwistStamped": lambda values, header: TwistStamped(header, _as_twist(values)),
-    "Range": lambda values, header: Range(header, range=values["range"]),
+    "LaserScan": _as_scan,
+    "Range": lambda values, header: Range(header, max_range=inf, range=values["range"]),
     "BatteryState": _as_battery,
     "Imu": _as_imu,
     "PoseStamped": lambda values, header: PoseStamped(header, _as_pose(values)),
     "Bool": lambda values, _: Bool(values["data"] != 0.0),
 }
-"""Of each type that can be sent: a message of these values, by their names in `READ`; what is not given is 0, of a
-battery unknown."""
+"""Of each type: a message of these values, by their names in `READ`; what is not given is 0, or unknown where the type
+has something for that."""
 
 
-def made(sort: str, values: tuple[float, ...], now: float) -> Any:
-    """A message of a type that bodies send. values: speed and turn rate, or whether it is true. now: s since 1970."""
-    names = ("data",) if sort == "Bool" else ("speed", "turn_rate")
-    return MADE[sort](dict(zip(names, values, strict=True)), Header(time_of(now)))
+def made(sort: str, values: Mapping[str, float], now: float, frame: str = "") -> Any:
+    """A message of a type with these values, SI, by their names in `READ`. now: s since 1970, or by /clock. frame: in
+    which frame it is."""
+    return MADE[sort](values, Header(time_of(now), frame))

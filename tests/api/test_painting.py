@@ -17,7 +17,6 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.descriptor import Descriptor
 from google.protobuf.descriptor_pb2 import DescriptorProto, FileDescriptorSet
 from google.protobuf.message import Message
-from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 from mcap.records import Channel, Schema
 
@@ -220,6 +219,8 @@ def no_json(word: str) -> None:
 
 
 def test_all_that_is_json_keeps_to_the_schema_in_the_file(file: Path) -> None:
+    from jsonschema import Draft202012Validator  # importing it takes a second, which every process would wait for
+
     counts: dict[str, int] = {}
     for schema, channel, _, data in messages(file):
         if channel.message_encoding != "json":

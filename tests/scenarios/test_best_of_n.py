@@ -6,7 +6,6 @@ from collections.abc import Iterable
 
 import numpy as np
 import pytest
-from scipy.stats import fisher_exact, mannwhitneyu
 
 import sleepcast as sc
 
@@ -38,6 +37,11 @@ def test_they_agree_and_each_judges_the_site_of_its_opinion() -> None:
 
 @pytest.mark.nightly
 def test_a_larger_neighbourhood_is_faster_and_less_accurate() -> None:
+    from scipy.stats import (
+        fisher_exact,
+        mannwhitneyu,
+    )  # importing it takes a second, which every process would wait for
+
     """Held-out seeds; both signs at p < 0.01."""
     seeds = range(100, 140)
     few, many = choices(seeds, "15cm"), choices(seeds, "1m")

@@ -24,8 +24,9 @@ PYTHON = VENV / "bin" / "python"
 RUN, DEV, DOCS = "requirements/run.txt", "requirements/dev.txt", "requirements/docs.txt"
 FAST = ("llvmlite==", "numba==")
 """What not every computer that runs Python can have (Macs with Intel's processors, Linux with musl), nor needs."""
-ALONE = ("cflib==",)
-"""What forbids a version of another package that we need to build, and works with it all the same."""
+ALONE = ("cflib==", "mavproxy==")
+"""What forbids a version of another package that we need to build, or asks for half a gigabyte for windows that no test
+opens, and works all the same."""
 VERSION = "{}.{}".format(*sys.version_info)
 
 

@@ -24,6 +24,7 @@ SLOW = {
     "loop/test_snapshots.py": 30,
     "cli/test_air.py": 28,
     "bridges/test_crazyflie.py": 4,
+    "bridges/test_mavproxy.py": 6,
     "bridges/test_ros2.py": 4,
     "tak/test_bridge.py": 10,
     "tak/test_event.py": 3,

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from math import nan, pi
+from math import inf, nan, pi
 from pathlib import Path
 from typing import Any
 
@@ -166,6 +166,45 @@ def test_places_become_variables_of_its_rules(ground: GroundStation, desk: Desk)
     far = desk.mav.set_position_target_local_ned_encode(0, ROBOT, 1, 1, PLACE, nan, 1e9, *(0.0,) * 9)
     desk.waiting.append(desk.pack(far))
     assert ground.wishes() == []
+
+
+def test_places_that_ground_stations_send_in_other_ways(ground: GroundStation, desk: Desk) -> None:
+    """Relative to the robot, and as what a click on the map becomes in MAVProxy and in QGroundControl."""
+    ground.tell({"x": 10.0, "y": 20.0, "heading": pi / 2.0}, stopped=False)
+
+    def goals(message: Any) -> list[tuple[float, float]]:
+        desk.waiting.append(desk.pack(message))
+        return [each.values for each in ground.wishes()]
+
+    def near(frame: int) -> Any:
+        return desk.mav.set_position_target_local_ned_encode(0, ROBOT, 1, frame, PLACE, 3.0, 1.0, *(0.0,) * 9)
+
+    assert goals(near(1)) == [(1.0, 3.0)], "north comes first"
+    assert goals(near(7)) == [(11.0, 23.0)], "north and east of where it is"
+    assert goals(near(8)) == [pytest.approx((11.0, 23.0))], "ahead, which is north, and to its right"
+    there = (366_003_604, -1_218_996_646, 0.0)
+    waypoint = desk.mav.mission_item_int_encode(ROBOT, 1, 0, 3, 16, 2, 0, 0, 0, 0, 0, *there)
+    reposition = desk.mav.command_int_encode(ROBOT, 1, 3, 192, 0, 0, -1, 1, 0, 0, *there)
+    long = desk.mav.command_long_encode(ROBOT, 1, 192, 0, -1, 1, 0, 0, 36.6003604, -121.8996646, 0)
+    for message in (waypoint, reposition, long):
+        assert goals(message) == [pytest.approx((30.0, 40.0), abs=0.5)]
+    assert (desk.seen["MISSION_ACK"].type, desk.seen["COMMAND_ACK"].result) == (0, 0)
+    part_of_a_mission = desk.mav.mission_item_int_encode(ROBOT, 1, 0, 3, 16, 0, 0, 0, 0, 0, 0, *there)
+    assert goals(part_of_a_mission) == []
+    assert desk.seen["MISSION_ACK"].type == 14
+    ground.tell({}, stopped=True)
+    assert goals(reposition) == goals(near(1)) == [], "nor does it begin with this after a RELEASE"
+    assert desk.seen["COMMAND_ACK"].result == 2
+
+
+def test_numbers_of_any_kind_do_no_harm(ground: GroundStation, desk: Desk) -> None:
+    for odd in (nan, inf, -inf, 3e38):
+        for command in (176, 400, 185, 192, 16):
+            desk.order(command, *(odd,) * 7)
+        desk.waiting.append(desk.velocity(odd, odd))
+        local = desk.mav.set_position_target_local_ned_encode(0, ROBOT, 1, 8, PLACE, *(odd,) * 11)
+        desk.waiting.append(desk.pack(local))
+    assert {each.sort for each in ground.wishes()} <= {"stop", "drive"}
 
 
 def test_nobody_without_the_key_is_heard(ground: GroundStation, desk: Desk) -> None:

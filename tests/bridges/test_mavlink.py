@@ -410,6 +410,9 @@ class Mind:
             time.sleep(0.02)
         self._read = found + len(sentence)
 
+    def printed(self) -> str:
+        return self._screen.read_text()
+
     def close(self) -> None:
         self._running.send_signal(signal.SIGINT)
         try:

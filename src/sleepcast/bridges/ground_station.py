@@ -31,11 +31,14 @@ TELL_AGAIN = 5.0
 EVERY = {"heartbeat": 1.0, "place": 0.2, "state": 1.0}
 """Seconds between two messages of each kind."""
 HOLD, GUIDED = 4, 15
-SET_MODE, ARM_DISARM, TERMINATE, ASK_VERSION = 176, 400, 185, 512
+SET_MODE, ARM_DISARM, TERMINATE, GO_TO, WAYPOINT = 176, 400, 185, 192, 16
 STOPPING_MODES = frozenset((HOLD, 5))
 """HOLD and LOITER: a rover stands in both."""
 ACCEPTED, DENIED, UNSUPPORTED = 0, 2, 3
-BODY_FRAMES = frozenset((8, 9))
+BODY_FRAMES, OFFSET_FRAME = frozenset((8, 9)), 7
+"""Along the heading from where the robot is, and to north and east from there."""
+GO_THERE, MISSION_DENIED = 2, 14
+"""What `current` is in a waypoint that is no part of a mission, and the answer to every other one."""
 NO_VELOCITY, NO_PLACE, NO_YAW_RATE = 0x38, 0x7, 0x800
 """Flags of a setpoint that lacks these."""
 MAX_TEXT = 50
@@ -67,6 +70,8 @@ class GroundStation:
         self._began = self._clock.now()
         self._due = dict.fromkeys(EVERY, -inf)
         self._stopped = False
+        self._here = (nan, nan, nan)
+        """x, y in m and heading in rad."""
         self._driven, self._last = (0.0, 0.0), -inf
         self._told_again = -inf
         self._complaints: list[str] = []
@@ -100,8 +105,14 @@ class GroundStation:
         kind = message.get_type()
         if getattr(message, "target_system", self._link.mav.srcSystem) != self._link.mav.srcSystem:
             return []  # for everybody, or for another one: neither is meant
-        if kind == "COMMAND_LONG":
-            return self._command(message)
+        if kind in ("COMMAND_LONG", "COMMAND_INT"):
+            return self._command(message, exact=kind == "COMMAND_INT")
+        if kind == "MISSION_ITEM_INT":
+            there = (message.command, message.current) == (WAYPOINT, GO_THERE)
+            found = self._goal(self._on_map(message.x / 1e7, message.y / 1e7)) if there else []
+            asker = message.get_srcSystem(), message.get_srcComponent()
+            self._send(self._link.mav.mission_ack_encode(*asker, ACCEPTED if found else MISSION_DENIED))
+            return found
         if kind == "SET_MODE":
             return self._mode(message.custom_mode)
         if kind == "MANUAL_CONTROL" and message.target == self._link.mav.srcSystem:
@@ -113,21 +124,26 @@ class GroundStation:
             self._send(self._link.mav.param_value_encode(b"SYSID_THISMAV", self._link.mav.srcSystem, 9, 1, 0))
         return []
 
-    def _command(self, message: Any) -> list[Wish]:
+    def _command(self, message: Any, *, exact: bool) -> list[Wish]:
+        """exact: whether a place in it is in whole ten-millionths of a degree."""
         found, result = [], ACCEPTED
         if message.command == SET_MODE:
-            found = self._mode(int(message.param2))
+            found = self._mode(message.param2)
             result = ACCEPTED if found else DENIED
         elif message.command == ARM_DISARM:
             found = [Wish("release" if message.param1 == 1.0 else "stop")]
         elif message.command == TERMINATE:
             found = [Wish("stop")] if message.param1 == 1.0 else []
+        elif message.command == GO_TO:
+            place = (message.x / 1e7, message.y / 1e7) if exact else (message.param5, message.param6)
+            found = self._goal(self._on_map(*place))
+            result = ACCEPTED if found else DENIED
         else:
             result = UNSUPPORTED
         self._send(self._link.mav.command_ack_encode(message.command, result))
         return found
 
-    def _mode(self, mode: int) -> list[Wish]:
+    def _mode(self, mode: float) -> list[Wish]:
         if mode in STOPPING_MODES:
             return [Wish("stop")]
         return [Wish("release")] if mode == GUIDED else []
@@ -137,13 +153,29 @@ class GroundStation:
         if not earth and message.coordinate_frame in BODY_FRAMES and not mask & NO_VELOCITY:
             self._drive(message.vx, 0.0 if mask & NO_YAW_RATE else -message.yaw_rate, now)
         elif not mask & NO_PLACE:
-            if not earth:
-                place = message.y, message.x  # north comes first
-            else:
-                place = (self._map and self._map.metres(message.lat_int / 1e7, message.lon_int / 1e7)) or (nan, nan)
-            if all(abs(each) <= FARTHEST for each in place):
-                return [Wish("goal", place)]
+            return self._goal(
+                self._on_map(message.lat_int / 1e7, message.lon_int / 1e7) if earth else self._at(message)
+            )
         return []
+
+    def _goal(self, place: tuple[float, float]) -> list[Wish]:
+        """Nothing for a place that there is not, nor under a STOP: what is asked then may not set it in motion later."""
+        is_one = all(abs(each) <= FARTHEST for each in place)
+        return [Wish("goal", place)] if is_one and not self._stopped else []
+
+    def _on_map(self, latitude: float, longitude: float) -> tuple[float, float]:
+        """In degrees; NaN if that is nowhere here."""
+        return (self._map and self._map.metres(latitude, longitude)) or (nan, nan)
+
+    def _at(self, message: Any) -> tuple[float, float]:
+        """A place in metres, from the origin or from the robot."""
+        x, y, heading = self._here
+        if message.coordinate_frame in BODY_FRAMES:
+            ahead, right = message.x, message.y
+            return x + ahead * cos(heading) + right * sin(heading), y + ahead * sin(heading) - right * cos(heading)
+        if message.coordinate_frame == OFFSET_FRAME:
+            return x + message.y, y + message.x
+        return message.y, message.x  # north comes first
 
     def _drive(self, speed: float, turn_rate: float, now: float) -> None:
         if isfinite(speed) and isfinite(turn_rate):
@@ -155,6 +187,7 @@ class GroundStation:
         """Show it the robot, if that is due. values: of its sensors, by name."""
         if stopped:
             self._driven = (0.0, 0.0)
+        self._here = values.get("x", nan), values.get("y", nan), values.get("heading", nan)
         if stopped != self._stopped:
             self._due["heartbeat"] = -inf
         self._stopped, now = stopped, self._clock.now()

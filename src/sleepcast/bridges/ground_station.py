@@ -159,7 +159,7 @@ class GroundStation:
         return []
 
     def _goal(self, place: tuple[float, float]) -> list[Wish]:
-        """Nothing for a place that there is not, nor under a STOP: what is asked then may not set it in motion later."""
+        """Nothing for what is no place, nor under a STOP: what is asked then may not set it in motion later."""
         is_one = all(abs(each) <= FARTHEST for each in place)
         return [Wish("goal", place)] if is_one and not self._stopped else []
 

@@ -19,14 +19,15 @@ import pytest
 pytest.importorskip("pymavlink")
 pytest.importorskip("pyproj")
 
-from bridges.mavlink_vehicle import GUIDED, HOME, Vehicle
+from bridges.mavlink_vehicle import EARTH, GUIDED, HOME, LATE, Vehicle
 from channel.test_udp import free_port
+from cli.terminal import terminal
+from processes import live_in
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.body import FencedError
 from sleepcast.bridges.mavlink import COPTER, ROVER, MavlinkVehicle
 from sleepcast.bridges.mavlink_link import Link
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.transports.udp import UdpTransport
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.geodesy import Origin
@@ -262,6 +263,52 @@ def test_a_vehicle_that_restarts_is_at_rest_and_says_so() -> None:
     assert rig.sensed()["speed"] == pytest.approx(1.0)
 
 
+def test_a_restart_elsewhere_with_everything_reset_leaves_the_frame_as_it_is() -> None:
+    rig = MavlinkRig("copter").ready()
+    body = rig.vehicle_body
+    body.take_off(5.0)
+    rig.wait(4.0)
+    away = EARTH.fwd(HOME[1], HOME[0], 90.0, 25.0)
+    rig.vehicle.longitude, rig.vehicle.latitude, rig.vehicle.height = away[0], away[1], 0.0  # its new home
+    rig.vehicle.reboot()
+    rig.wait(0.2)
+    rig.robot.act(Setpoint(1.0))
+    rig.wait(0.2)
+    assert body.complaints()[-1] == (
+        "it does not follow: it is in STABILIZE, not armed; (SET_MODE GUIDED) and (ARM) come first"
+    )
+    found = rig.sensed()
+    assert (found["x"], found["y"], found["height"]) == pytest.approx((25.0, 0.0, 0.0), abs=0.1)
+    assert (found["armed"], found["mode"]) == (0.0, COPTER["STABILIZE"])
+    rig.ready()
+    body.go_to(20.0, 0.0, 3.0)
+    rig.wait(8.0)
+    assert (rig.sensed()["x"], rig.sensed()["height"]) == pytest.approx((20.0, 3.0), abs=0.3)
+
+
+def test_a_link_that_dies_in_motion_stops_the_vehicle_by_itself_and_nothing_old_resumes() -> None:
+    rig = MavlinkRig().ready()
+    rig.robot.act(Setpoint(1.0))
+    rig.wait(2.0)
+    assert rig.vehicle.forward == pytest.approx(1.0)
+    rig.cut()
+    rig.wait(2.5)
+    assert rig.body.lost == "vehicle 1 has not been heard for 2 s"
+    with pytest.raises(OutOfReachError, match="the body is out of reach, and does nothing"):
+        rig.vehicle_body.go_to(1.0, 1.0)
+    rig.wait(LATE)
+    assert rig.vehicle.forward == 0.0, "its setpoints count for this long"
+    rig.mend()
+    rig.wait(11.0)
+    assert rig.body.lost == ""
+    assert rig.sensed()["speed"] == 0.0
+    assert rig.body.complaints() == [
+        "the body is out of reach: vehicle 1 has not been heard for 2 s",
+        "the body is still out of reach: vehicle 1 is not heard",
+        "the body is within reach again, and at rest until a command moves it",
+    ]
+
+
 def test_a_setpoint_that_is_not_followed_and_a_refused_order_are_told() -> None:
     rig = MavlinkRig()
     rig.wait(0.2)
@@ -422,33 +469,33 @@ class Mind:
             self._running.communicate()
 
 
-def test_a_node_commands_a_vehicle_in_another_process_and_finds_it_again(tmp_path: Path) -> None:
+def test_a_node_commands_a_vehicle_in_another_process_and_finds_it_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    live_in(tmp_path, monkeypatch)
     drive = "(RULE drive (WHEN (AND (= mode GUIDED) (= armed 1)) (SETQ drive_speed 1m/s)))"
     tell = '(RULE say (WHEN (> speed 0.5m/s) (REPORT "rolling")))'
     ready = ("(SET_MODE GUIDED)", "(ARM)")
     air = f"udp://239.255.83.85:{free_port()}?interface=lo"
     with (
         closing(Process(tmp_path)) as vehicle,
-        closing(UdpTransport(air)) as desk,
         closing(Mind(vehicle.uri, tmp_path, "--channel", air)) as mind,
+        terminal(("desk", "--channel", air), tmp_path, size=(160, 40)) as desk,
     ):
         mind.wait_for("v1 is up")
+        desk.wait_to_see("o  v1")
         mind.say(*ready, drive, tell)
         mind.wait_for("rolling")
         vehicle.tell("mute")
         mind.wait_for("the body is out of reach: vehicle 1 has not been heard for 2 s")
+        desk.wait_to_see("the body is out of reach: vehicle 1 has not been heard for 2 s")
         vehicle.tell("speak")
         mind.wait_for("the body is within reach again, and at rest until a command moves it")
+        desk.wait_to_see("the body is within reach again")
         vehicle.tell("reboot")
         mind.wait_for("the vehicle has restarted; it is at rest until a command moves it")
+        desk.wait_to_see("the vehicle has restarted; it is at rest until a command moves it")
         mind.say(*ready)
         mind.wait_for("rolling")
         mind.say("STOP")
         mind.wait_for("stopped, and at rest until RELEASE")
-        heard = b"".join(desk.receive())
-        for sentence in (
-            b"the body is out of reach: vehicle 1 has",
-            b"within reach again",
-            b"the vehicle has restarted",
-        ):
-            assert sentence in heard, "every desk hears of it"

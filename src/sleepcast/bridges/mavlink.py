@@ -240,7 +240,7 @@ class MavlinkVehicle(BridgedBody):
         for message in self._link.receive():
             if message.get_srcSystem() == self._system:
                 self._met = now
-                self._take(message)
+                self.take(message)
         if now - self._beat >= BEAT:
             self._beat = now
             self._link.send(self._link.mav.heartbeat_encode(6, 8, 0, 0, 4))  # a ground station, active
@@ -262,7 +262,7 @@ class MavlinkVehicle(BridgedBody):
             raise OutOfReachError(f"vehicle {self._system} is not heard{self._refusals()}")
         self._met = self._clock.now()
         for message in found:
-            self._take(message)
+            self.take(message)
         self._ask_for_messages()
 
     def leave(self) -> None:
@@ -373,7 +373,8 @@ class MavlinkVehicle(BridgedBody):
 
     # ---- what has come
 
-    def _take(self, message: Any) -> None:
+    def take(self, message: Any) -> None:
+        """A message of this vehicle."""
         match message.get_type():
             case "HEARTBEAT" if message.get_srcComponent() == 1:
                 self._mode, self._armed = message.custom_mode, bool(message.base_mode & 128)
@@ -438,7 +439,7 @@ class MavlinkVehicle(BridgedBody):
         return self._armed and self._mode not in (self._modes[GUIDED], self._standing)
 
     def _condition(self) -> str:
-        mode = self._names.get(self._mode, f"mode {self._mode}")
+        mode = "an unknown mode" if self._mode < 0 else self._names.get(self._mode, f"mode {self._mode}")
         return f"in {mode}, {'armed' if self._armed else 'not armed'}"
 
     def _say_once(self, sentence: str) -> None:
@@ -469,17 +470,20 @@ def open_body(uri: str, opening: Opening) -> MavlinkVehicle:
     ceiling = address.number("ceiling", most=10_000.0, unit="m")
     link = open_link(address, PORT, WE, OUR_COMPONENT)
     try:
-        modes = _meet(link, system, f"{address.host}:{address.port or PORT}")
+        heartbeat = _meet(link, system, f"{address.host}:{address.port or PORT}")
+        modes = MODES[heartbeat.type]
         if failsafe not in modes:
             raise BodyError(f"{uri!r:.100}: this vehicle has no mode {failsafe}; it has {', '.join(modes)}")
-        return MavlinkVehicle(link, system, modes, limits, failsafe=failsafe, origin=origin, ceiling=ceiling)
+        vehicle = MavlinkVehicle(link, system, modes, limits, failsafe=failsafe, origin=origin, ceiling=ceiling)
+        vehicle.take(heartbeat)
+        return vehicle
     except BaseException:
         link.close()
         raise
 
 
-def _meet(link: Link, system: int, where: str) -> dict[str, int]:
-    """Wait for a vehicle; gives its modes."""
+def _meet(link: Link, system: int, where: str) -> Any:
+    """Wait for a vehicle whose modes are known; gives its heartbeat."""
     end, others = time.monotonic() + PATIENCE, set[int]()
     while time.monotonic() < end:
         link.send(link.mav.heartbeat_encode(6, 8, 0, 0, 4))
@@ -490,7 +494,7 @@ def _meet(link: Link, system: int, where: str) -> dict[str, int]:
                 if message.autopilot != AUTOPILOT or message.type not in MODES:
                     what = f"type {message.type} with autopilot {message.autopilot}"
                     raise BodyError(f"vehicle {system} at {where} is of {what}: wanted an ArduPilot rover or copter")
-                return MODES[message.type]
+                return message
             others.add(message.get_srcSystem())
         time.sleep(0.1)
     heard = f"; heard were {', '.join(map(str, sorted(others)))}" if others else ""

@@ -110,7 +110,7 @@ class Peer:
         if data[0] == 1:
             self.armed = bool(data[1])
             self.say("is armed")
-        elif data[0] == 3:
+        elif data[0] == 3 and not self.locked:
             self.flying, self.locked, self.values["z"] = False, True, 0.0
             self.say("cuts its motors")
 

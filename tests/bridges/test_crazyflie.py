@@ -14,8 +14,10 @@ from pathlib import Path
 import pytest
 
 from bridges.crazyflie_peer import Peer
+from bridges.mind import Mind
 from channel.test_udp import free_port
-from processes import running
+from cli.terminal import terminal
+from processes import live_in, running
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.body import ROUND
 from sleepcast.bridges.crazyflie import LANDS_AFTER, LOGGED, CrazyflieBody, model_of
@@ -285,9 +287,39 @@ def test_the_real_library_flies_it_loses_it_and_finds_it_again(process: subproce
             assert lines == ["is armed", "takes off", "lands by itself", "has landed by itself"]
 
 
+def test_a_link_that_dies_in_flight_is_told_at_node_and_desk_and_comes_back_by_itself(
+    port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    live_in(tmp_path, monkeypatch)
+    air = f"udp://239.255.83.86:{free_port()}?interface=lo"
+    counterpart = (sys.executable, Path(__file__).with_name("crazyflie_peer.py"), port)
+    fly = ("(TAKEOFF 0.4m)", '(RULE say (WHEN (AND flying (> z 0.3)) (REPORT "in the air")))')
+    drive = "(WHEN flying (SETQ drive_speed 0.2m/s))"
+    with (
+        running(*counterpart, up="is at port") as lost,
+        closing(Mind(f"crazyflie://127.0.0.1:{port}", tmp_path, "--channel", air)) as mind,
+        terminal(("desk", "--channel", air), tmp_path, size=(160, 40)) as desk,
+    ):
+        mind.wait_for("v1 is up")
+        mind.say(*fly)
+        mind.wait_for("in the air")
+        mind.say(drive)
+        desk.wait_to_see("o  v1")
+        lost.kill()
+        mind.wait_for("the body is out of reach: ")
+        desk.wait_to_see("the body is out of reach: ")
+        with running(*counterpart, up="is at port") as again:
+            mind.wait_for("the body is within reach again, and at rest until a command moves it")
+            desk.wait_to_see("the body is within reach again")
+            mind.say(*fly)
+            mind.wait_for("in the air")
+            assert again.stdout is not None
+            assert [again.stdout.readline().strip() for _ in range(2)] == ["is armed", "takes off"]
+
+
 def test_nobody_there_is_told(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     from sleepcast.bridges import crazyflie_link
 
-    monkeypatch.setattr(crazyflie_link, "PATIENCE", 0.5)
+    monkeypatch.setattr(crazyflie_link, "SOON", 0.5)
     with pytest.raises(OutOfReachError):
         open_robot(f"crazyflie://127.0.0.1:{port}")

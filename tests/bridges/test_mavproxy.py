@@ -13,11 +13,9 @@ import pytest
 pytest.importorskip("MAVProxy")
 pytest.importorskip("pyproj")
 
-from bridges.test_mavlink import Mind
+from bridges.mind import PATIENCE, Mind
 from channel.test_udp import free_port
 
-PATIENCE = 60.0
-"""Seconds that a busy machine may take."""
 MODULES = "signing,arm,mode,cmdlong"
 
 

@@ -2,7 +2,7 @@
 
     crazyflie://radio0:80?rate=2M#E7E7E7E7E7     a Crazyradio, channel 80, and the address of the quadcopter
     crazyflie://usb0                             the first one on USB
-    crazyflie://127.0.0.1:19850                  a simulated one over UDP
+    crazyflie://127.0.0.1:19850                  a simulated one over UDP, or one of a shared radio (see `crazyradio`)
 
 Speeds go along its heading, at the height to which it took off. Rest means hovering on the spot: nobody lets it fall by
 saying no more, and what it has begun, to climb or to land, it ends. STOP keeps it at the height where it is. It lands
@@ -13,12 +13,16 @@ setpoints any more, and its own watchdog stops the motors after two seconds.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import partial
 from math import cos, inf, isfinite, nan, pi, radians, remainder, sin
+from threading import Thread
 from typing import Protocol
 
 from sleepcast.bridges import Opening
 from sleepcast.bridges.address import BodyError, read_body_address
 from sleepcast.bridges.body import FRESH, BridgedBody, Motion, OutOfReachError, clamped
+from sleepcast.bridges.crazyradio import RATES, is_radio_address, radio_uri, stop_all_by_port, stop_all_by_radio
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.model import HostFunction, Quantity
@@ -26,9 +30,9 @@ from sleepcast.core.units import LENGTH
 from sleepcast.robot import Geometry, Limits, Reading, RobotModel
 
 EXAMPLE = "crazyflie://radio0:80#E7E7E7E7E7"
-SETTINGS = {"rate": "2M", "height": "0.5", "speed": "0.5", "turn_rate": "1.5"}
-"""What can be set of it in its URI, and what holds otherwise: of the radio, m, m/s, rad/s."""
-RATES = ("250K", "1M", "2M")
+SETTINGS = {"rate": "2M", "height": "0.5", "speed": "0.5", "turn_rate": "1.5", "broadcast": ""}
+"""What can be set of it in its URI, and what holds otherwise: of the radio, m, m/s, rad/s, and the UDP port of a shared
+radio that takes the emergency stop for all."""
 HIGHEST = 3.0
 """m above the ground to which it may be sent: indoors there is a ceiling."""
 CLIMB, DESCENT = 0.5, 0.3
@@ -82,13 +86,20 @@ class Quadcopter(Protocol):
 
 class CrazyflieBody(BridgedBody):
     """See the module. open: reaches the quadcopter, or raises OutOfReachError. height: of its flight, m, unless
-    TAKEOFF says another one."""
+    TAKEOFF says another one. stop_all: sends the emergency stop to all of its radio channel, or raises OutOfReachError
+    or OSError; None where nothing can."""
 
     def __init__(
-        self, open: Callable[[], Quadcopter], model: RobotModel, height: float, *, clock: Clock | None = None
+        self,
+        open: Callable[[], Quadcopter],
+        model: RobotModel,
+        height: float,
+        *,
+        stop_all: Callable[[], None] | None = None,
+        clock: Clock | None = None,
     ) -> None:
         super().__init__(model, clock=clock)
-        self._open, self._usual = open, height
+        self._open, self._usual, self._stop_all = open, height, stop_all
         self._copter = open()
         self._height = self._wanted = 0.0
         """Where it is told to fly and where it is to come to, m; 0 on the ground."""
@@ -183,6 +194,20 @@ class CrazyflieBody(BridgedBody):
         """Stop the motors, in the air too; it falls, and flies again only after it was switched off and on."""
         self.send(lambda: self._copter.cut())
 
+    def cut_all_motors(self) -> None:
+        """The same for all quadcopters on its radio channel, also if it is itself out of reach."""
+        if self._stop_all is None:
+            raise MisuseError("this link carries nothing to all Crazyflies: it is no radio, and has no broadcast=PORT")
+        Thread(target=self._send_to_all, args=(self._stop_all,), name="emergency stop", daemon=True).start()
+        with suppress(OutOfReachError):
+            self.cut_motors()
+
+    def _send_to_all(self, stop_all: Callable[[], None]) -> None:
+        try:
+            stop_all()
+        except (OutOfReachError, OSError) as error:
+            self.complain(f"the emergency stop for all Crazyflies was not sent: {error}")
+
 
 FUNCTIONS = (
     HostFunction(
@@ -198,6 +223,13 @@ FUNCTIONS = (
         "MOTORS-OFF",
         CrazyflieBody.cut_motors,
         doc="Stops the motors, in the air too, until it is switched off and on again.",
+        irreversible=True,
+        moves=False,
+    ),
+    HostFunction(
+        "ALL-MOTORS-OFF",
+        CrazyflieBody.cut_all_motors,
+        doc="Stops the motors of all Crazyflies on its radio channel, until they are switched off and on again.",
         irreversible=True,
         moves=False,
     ),
@@ -237,20 +269,24 @@ def open_body(uri: str, opening: Opening) -> CrazyflieBody:
     if opening.in_step:
         raise MisuseError(f"{uri!r:.100}: a Crazyflie does not wait for its mind: leave out --lockstep")
     host, port, part = address.host, address.port, address.part
+    stop_all: Callable[[], None] | None = None
     if host.startswith("radio"):
-        if not host[5:].isdigit() or port is None or port > 125 or not _is_radio_address(part):
+        base = radio_uri(host, port, address.choice("rate", RATES))
+        if base is None or not is_radio_address(part):
             raise BodyError(f"{uri!r:.100}: wanted the radio, its channel up to 125, and an address: {EXAMPLE}")
-        there = f"radio://{host[5:]}/{port}/{address.choice('rate', RATES)}/{part}"
+        there, stop_all = f"{base}/{part}", partial(stop_all_by_radio, base)
     elif host.startswith("usb"):
         there = f"usb://{host[3:] or '0'}"
     elif port is None:
         raise BodyError(f"{uri!r:.100}: wanted a port, as in crazyflie://127.0.0.1:19850")
     else:
         there = f"udp://{host}:{port}"
+    if broadcast := address.settings["broadcast"]:
+        is_number = broadcast.isascii() and broadcast.isdigit() and len(broadcast) < 6
+        if not (there.startswith("udp") and is_number and 0 < int(broadcast) < 65_536):
+            raise BodyError(f"{uri!r:.100}: broadcast is a UDP port of the same host, of a radio that is shared there")
+        stop_all = partial(stop_all_by_port, host, int(broadcast))
     height = address.number("height", LANDED, HIGHEST, "m")
     limits = Limits(address.number("speed", unit="m/s"), address.number("turn_rate", unit="rad/s"), ACCELERATION)
-    return CrazyflieBody(lambda: CflibQuadcopter(there, LOGGED), model_of(limits.within(opening.limits)), height)
-
-
-def _is_radio_address(text: str) -> bool:
-    return len(text) == 10 and all(each in "0123456789ABCDEFabcdef" for each in text)
+    model = model_of(limits.within(opening.limits))
+    return CrazyflieBody(lambda: CflibQuadcopter(there, LOGGED), model, height, stop_all=stop_all)

@@ -12,8 +12,8 @@ from typing import Any
 from sleepcast.bridges.body import OutOfReachError
 from sleepcast.core.errors import MisuseError, printable
 
-PATIENCE = 10.0
-"""Seconds for a quadcopter to answer, and to tell what it can log."""
+SOON, PATIENCE = 2.0, 10.0
+"""Seconds for a quadcopter to answer at all, and to tell what it can log."""
 PERIOD = 50
 """ms between two values of each variable."""
 ROOM = 26
@@ -38,18 +38,20 @@ class CflibQuadcopter:
         self._values: dict[str, float] = {}
         self._why = ""
         self._copter: Any = Crazyflie()
-        done = Event()
+        heard, done = Event(), Event()
 
         def failed(uri: str, why: str) -> None:
             self._why = printable(why.splitlines()[0]) if why else "the link is lost"
+            heard.set()
             done.set()
 
+        self._copter.link_established.add_callback(lambda uri: heard.set())
         self._copter.connected.add_callback(lambda uri: done.set())
         self._copter.connection_failed.add_callback(failed)
         self._copter.connection_lost.add_callback(failed)
         self._copter.open_link(uri)
         try:
-            if not done.wait(PATIENCE):
+            if not (heard.wait(SOON) and done.wait(PATIENCE)):
                 self._why = f"{uri} does not answer"
             self._check()
             self._begin_log(list(logged))

@@ -1,13 +1,28 @@
-"""`sleepcast bridge`: what robots on the air look like to other programs, and what those say to robots."""
+"""`sleepcast bridge`: what robots on the air look like to other programs, what those say to robots, and what several
+programs share."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from time import sleep
 
 import click
 
 from sleepcast.api.connection import AirOptions, observing_station
+from sleepcast.bridges.crazyradio import (
+    MOST,
+    PORT,
+    RATES,
+    RadioGoneError,
+    SharedRadio,
+    is_radio_address,
+    radio_uri,
+)
 from sleepcast.cli.air import on_air
+from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.options import every_option
 from sleepcast.cli.streams import announce, complain
+from sleepcast.core.errors import MisuseError
 
 
 @click.group("bridge", short_help="Let other programs see robots on the air.")
@@ -17,6 +32,7 @@ def bridge() -> None:
     \b
     Examples:
       sleepcast bridge tak --server tcp://127.0.0.1:8087 --origin 36.6,-121.9
+      sleepcast bridge crazyradio radio0:80 E7E7E7E701 E7E7E7E702
     """
 
 
@@ -66,3 +82,56 @@ def tak(server: str, origin: str, every: float, markers: bool, type: str | None,
 
         asyncio.run(bridge.run())
     return 0
+
+
+@bridge.command("crazyradio", short_help="Share a Crazyradio among the nodes of Crazyflies.")
+@click.argument("radio", metavar="RADIO:CHANNEL")
+@click.argument("addresses", metavar="ADDRESS...", nargs=-1, required=True)
+@click.option("--rate", type=click.Choice(RATES), default="2M", show_default=True, help="Of the radio.")
+@click.option(
+    "--port", type=click.IntRange(1, 65_535 - MOST), default=PORT, show_default=True, help="The first UDP port."
+)
+def crazyradio(radio: str, addresses: tuple[str, ...], rate: str, port: int) -> int:
+    """Let the nodes of several Crazyflies use one Crazyradio, which only one program can open, until Ctrl-C.
+
+    The first port takes the emergency stop for all (ALL-MOTORS-OFF); the quadcopters, with these addresses of ten
+    hexadecimal digits, have the next ports, in this order. The ports are for programs of this computer.
+
+    \b
+    Examples:
+      sleepcast bridge crazyradio radio0:80 E7E7E7E701 E7E7E7E702
+      sleepcast node --name cf1 --body 'crazyflie://127.0.0.1:19851?broadcast=19850'
+      sleepcast node --name cf2 --body 'crazyflie://127.0.0.1:19852?broadcast=19850'
+    """
+    name, _, channel = radio.partition(":")
+    base = radio_uri(name, int(channel) if channel.isascii() and channel.isdigit() and len(channel) < 4 else None, rate)
+    if base is None:
+        raise MisuseError(f"{radio!r:.40}: wanted a radio and its channel up to 125, as radio0:80")
+    wrong = next((each for each in addresses if not is_radio_address(each)), None)
+    if wrong is not None:
+        raise MisuseError(f"{wrong!r:.40}: wanted the address of a Crazyflie, ten hexadecimal digits, as E7E7E7E701")
+    if len(set(map(str.upper, addresses))) < len(addresses) or len(addresses) > MOST:
+        raise MisuseError(f"{len(addresses)} addresses: wanted up to {MOST}, each once")
+    with Interrupts() as interrupts:
+        shared = SharedRadio(base, addresses, port, announce)
+        interrupts.defer()
+        for number, address in enumerate(addresses, 1):
+            announce(f"{address} is at crazyflie://127.0.0.1:{port + number}?broadcast={port}")
+        while True:
+            try:
+                with shared:
+                    shared.run(interrupts.check)
+            except RadioGoneError as error:
+                complain(str(error))
+            shared = _again(lambda: SharedRadio(base, addresses, port, announce), interrupts)
+            announce("the Crazyradio is back")
+
+
+def _again(open: Callable[[], SharedRadio], interrupts: Interrupts) -> SharedRadio:
+    """The radio, as soon as it is there."""
+    while True:
+        interrupts.check()
+        try:
+            return open()
+        except RadioGoneError:
+            sleep(1.0)

@@ -1,14 +1,15 @@
-"""A ROS 2 robot on this computer, as far as its bridge needs one: it drives as /NAMESPACE/cmd_vel says, and tells where
-it is, what its lidar sees and how full its battery is.
+"""ROS 2 robots on this computer, as far as their bridge needs them: each drives as /NAMESPACE/cmd_vel says, and tells
+where it is, what its lidar sees and how full its battery is.
 
-    python tests/bridges/ros2_robot.py NAMESPACE DOMAIN [SIMULATED]
+    python tests/bridges/ros2_robot.py DOMAIN FACTOR NAMESPACE...
 
-With a third argument it says at /clock what time it is: as many s as that since the start. It prints what it hears at
-its latched topic, a line each.
+With a FACTOR above 0 it says at /clock what time it is: as many s as that since the start. It prints, a line each, what
+they hear at their latched topics, and when they begin to move and to rest.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from math import cos, inf, pi, sin
@@ -30,11 +31,11 @@ from sleepcast.bridges.ros2_messages import (
     Point,
     Pose,
     PoseWithCovariance,
-    Quaternion,
     Twist,
     TwistWithCovariance,
     Vector3,
     time_of,
+    turned_by,
 )
 
 TICK = 0.02
@@ -42,6 +43,12 @@ FORGOTTEN = 0.5
 """Seconds after which a robot's base forgets what it was told."""
 WALL = 2.0
 """m to what its lidar sees in front."""
+
+
+def domain_for(use: int) -> int:
+    """A ROS domain of this process alone: two tests that meet there would find each other's robots. use: from 0 to 3.
+    Up to 101, no other program gets their ports by chance."""
+    return 1 + (4 * os.getpid() + use) % 100
 
 
 class Wheels:
@@ -86,32 +93,51 @@ def heard_at(reader: DataReader[Any]) -> list[Any]:
     return [message for message in reader.take(1) if message.sample_info.valid_data]
 
 
-def main(namespace: str, domain: str, factor: str = "") -> None:
-    over, wheels = OverDds(namespace, int(domain)), Wheels()
-    odom, lidar = over.writer("odom", Odometry), over.writer("scan", LaserScan)
-    battery, clock = over.writer("battery_state", BatteryState, "reliable"), over.writer("/clock", Clock)
-    told, stop = over.reader("cmd_vel", Twist), over.reader("stop", Bool, "latched")
-    print("is up", flush=True)
-    began = heard = time.monotonic()
+class OneRobot:
+    """A robot with its topics."""
+
+    def __init__(self, over: OverDds, namespace: str) -> None:
+        def topic(name: str) -> str:
+            return f"{namespace}/{name}"
+
+        self.namespace, self.wheels, self.heard, self.stopped = namespace, Wheels(), time.monotonic(), False
+        self.odom, self.lidar = over.writer(topic("odom"), Odometry), over.writer(topic("scan"), LaserScan)
+        self.battery = over.writer(topic("battery_state"), BatteryState, "reliable")
+        self.told, self.stop = over.reader(topic("cmd_vel"), Twist), over.reader(topic("stop"), Bool, "latched")
+
+    def tick(self, now: float, header: Header) -> None:
+        wheels, moved = self.wheels, self.wheels.speed != 0.0
+        for twist in heard_at(self.told):
+            self.heard, wheels.speed, wheels.turn_rate = now, twist.linear.x, twist.angular.z
+        if now - self.heard > FORGOTTEN:
+            wheels.speed = wheels.turn_rate = 0.0
+        if (wheels.speed != 0.0) is not moved:
+            print(self.namespace, "rests" if moved else "moves", flush=True)
+        for each in heard_at(self.stop):
+            if each.data is not self.stopped or not each.data:
+                print(self.namespace, "stopped" if each.data else "free", flush=True)
+            self.stopped = each.data
+        wheels.advance(TICK)
+        pose = Pose(Point(wheels.x, wheels.y), turned_by(wheels.heading))
+        twist = Twist(Vector3(wheels.speed), Vector3(z=wheels.turn_rate))
+        self.odom.write(Odometry(header, "base_link", PoseWithCovariance(pose), TwistWithCovariance(twist)))
+        self.lidar.write(scan(header))
+        self.battery.write(BatteryState(header, voltage=12.1, percentage=0.8))
+
+
+def main(domain: str, factor: str, *namespaces: str) -> None:
+    over, fast = OverDds("", int(domain)), float(factor)
+    robots, clock = [OneRobot(over, namespace) for namespace in namespaces], over.writer("/clock", Clock)
+    print("up", flush=True)
+    began = time.monotonic()
     while True:
         time.sleep(TICK)
         now = time.monotonic()
-        for twist in heard_at(told):
-            heard, wheels.speed, wheels.turn_rate = now, twist.linear.x, twist.angular.z
-        if now - heard > FORGOTTEN:
-            wheels.speed = wheels.turn_rate = 0.0
-        for each in heard_at(stop):
-            print("stopped" if each.data else "free", flush=True)
-        wheels.advance(TICK)
-        stamp = time_of(float(factor) * (now - began) + TICK if factor else time.time())
-        header, half = Header(stamp, "odom"), wheels.heading / 2.0
-        if factor:
+        stamp = time_of(fast * (now - began) + TICK if fast else time.time())
+        if fast:
             clock.write(Clock(stamp))
-        pose = Pose(Point(wheels.x, wheels.y), Quaternion(z=sin(half), w=cos(half)))
-        twist = Twist(Vector3(wheels.speed), Vector3(z=wheels.turn_rate))
-        odom.write(Odometry(header, "base_link", PoseWithCovariance(pose), TwistWithCovariance(twist)))
-        lidar.write(scan(header))
-        battery.write(BatteryState(header, voltage=12.1, percentage=0.8))
+        for robot in robots:
+            robot.tick(now, Header(stamp, "odom"))
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ import pytest
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed here")
 
-from bridges.ros2_robot import OverDds, Wheels
+from bridges.ros2_robot import OverDds, Wheels, domain_for
 from processes import start
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.ros2 import SILENT, Ros2Body
@@ -369,33 +369,45 @@ def test_it_does_not_wait_for_its_mind() -> None:
 
 # ---- over DDS, with another process
 
-DOMAIN = 1 + os.getpid() % 50
-"""Of this run; a simulation has another one. Up to 101, no other program gets their ports by chance."""
+DOMAIN, SIMULATED = domain_for(0), domain_for(1)
+"""Of robots, and of what is simulated or wrong."""
 
 
 @contextmanager
-def another(*, ros: bool = False, domain: int = DOMAIN, simulated: str = "") -> Iterator[subprocess.Popen[str]]:
-    """The robot /scout3 in another process."""
-    command = (
-        (RCLPY, HERE / "rclpy_robot.py", "/scout3")
-        if ros
-        else (sys.executable, HERE / "ros2_robot.py", "/scout3", domain, *filter(None, [simulated]))
-    )
-    path = "" if ros else os.pathsep.join([str(HERE.parent), *sys.path])
-    place = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "PYTHONPATH": path}
-    with start(*command, **place) as process:
+def another(
+    *namespaces: str, ros: bool = False, domain: int = DOMAIN, factor: float = 0.0
+) -> Iterator[subprocess.Popen[str]]:
+    """Robots in another process, /scout3 if no other is said. factor: of a simulation's time, 0 for none."""
+    names = namespaces or ("/scout3",)
+    with start(*robots_command(ros, domain, factor), *names, **robots_place(ros, domain)) as process:
         try:
             assert process.stdout is not None
-            assert "is up" in process.stdout.readline(), process.communicate()
+            assert process.stdout.readline() == "up\n", process.communicate()
             yield process
         finally:
             process.kill()
 
 
+def robots_command(ros: bool, domain: int, factor: float = 0.0) -> tuple[object, ...]:
+    """The program of the robots, before their namespaces."""
+    if ros:
+        return RCLPY, HERE / "rclpy_robot.py"
+    return sys.executable, HERE / "ros2_robot.py", domain, factor
+
+
+def robots_place(ros: bool, domain: int, where: str = "LOCALHOST") -> dict[str, str]:
+    """Its environment."""
+    path = "" if ros else os.pathsep.join([str(HERE.parent), *sys.path])
+    return {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": where, "PYTHONPATH": path}
+
+
 def line(process: subprocess.Popen[str]) -> str:
-    """The next one that it prints."""
+    """The next one that it prints about STOP, without the robot's name."""
     assert process.stdout is not None
-    return process.stdout.readline().strip()
+    while True:
+        said = process.stdout.readline().split(maxsplit=1)[-1].strip()
+        if said in ("stopped", "free", ""):
+            return said
 
 
 def until(true: Callable[[], bool]) -> None:
@@ -463,11 +475,11 @@ def test_other_sensors_of_real_ros(tmp_path: Path) -> None:
 
 
 def test_a_simulation_with_its_clock_and_others_that_do_not_fit_are_told() -> None:
-    domain = DOMAIN + 50
+    domain = SIMULATED
     over = OverDds("/scout3", domain)
     wrong, rival = over.writer("battery_state", Bool), over.writer("cmd_vel", Twist, "reliable")
     with (
-        another(domain=domain, simulated="3"),
+        another(domain=domain, factor=3.0),
         closing(open_robot(f"ros2:///scout3?domain={domain}&discovery=localhost&use_sim_time=yes")) as body,
     ):
         began, first = time.monotonic(), body.sense().time
@@ -484,9 +496,9 @@ def test_a_simulation_with_its_clock_and_others_that_do_not_fit_are_told() -> No
 
 
 def test_what_cannot_be_read_is_told_once_and_the_rest_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
-    over = OverDds("/scout3", DOMAIN + 50)
+    over = OverDds("/scout3", SIMULATED)
     lidar = over.writer("scan", LaserScan)
-    link = DdsLink(Ros2Network(DOMAIN + 50, local=True), MAPPING, clock=False)
+    link = DdsLink(Ros2Network(SIMULATED, local=True), MAPPING, clock=False)
     monkeypatch.setattr(link._sources[ODOM][1], "take", lambda most: [Odometry.deserialize(b"\0\1\0\0short")])
     said: list[str] = []
     found: dict[str, Heard] = {}

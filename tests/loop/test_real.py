@@ -11,7 +11,7 @@ from sleepcast.channel import Kind, Message
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import vocabulary_of
-from sleepcast.loop.real import Watch, run_robot
+from sleepcast.loop.real import EmbodiedMind, Watch, run_robots
 from sleepcast.node.node import Node
 from sleepcast.robot import Reading
 from sleepcast.simulator import Simulator
@@ -65,17 +65,10 @@ class Run:
         return still
 
     def run(self, ticks: int, body: Body | None = None) -> None:
-        robot = self.body if body is None else body
-        run_robot(
-            self.node,
-            robot,
-            self.clock,
-            self.desk,
-            tick=TICK,
-            going=self.going(ticks),
-            watch=self.watch,
-            sleep=self.sleep,
-        )
+        run_robots([self.mind(body or self.body)], self.clock, tick=TICK, going=self.going(ticks), sleep=self.sleep)
+
+    def mind(self, body: Body) -> EmbodiedMind:
+        return EmbodiedMind(self.node, body, self.clock, self.desk, self.watch)
 
     def value(self, text: str) -> float:
         return self.node.evaluate(text).value
@@ -140,8 +133,32 @@ def test_whatever_ends_the_run_stops_the_body(tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_robot(run.node, run.body, run.clock, run.desk, tick=TICK, going=interrupted, watch=run.watch)
+        run_robots([run.mind(run.body)], run.clock, tick=TICK, going=interrupted)
     assert run.body.stopped
+
+
+def test_minds_may_join_while_others_run_and_one_that_fails_ends_alone(tmp_path: Path) -> None:
+    (tmp_path / "one").mkdir()
+    (tmp_path / "two").mkdir()
+    one, two = Run(tmp_path / "one", Desk()), Run(tmp_path / "two", Desk(at5="(DRIVE 3m/s 0)"))
+    broken = Broken(one.simulator.bodies, one.body.model, 0)
+    minds, failed = [one.mind(broken)], list[str]()
+
+    def fails(mind: EmbodiedMind, error: SleepcastError) -> None:
+        failed.append(f"{mind.node.name}: {error}")
+        minds.remove(mind)
+
+    def going() -> bool:
+        if one.watch.ticks == 2 and len(minds) == 1:
+            minds.append(two.mind(two.body))
+        return two.watch.ticks < 20
+
+    run_robots(minds, two.clock, tick=TICK, going=going, sleep=two.sleep, fails=fails)
+    assert failed == ["r0: the robot is gone"]
+    assert one.watch.ticks == 4
+    assert two.value("time") == pytest.approx(2.0), "its time began when it joined"
+    assert two.speeds[-1] > 0.0
+    assert two.body.stopped
 
 
 class Stuck(Body):
@@ -165,7 +182,8 @@ def test_what_is_not_measured_anew_is_not_sensed_anew(tmp_path: Path) -> None:
 def test_a_body_in_step_is_its_own_clock(tmp_path: Path) -> None:
     run = Run(tmp_path, Desk())
     stepping = Stepping(run.simulator)
-    run_robot(run.node, stepping, stepping, run.desk, tick=0.0, going=run.going(10), watch=run.watch)
+    mind = EmbodiedMind(run.node, stepping, stepping, run.desk, run.watch)
+    run_robots([mind], stepping, tick=0.0, going=run.going(10))
     assert run.watch.late == 0
     assert run.value("time") == pytest.approx(10 * TICK)
 

@@ -123,11 +123,17 @@ def observing_station(
 
 
 def session_for(
-    air: AirOptions, name: str | None, *, robot: bool, say: Callable[[str], None], store: Store | None = None
+    air: AirOptions,
+    name: str | None,
+    *,
+    robot: bool,
+    say: Callable[[str], None],
+    store: Store | None = None,
+    multiplexer: Multiplexer | None = None,
 ) -> ChannelSession:
     """A session on this channel. name: of the sender, None for the key's owner. say: takes a sentence about development
     keys. store: of a robot; an operator gets one, in which the sequence goes on, and which is closed with the session.
-    Raises what the channel raises."""
+    multiplexer: of a robot whose process has several. Raises what the channel raises."""
     from sleepcast.channel.admission import ROBOT_KINDS
     from sleepcast.channel.message import Kind
     from sleepcast.channel.session import ChannelSession
@@ -139,12 +145,24 @@ def session_for(
     if not robot:
         store = operator_store(air.fleet, key.public.owner, say)
     delivery = _delivery(air, key.public.owner if name is None else name, key, trust, store, robot=robot)
+    if multiplexer is not None:
+        return ChannelSession(multiplexer.port(ROBOT_KINDS), delivery, UnixClock(), _chance())
     transport = open_transport(air.channel)
     listen_for(transport, ROBOT_KINDS if robot else Kind)
     session = ChannelSession(transport, delivery, UnixClock(), _chance())
     if not robot and store is not None:
         session.ends.append(store.close)
     return session
+
+
+def multiplexer_for(air: AirOptions) -> Multiplexer:
+    """What several robots of one process share on this channel. Raises what the channel raises."""
+    from sleepcast.channel.drops import DropCounter
+    from sleepcast.channel.session import Multiplexer
+    from sleepcast.channel.transports import open_transport
+    from sleepcast.core.clock import UnixClock
+
+    return Multiplexer(open_transport(air.channel), DropCounter(UnixClock()))
 
 
 def sessions_for(

@@ -28,6 +28,7 @@ __all__ = [
     "Opening",
     "OutOfReachError",
     "RealRobot",
+    "begin_body",
     "open_robot",
     "read_body_address",
 ]
@@ -100,10 +101,16 @@ def open_robot(uri: str, opening: Opening | None = None) -> RealRobot:
             f'body "{scheme}" of {found.value} gives a {type(body).__name__}, which is no BridgedBody: nothing would '
             "bring it to rest without its mind, or keep its limits"
         )
+    begin_body(body, opening.limits)
+    return body
+
+
+def begin_body(body: BridgedBody, limits: Limits) -> None:
+    """Have a body keep these limits, too, and let its courier go round; it is closed if it cannot. Raises MisuseError
+    for limits that it cannot keep."""
     try:
-        body.narrow(opening.limits)
+        body.narrow(limits)
         body.begin()
     except BaseException:
         body.close()
         raise
-    return body

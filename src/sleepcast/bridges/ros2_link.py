@@ -166,9 +166,8 @@ class DdsLink:
             self._wanted[source.topic, True] = source.sort, source.qos
             self._sources[source.topic] = source, network.reader(source.topic, READ[source.sort][0], source.qos)
         for sink in mapping.sinks:
-            qos = "latched" if sink is mapping.stop else "reliable"
-            self._wanted[sink.topic, False] = sink.sort, qos
-            self._writers[sink.topic] = sink, network.writer(sink.topic, READ[sink.sort][0], qos)
+            self._wanted[sink.topic, False] = sink.sort, sink.qos
+            self._writers[sink.topic] = sink, network.writer(sink.topic, READ[sink.sort][0], sink.qos)
         self._clock = network.reader(CLOCK, Clock, "sensor") if clock else None
         self._seen: Mapping[str, tuple[Endpoint, ...]] = {}
         self._misfits: set[str] = set()

@@ -146,6 +146,11 @@ class Sink:
     frame: str = ""
     goal: bool = False
 
+    @property
+    def qos(self) -> str:
+        """One of `QOS`: what is said for STOP reaches who comes later."""
+        return "latched" if self.sort == "Bool" and not self.function else "reliable"
+
 
 @dataclass(frozen=True, slots=True)
 class RobotMapping:

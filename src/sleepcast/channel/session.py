@@ -21,6 +21,7 @@ from heapq import heappop, heappush
 from itertools import count
 from math import inf, isinf
 from random import Random
+from typing import Protocol
 
 import msgspec
 
@@ -148,15 +149,11 @@ class ChannelSession:
 
     def due(self) -> float:
         """When to call `receive` next even if nothing comes, s of Unix time."""
-        return -inf if self._heard else self._pump_due()
+        return -inf if self._heard else self.pump_due()
 
     def wait(self, seconds: float) -> None:
         """Pump for some seconds; a robot that receives STOP stops waiting."""
-        until = self._clock.now() + seconds
-        while (now := self._clock.now()) < until and not self._has_stop():
-            select.select([self.transport], [], [], max(0.0, min(until, self._pump_due()) - now))
-            if self.pump() and not self._has_stop():
-                select.select([], [], [], max(0.0, min(GATHER_FOR, until - self._clock.now())))
+        wait_together([self], self.transport, seconds, self._clock)
 
     def close(self) -> None:
         """Leave the channel. Nothing can be sent or received afterwards."""
@@ -164,11 +161,13 @@ class ChannelSession:
         for end in self.ends:
             end()
 
-    def _has_stop(self) -> bool:
+    @property
+    def has_stop(self) -> bool:
         """Whether a robot has received a STOP, which does not wait for the next tick."""
         return self.delivery.admission.robot and any(message.kind is Kind.STOP for message in self._heard)
 
-    def _pump_due(self) -> float:
+    def pump_due(self) -> float:
+        """When to call `pump` next even if nothing comes, s of Unix time."""
         due = self.delivery.due()
         return min(due, self._delayed[0].time) if self._delayed else due
 
@@ -243,6 +242,24 @@ class ChannelSession:
 
     def _hear(self, messages: list[Message], now: float) -> None:
         self.hear(to_mind_time(message, self.zero, self.delivery.admission, now) for message in messages)
+
+
+class Waitable(Protocol):
+    """What is readable when something was received."""
+
+    def fileno(self) -> int: ...
+
+
+def wait_together(sessions: Sequence[ChannelSession], received: Waitable, seconds: float, clock: Clock) -> None:
+    """Pump all these sessions, which receive by one transport, for some seconds, or until a robot among them has
+    received STOP. received: that transport, or the multiplexer that shares it. clock: Unix time, s."""
+    until = clock.now() + seconds
+    while (now := clock.now()) < until and not any(session.has_stop for session in sessions):
+        due = min((session.pump_due() for session in sessions), default=inf)
+        select.select([received], [], [], max(0.0, min(until, due) - now))
+        came = [session.pump() for session in sessions]
+        if any(came) and not any(session.has_stop for session in sessions):
+            select.select([], [], [], max(0.0, min(GATHER_FOR, until - clock.now())))
 
 
 def to_mind_time(message: Message, zero: float, admission: Admission, now: float) -> Message:

@@ -1,5 +1,5 @@
-"""`sleepcast bridge`: what robots on the air look like to other programs, what those say to robots, and what several
-programs share."""
+"""`sleepcast bridge`: connects other programs to the channel: maps that show robots, fleets that get minds, and what
+several programs share."""
 
 from __future__ import annotations
 
@@ -19,21 +19,27 @@ from sleepcast.bridges.crazyradio import (
     radio_uri,
 )
 from sleepcast.cli.air import on_air
+from sleepcast.cli.bridge_ros2 import ros2
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.options import every_option
 from sleepcast.cli.streams import announce, complain
 from sleepcast.core.errors import MisuseError
 
 
-@click.group("bridge", short_help="Let other programs see robots on the air.")
+@click.group("bridge", short_help="Connect other programs and fleets to the channel.")
 def bridge() -> None:
-    """Let other programs see robots on the air, and speak to them.
+    """Connect other programs to the channel: give minds to the robots of a ROS 2 fleet, show robots on maps, share a
+    radio.
 
     \b
     Examples:
+      sleepcast bridge ros2
       sleepcast bridge tak --server tcp://127.0.0.1:8087 --origin 36.6,-121.9
       sleepcast bridge crazyradio radio0:80 E7E7E7E701 E7E7E7E702
     """
+
+
+bridge.add_command(ros2)
 
 
 @bridge.command("tak", short_help="Show robots on the maps of a TAK server.")

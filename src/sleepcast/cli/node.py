@@ -118,7 +118,7 @@ def node(
     with Interrupts() as interrupts, ExitStack() as stack:
         from sleepcast.bridges import UNLIMITED, Opening, open_robot
         from sleepcast.channel.plain_datagrams import Datagrams
-        from sleepcast.cli.node_life import NodeProcess, StartScript, read_start_script
+        from sleepcast.cli.node_life import NodeProcess, StartScript, number_in, read_start_script
         from sleepcast.mind.authority import read_lease
         from sleepcast.simulator import read_limits
 
@@ -137,7 +137,8 @@ def node(
             session = stack.enter_context(closing(session_for(air, name, robot=True, say=complain, store=store)))
         if vocabulary == NOMAD and uri.partition(":")[0] == SIMULATED:
             raise MisuseError("a body in the simulator has the vocabulary that its scenario says: no --vocabulary")
-        number, kept = _id(name, number), UNLIMITED if limits is None else read_limits(limits)
+        number = number_in(name) if number is None else number
+        kept = UNLIMITED if limits is None else read_limits(limits)
         robot = stack.enter_context(open_robot(uri, Opening(lockstep, kept, number, seed)))
         station = None
         if ground is not None:
@@ -169,9 +170,3 @@ def _check_name(name: str) -> None:
 
     if not 0 < len(name) <= MAX_NAME or not name.isprintable() or " " in name:
         raise MisuseError(f"--name {name!r:.80}: wanted 1 to {MAX_NAME} characters without blanks, for example r1")
-
-
-def _id(name: str, number: int | None) -> int:
-    """The number of a robot: as said, or what stands at the end of its name, or 0."""
-    digits = name[len(name.rstrip("0123456789")) :]
-    return number if number is not None else int(digits[-6:] or "0")

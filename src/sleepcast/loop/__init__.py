@@ -1,4 +1,4 @@
-"""The loop: the ticks of a simulated swarm, of a mind with a real body, and of a network swarm; snapshots."""
+"""The loop: the ticks of a simulated swarm, of minds with real bodies, and of a network swarm; snapshots."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -7,15 +7,16 @@ from sleepcast.loop.snapshots import SnapshotError, load, resume, save, snapshot
 from sleepcast.loop.swarm import LONGEST_CATCH_UP, MAX_MINDS, Desk, Pace, Swarm, Witness, step_swarm, vocabulary_of
 
 if TYPE_CHECKING:
-    from sleepcast.loop.real import Member, NetworkSwarm, Watch, run_robot, step_robot
+    from sleepcast.loop.real import EmbodiedMind, Member, NetworkSwarm, Watch, run_robots
 
-_IN_REAL_TIME = frozenset({"Member", "NetworkSwarm", "Watch", "run_robot", "step_robot"})
+_IN_REAL_TIME = frozenset({"EmbodiedMind", "Member", "NetworkSwarm", "Watch", "run_robots"})
 """These need nodes and real channels: a simulated swarm starts without importing them."""
 
 __all__ = [
     "LONGEST_CATCH_UP",
     "MAX_MINDS",
     "Desk",
+    "EmbodiedMind",
     "Member",
     "NetworkSwarm",
     "Pace",
@@ -25,10 +26,9 @@ __all__ = [
     "Witness",
     "load",
     "resume",
-    "run_robot",
+    "run_robots",
     "save",
     "snapshot",
-    "step_robot",
     "step_swarm",
     "vocabulary_of",
 ]

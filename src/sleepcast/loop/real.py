@@ -1,4 +1,4 @@
-"""Minds on a real channel, in real time: one with a real body (`run_robot`), or many with simulated bodies in one
+"""Minds on a real channel, in real time: some with real bodies (`run_robots`), or many with simulated bodies in one
 process (`NetworkSwarm`). The order of a tick is the same for both:
 
     sense    the body's last measurements are read; simulated bodies first advance by a tick
@@ -10,8 +10,8 @@ process (`NetworkSwarm`). The order of a tick is the same for both:
 Each mind of a swarm has its own session; all share one receiver. Between two ticks the swarm listens: messages are
 received at once, so that STOP never waits.
 
-Ticks that begin late are counted; missed ticks are not made up for. If a body fails, the run ends; however it ends,
-all bodies are stopped first.
+Ticks that begin late are counted; missed ticks are not made up for. If a body fails, the run ends, unless its owner
+goes on without it; however it ends, all bodies are stopped first.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import gc
 import select
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from math import inf, nan
 from typing import TYPE_CHECKING, Protocol, Self
@@ -29,6 +30,7 @@ from sleepcast.channel.message import Message, Role
 from sleepcast.channel.sequencer import Skipped
 from sleepcast.channel.session import GATHER_FOR, ChannelSession, Multiplexer, Receiver
 from sleepcast.core.clock import Clock
+from sleepcast.core.errors import SleepcastError
 from sleepcast.node.node import Node
 from sleepcast.robot import Robot, Setpoint
 
@@ -67,66 +69,110 @@ class Watch:
         return f"{self.ticks} ticks, {self.late} late" + (f", the latest by {self.worst:.2f} s" if self.late else "")
 
 
-def run_robot(
-    node: Node,
-    robot: Robot,
+@dataclass(slots=True)
+class EmbodiedMind:
+    """A mind in a real body. clock: of the mind, whose time begins with 0 now. keeper: stores what it knows."""
+
+    node: Node
+    robot: Robot
+    clock: Clock
+    channel: Channel
+    watch: Watch
+    keeper: Keeper | None = None
+    start: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.start = self.clock.now()
+
+    def deliver(self) -> None:
+        """Sense, and receive messages: a STOP stops the body here. Raises what the robot and the channel raise."""
+        reading = self.robot.sense()
+        if reading.time > self.watch.measured:  # an old reading is not a new measurement: it gets stale
+            self.watch.measured = reading.time
+            self.node.sense(reading.values, self.clock.now() - self.start)
+        for message in self.channel.receive():
+            self.node.receive(message)
+
+    def think(self) -> None:
+        """Evaluate, and act."""
+        self.node.think(self.watch.ticks, self.clock.now() - self.start)  # which is after storing
+        act(self.node, self.robot)
+
+    def report(self) -> None:
+        """Send what the mind says. Raises what the channel raises."""
+        for message in self.node.outbox:
+            self.channel.send(message)
+        self.node.outbox.clear()
+        self.node.pings.clear()  # there is nothing here that could send them
+
+
+WRITERS = 16
+"""Stores that are written at a time: each mostly waits for its disk."""
+
+
+def run_robots(
+    minds: Sequence[EmbodiedMind],
     clock: Clock,
-    channel: Channel,
     *,
     tick: float,
     going: Callable[[], bool],
-    watch: Watch,
     sleep: Callable[[float], None] = time.sleep,
-    keeper: Keeper | None = None,
+    fails: Callable[[EmbodiedMind, SleepcastError], None] | None = None,
 ) -> None:
-    """Run a mind in its body while `going`, called before each tick, returns true; then stop the body.
+    """Run minds in their bodies while `going`, called before each tick, returns true; then stop the bodies. It may add
+    minds to those that run.
 
-    node: its body is `robot`. clock: of the mind, whose time begins with 0. tick: period in s; 0 for a body in step,
-    whose `sense` waits for the next tick itself (and which is its own clock). sleep: waits that many s of `clock`.
-    keeper: stores what the mind knows. Raises whatever `robot` and `channel` raise, once the body is stopped.
+    clock: of the ticks. tick: period in s; 0 for one body in step, whose `sense` waits for the next tick itself (and
+    which is its own clock). sleep: waits that many s of `clock`. fails: takes a mind whose tick has raised
+    SleepcastError, which then ends alone; without it the run ends. Raises whatever robots and channels raise, once the
+    bodies are stopped.
     """
-    start = due = clock.now()
+    due = clock.now()
     try:
-        while going():
-            now = clock.now()
-            if now < due:
-                sleep(due - now)
+        with ThreadPoolExecutor(WRITERS, "store") as pool:
+            while going():
                 now = clock.now()
-            watch.begin(now - due, tick)
-            due = max(due + tick, now)
-            step_robot(node, robot, clock, channel, watch, start, keeper)
+                if now < due:
+                    sleep(due - now)
+                    now = clock.now()
+                late, due = now - due, max(due + tick, now)
+                for mind in minds:
+                    mind.watch.begin(late, tick)
+                _step(minds, pool, fails)
     finally:
-        robot.stop()
+        for mind in minds:
+            mind.robot.stop()
 
 
-def step_robot(
-    node: Node,
-    robot: Robot,
-    clock: Clock,
-    channel: Channel,
-    watch: Watch,
-    start: float,
-    keeper: Keeper | None = None,
+def _step(
+    minds: Sequence[EmbodiedMind], pool: Executor, fails: Callable[[EmbodiedMind, SleepcastError], None] | None
 ) -> None:
-    """One tick: sense, deliver, think, act, report. start: start of the mind's time, s of `clock`."""
-    reading = robot.sense()
-    now = clock.now() - start
-    if reading.time > watch.measured:  # an old reading is not a new measurement: it gets stale
-        watch.measured = reading.time
-        node.sense(reading.values, now)
-    for message in channel.receive():
-        node.receive(message)
-    if keeper is not None:
-        keeper.before()
-        now = clock.now() - start  # storing takes time, and nothing may be evaluated after its deadline
-    node.think(watch.ticks, now)
-    act(node, robot)
-    if keeper is not None:
-        keeper.after()
-    for message in node.outbox:
-        channel.send(message)
-    node.outbox.clear()
-    node.pings.clear()  # there is nothing here that could send them
+    """One tick, of all minds together: no STOP waits until another mind has thought, or its disk has written."""
+    running = list(minds)
+
+    def each(part: Callable[[EmbodiedMind], None]) -> None:
+        for mind in tuple(running):
+            try:
+                part(mind)
+            except SleepcastError as error:
+                if fails is None:
+                    raise
+                running.remove(mind)
+                fails(mind, error)
+
+    each(EmbodiedMind.deliver)
+    _store(running, pool, lambda keeper: keeper.before())
+    each(EmbodiedMind.think)
+    _store(running, pool, lambda keeper: keeper.after())
+    each(EmbodiedMind.report)
+
+
+def _store(minds: Sequence[EmbodiedMind], pool: Executor, part: Callable[[Keeper], None]) -> None:
+    keepers = [mind.keeper for mind in minds if mind.keeper is not None]
+    if len(keepers) > 1:
+        list(pool.map(part, keepers))
+    elif keepers:
+        part(keepers[0])
 
 
 def act(node: Node, robot: Robot) -> None:

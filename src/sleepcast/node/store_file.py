@@ -238,7 +238,8 @@ def create(file: Path, doubt: str) -> Seal:
 
 def connect(file: Path, seal: Seal | None) -> tuple[sqlite3.Connection, Seal]:
     """Open a store, already read, for writing. seal: None for one of format 1, which gets one. Raises sqlite3.Error."""
-    connection = sqlite3.connect(file, timeout=PATIENCE, isolation_level=None)
+    # Several stores of one process are written at a time, by whichever thread is free; one store by one at a time.
+    connection = sqlite3.connect(file, timeout=PATIENCE, isolation_level=None, check_same_thread=False)
     try:
         connection.execute("PRAGMA synchronous = FULL")
         if seal is None:

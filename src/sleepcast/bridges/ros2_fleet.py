@@ -1,0 +1,137 @@
+"""The robots of a ROS 2 domain: which namespaces have the topics of a mapping, and a body for each, on one network.
+
+A namespace is a robot's if somebody listens there to what drives it, and somebody publishes one of the topics at which
+something comes all the time, both with the types that the mapping says. What else is missing or different is told:
+these values alone are unknown then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from sleepcast.bridges.body import FRESH
+from sleepcast.bridges.ros2 import Ros2Body, body_on
+from sleepcast.bridges.ros2_mapping import RobotMapping, Sink, Source, read_mapping
+from sleepcast.core.settings import SettingsError, read_text
+
+if TYPE_CHECKING:
+    from sleepcast.bridges.ros2_link import Endpoint, Ros2Network
+
+MAX_NAMESPACES = 1_000
+"""Of those that have one of the topics at least: more are no fleet of one mapping."""
+
+
+class TopicThere(NamedTuple):
+    """A topic of a mapping in a namespace. comes: whether the robot publishes it. wrong: why nothing passes by it, ""
+    if something does. names: what it gives or takes, in expressions. vital: whether the robot cannot do without it."""
+
+    topic: str
+    sort: str
+    comes: bool
+    wrong: str
+    names: tuple[str, ...]
+    vital: bool
+
+
+class RobotThere(NamedTuple):
+    """What a namespace has of a mapping."""
+
+    namespace: str
+    topics: tuple[TopicThere, ...]
+
+    @property
+    def is_robot(self) -> bool:
+        """See the module."""
+        drives = any(each.vital and not each.comes and not each.wrong for each in self.topics)
+        return drives and any(each.vital and each.comes and not each.wrong for each in self.topics)
+
+    def lacks(self) -> list[str]:
+        """What is wrong, a sentence each; not where nobody listens at what a robot can do without."""
+        said = []
+        for each in self.topics:
+            if each.wrong and (each.comes or each.vital or not each.wrong.startswith(NOBODY)):
+                then = (
+                    f": {_listed(each.names)} {'is' if len(each.names) == 1 else 'are'} unknown" if each.comes else ""
+                )
+                said.append(each.wrong + then)
+        return said
+
+
+NOBODY = "nobody "
+"""How a sentence about a missing topic begins."""
+
+
+class Ros2Fleet:
+    """See the module. path: of the mapping. sim_time: whether time is what /clock says. Raises SettingsError."""
+
+    def __init__(self, network: Ros2Network, path: Path, *, sim_time: bool) -> None:
+        self._network, self._path, self._sim_time = network, path, sim_time
+        self._text = read_text(path)
+        self.mapping = read_mapping(path, "", self._text)
+        """Without a namespace."""
+        lively = [source for source in self.mapping.sources if source.freshness <= FRESH] or self.mapping.sources
+        self._vital = {source.name for source in lively}
+        drive = self.mapping.drive.name
+        if drive.startswith("/"):
+            raise SettingsError(f'{path}: out."{drive}": all robots would be driven by one topic: leave out its slash')
+        self._relative = [each.name for each in (*lively, self.mapping.drive) if not each.name.startswith("/")]
+        self._seen: Mapping[str, tuple[Endpoint, ...]] = {}
+        self._found: dict[str, RobotThere] = {}
+
+    def look(self) -> Mapping[str, RobotThere]:
+        """What there is now, by namespace: robots, and what has a part of what a robot has."""
+        others = self._network.others()
+        if others is not self._seen:
+            self._seen = others
+            self._found = {each: self._robot(each) for each in sorted(self._namespaces(others))}
+        return self._found
+
+    def mapping_of(self, namespace: str) -> RobotMapping:
+        """The mapping of the robot in this namespace. Raises SettingsError."""
+        return read_mapping(self._path, namespace, self._text)
+
+    def body(self, namespace: str) -> Ros2Body:
+        """The body of the robot in this namespace, whether it is there or not. Raises OutOfReachError."""
+        return body_on(self._network, self.mapping_of(namespace), sim_time=self._sim_time)
+
+    def _namespaces(self, others: Mapping[str, tuple[Endpoint, ...]]) -> set[str]:
+        found: set[str] = set()
+        for topic in others:
+            for name in self._relative:
+                if topic.endswith("/" + name) and len(found) < MAX_NAMESPACES:
+                    found.add(topic[: -len(name) - 1])
+        return found
+
+    def _robot(self, namespace: str) -> RobotThere:
+        return RobotThere(namespace, tuple(self._topics(self.mapping_of(namespace))))
+
+    def _topics(self, mapping: RobotMapping) -> Iterator[TopicThere]:
+        for source in mapping.sources:
+            names = tuple(field.name for field in source.fields)
+            vital = source.name in self._vital
+            yield TopicThere(source.topic, source.sort, True, self._wrong(source), names, vital)
+        for sink in mapping.sinks:
+            names = (sink.function,) if sink.function else tuple(field.name for field in sink.fields)
+            yield TopicThere(sink.topic, sink.sort, False, self._wrong(sink), names, sink is mapping.drive)
+
+    def _wrong(self, ours: Source | Sink) -> str:
+        """Why nothing passes by a topic, "" if something does."""
+        reasons = list(self._reasons(ours))
+        if not reasons:
+            return f"{NOBODY}publishes {ours.topic}" if isinstance(ours, Source) else f"{NOBODY}listens at {ours.topic}"
+        return "" if "" in reasons else reasons[0]
+
+    def _reasons(self, ours: Source | Sink) -> Iterator[str]:
+        """Of each of the others at a topic, why it does not fit, "" if it does."""
+        from sleepcast.bridges.ros2_link import misfit
+
+        comes = isinstance(ours, Source)
+        for each in self._seen.get(ours.topic, ()):
+            if each.publishes == comes:
+                yield next(iter(misfit(each, ours.sort, ours.qos)), "")
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -1,0 +1,217 @@
+"""`sleepcast bridge ros2`: a mind for every robot of a ROS 2 fleet, in one process; or a list of the robots."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Mapping
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from sleepcast.api.connection import CHANNEL, AirOptions
+from sleepcast.cli.air import no_store_option, options
+from sleepcast.cli.interrupts import Interrupts
+from sleepcast.cli.options import Seconds, restraints
+from sleepcast.cli.streams import announce, put
+from sleepcast.core.errors import MisuseError
+
+if TYPE_CHECKING:
+    from sleepcast.bridges.ros2_fleet import RobotThere, Ros2Fleet
+
+LONGEST_TICK = 0.5
+"""s: a body that its mind does not look at for a second is brought to rest."""
+LOOKS = 5.0
+"""Seconds for which `--dry-run` looks, unless it is said: robots are found one by one, with loss more slowly."""
+
+
+@click.command("ros2", short_help="Give a mind to every robot of a ROS 2 fleet.")
+@click.option("--robot", "robots", metavar="NAMESPACE", multiple=True, help="Only this robot; may be repeated.")
+@click.option(
+    "--robots", "file", metavar="FILE", type=click.Path(path_type=Path), help="Only the robots with names in FILE."
+)
+@click.option(
+    "--mapping", metavar="FILE", type=click.Path(path_type=Path), help="Names of topics (default: a TurtleBot's)."
+)
+@click.option(
+    "--domain",
+    metavar="N",
+    type=click.IntRange(0, 232),
+    envvar="ROS_DOMAIN_ID",
+    default=0,
+    help="ROS domain (default: ROS_DOMAIN_ID, or 0).",
+)
+@click.option(
+    "--discovery",
+    type=click.Choice(["subnet", "localhost"], case_sensitive=False),
+    envvar="ROS_AUTOMATIC_DISCOVERY_RANGE",
+    default="subnet",
+    help="Where robots are looked for (default: ROS_AUTOMATIC_DISCOVERY_RANGE, or subnet).",
+)
+@click.option("--sim-time", "sim_time", is_flag=True, help="Time is what /clock says.")
+@click.option("--dry-run", "dry", is_flag=True, help="List the robots and what they lack; give none a mind.")
+@click.option("--json", "as_json", is_flag=True, help="With --dry-run: print the list as one JSON object.")
+@click.option(
+    "--channel", metavar="URI", default=CHANNEL, show_default=True, help="The channel on which commands arrive."
+)
+@click.option(
+    "--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions that each robot starts with."
+)
+@click.option(
+    "--golden", metavar="FILE", type=click.Path(path_type=Path), help="Rules that cannot be changed over the air."
+)
+@click.option(
+    "--tick", type=click.FloatRange(0.01, LONGEST_TICK), default=0.1, show_default=True, help="Seconds per tick."
+)
+@click.option("--seconds", metavar="S", type=Seconds(0.0), help="End after S seconds (default: at Ctrl-C).")
+@click.option(
+    "--stores",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder of the robots' stores (default: in your data).",
+)
+@no_store_option
+@restraints
+@options
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Random seed.")
+def ros2(
+    robots: tuple[str, ...],
+    file: Path | None,
+    mapping: Path | None,
+    domain: int,
+    discovery: str,
+    sim_time: bool,
+    dry: bool,
+    as_json: bool,
+    channel: str,
+    rules: Path | None,
+    golden: Path | None,
+    tick: float,
+    seconds: float | None,
+    stores: Path | None,
+    forgetful: bool,
+    lease: str,
+    limits: Path | None,
+    fleet: str,
+    key: str | None,
+    trust: Path | None,
+    folder: Path | None,
+    skew: float | None,
+    rate: float | None,
+    seed: int,
+) -> int:
+    """Give a mind to every robot of a ROS 2 fleet, in one process and with one participant in its domain, until Ctrl-C,
+    which stops all bodies first.
+
+    Robots are found by their topics: a namespace with the topics of the mapping is a robot, named after its namespace.
+    Later ones join; a robot that goes keeps its mind, and is out of reach until it is back. With --robot or --robots
+    only these get minds, at once. Each is a robot as `sleepcast node` runs it, with a store, a lease and a STOP of its
+    own, and obeys commands from the air (`sleepcast send`).
+
+    \b
+    Examples:
+      sleepcast bridge ros2 --dry-run
+      sleepcast bridge ros2
+      sleepcast bridge ros2 --robot scout1 --robot scout2 --mapping rover.toml --domain 7
+      sleepcast bridge ros2 --robots fleet.txt --limits field.toml
+    """
+    named = _namespaces(robots, file)
+    if as_json and not dry:
+        raise MisuseError("--json is for the list of --dry-run")
+    if forgetful and stores is not None:
+        raise MisuseError("--stores and --no-store do not go together: leave one of them out")
+    with Interrupts() as interrupts:
+        from sleepcast.bridges import UNLIMITED
+        from sleepcast.bridges.ros2 import join_network
+        from sleepcast.bridges.ros2_fleet import Ros2Fleet
+        from sleepcast.bridges.ros2_mapping import TURTLEBOT
+        from sleepcast.cli.fleet_life import FleetProcess, MindOptions
+        from sleepcast.cli.node_life import StartScript, read_start_script
+        from sleepcast.mind.authority import read_lease
+        from sleepcast.simulator import read_limits
+
+        beginning, built_in = (StartScript() if each is None else read_start_script(each) for each in (rules, golden))
+        if beginning.orders or built_in.orders:
+            raise MisuseError(f"{rules or golden} is a mission script: a fleet begins with expressions, without times")
+        minds = MindOptions(
+            built_in,
+            beginning,
+            stores,
+            forgetful,
+            UNLIMITED if limits is None else read_limits(limits),
+            read_lease(lease),
+            tick,
+            seed,
+        )
+        with closing(join_network(domain, local=discovery == "localhost")) as network:
+            there = Ros2Fleet(network, mapping or TURTLEBOT, sim_time=sim_time)
+            if dry:
+                return _list(there, named, LOOKS if seconds is None else seconds, as_json)
+            air = AirOptions(channel, fleet, key, trust, folder, skew=skew, rate=rate)
+            process = FleetProcess(there, air, minds, named)
+            interrupts.defer()
+            how = "waits for" if named else "looks for"
+            announce(
+                f"{how} robots in ROS domain {domain} ({discovery}); Ctrl-C stops their bodies and ends their minds"
+            )
+            process.run(interrupts.check, seconds)
+    return 0
+
+
+def _namespaces(robots: tuple[str, ...], file: Path | None) -> list[str]:
+    """The namespaces of the robots that are named, each once. Raises MisuseError for one that is none."""
+    from sleepcast.bridges.ros2_mapping import is_namespace
+    from sleepcast.station.roster import read_expectation
+
+    names = [*robots, *(read_expectation(os.fspath(file)).names if file is not None else ())]
+    if file is not None and len(names) == len(robots):
+        raise MisuseError(f"--robots {file}: wanted a file of their names")
+    found = dict.fromkeys("/" + name.strip("/") if name.strip("/") else "" for name in names)
+    for namespace in found:
+        if not is_namespace(namespace):
+            raise MisuseError(f"{namespace[1:61]!r} is no namespace of ROS 2: wanted letters, digits and _, as scout3")
+    return list(found)
+
+
+def _list(fleet: Ros2Fleet, named: list[str], seconds: float, as_json: bool) -> int:
+    """Print which robots there are, and what they lack; 0 if each that is wanted is there, and one at least."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        fleet.look()
+        time.sleep(min(0.1, max(0.0, end - time.monotonic())))
+    found = fleet.look()
+    robots = {namespace: each for namespace, each in found.items() if each.is_robot and namespace in (named or found)}
+    lost = [namespace for namespace in named if namespace not in robots]
+    if as_json:
+        put(json.dumps(_as_dict(found, robots, lost)))
+        return 1 if lost or not robots else 0
+    put(f"{len(robots)} robot{'' if len(robots) == 1 else 's'} in {seconds:g} s")
+    for namespace, robot in robots.items():
+        wrong = [each.wrong for each in robot.topics if each.wrong]
+        put(f"{namespace or '/'}: {'; '.join(wrong) if wrong else 'all topics are there'}")
+    for namespace in lost if named else [each for each in found if each not in robots]:
+        put(f"{namespace or '/'} is no robot of this mapping: {'; '.join(_lacks(found, namespace))}")
+    return 1 if lost or not robots else 0
+
+
+def _lacks(found: Mapping[str, RobotThere], namespace: str) -> list[str]:
+    return found[namespace].lacks() if namespace in found else ["none of its topics is there"]
+
+
+def _as_dict(found: Mapping[str, RobotThere], robots: Mapping[str, RobotThere], lost: list[str]) -> dict[str, object]:
+    return {
+        "robots": [_robot_dict(robot) for robot in robots.values()],
+        "others": [_robot_dict(robot) for namespace, robot in found.items() if namespace not in robots],
+        "lost": lost,
+    }
+
+
+def _robot_dict(robot: RobotThere) -> dict[str, object]:
+    topics = [
+        {"topic": each.topic, "type": each.sort, "direction": "in" if each.comes else "out", "wrong": each.wrong}
+        for each in robot.topics
+    ]
+    return {"namespace": robot.namespace, "topics": topics}

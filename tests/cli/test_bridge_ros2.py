@@ -1,0 +1,233 @@
+"""`sleepcast bridge ros2`: a fleet of ROS 2 robots with a mind each, in one process; with real ROS 2 and with loss."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from queue import Empty, Queue
+from threading import Thread
+from typing import Any
+
+import pytest
+
+pytest.importorskip("cyclonedds", reason="cyclonedds is not installed here")
+
+from benchmarks.channel.lab import why_not
+
+from bridges.ros2_robot import OverDds, domain_for
+from bridges.test_ros2 import another
+from channel.test_udp import free_port
+from cli.calling import LONGEST, called
+from processes import SLEEPCAST, live_in, start
+from sleepcast.api.connection import FLEET, AirOptions, observing_station
+from sleepcast.bridges.ros2_mapping import TURTLEBOT
+from sleepcast.bridges.ros2_messages import Bool
+from sleepcast.station.network import NetworkStation
+
+DOMAIN = domain_for(3)
+ROBOTS = [f"/scout{number}" for number in range(1, 4)]
+LAB = why_not()
+
+
+@pytest.fixture
+def channel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The address of a channel of our own, of a user with no keys and no memory of any fleet."""
+    live_in(tmp_path, monkeypatch)
+    return f"udp://239.255.83.77:{free_port()}?interface=lo"
+
+
+class Said:
+    """What a process prints, line by line."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self.lines: list[str] = []
+        self._waiting: Queue[str] = Queue()
+        self._readers = [
+            Thread(target=self._read, args=(each,), daemon=True) for each in (process.stdout, process.stderr)
+        ]
+        for reader in self._readers:
+            reader.start()
+
+    def _read(self, stream: Any) -> None:
+        for line in stream or ():
+            self._waiting.put(line.strip())
+
+    def until(self, done: Callable[[list[str]], bool]) -> None:
+        """Wait until this is true of all lines so far."""
+        end = time.monotonic() + LONGEST
+        while not done(self.lines):
+            try:
+                self.lines.append(self._waiting.get(timeout=max(0.0, end - time.monotonic())))
+            except Empty:
+                raise AssertionError("\n".join(self.lines)) from None
+
+    def rest(self) -> str:
+        """All that it has printed, once it has ended."""
+        for reader in self._readers:
+            reader.join(LONGEST)
+        while not self._waiting.empty():
+            self.lines.append(self._waiting.get())
+        return "\n".join(self.lines)
+
+
+def count(lines: list[str], what: str) -> int:
+    """How many lines end with this."""
+    return sum(line.endswith(what) for line in lines)
+
+
+def any_has(sentence: str, lines: list[str]) -> bool:
+    return any(sentence in line for line in lines)
+
+
+def last(lines: list[str], *what: str) -> list[str]:
+    """What each robot has said last of these."""
+    found = {}
+    for line in lines:
+        name, _, said = line.partition(" ")
+        if said in what:
+            found[name] = said
+    return list(found.values())
+
+
+@contextmanager
+def bridge(channel: str, *options: object) -> Iterator[tuple[subprocess.Popen[str], Said]]:
+    command = ("bridge", "ros2", "--channel", channel, "--domain", DOMAIN, "--discovery", "localhost", *options)
+    with start(*SLEEPCAST, *command) as process:
+        try:
+            yield process, Said(process)
+        finally:
+            process.kill()
+
+
+class Told:
+    """What robots report to a desk."""
+
+    def __init__(self, station: NetworkStation) -> None:
+        self._station = station
+
+    def until(self, sentence: str) -> None:
+        end = time.monotonic() + LONGEST
+        while not any(sentence in str(report) for report in self._station.reports):
+            assert time.monotonic() < end, list(self._station.reports)
+            self._station.wait(0.1)
+
+
+@contextmanager
+def desk(channel: str) -> Iterator[Told]:
+    with observing_station(AirOptions(channel, FLEET, None, None, None), lambda _: None) as (station, _):
+        yield Told(station)
+
+
+def account(channel: str, *arguments: str) -> dict[str, Any]:
+    found = called(*arguments, "--channel", channel, "--json")
+    assert found.out, found.err
+    told: dict[str, Any] = json.loads(found.out)
+    return told
+
+
+def test_a_fleet_is_found_driven_stopped_lost_and_found_again(channel: str) -> None:
+    with bridge(channel) as (process, said):
+        with another(*ROBOTS[:2], domain=DOMAIN) as robots:
+            heard = Said(robots)
+            said.until(lambda lines: "scout2 is up, with 0 rules; 2 robots" in lines)
+            assert account(channel, "ask", "(* 1 id)")["max"] == 2.0
+            go = account(channel, "send", "--standing", "--all", "(RULE go (SETQ drive_speed 0.2m/s))")
+            assert go["n_matched"] == 2
+            heard.until(lambda lines: count(lines, "moves") == 2)
+            assert account(channel, "stop")["n_matched"] == 2
+            heard.until(lambda lines: last(lines, "moves", "rests") == ["rests"] * 2)
+            heard.until(lambda lines: last(lines, "stopped", "free") == ["stopped"] * 2)
+            with desk(channel) as told:
+                robots.kill()
+                told.until("nothing new has come at /scout1/odom")
+        said.until(lambda lines: sum("out of reach" in line for line in lines) == 2)
+        with another(*ROBOTS, domain=DOMAIN) as robots:
+            heard = Said(robots)
+            said.until(lambda lines: "scout3 is up, with 0 rules; 3 robots" in lines)
+            said.until(lambda lines: sum("within reach again" in line for line in lines) == 2)
+            heard.until(lambda lines: last(lines, "stopped", "free") == ["stopped"] * 2 + ["free"])
+            assert account(channel, "release")["n_matched"] == 3
+            heard.until(lambda lines: last(lines, "moves", "rests") == ["moves"] * 3)
+            process.send_signal(signal.SIGINT)
+            heard.until(lambda lines: last(lines, "moves", "rests") == ["rests"] * 3)
+        assert process.wait(LONGEST) == 130
+    text = said.rest()
+    assert text.count("its body has been stopped") == 3
+    assert "Traceback" not in text
+
+
+def test_what_does_not_fit_is_told_at_node_and_desk_and_comes_right(channel: str, tmp_path: Path) -> None:
+    """A named robot has a mind before it is there; a topic of another type, and a clock that is wrong, are told."""
+    over = OverDds("/scout1", DOMAIN)
+    wrong = [over.writer("battery_state", Bool)]
+    with bridge(channel, "--robot", "scout1", "--no-store") as (process, said):
+        said.until(lambda lines: count(lines, "is up, with 0 rules; 1 robot") == 1)
+        said.until(partial(any_has, "the body is out of reach: nothing new"))
+        with another("/scout1", "/scout2", domain=DOMAIN, factor=1.0):  # its time begins with 0
+            for sentence in ("within reach again", "battery_state has the type", "behind this computer's clock"):
+                said.until(partial(any_has, sentence))
+            assert account(channel, "ask", "x")["max"] == 0.0
+        process.terminate()
+        assert process.wait(LONGEST) == 143
+    text = said.rest()
+    assert "scout2" not in text
+    del wrong
+
+
+def test_a_list_of_what_is_there(channel: str) -> None:
+    place = ("--domain", str(DOMAIN), "--discovery", "localhost", "--dry-run", "--seconds")
+    nobody = called("bridge", "ros2", *place, "0.1")
+    assert (nobody.status, nobody.out, nobody.err) == (1, "0 robots in 0.1 s\n", "")
+    with another(*ROBOTS[:2], domain=DOMAIN):
+        found = called("bridge", "ros2", *place, "4")
+        assert found.out.splitlines()[1:] == [f"{name}: all topics are there" for name in ROBOTS[:2]]
+        assert found.status == 0
+        listed = called("bridge", "ros2", *place, "4", "--json", "--robot", "scout1", "--robot", "scout9")
+    told = json.loads(listed.out)
+    assert ([each["namespace"] for each in told["robots"]], told["lost"]) == (["/scout1"], ["/scout9"])
+    assert told["robots"][0]["topics"][0] == {
+        "topic": "/scout1/odom",
+        "type": "Odometry",
+        "direction": "in",
+        "wrong": "",
+    }
+    assert listed.status == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("--robot", "a b"), "'a b' is no namespace of ROS 2"),
+        (("--robots", "none.txt"), "cannot read none.txt"),
+        (("--robots", "7"), "wanted a file of their names"),
+        (("--domain", "233"), "233 is not in the range"),
+        (("--discovery", "off"), "'off' is not one of"),
+        (("--mapping", "none.toml"), "none.toml: cannot be read"),
+        (("--json",), "--json is for the list"),
+        (("--no-store", "--stores", "."), "do not go together"),
+        (("--rules", "none.sleep"), "none.sleep"),
+        (("--lease", "never"), "or off"),
+        (("--channel", "tcp://x"), "tcp"),
+        (("--key", "nobody"), "nobody"),
+    ],
+)
+def test_what_is_no_fleet(channel: str, arguments: tuple[str, ...], complaint: str) -> None:
+    refused = called("bridge", "ros2", "--channel", channel, "--discovery", "localhost", "--seconds", "0", *arguments)
+    assert refused.status == 2, refused
+    assert complaint in refused.err
+    assert "Traceback" not in refused.err
+
+
+def test_a_unit_that_does_not_fit_is_refused_with_its_place(channel: str, tmp_path: Path) -> None:
+    file = tmp_path / "rover.toml"
+    file.write_text(TURTLEBOT.read_text().replace('"speed", turn_rate', '"speed kg", turn_rate', 1))
+    refused = called("bridge", "ros2", "--channel", channel, "--mapping", str(file))
+    assert refused.status == 2
+    assert 'speed of Odometry is a speed, and "kg" is a unit of a mass' in refused.err
+    assert f"{file}:" in refused.err

@@ -275,6 +275,9 @@ class SimulatedWorld(Protocol):
     def radius(self, robot: int) -> float:
         """Of its body, m."""
 
+    def track(self, robot: int) -> float:
+        """From wheel to wheel, m; of wheels that all steer, the diameter of the circle through them."""
+
     def step(self) -> None:
         """Let one tick pass."""
 
@@ -333,6 +336,11 @@ class SimulatedWorld(Protocol):
 
     def predict(self, robot: int, pose: Pose) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """What its sonars and its infrared sensors would read there: m, without noise, other robots left out."""
+
+    def scan(self, robot: int, rays: int, most: float) -> tuple[float, ...]:
+        """What a lidar at its centre sees: m to the nearest thing in each of so many directions, the first along its
+        heading, then counter-clockwise all round; infinite where nothing is within `most` m. Exact, other robots
+        included."""
 
     def along(self, robot: int, start: tuple[float, float], end: tuple[float, float]) -> Contact | None:
         """Where its body touches something on the straight way; None if it is free."""

@@ -13,11 +13,12 @@ import socket
 from collections.abc import Callable, Mapping, Sequence
 from ipaddress import ip_address
 from math import inf
+from typing import Protocol
 
 from sleepcast.core.clock import Clock, WallClock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.nomad.relay import RealAddress, Relay
-from sleepcast.nomad.server_connection import ManualClient, ServerConnection
+from sleepcast.nomad.server_connection import PAGE, ManualClient, ServerConnection
 from sleepcast.nomad.session import Service
 from sleepcast.nomad.simulated_robot import SimulatedRobot
 from sleepcast.nomad.windows import Windows
@@ -43,6 +44,16 @@ GLANCE = 0.05
 
 class ServerError(SleepcastError):
     """The server cannot listen there."""
+
+
+class Companion(Protocol):
+    """Another way to the same robots, beside the wire, which takes part in every tick."""
+
+    def before_tick(self) -> None:
+        """Drive robots as they are told."""
+
+    def after_tick(self) -> None:
+        """Tell how they are now."""
 
 
 class Nserver:
@@ -72,6 +83,7 @@ class Nserver:
         self.world, self.windows = world, windows
         self.room = memoryview(bytearray(MAX_READ))
         self.lines: set[ServerConnection] = set()
+        self.companions: list[Companion] = []
         self.waiting: set[ServerConnection | ManualClient] = set()
         self._hands: dict[int, ManualClient] = {}
         self._servers: list[asyncio.Server] = []
@@ -126,9 +138,13 @@ class Nserver:
 
     def step(self) -> None:
         """Let one tick pass, and answer who waits for it."""
+        for companion in self.companions:
+            companion.before_tick()
         self.world.step()
         for simulated_robot in self.service.simulated_robots:
             simulated_robot.after_tick()
+        for companion in self.companions:
+            companion.after_tick()
         for line in list(self.waiting):
             line.look()
         if not self.service.headless and self.world.time - self._glanced >= GLANCE:
@@ -164,20 +180,23 @@ class Nserver:
 
     @property
     def held(self) -> bool:
-        """Whether all robots are held."""
-        return all(simulated_robot.held for simulated_robot in self.service.simulated_robots)
+        """Whether the page keeps all robots at rest."""
+        return all(PAGE in simulated_robot.holders for simulated_robot in self.service.simulated_robots)
 
-    def hold(self, still: bool) -> None:
-        """Keep all robots at rest from now on, whatever is asked, or no longer; real ones too."""
-        for simulated_robot in self.service.simulated_robots:
-            simulated_robot.hold(still)
+    def hold(self, still: bool, by: str = PAGE, robot: int | None = None) -> None:
+        """Keep one robot (None: all) at rest from now on, whatever is asked, or no longer as far as `by` is concerned;
+        real ones too."""
+        for simulated_robot in (
+            self.service.simulated_robots if robot is None else [self.service.simulated_robots[robot]]
+        ):
+            simulated_robot.hold(still, by)
         if still:
-            for relay in self._relays():
+            for relay in self._relays(robot):
                 relay.stop()
 
-    def _relays(self) -> list[Relay]:
+    def _relays(self, robot: int | None = None) -> list[Relay]:
         sessions = [*(line.session for line in self.lines), *(hand.session for hand in self._hands.values())]
-        return [session.relay for session in sessions if session.relay is not None]
+        return [each.relay for each in sessions if each.relay is not None and robot in (None, each.robot)]
 
     # ---- for the lines
 

@@ -97,9 +97,8 @@ class Session:
         self.simulated_robot = service.simulated_robots[self.robot]
         if self.simulated_robot.timed_by not in self.simulated_robot.clients:
             self.simulated_robot.timeout = 0
-        self.simulated_robot.clients.append(self.name)
+        self.simulated_robot.admit(self.name)
         self.simulated_robot.alive()
-        self._tell_window(self.simulated_robot)
         service.say(f"{self.name} has connected to robot {number}")
 
     def leave(self) -> None:
@@ -107,8 +106,7 @@ class Session:
         self.let_real_go()
         if self.simulated_robot is not None:
             self._ask(0)
-            self.simulated_robot.clients.remove(self.name)
-            self._tell_window(self.simulated_robot)
+            self.simulated_robot.dismiss(self.name)
             self.service.say(f"{self.name} has left robot {self.robot + 1}")
         self.simulated_robot, self.robot = None, -1
 
@@ -133,22 +131,16 @@ class Session:
     def drive(self, simulated_robot: SimulatedRobot, kind: int) -> None:
         """The client is about to move its robot. The terminal reports if another client does so, too; but a
         program that drives may go home over a connection of its own."""
-        alone = not simulated_robot.rivals()
-        simulated_robot.driven_by(self.name)
+        contest = simulated_robot.driven_by(self.name)
         if simulated_robot not in self._driven:
             self._driven.append(simulated_robot)
-        if alone and kind != Kind.ZR and (both := simulated_robot.rivals()):
-            self.service.say(
-                f"robot {simulated_robot.robot + 1} is driven by {both}: each replaces what the other asks"
-            )
+        if contest and kind != Kind.ZR:
+            self.service.say(contest)
 
     @property
     def simulated(self) -> bool:
         """Whether it drives a simulated robot."""
         return self.simulated_robot is not None and self.relay is None
-
-    def _tell_window(self, simulated_robot: SimulatedRobot) -> None:
-        simulated_robot.window.client = ", ".join(simulated_robot.clients)
 
     # ---- the real robot
 

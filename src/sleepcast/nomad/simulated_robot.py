@@ -53,8 +53,8 @@ class SimulatedRobot:
         self.accelerations = (0, 0, 0)
         self.speed = 1.0
         """Of the simulation, as the state tells it."""
-        self.held = False
-        """Whether it is kept at rest, whatever is asked."""
+        self.holders: set[str] = set()
+        """Who keeps it at rest, whatever is asked."""
         self.timeout, self.timed_by = 0, ""
         self._drivers: dict[str, float] = {}
         """Who has moved it lately, and when, simulated s; the latest is the last."""
@@ -72,11 +72,25 @@ class SimulatedRobot:
 
     # ---- who drives it
 
-    def driven_by(self, who: str) -> None:
-        """It is about to be moved by this client."""
-        before, now = self._drivers, self.world.time
+    def admit(self, client: str) -> None:
+        """This client is connected to it."""
+        self.clients.append(client)
+        self.window.client = ", ".join(self.clients)
+
+    def dismiss(self, client: str) -> None:
+        """And is no longer."""
+        self.clients.remove(client)
+        self.window.client = ", ".join(self.clients)
+
+    def driven_by(self, who: str) -> str:
+        """It is about to be moved by this client. Gives a sentence if until now one alone did, and that was another."""
+        alone, before, now = not self.rivals(), self._drivers, self.world.time
         self._drivers = {other: at for other, at in before.items() if other != who and now - at <= TOGETHER}
         self._drivers[who] = now
+        both = self.rivals()
+        return (
+            f"robot {self.robot + 1} is driven by {both}: each replaces what the other asks" if alone and both else ""
+        )
 
     def rivals(self) -> str:
         """Those who drive it together, "" while one alone does."""
@@ -110,11 +124,30 @@ class SimulatedRobot:
         self._note(f"{name_of(kind)}({', '.join(map(str, words))})")
         COMMANDS[kind](self, words)
 
-    def hold(self, still: bool) -> None:
-        """Keep it at rest from now on, or no longer; nothing old resumes."""
-        self.held = still
-        if still:
-            self.command(Kind.ST, ())
+    def drive(self, speed: float, turn_rate: float) -> None:
+        """Go on at this speed, m/s along its heading, and turn rate, rad/s counter-clockwise, as far as it can: for
+        those who do not speak the wire."""
+        self.alive()
+        if self.held:
+            speed = turn_rate = 0.0
+        self._last, self._condition, self._zeroing = (0, ()), None, False
+        self._note(f"{speed:.3g} m/s, {turn_rate:.3g} rad/s")
+        aside = turn_rate * self.world.track(self.robot) / 2.0
+        wanted = Axes(speed, turn_rate) if self.steers else Axes(speed + aside, speed - aside)
+        self.world.set_speeds(self.robot, wanted)
+
+    @property
+    def held(self) -> bool:
+        """Whether somebody keeps it at rest."""
+        return bool(self.holders)
+
+    def hold(self, still: bool, by: str) -> None:
+        """Keep it at rest from now on, or no longer as far as this one is concerned; nothing old resumes."""
+        if not still:
+            self.holders.discard(by)
+            return
+        self.holders.add(by)
+        self.command(Kind.ST, ())
 
     def _note(self, command: str) -> None:
         """Show a command in the window, once for many that are the same."""

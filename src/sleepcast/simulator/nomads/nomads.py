@@ -95,6 +95,10 @@ class NomadWorld:
         self._check(robot)
         return float(self._bodies.radii[robot])
 
+    def track(self, robot: int) -> float:
+        self._check(robot)
+        return self.setup.track
+
     # ---- driving
 
     def set_speeds(self, robot: int, speeds: Axes) -> None:
@@ -296,6 +300,10 @@ class NomadWorld:
         _refuse_odd("a pose", pose)
         turret = pose.turret if self._turns_turret else pose.heading
         return self._senses.predict(Pose(pose.x + self.origin[0], pose.y + self.origin[1], pose.heading, turret))
+
+    def scan(self, robot: int, rays: int, most: float) -> tuple[float, ...]:
+        self._check(robot)
+        return self._senses.scan(robot, rays, most)
 
     def along(self, robot: int, start: tuple[float, float], end: tuple[float, float]) -> Contact | None:
         """Considers all solid things, and the other robots at their current positions."""
@@ -505,6 +513,15 @@ class NomadSenses:
         heard = np.clip(self._lonely(self._sonars.cones, at), ring.least, ring.most)
         seen = self._lonely(self._infrared, at) if self._infrared else np.empty(0)
         return tuple(heard.tolist()), tuple(seen.tolist())
+
+    def scan(self, robot: int, rays: int, most: float) -> Values:
+        """See `SimulatedWorld.scan`. A ray is a cone without width that begins in the middle of the body."""
+        bodies, near = self._bodies, self._bodies.near
+        lidar = Cones(rays, 0.0, most, np.pi / 2.0, 0.0, bodies.geometry.radius)
+        pose = bodies.x, bodies.y, bodies.heading
+        scene = near.points(bodies.x, bodies.y), near.solids(most), near.world.solids
+        seen = cones.ranges(View(lidar, near.grid, *scene, pose, bodies.radii), np.array([robot]))[0].astype(np.float64)
+        return tuple(np.where(seen < np.float32(most), seen, np.inf).tolist())
 
     def _lonely(self, ring: Cones, pose: tuple[Floats, Floats, Floats]) -> Floats:
         near = self._bodies.near

@@ -246,6 +246,14 @@ class Contact(NamedTuple):
     normal: float
 
 
+class SonarKind(NamedTuple):
+    """What a sonar measures: in a cone that opens by `beam` rad in all, between the least and the greatest range, m."""
+
+    beam: float
+    least: float
+    most: float
+
+
 Corners = Sequence[tuple[float, float]]
 """Of a polygon, x and y in m."""
 
@@ -277,6 +285,9 @@ class SimulatedWorld(Protocol):
 
     def track(self, robot: int) -> float:
         """From wheel to wheel, m; of wheels that all steer, the diameter of the circle through them."""
+
+    def sonar(self, robot: int) -> SonarKind:
+        """Of each of its sonars."""
 
     def step(self) -> None:
         """Let one tick pass."""

@@ -336,9 +336,16 @@ def usual_domain() -> str:
     return os.environ.get("ROS_DOMAIN_ID") or "0"
 
 
-def usual_discovery() -> str:
+def domain_number(text: str) -> int:
+    """The number of a ROS domain. Raises BodyError."""
+    if not text.isascii() or not text.isdigit() or len(text) > 3 or int(text) > HIGHEST_DOMAIN:
+        raise BodyError(f"domain is a whole number from 0 to {HIGHEST_DOMAIN}, not {text!r:.40}")
+    return int(text)
+
+
+def usual_discovery(otherwise: str = "subnet") -> str:
     """Where ROS looks for others, unless something else is said: one of `RANGES`, or what we do not know."""
-    return os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").lower() or "subnet"
+    return os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").lower() or otherwise
 
 
 def join_network(domain: int, *, local: bool) -> Ros2Network:
@@ -374,14 +381,16 @@ def open_body(uri: str, opening: Opening) -> Ros2Body:
     namespace = address.path.rstrip("/")
     if not is_namespace(namespace):
         raise BodyError(f"{uri!r:.100}: {namespace:.60} is no namespace of ROS 2; wanted something like {EXAMPLE}")
-    domain, local = address.settings["domain"], address.choice("discovery", RANGES) == "localhost"
-    if not domain.isascii() or not domain.isdigit() or len(domain) > 3 or int(domain) > HIGHEST_DOMAIN:
-        raise BodyError(f"{uri!r:.100}: domain is a whole number from 0 to {HIGHEST_DOMAIN}, not {domain!r:.40}")
+    try:
+        domain = domain_number(address.settings["domain"])
+    except BodyError as error:
+        raise BodyError(f"{uri!r:.100}: {error}") from None
+    local = address.choice("discovery", RANGES) == "localhost"
     sim_time = address.choice("use_sim_time", ("no", "yes")) == "yes"
     if opening.in_step:
         raise MisuseError(f"{uri!r:.100}: a ROS 2 robot does not wait for its mind: leave out --lockstep")
     mapping = read_mapping(Path(address.settings["mapping"]), namespace)
-    body = body_on(join_network(int(domain), local=local), mapping, sim_time=sim_time)
+    body = body_on(join_network(domain, local=local), mapping, sim_time=sim_time)
     try:
         body.meet(MEETING)
     except BaseException:

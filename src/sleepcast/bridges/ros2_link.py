@@ -107,12 +107,13 @@ class Ros2Network:
         self._known: dict[Any, Endpoint] = {}
         self._there: dict[str, tuple[Endpoint, ...]] = {}
 
-    def reader(self, topic: str, message: type[Any], qos: str) -> DataReader[Any]:
-        """message: the class of its messages."""
-        return DataReader(self._participant, Topic(self._participant, TOPICS + topic, message), QOS[qos])
+    def reader(self, topic: str, message: type[Any], qos: str, depth: int = 1) -> DataReader[Any]:
+        """message: the class of its messages. depth: how many are kept until they are taken."""
+        return DataReader(self._participant, Topic(self._participant, TOPICS + topic, message), _deep(qos, depth))
 
-    def writer(self, topic: str, message: type[Any], qos: str) -> DataWriter[Any]:
-        return DataWriter(self._participant, Topic(self._participant, TOPICS + topic, message), QOS[qos])
+    def writer(self, topic: str, message: type[Any], qos: str, depth: int = 1) -> DataWriter[Any]:
+        """depth: how many are kept to be sent again, or for who listens later."""
+        return DataWriter(self._participant, Topic(self._participant, TOPICS + topic, message), _deep(qos, depth))
 
     def others(self) -> Mapping[str, tuple[Endpoint, ...]]:
         """The topics that other programs have now, each with theirs; another one after every change."""
@@ -143,6 +144,10 @@ class Ros2Network:
     def close(self) -> None:
         """Leave the domain; links are closed before."""
         del self._looking, self._participant
+
+
+def _deep(qos: str, depth: int) -> Qos:
+    return Qos(Policy.History.KeepLast(depth), base=QOS[qos])
 
 
 def _grade(qos: Qos) -> str:

@@ -170,6 +170,13 @@ class Range(IdlStruct, typename=dds_type("sensor_msgs", "Range")):
 
 
 @dataclass
+class RangeOfToday(Range, typename=dds_type("sensor_msgs", "Range")):
+    """With the variance, without which newer releases of ROS do not read it; older ones do not look beyond the rest."""
+
+    variance: float32 = 0.0
+
+
+@dataclass
 class BatteryState(IdlStruct, typename=dds_type("sensor_msgs", "BatteryState")):
     header: Header = field(default_factory=Header)
     voltage: float32 = 0.0
@@ -218,8 +225,7 @@ def seconds(time: Time) -> float:
 
 
 def time_of(seconds: float) -> Time:
-    whole = int(seconds // 1.0)
-    return Time(whole, min(int((seconds - whole) * 1e9), 999_999_999))
+    return Time(*divmod(round(seconds * 1e9), 1_000_000_000))
 
 
 def stamp(message: Any) -> float:
@@ -386,7 +392,7 @@ MADE: Mapping[str, Callable[[Mapping[str, float], Header], Any]] = {
     "Twist": lambda values, _: _as_twist(values),
     "TwistStamped": lambda values, header: TwistStamped(header, _as_twist(values)),
     "LaserScan": _as_scan,
-    "Range": lambda values, header: Range(header, max_range=inf, range=values["range"]),
+    "Range": lambda values, header: RangeOfToday(header, max_range=inf, range=values["range"]),
     "BatteryState": _as_battery,
     "Imu": _as_imu,
     "PoseStamped": lambda values, header: PoseStamped(header, _as_pose(values)),

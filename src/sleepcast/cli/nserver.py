@@ -21,6 +21,7 @@ from sleepcast.cli.streams import ReaderGone, announce, complain
 from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
+    from sleepcast.bridges.ros2_scouts import Ros2Scouts
     from sleepcast.nomad import Nserver, RealAddress, ServerPace
     from sleepcast.simulator.nomads.nomads import NomadWorld
 
@@ -28,6 +29,10 @@ PAGE_PORT = 8318
 """Where the page is, unless another port is wanted: beside the other page's, so that both can be open."""
 REAL_TIME, SLOWEST = 1.0, 0.01
 """Simulated seconds in a second."""
+DISCOVERY = HERE, _ = "localhost", "subnet"
+"""Where ROS 2 programs may be: on this machine only, unless more is said."""
+SCOUTS = "scout"
+"""What robots are called in ROS 2, before their number."""
 QUICK = 3.0
 """Times real time beyond which ticks are worth compiling."""
 
@@ -58,6 +63,10 @@ QUICK = 3.0
     "--tk-order", type=click.Choice(["little", "big"]), default="little", help="Byte order of programs' texts."
 )
 @click.option("--real", metavar="N=URI", multiple=True, help="A real robot for real_robot(): 1=nomad://host:7019#1.")
+@click.option("--ros2", is_flag=True, help="Each robot is a ROS 2 robot, too: /scout1, /scout2, with /clock.")
+@click.option("--namespace", metavar="NAME", help="For ROS 2: /NAME1, /NAME2 ... (default: scout).")
+@click.option("--domain", metavar="N", help="For ROS 2 (default: ROS_DOMAIN_ID, or 0).")
+@click.option("--discovery", type=click.Choice(DISCOVERY), help="Who finds them in ROS 2 (default: this machine only).")
 @click.option("--may-quit", is_flag=True, help="Let programs end the server with quit_server().")
 @click.option("--headless", is_flag=True, help="Without a page: get_robot_conf() is answered at once.")
 @click.option("--page-port", type=click.IntRange(0, 65_535), default=PAGE_PORT, show_default=True, help="0 is any.")
@@ -75,6 +84,10 @@ def nserver(
     lockstep: bool,
     tk_order: Literal["little", "big"],
     real: tuple[str, ...],
+    ros2: bool,
+    namespace: str | None,
+    domain: str | None,
+    discovery: str | None,
     may_quit: bool,
     headless: bool,
     page_port: int,
@@ -89,10 +102,13 @@ def nserver(
       sleepcast nserver
       sleepcast nserver lab.toml --setup noisy --robots 2
       sleepcast nserver --port 7771
+      sleepcast nserver --ros2 --robots 3
       sleepcast nserver --headless --lockstep --port 0 --json
     """
     if lockstep and speed not in (REAL_TIME, inf):
         raise MisuseError("in lockstep time goes as fast as the programs ask: leave out either --lockstep or --speed")
+    if not ros2 and (namespace, domain, discovery) != (None, None, None):
+        raise MisuseError("--namespace, --domain and --discovery are for ROS 2: add --ros2")
     with Interrupts() as interrupts:
         import asyncio
 
@@ -115,11 +131,12 @@ def nserver(
             say=_say,
         )
         pace = ServerPace(WallClock(), speed)
+        scouts = _scouts(server, namespace or SCOUTS, domain, discovery) if ros2 else None
         addresses = listening_places(hosts)
         interrupts.release()  # from here on Ctrl-C ends the loop in good order
         title = f"{world.stem if world is not None else 'An empty room'}, {Path(setup).stem}"
         page = None if headless else _page(simulated, pace, title, page_port, browser=not no_browser, as_json=as_json)
-        asyncio.run(_serve(server, pace, addresses, port, page, as_json=as_json))
+        asyncio.run(_serve(server, pace, addresses, port, page, scouts, as_json=as_json))
     return 0
 
 
@@ -146,10 +163,11 @@ async def _serve(
     hosts: Sequence[str],
     port: int,
     page: Callable[[Nserver], Awaitable[None]] | None,
+    scouts: Ros2Scouts | None,
     *,
     as_json: bool,
 ) -> None:
-    """Serve programs, and the page where there is one, until a program that may ends the server, or Ctrl-C."""
+    """Serve programs, ROS 2 and the page where there are any, until a program that may ends the server, or Ctrl-C."""
     from sleepcast.nomad import unheard
 
     await server.listen(hosts, port)
@@ -157,11 +175,34 @@ async def _serve(
         _say(sentence)
     robots = server.world.count
     if as_json:
-        announce(json.dumps({"hosts": list(hosts), "port": server.port, "robots": robots}))
+        names = {"ros2": [*scouts.names]} if scouts else {}
+        announce(json.dumps({"hosts": list(hosts), "port": server.port, "robots": robots, **names}))
     else:
         where = ", ".join(f"{host} port {server.port}" for host in hosts)
+        if scouts:
+            first, *others = (name or "one robot" for name in scouts.names)
+            announce(f"ROS 2, domain {scouts.domain}: {' to '.join([first, *others[-1:]])}.")
         announce(f"{robots} robot{'s' if robots > 1 else ''} at {where}.{'' if page else ' Ctrl-C ends it.'}")
-    await (server.run(pace) if page is None else page(server))
+    served = server.run(pace) if page is None else page(server)
+    await (served if scouts is None else scouts.beside(served))
+
+
+def _scouts(server: Nserver, name: str, domain: str | None, discovery: str | None) -> Ros2Scouts:
+    """The server's robots in ROS 2 from now on. Raises MisuseError, OutOfReachError."""
+    from sleepcast.bridges.ros2 import domain_number, join_network, usual_discovery, usual_domain
+
+    number = domain_number(domain or usual_domain())
+    where = discovery or usual_discovery(HERE)
+    if where not in DISCOVERY:
+        raise MisuseError(f"ROS_AUTOMATIC_DISCOVERY_RANGE is {where!r:.40}: wanted {' or '.join(DISCOVERY)}")
+    network = join_network(number, local=where == HERE)
+    if where != HERE:
+        _say(f"whoever is in ROS domain {number} of this network can drive these robots: ROS 2 asks for no password")
+    from sleepcast.bridges.ros2_scouts import Ros2Scouts, namespaces  # which is there only where the network is
+
+    scouts = Ros2Scouts(server, network, namespaces(name, server.world.count))
+    server.companions.append(scouts)
+    return scouts
 
 
 def _real_robots(given: Sequence[str], count: int) -> dict[int, RealAddress]:

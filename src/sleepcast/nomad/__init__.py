@@ -9,6 +9,7 @@ come in with connections and the server. Lengths in inches live in `units` alone
 from sleepcast.nomad.relay import RealAddress, real_robot
 from sleepcast.nomad.server import (
     DEFAULT_PORT,
+    Companion,
     Nserver,
     ServerError,
     ServerPace,
@@ -16,15 +17,18 @@ from sleepcast.nomad.server import (
     own_addresses,
     unheard,
 )
+from sleepcast.nomad.simulated_robot import SimulatedRobot
 from sleepcast.nomad.windows import RobotWindow, Sketch, Windows
 
 __all__ = [
     "DEFAULT_PORT",
+    "Companion",
     "Nserver",
     "RealAddress",
     "RobotWindow",
     "ServerError",
     "ServerPace",
+    "SimulatedRobot",
     "Sketch",
     "Windows",
     "listening_places",

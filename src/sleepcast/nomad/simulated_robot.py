@@ -143,6 +143,7 @@ class SimulatedRobot:
 
     def hold(self, still: bool, by: str) -> None:
         """Keep it at rest from now on, or no longer as far as this one is concerned; nothing old resumes."""
+        self._note(f"held by {by}" if still else f"released by {by}")
         if not still:
             self.holders.discard(by)
             return

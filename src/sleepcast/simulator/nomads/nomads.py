@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.errors import MisuseError
-from sleepcast.robot import Axes, Condition, Contact, Corners, Pose
+from sleepcast.robot import Axes, Condition, Contact, Corners, Pose, SonarKind
 from sleepcast.simulator.bodies.bodies import Bodies, Mode
 from sleepcast.simulator.bodies.proximity import Sonars, reach
 from sleepcast.simulator.nomads.obstacles import Obstacles
@@ -98,6 +98,11 @@ class NomadWorld:
     def track(self, robot: int) -> float:
         self._check(robot)
         return self.setup.track
+
+    def sonar(self, robot: int) -> SonarKind:
+        self._check(robot)
+        ring = self._sonars.ring
+        return SonarKind(ring.beam, ring.least, ring.most)
 
     # ---- driving
 

@@ -27,6 +27,7 @@ SLOW = {
     "bridges/test_mavproxy.py": 8,
     "bridges/test_crazyradio.py": 20,
     "bridges/test_ros2.py": 8,
+    "bridges/test_ros2_scouts.py": 30,
     "cli/test_bridge_ros2.py": 60,
     "tak/test_bridge.py": 10,
     "tak/test_event.py": 3,

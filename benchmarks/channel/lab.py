@@ -125,9 +125,10 @@ class Lab:
 
     # ---- the air
 
-    def lose(self, share: float, hosts: Iterable[str] | None = None) -> None:
-        """From now on each of these hosts (or all) loses this share of what reaches it, each by its own chance."""
-        rule = f"add rule inet radio ears {TO_AIR} numgen random mod 1000 < {round(1_000 * share)} drop\n"
+    def lose(self, share: float, hosts: Iterable[str] | None = None, what: str = TO_AIR) -> None:
+        """From now on each of these hosts (or all) loses this share of what reaches it, each by its own chance. what:
+        that can be lost, as nftables has it."""
+        rule = f"add rule inet radio ears {what} numgen random mod 1000 < {round(1_000 * share)} drop\n"
         for host in self.hosts if hosts is None else hosts:
             self._nft("flush chain inet radio ears\n" + (rule if share > 0.0 else ""), host)
 

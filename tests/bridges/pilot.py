@@ -72,4 +72,6 @@ def report(pilots: list[Pilot], lags: list[float], began: float, ended: float) -
     heard = [pilot.heard for pilot in pilots]
     rates = {"least_rate": min(heard) / (ended - began), "most_rate": max(heard) / (ended - began)}
     arrived = [pilot.arrived - began for pilot in pilots if pilot.arrived >= 0.0]
-    return json.dumps({"arrived": len(arrived), "latest": max(arrived, default=-1.0), **rates, **share, "heard": sum(heard)})
+    return json.dumps(
+        {"arrived": len(arrived), "latest": max(arrived, default=-1.0), **rates, **share, "heard": sum(heard)}
+    )

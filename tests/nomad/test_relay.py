@@ -85,13 +85,14 @@ def test_posdata_and_64_bit_clients_go_through() -> None:
     play(scene)
 
 
-def test_stop_stops_the_real_robot_too() -> None:
+@pytest.mark.parametrize("robot", [None, 0])
+def test_stop_stops_the_real_robot_too(robot: int | None) -> None:
     async def scene() -> None:
         async with pair() as (ours, theirs, client):
             await client.ask(Kind.REAL_ROBOT)
             await client.state(Kind.VM, 50, -50, 0)
             await eventually(lambda: theirs.world.observe(1).speeds.first > 0.1)
-            ours.nserver.hold(True)
+            ours.nserver.hold(True, robot=robot)
             await eventually(lambda: theirs.world.observe(1).speeds.first == 0.0)
             await client.state(Kind.VM, 50, -50, 0)
             await client.state(Kind.PR, 500, 500, 0)

@@ -224,9 +224,12 @@ class DdsLink:
 
     def _all_misfits(self, others: Mapping[str, tuple[Endpoint, ...]]) -> Iterable[str]:
         for (topic, published), (sort, qos) in self._wanted.items():
-            for each in others.get(topic, ()):
+            ends = others.get(topic, ())
+            is_heard = any(not each.publishes and each.sort == dds_name(sort) for each in ends)
+            for each in ends:
                 if each.publishes == published:
-                    yield from misfit(each, sort, qos)
+                    if published or not is_heard:  # some robots take velocities of both types
+                        yield from misfit(each, sort, qos)
                 elif each.publishes and topic == self._driven:
                     yield f"somebody else drives it, too, by {topic}: STOP does not hold for them"
 

@@ -7,7 +7,7 @@ who drives are theirs: the last word counts, and two that drive one robot are to
     velocity   holds for `FORGOTTEN` s of simulated time; then, or when who gave it is gone, the robot rests. One that
                is no number, or that no robot can have, is refused, and the robot rests
     STOP       holds the robot for everybody, until each of those programs that said so, and are there, says otherwise;
-               if none is there any more, until anybody does
+               if none is there any more, until anybody does, or a person at the page who stops and releases all
 
 Everything happens in the thread of the server: `listen` before every tick, and `look` now and then, also while time
 stands still.
@@ -98,6 +98,10 @@ class Ros2Scouts:
                 robot.tell(self._ticks + number)  # not all in the same tick
         except DDSException as error:  # nothing is late by it: what is now is told again
             self._say(f"something cannot be told to ROS 2: {error}")
+
+    def released(self) -> None:
+        for robot in self._robots:
+            robot.forget_gone()
 
     async def beside(self, served: Awaitable[None]) -> None:
         """Look now and then, for as long as the robots are served; leave the domain after that."""
@@ -323,13 +327,22 @@ class Ros2Robot:
 
     def _heed(self, message: Any) -> None:
         """Stand from now on, or no longer as far as this program is concerned; what is no message may mean to."""
-        stoppers, publication = self._stoppers, _publication(message) if message is not None else 0
+        publication = _publication(message) if message is not None else 0
         if message is None or message.data:
-            stoppers.add(publication)
+            self._stoppers.add(publication)
         else:
-            stoppers &= _publications(self._stops).keys() - {publication}
+            self._stoppers.discard(publication)
+            self.forget_gone()
+        self._hold()
+
+    def forget_gone(self) -> None:
+        """End what is said at `stop` by those who are there no more."""
+        self._stoppers &= _publications(self._stops).keys()
+        self._hold()
+
+    def _hold(self) -> None:
         held = self._stopping in self._robot.holders
-        if held is not bool(stoppers):
+        if held is not bool(self._stoppers):
             self._nserver.hold(not held, self._stopping, self._robot.robot)
             end = f"is free again ({self._stopping})" if held else f"must stand, until {self._stopping} says false"
             self._say(f"robot {self._robot.robot + 1} {end}")

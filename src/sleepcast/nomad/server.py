@@ -55,6 +55,9 @@ class Companion(Protocol):
     def after_tick(self) -> None:
         """Tell how they are now."""
 
+    def released(self) -> None:
+        """The person at the page has let all robots go: what nobody answers for any more ends as well."""
+
 
 class Nserver:
     """The server of one world's robots.
@@ -193,6 +196,9 @@ class Nserver:
         if still:
             for relay in self._relays(robot):
                 relay.stop()
+        elif by == PAGE:
+            for companion in self.companions:
+                companion.released()
 
     def _relays(self, robot: int | None = None) -> list[Relay]:
         sessions = [*(line.session for line in self.lines), *(hand.session for hand in self._hands.values())]

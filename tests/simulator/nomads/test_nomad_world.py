@@ -259,6 +259,21 @@ class TestSonar:
         assert scout.observe(0).sonars[0] == pytest.approx(2.0 - 0.17, abs=1e-5)
 
 
+class TestLidar:
+    def test_it_sees_sides_robots_and_nothing_from_the_middle_of_the_body(self) -> None:
+        world = nomad_world(robots=2)
+        assert world.add(BOX)
+        world.place(1, Pose(-2.0, 0.0, 0.0, 0.0))
+        world.place(0, Pose(0.0, 0.25, pi / 2.0, 0.0))
+        seen = world.scan(0, 4, 5.0)  # to the north, west, south and east
+        assert seen == pytest.approx((inf, inf, inf, 1.0))
+        world.place(0, Pose(0.0, 0.0, pi / 2.0, 0.0))
+        assert world.scan(0, 4, 5.0) == pytest.approx((inf, 2.0 - 0.17, inf, 1.0))
+        assert world.scan(1, 8, 5.0)[0] == pytest.approx(2.0 - 0.17)
+        assert world.scan(0, 4, 10.0)[0] == pytest.approx(9.144, rel=1e-6)
+        assert world.scan(0, 4, 1.5) == pytest.approx((inf, inf, inf, 1.0))
+
+
 class TestSlip:
     def test_wheels_of_the_noisy_setup_slip(self) -> None:
         world = nomad_world(setup="noisy", seed=4)
@@ -336,6 +351,9 @@ CALLS: list[Callable[[NomadWorld, int], object]] = [
     lambda world, robot: world.predict(robot, Pose(0.0, 0.0, 0.0, 0.0)),
     lambda world, robot: world.along(robot, (0.0, 0.0), (1.0, 0.0)),
     lambda world, robot: world.round(robot, (0.0, 0.0), 1.0, 0.0, 1.0),
+    lambda world, robot: world.scan(robot, 4, 1.0),
+    lambda world, robot: world.track(robot),
+    lambda world, robot: world.sonar(robot),
 ]
 
 

@@ -1,0 +1,50 @@
+"""The planner of pilot.py over DDS, where there is no ROS: `python ros2_planner.py SECONDS AWAY NAMESPACE...`. See
+rclpy_planner.py; the domain, and where others are looked for, are in the environment as ROS has it."""
+
+from __future__ import annotations
+
+import sys
+import time
+from math import atan2
+
+from bridges.pilot import Pilot, report
+from sleepcast.bridges.ros2 import domain_number, join_network, usual_discovery, usual_domain
+from sleepcast.bridges.ros2_messages import Clock, LaserScan, Odometry, Twist, TwistStamped, made, seconds
+
+PERIOD, GLANCE = 0.1, 0.002
+"""Simulated seconds between two velocities; seconds between two looks."""
+
+
+def main(patience: str, away: str, *names: str) -> None:
+    network = join_network(domain_number(usual_domain()), local=usual_discovery() == "localhost")
+    clock = network.reader("/clock", Clock, "sensor")
+    robots = []
+    for number, name in enumerate(names):
+        sort = (Twist, TwistStamped)[number % 2]  # old Nav2 and new
+        writer = network.writer(f"{name}/cmd_vel", sort, "reliable")
+        odom = network.reader(f"{name}/odom", Odometry, "reliable", 10)
+        robots.append((Pilot(float(away)), odom, network.reader(f"{name}/scan", LaserScan, "sensor"), sort, writer))
+    pilots, lags, times, now, told = [robot[0] for robot in robots], list[float](), list[float](), 0.0, -1.0
+    ends = time.monotonic() + float(patience)
+    while time.monotonic() < ends and any(pilot.arrived < 0.0 for pilot in pilots):
+        time.sleep(GLANCE)
+        for message in clock.take(1):
+            now = seconds(message.clock)
+        for pilot, odom, lidar, sort, writer in robots:
+            for message in odom.take(10):
+                pose, stamp = message.pose.pose, seconds(message.header.stamp)
+                lags.append(time.time() - message.sample_info.source_timestamp * 1e-9)
+                times.append(stamp)
+                turned = 2.0 * atan2(pose.orientation.z, pose.orientation.w)
+                pilot.odometry(stamp, pose.position.x, pose.position.y, turned)
+            for message in lidar.take(1):
+                pilot.scan(message.ranges)
+            if now - told >= PERIOD:
+                speed, turn = pilot.velocity()
+                writer.write(made(sort.__name__, {"speed": speed, "turn_rate": turn}, now))
+        told = now if now - told >= PERIOD else told
+    print(report(pilots, lags, min(times, default=0.0), max(times, default=1.0)), flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -138,6 +138,7 @@ def test_ranges_without_an_echo_are_their_bounds() -> None:
 
 def test_times() -> None:
     assert seconds(time_of(1_700_000_000.25)) == 1_700_000_000.25
+    assert (time_of(6.92), time_of(1.9999999999)) == (Time(6, 920_000_000), Time(2, 0))
     assert stamp(BatteryState(Header(Time(3, 500_000_000)))) == 3.5
     assert isnan(stamp(BatteryState())), "a robot that does not fill it in"
     assert isnan(stamp(Twist()))

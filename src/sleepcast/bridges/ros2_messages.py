@@ -225,7 +225,8 @@ def seconds(time: Time) -> float:
 
 
 def time_of(seconds: float) -> Time:
-    return Time(*divmod(round(seconds * 1e9), 1_000_000_000))
+    whole, part = divmod(seconds, 1.0)
+    return Time(*divmod(int(whole) * 1_000_000_000 + round(part * 1e9), 1_000_000_000))
 
 
 def stamp(message: Any) -> float:

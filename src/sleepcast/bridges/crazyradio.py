@@ -111,14 +111,14 @@ def stop_all_by_port(host: str, port: int) -> None:
 
 
 class Relay:
-    """A quadcopter at a UDP port. uri: of cflib; say: told when it is lost, and when it is there again."""
+    """A quadcopter at a UDP port. uri: of cflib; ending: when it is to end; say: told when it is lost, and when it is
+    there again."""
 
-    def __init__(self, name: str, uri: str, line: socket.socket, say: Callable[[str], None]) -> None:
-        self._name, self._uri, self._line, self._say = name, uri, line, say
+    def __init__(self, name: str, uri: str, line: socket.socket, ending: Event, say: Callable[[str], None]) -> None:
+        self._name, self._uri, self._line, self._ending, self._say = name, uri, line, ending, say
         self._driver: Any = None
         self._node: Any = None
         """The address of the program that has sent something last."""
-        self._ending = Event()
         self._threads = [Thread(target=each, name=name, daemon=True) for each in (self._down, self._up)]
 
     def begin(self) -> None:
@@ -127,7 +127,6 @@ class Relay:
 
     def end(self) -> None:
         """Threads that wait for a radio that is gone wait on, and do nothing more."""
-        self._ending.set()
         for thread in self._threads:
             thread.join(2.0 * LOOK)
 
@@ -143,8 +142,10 @@ class Relay:
             except OSError:  # the node is gone, or this port is closed
                 self._ending.wait(LOOK)
                 continue
+            if not 0 < len(data) <= LARGEST or data[0] == NOTHING:
+                continue
             self._node, driver = sender, self._driver
-            if driver is not None and 0 < len(data) <= LARGEST and data[0] != NOTHING:
+            if driver is not None:
                 driver.send_packet(CRTPPacket(data[0], list(data[1:])))
 
     def _down(self) -> None:
@@ -195,10 +196,10 @@ class SharedRadio:
         self._lock, self._ending = Lock(), Event()
         self._usual = threading.excepthook
         threading.excepthook = self._hear_of_end
-        self._answered = time.monotonic()
-        """When the radio itself has answered last."""
+        self._looks = 0
+        """How often `run` has looked since the radio itself answered last; while the process stands still, it does not."""
         pairs = zip(addresses, self._lines[1:], strict=True)
-        self._relays = [Relay(address, f"{base}/{address}", line, say) for address, line in pairs]
+        self._relays = [Relay(each, f"{base}/{each}", line, self._ending, say) for each, line in pairs]
         self._threads = [Thread(target=each, daemon=True) for each in (self._take_stops, self._look_at_radio)]
 
     def run(self, check: Callable[[], None]) -> None:
@@ -209,9 +210,13 @@ class SharedRadio:
             thread.start()
         while True:
             check()
-            self._ending.wait(LOOK)
-            if time.monotonic() - self._answered > UNPLUGGED:
+            time.sleep(LOOK)
+            self._looks += 1
+            if self._is_gone():
                 raise RadioGoneError("the Crazyradio does not answer; is it unplugged?")
+
+    def _is_gone(self) -> bool:
+        return self._looks * LOOK > UNPLUGGED
 
     def _hear_of_end(self, args: threading.ExceptHookArgs) -> None:
         """The thread of cflib that talks to the radio ends when that is pulled out, which is noticed here anyway."""
@@ -221,7 +226,7 @@ class SharedRadio:
     def _send(self, packet: bytes) -> None:
         with self._lock:
             if self._radio.send(packet):
-                self._answered = time.monotonic()
+                self._looks = 0
 
     def _take_stops(self) -> None:
         """Whoever reaches the port may stop all, and nothing else."""
@@ -248,7 +253,7 @@ class SharedRadio:
         for relay in self._relays:
             relay.end()
         self._close_lines()
-        if time.monotonic() - self._answered > UNPLUGGED:
+        if self._is_gone():
             RadioManager.remove(self._radio.device)  # else cflib would go on with the one that is gone
         else:
             self._radio.close()

@@ -11,6 +11,7 @@ from contextlib import closing
 from math import inf, isnan, pi
 from pathlib import Path
 from random import Random
+from threading import Event, Thread
 
 import pytest
 
@@ -399,6 +400,29 @@ def test_a_vehicle_that_there_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
         open_robot("mavlink://127.0.0.1:9?unsigned=yes#3")
     with pytest.raises(BodyError, match="no --lockstep"):
         open_robot("mavlink://127.0.0.1:9?unsigned=yes", Opening(in_step=True))
+
+
+def test_a_flight_controller_that_only_sends_telemetry_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As Betaflight 4.6 does: in MAVLink 1, from system 0."""
+    from pymavlink.dialects.v10 import common
+
+    monkeypatch.setattr("sleepcast.bridges.mavlink.PATIENCE", 1.0)
+    port, stranger, ended = free_port(), common.MAVLink(None, 0, 200), Event()
+    beat = stranger.heartbeat_encode(2, 0, 64, 1, 3).pack(stranger)
+
+    def tell() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
+            while not ended.wait(0.02):
+                line.sendto(beat, ("127.0.0.1", port))
+
+    thread = Thread(target=tell)
+    thread.start()
+    try:
+        with pytest.raises(OutOfReachError, match=r"in 1 s; heard were 0 \(its component 200\)$"):
+            open_robot(f"mavlink://127.0.0.1:{port}?unsigned=yes&listen=yes#1")
+    finally:
+        ended.set()
+        thread.join()
 
 
 # ---- with a vehicle in another process

@@ -197,7 +197,7 @@ class SharedRadio:
         self._usual = threading.excepthook
         threading.excepthook = self._hear_of_end
         self._looks = 0
-        """How often `run` has looked since the radio itself answered last; while the process stands still, it does not."""
+        """How often `run` has looked since the radio itself answered last; a process that stands still does not."""
         pairs = zip(addresses, self._lines[1:], strict=True)
         self._relays = [Relay(each, f"{base}/{each}", line, self._ending, say) for each, line in pairs]
         self._threads = [Thread(target=each, daemon=True) for each in (self._take_stops, self._look_at_radio)]

@@ -484,19 +484,20 @@ def open_body(uri: str, opening: Opening) -> MavlinkVehicle:
 
 def _meet(link: Link, system: int, where: str) -> Any:
     """Wait for a vehicle whose modes are known; gives its heartbeat."""
-    end, others = time.monotonic() + PATIENCE, set[int]()
+    end, others = time.monotonic() + PATIENCE, set[str]()
     while time.monotonic() < end:
         link.send(link.mav.heartbeat_encode(6, 8, 0, 0, 4))
         for message in link.receive():
-            if message.get_type() != "HEARTBEAT" or message.get_srcComponent() != 1:
+            if message.get_type() != "HEARTBEAT":
                 continue
-            if message.get_srcSystem() == system:
+            component = message.get_srcComponent()
+            if (message.get_srcSystem(), component) == (system, 1):
                 if message.autopilot != AUTOPILOT or message.type not in MODES:
                     what = f"type {message.type} with autopilot {message.autopilot}"
                     raise BodyError(f"vehicle {system} at {where} is of {what}: wanted an ArduPilot rover or copter")
                 return message
-            others.add(message.get_srcSystem())
+            others.add(f"{message.get_srcSystem()}" + (f" (its component {component})" if component != 1 else ""))
         time.sleep(0.1)
-    heard = f"; heard were {', '.join(map(str, sorted(others)))}" if others else ""
+    heard = f"; heard were {', '.join(sorted(others))}" if others else ""
     why = "".join(f"; {sentence}" for sentence in link.complaints())
     raise OutOfReachError(f"vehicle {system} was not heard at {where} in {PATIENCE:g} s{heard}{why}")

@@ -22,6 +22,7 @@ pytest.importorskip("cflib")
 from bridges.crazyradio_dongle import Dongle
 from bridges.mind import PATIENCE
 from channel.test_udp import free_port
+from cli.calling import called
 from sleepcast.bridges import BodyError, open_robot
 from sleepcast.bridges.crazyflie import CrazyflieBody
 from sleepcast.bridges.crazyradio import EMERGENCY_STOP, RadioGoneError, SharedRadio, stop_all_by_port
@@ -208,3 +209,19 @@ def test_without_a_radio_nothing_is_shared(port: int, monkeypatch: pytest.Monkey
 def test_a_broadcast_that_is_none(uri: str) -> None:
     with pytest.raises(MisuseError, match="broadcast is a UDP port of the same host"):
         open_robot(uri)
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "said"),
+    [
+        (("radio0:126", FIRST), 2, "'radio0:126': wanted a radio and its channel up to 125, as radio0:80"),
+        (("radio0:80", "E7"), 2, "'E7': wanted the address of a Crazyflie, ten hexadecimal digits"),
+        (("radio0:80", FIRST, FIRST.lower()), 2, "2 addresses: wanted up to 20, each once"),
+        (("radio0:80", FIRST), 1, "Cannot find a Crazyradio Dongle: plug it in, or end the program that has it"),
+    ],
+)
+def test_a_radio_that_is_none(words: tuple[str, ...], status: int, said: str, port: int) -> None:
+    done = called("bridge", "crazyradio", "--port", str(port), *words)
+    assert done.status == status, done.err
+    assert said in done.err
+    assert "Traceback" not in done.err

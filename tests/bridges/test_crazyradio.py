@@ -217,7 +217,7 @@ def test_a_broadcast_that_is_none(uri: str) -> None:
         (("radio0:126", FIRST), 2, "'radio0:126': wanted a radio and its channel up to 125, as radio0:80"),
         (("radio0:80", "E7"), 2, "'E7': wanted the address of a Crazyflie, ten hexadecimal digits"),
         (("radio0:80", FIRST, FIRST.lower()), 2, "2 addresses: wanted up to 20, each once"),
-        (("radio0:80", FIRST), 1, "Cannot find a Crazyradio Dongle: plug it in, or end the program that has it"),
+        (("radio99:80", FIRST), 1, "Cannot find a Crazyradio Dongle: plug it in, or end the program that has it"),
     ],
 )
 def test_a_radio_that_is_none(words: tuple[str, ...], status: int, said: str, port: int) -> None:

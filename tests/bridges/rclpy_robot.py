@@ -23,7 +23,8 @@ class Robot:
 
         self.node, self.namespace = node, namespace
         self.x = self.y = self.heading = self.speed = self.turn_rate = 0.0
-        self.heard, self.stopped = node.get_clock().now().nanoseconds, False
+        self.heard = node.get_clock().now().nanoseconds
+        self.stopped: bool | None = None
         self.odom = node.create_publisher(Odometry, topic("odom"), qos_profile_sensor_data)
         self.scan = node.create_publisher(LaserScan, topic("scan"), qos_profile_sensor_data)
         self.battery = node.create_publisher(BatteryState, topic("battery_state"), 10)
@@ -49,7 +50,7 @@ class Robot:
         print(self.namespace, f"shows {battery.percentage:g}", flush=True)
 
     def stop(self, message: Bool) -> None:
-        if self.stopped != message.data or not message.data:
+        if self.stopped is not message.data:
             print(self.namespace, "stopped" if message.data else "free", flush=True)
         self.stopped = message.data
 

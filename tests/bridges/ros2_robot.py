@@ -100,7 +100,8 @@ class OneRobot:
         def topic(name: str) -> str:
             return f"{namespace}/{name}"
 
-        self.namespace, self.wheels, self.heard, self.stopped = namespace, Wheels(), time.monotonic(), False
+        self.namespace, self.wheels, self.heard = namespace, Wheels(), time.monotonic()
+        self.stopped: bool | None = None
         self.odom, self.lidar = over.writer(topic("odom"), Odometry), over.writer(topic("scan"), LaserScan)
         self.battery = over.writer(topic("battery_state"), BatteryState, "reliable")
         self.told, self.stop = over.reader(topic("cmd_vel"), Twist), over.reader(topic("stop"), Bool, "latched")
@@ -114,7 +115,7 @@ class OneRobot:
         if (wheels.speed != 0.0) is not moved:
             print(self.namespace, "rests" if moved else "moves", flush=True)
         for each in heard_at(self.stop):
-            if each.data is not self.stopped or not each.data:
+            if each.data is not self.stopped:
                 print(self.namespace, "stopped" if each.data else "free", flush=True)
             self.stopped = each.data
         wheels.advance(TICK)

@@ -460,18 +460,29 @@ def test_another_process_is_driven_lost_and_found_again(ros: bool, monkeypatch: 
 
 
 @needs_ros
-def test_other_sensors_of_real_ros(tmp_path: Path) -> None:
+def test_other_messages_of_real_ros(tmp_path: Path) -> None:
     """Range has one more value at its end since ROS 2 Iron."""
     text = TURTLEBOT.read_text()
     text += '[in.imu]\ntype = "Imu"\nvalues = { turning = "turn_rate", lifted = "up_acceleration" }\n'
     text += '[in.sonar]\ntype = "Range"\nvalues = { ahead = "range" }\n'
+    text += '[out.goal_pose]\ntype = "PoseStamped"\nfunction = "NAV_TO"\nvalues = { x = "x", y = "y cm" }\n'
+    text += '[out.dashboard]\ntype = "BatteryState"\nfunction = "SHOW"\nvalues = { level = "percentage" }\n'
     file = tmp_path / "more.toml"
     file.write_text(text)
     with (
-        another(ros=True),
+        another(ros=True) as process,
         closing(open_robot(f"ros2:///scout3?domain={DOMAIN}&discovery=localhost&mapping={file}")) as body,
     ):
+        assert process.stdout is not None
+        navigate, show = body.model.functions
         until(lambda: body.sense().values[-3:] == (0.0, 0.0, 1.5))
+        assert process.stdout.readline() == "/scout3 free\n", "by which we know that it hears us"
+        navigate.call(body, 1.5, -0.02)
+        assert process.stdout.readline() == "/scout3 goal map 1.5 -2\n"
+        show.call(body, 0.5)
+        assert process.stdout.readline() == "/scout3 shows 0.5\n"
+        body.stop()
+        assert process.stdout.readline() == "/scout3 stopped\n"
 
 
 def test_a_simulation_with_its_clock_and_others_that_do_not_fit_are_told() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import time
@@ -18,10 +19,10 @@ import pytest
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed here")
 
-from benchmarks.channel.lab import why_not
+from benchmarks.channel.lab import Lab, why_not
 
 from bridges.ros2_robot import OverDds, domain_for
-from bridges.test_ros2 import another
+from bridges.test_ros2 import another, needs_ros, robots_command, robots_place
 from channel.test_udp import free_port
 from cli.calling import LONGEST, called
 from processes import SLEEPCAST, live_in, start
@@ -178,6 +179,38 @@ def test_what_does_not_fit_is_told_at_node_and_desk_and_comes_right(channel: str
     text = said.rest()
     assert "scout2" not in text
     del wrong
+
+
+@needs_ros
+@pytest.mark.skipif(bool(LAB), reason=f"no networks of our own here: {LAB}")
+def test_twenty_robots_of_real_ros_on_a_lossy_network(channel: str) -> None:
+    """A fifth of what passes between the robots' computer and ours is lost, both ways."""
+    fleet = [f"/scout{number}" for number in range(1, 21)]
+    pipes, place = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}, robots_place(True, DOMAIN, "SUBNET")
+    with Lab(["robots", "ours"]) as lab:
+
+        def ours(*arguments: str) -> dict[str, Any]:
+            done = lab.start("ours", *SLEEPCAST[2:], *arguments, "--channel", channel, "--json", **pipes)
+            out, err = done.communicate(timeout=LONGEST)
+            assert out, err
+            told: dict[str, Any] = json.loads(out)
+            return told
+
+        robots = lab.start(
+            "robots", *map(str, robots_command(True, DOMAIN)), *fleet, environment={**os.environ, **place}, **pipes
+        )
+        heard = Said(robots)
+        lab.lose(0.2, what='iifname "eth0"')
+        minds = ("bridge", "ros2", "--channel", channel, "--domain", str(DOMAIN), "--discovery", "subnet", "--no-store")
+        said = Said(lab.start("ours", *SLEEPCAST[2:], *minds, **pipes))
+        said.until(lambda lines: count(lines, "20 robots") == 1)
+        go = ours("send", "--standing", "--all", "--count", "20", "(RULE go (SETQ drive_speed 0.2m/s))")
+        assert go["n_matched"] == 20
+        heard.until(lambda lines: last(lines, "moves", "rests") == ["moves"] * 20)
+        stop = ours("stop")
+        assert (stop["n_matched"], stop["n_silent"]) == (20, 0)
+        heard.until(lambda lines: last(lines, "moves", "rests") == ["rests"] * 20)
+        heard.until(lambda lines: last(lines, "stopped", "free") == ["stopped"] * 20)
 
 
 def test_a_list_of_what_is_there(channel: str) -> None:

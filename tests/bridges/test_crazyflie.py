@@ -320,6 +320,6 @@ def test_a_link_that_dies_in_flight_is_told_at_node_and_desk_and_comes_back_by_i
 def test_nobody_there_is_told(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     from sleepcast.bridges import crazyflie_link
 
-    monkeypatch.setattr(crazyflie_link, "SOON", 0.5)
+    monkeypatch.setattr(crazyflie_link, "SOON", 0.2)
     with pytest.raises(OutOfReachError):
         open_robot(f"crazyflie://127.0.0.1:{port}")

@@ -12,8 +12,10 @@ from typing import Any
 from sleepcast.bridges.body import OutOfReachError
 from sleepcast.core.errors import MisuseError, printable
 
-SOON, PATIENCE = 2.0, 10.0
-"""Seconds for a quadcopter to answer at all, and to tell what it can log."""
+SOON, TRIES = 2.0, 3
+"""Seconds for a quadcopter to answer at all, and how often it is asked: over UDP, cflib does not ask again."""
+PATIENCE = 10.0
+"""Seconds for it to tell what it can log."""
 PERIOD = 50
 """ms between two values of each variable."""
 ROOM = 26
@@ -49,9 +51,13 @@ class CflibQuadcopter:
         self._copter.connected.add_callback(lambda uri: done.set())
         self._copter.connection_failed.add_callback(failed)
         self._copter.connection_lost.add_callback(failed)
-        self._copter.open_link(uri)
         try:
-            if not (heard.wait(SOON) and done.wait(PATIENCE)):
+            for _ in range(TRIES):
+                self._copter.open_link(uri)
+                if heard.wait(SOON):
+                    break
+                self.close()
+            if not (heard.is_set() and done.wait(PATIENCE)):
                 self._why = f"{uri} does not answer"
             self._check()
             self._begin_log(list(logged))

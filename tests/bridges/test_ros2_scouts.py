@@ -267,6 +267,7 @@ def test_stop_holds_it_for_everybody_until_who_said_so_says_otherwise(scene: Sce
     stop.write(Bool(True))
     scene.until(lambda: scene.robot.held and scene.speed() == 0.0)
     assert "robot 1 must stand, until /scout1/stop says false" in scene.said
+    assert scene.robot.window.held == "/scout1/stop"
     program.state(Kind.VM, 50, 50, 0)
     other.write(Bool(False))
 
@@ -526,7 +527,7 @@ def test_twenty_robots_arrive_faster_than_real_time(ros: bool) -> None:
 @pytest.mark.skipif(bool(REASON), reason=f"no networks of our own here: {REASON}")
 def test_twenty_robots_arrive_although_a_fifth_is_lost() -> None:
     ros = bool(RCLPY)
-    pipe, serve = subprocess.PIPE, (*SERVE, "--robots", str(MANY))
+    pipe, serve = subprocess.PIPE, (*SERVE, "--robots", str(MANY), "--speed", "2")
     with Lab(["server", "planner"]) as lab:
         lab.lose(0.2, what=EVERYTHING)
         subnet = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}

@@ -143,12 +143,10 @@ class SimulatedRobot:
 
     def hold(self, still: bool, by: str) -> None:
         """Keep it at rest from now on, or no longer as far as this one is concerned; nothing old resumes."""
-        self._note(f"held by {by}" if still else f"released by {by}")
-        if not still:
-            self.holders.discard(by)
-            return
-        self.holders.add(by)
-        self.command(Kind.ST, ())
+        self.holders = self.holders | {by} if still else self.holders - {by}
+        self.window.held = " and ".join(sorted(self.holders))
+        if still:
+            self.command(Kind.ST, ())
 
     def _note(self, command: str) -> None:
         """Show a command in the window, once for many that are the same."""

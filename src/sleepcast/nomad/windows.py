@@ -86,8 +86,8 @@ class RobotWindow:
     put elsewhere. far, near: what its sonars, and its infrared sensors and bumper, measured in the last minute.
     commands, said: with the time (simulated s) at which each came. echoes: what its sonars saw, placed by where it
     believed to be. condition: the latest. waiting: how many clients wait for a click in this window. client: who is
-    connected to it, "" for nobody. rivals: those who drive it together, "" while one alone does. erased: how often each
-    layer was.
+    connected to it, "" for nobody. rivals: those who drive it together, "" while one alone does. held: who keeps it at
+    rest, "" for nobody. erased: how often each layer was.
     """
 
     actual: deque[Point] = field(default_factory=_trace)
@@ -101,6 +101,7 @@ class RobotWindow:
     waiting: int = 0
     client: str = ""
     rivals: str = ""
+    held: str = ""
     erased: dict[Layer, int] = field(default_factory=_nothing_erased)
 
     def look(self, condition: Condition, radius: float) -> None:

@@ -528,6 +528,7 @@ def test_stop_holds_against_a_program_that_drives_on(page: Page, robot: Nomad) -
     page.locator("#order").focus()
     page.keyboard.press("F9")
     expect(page.locator("#stopped-text")).to_contain_text("every robot is kept at rest")
+    expect(page.locator("#robot-state")).to_contain_text("held by the page")
     until(page, lambda: not any(robot.vm(100, 100).words[38:40]))
     page.locator("#release").click()
     expect(page.locator("#stopped")).to_be_hidden()

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from machines import ALL
+from machines import ALL, MACHINES
 from simulator.nomads.nomad_time import run, until_rest
 from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Axes, Pose
@@ -260,8 +260,9 @@ class TestSonar:
 
 
 class TestLidar:
-    def test_it_sees_sides_robots_and_nothing_from_the_middle_of_the_body(self) -> None:
-        world = nomad_world(robots=2)
+    @pytest.mark.parametrize("machine", MACHINES)
+    def test_it_sees_sides_and_robots_from_the_middle_of_the_body(self, machine: Machine) -> None:
+        world = nomad_world(robots=2, machine=machine)
         assert world.add(BOX)
         world.place(1, Pose(-2.0, 0.0, 0.0, 0.0))
         world.place(0, Pose(0.0, 0.25, pi / 2.0, 0.0))

@@ -171,9 +171,10 @@ class NomadsBackend:
 
     def _robot(self, robot: int) -> Robot:
         window = self.nomads.window(robot)
-        state = f"driven by {window.client}" if window.client else "no program drives it"
+        state = [f"held by {window.held}"] if window.held else []
+        state.append(f"driven by {window.client}" if window.client else "no program drives it")
         values = [] if window.condition is None else list(self._values(robot, window.condition))
-        return Robot(robot, [], [state], values, [], _lines(window.said), _lines(window.commands))
+        return Robot(robot, [], state, values, [], _lines(window.said), _lines(window.commands))
 
     def _values(self, robot: int, condition: Condition) -> Iterator[ShownValue]:
         """What it knows of itself, in the Nomad's units."""

@@ -43,7 +43,7 @@ class RobotWindow(Protocol):
     far, near: what its sonars, and its infrared sensors and bumper, measured lately. commands: what it was asked. said:
     text that its program has sent. condition: the latest, None before the first. waiting: how many programs wait until
     somebody points at a place. client: who is connected to it, "" for nobody. rivals: those who drive it together, ""
-    while one alone does. erased: how often each layer has been erased.
+    while one alone does. held: who keeps it at rest, "" for nobody. erased: how often each layer has been erased.
     """
 
     @property
@@ -64,6 +64,8 @@ class RobotWindow(Protocol):
     def client(self) -> str: ...
     @property
     def rivals(self) -> str: ...
+    @property
+    def held(self) -> str: ...
     @property
     def far(self) -> Sequence[Looked]: ...
     @property

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import count
 from math import isfinite
 from typing import Any, NamedTuple
@@ -49,8 +50,9 @@ MAX_SAID = 100
 """Sentences of one robot that are said once."""
 STATIC = "tf_static"
 VELOCITIES = (Twist, TwistStamped)
-STOPS = ("latched", "sensor")
-"""How it is listened to at `stop`: for what was said before, and to those who say it to nobody later."""
+STOPS = ("sensor", "latched")
+"""How it is listened to at `stop`: to those who say it to nobody later, and for what was said before. The second misses
+nothing, and so has the last word."""
 
 
 def namespaces(name: str, robots: int) -> list[str]:
@@ -87,17 +89,16 @@ class Ros2Scouts:
         """Ticks until now, and the simulated time that was told last."""
 
     def before_tick(self) -> None:
-        for robot in self._robots:
-            robot.listen()
+        with self._goes_on():
+            for robot in self._robots:
+                robot.listen()
 
     def after_tick(self) -> None:
         self._ticks += 1
-        try:
+        with self._goes_on():
             self._tell_time()
             for number, robot in enumerate(self._robots):
                 robot.tell(self._ticks + number)  # not all in the same tick
-        except DDSException as error:  # nothing is late by it: what is now is told again
-            self._say(f"something cannot be told to ROS 2: {error}")
 
     def released(self) -> None:
         for robot in self._robots:
@@ -119,19 +120,28 @@ class Ros2Scouts:
     def look(self) -> None:
         """Hear what has come, also while time stands still, and say what does not fit."""
         self.before_tick()
-        if self._nserver.world.time == self._told:
-            self._tell_time()  # those who have come meanwhile have not heard it
-        others = self._network.others()
-        if others is not self._others:
-            known = self._misfits
-            self._others, self._misfits = others, set(self._all_misfits(others))
-            for sentence in sorted(self._misfits - known):
-                self._say(sentence)
+        with self._goes_on():
+            if self._nserver.world.time == self._told:
+                self._tell_time()  # those who have come meanwhile have not heard it
+            others = self._network.others()
+            if others is not self._others:
+                known = self._misfits
+                self._others, self._misfits = others, set(self._all_misfits(others))
+                for sentence in sorted(self._misfits - known):
+                    self._say(sentence)
 
     def _close(self) -> None:
         self._robots.clear()
         del self._clock
         self._network.close()
+
+    @contextmanager
+    def _goes_on(self) -> Iterator[None]:
+        """What fails in the domain is said, and no robot waits for it: what is now is told again."""
+        try:
+            yield
+        except DDSException as error:
+            self._say(f"ROS 2 fails: {error}")
 
     def _tell_time(self) -> None:
         self._told = self._nserver.world.time
@@ -226,7 +236,7 @@ class Ros2Robot:
     # ---- what it tells
 
     def tell(self, ticks: int) -> None:
-        """Tell what is due and somebody listens to. Raises DDSException."""
+        """Tell what is due and somebody listens to."""
         for told, every, writer in self._tellers:
             if ticks % every == 0 and writer.get_matched_subscriptions():
                 for message in told.make(self._sensors, self._world.time):
@@ -273,8 +283,10 @@ class Ros2Robot:
             name = self._drivers.pop(publication)
             self._robot.dismiss(name)
             self._say(f"{name} has left robot {number}")
-            if name == self._driver and name not in self._drivers.values():
-                self._come_to_rest("is gone")
+            if name not in self._drivers.values():
+                if name == self._driver:
+                    self._come_to_rest("is gone")
+                self._said = {each for each in self._said if each[0] != name}
         for publication, (reader, handle) in there.items():
             if publication not in self._drivers:
                 name = self._drivers[publication] = self._programs.name(reader, handle)
@@ -292,7 +304,9 @@ class Ros2Robot:
         name = self._drivers.get(publication)
         if name is None:
             return  # it has gone already
-        twist, stamp = (message.twist, seconds(message.header.stamp)) if hasattr(message, "twist") else (message, 0.0)
+        twist, stamp = message, 0.0
+        if isinstance(message, TwistStamped):
+            twist, stamp = message.twist, seconds(message.header.stamp)
         wrong = wrong_velocity(twist)
         self._note_clock(name, stamp)
         if wrong:

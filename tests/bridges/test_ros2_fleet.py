@@ -74,6 +74,15 @@ def test_robots_are_found_with_what_they_lack_and_go_again(fleet: Ros2Fleet) -> 
     until(lambda: not fleet.look())
 
 
+def test_names_that_are_none_are_no_robots(fleet: Ros2Fleet) -> None:
+    over = OverDds("", DOMAIN)
+    names = ("/../../etc", "/2", "/" + "a" * 195, "/good")
+    kept = [over.writer(f"{name}/odom", Odometry) for name in names]
+    until(lambda: bool(fleet.look()))
+    assert list(fleet.look()) == ["/good"]
+    del kept
+
+
 def test_a_quality_of_service_that_does_not_fit_is_told(tmp_path: Path) -> None:
     file = tmp_path / "sure.toml"
     file.write_text(TURTLEBOT.read_text().replace('type = "Odometry"', 'type = "Odometry"\nqos = "latched"'))

@@ -216,7 +216,10 @@ def test_twenty_robots_of_real_ros_on_a_lossy_network(channel: str) -> None:
 def test_a_list_of_what_is_there(channel: str) -> None:
     place = ("--domain", str(DOMAIN), "--discovery", "localhost", "--dry-run", "--seconds")
     nobody = called("bridge", "ros2", *place, "0.1")
-    assert (nobody.status, nobody.out, nobody.err) == (1, "0 robots in 0.1 s\n", "")
+    assert (nobody.status, nobody.out) == (1, "0 robots in 0.1 s\n")
+    assert nobody.err.startswith(
+        "nobody has a topic such as NAMESPACE/odom or NAMESPACE/scan or NAMESPACE/cmd_vel in ROS"
+    )
     with another(*ROBOTS[:2], domain=DOMAIN):
         found = called("bridge", "ros2", *place, "4")
         assert found.out.splitlines()[1:] == [f"{name}: all topics are there" for name in ROBOTS[:2]]
@@ -243,7 +246,7 @@ def test_a_list_of_what_is_there(channel: str) -> None:
         (("--discovery", "off"), "'off' is not one of"),
         (("--mapping", "none.toml"), "none.toml: cannot be read"),
         (("--json",), "--json is for the list"),
-        (("--no-store", "--stores", "."), "do not go together"),
+        (("--no-store", "--store", "."), "do not go together"),
         (("--rules", "none.sleep"), "none.sleep"),
         (("--lease", "never"), "or off"),
         (("--channel", "tcp://x"), "tcp"),
@@ -252,6 +255,24 @@ def test_a_list_of_what_is_there(channel: str) -> None:
 )
 def test_what_is_no_fleet(channel: str, arguments: tuple[str, ...], complaint: str) -> None:
     refused = called("bridge", "ros2", "--channel", channel, "--discovery", "localhost", "--seconds", "0", *arguments)
+    assert refused.status == 2, refused
+    assert complaint in refused.err
+    assert "Traceback" not in refused.err
+
+
+@pytest.mark.parametrize(
+    ("option", "text", "complaint"),
+    [
+        ("--rules", "(SETQ x 1)", "x at 1:7 is a sensor: it can be read, not assigned"),
+        ("--golden", "(SETQ y 1)", "wanted (RULE name expression)"),
+    ],
+)
+def test_options_that_no_robot_can_take_are_refused(
+    channel: str, tmp_path: Path, option: str, text: str, complaint: str
+) -> None:
+    (tmp_path / "given").write_text(text)
+    place = ("--channel", channel, "--domain", str(DOMAIN), "--discovery", "localhost")
+    refused = called("bridge", "ros2", *place, "--robot", "scout1", "--no-store", option, str(tmp_path / "given"))
     assert refused.status == 2, refused
     assert complaint in refused.err
     assert "Traceback" not in refused.err

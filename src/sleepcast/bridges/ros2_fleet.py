@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from sleepcast.bridges.body import FRESH
 from sleepcast.bridges.ros2 import Ros2Body, body_on
-from sleepcast.bridges.ros2_mapping import RobotMapping, Sink, Source, read_mapping
+from sleepcast.bridges.ros2_mapping import MAX_NAME, RobotMapping, Sink, Source, is_namespace, read_mapping
 from sleepcast.core.settings import SettingsError, read_text
 
 if TYPE_CHECKING:
@@ -77,6 +77,9 @@ class Ros2Fleet:
         if drive.startswith("/"):
             raise SettingsError(f'{path}: out."{drive}": all robots would be driven by one topic: leave out its slash')
         self._relative = [each.name for each in (*lively, self.mapping.drive) if not each.name.startswith("/")]
+        self._longest = max(
+            map(len, [each.topic for each in self.mapping.sources] + [each.topic for each in self.mapping.sinks])
+        )
         self._seen: Mapping[str, tuple[Endpoint, ...]] = {}
         self._found: dict[str, RobotThere] = {}
 
@@ -87,6 +90,14 @@ class Ros2Fleet:
             self._seen = others
             self._found = {each: self._robot(each) for each in sorted(self._namespaces(others))}
         return self._found
+
+    def nobody(self) -> str:
+        """What to look for where nothing is found, in a sentence."""
+        topics, domain = " or ".join(f"NAMESPACE/{name}" for name in self._relative), self._network.domain
+        return (
+            f"nobody has a topic such as {topics} in ROS domain {domain}: is it that of the robots, and do they look "
+            "beyond their own computer?"
+        )
 
     def mapping_of(self, namespace: str) -> RobotMapping:
         """The mapping of the robot in this namespace. Raises SettingsError."""
@@ -100,9 +111,14 @@ class Ros2Fleet:
         found: set[str] = set()
         for topic in others:
             for name in self._relative:
-                if topic.endswith("/" + name) and len(found) < MAX_NAMESPACES:
-                    found.add(topic[: -len(name) - 1])
+                namespace = topic[: -len(name) - 1]
+                if topic.endswith("/" + name) and self._fits(namespace) and len(found) < MAX_NAMESPACES:
+                    found.add(namespace)
         return found
+
+    def _fits(self, namespace: str) -> bool:
+        """Whether a robot may have it: DDS lets names be anything."""
+        return is_namespace(namespace) and len(namespace) + self._longest < MAX_NAME
 
     def _robot(self, namespace: str) -> RobotThere:
         return RobotThere(namespace, tuple(self._topics(self.mapping_of(namespace))))
@@ -118,19 +134,14 @@ class Ros2Fleet:
 
     def _wrong(self, ours: Source | Sink) -> str:
         """Why nothing passes by a topic, "" if something does."""
-        reasons = list(self._reasons(ours))
-        if not reasons:
-            return f"{NOBODY}publishes {ours.topic}" if isinstance(ours, Source) else f"{NOBODY}listens at {ours.topic}"
-        return "" if "" in reasons else reasons[0]
-
-    def _reasons(self, ours: Source | Sink) -> Iterator[str]:
-        """Of each of the others at a topic, why it does not fit, "" if it does."""
         from sleepcast.bridges.ros2_link import misfit
 
         comes = isinstance(ours, Source)
-        for each in self._seen.get(ours.topic, ()):
-            if each.publishes == comes:
-                yield next(iter(misfit(each, ours.sort, ours.qos)), "")
+        others = [each for each in self._seen.get(ours.topic, ()) if each.publishes == comes]
+        if not others:
+            return f"{NOBODY}{'publishes' if comes else 'listens at'} {ours.topic}"
+        reasons = [misfit(each, ours.sort, ours.qos) for each in others]
+        return "" if "" in reasons else reasons[0]
 
 
 def _listed(names: tuple[str, ...]) -> str:

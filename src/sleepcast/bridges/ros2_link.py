@@ -225,11 +225,12 @@ class DdsLink:
     def _all_misfits(self, others: Mapping[str, tuple[Endpoint, ...]]) -> Iterable[str]:
         for (topic, published), (sort, qos) in self._wanted.items():
             ends = others.get(topic, ())
-            is_heard = any(not each.publishes and each.sort == dds_name(sort) for each in ends)
+            is_heard = any(not each.publishes and not misfit(each, sort, qos) for each in ends)
             for each in ends:
                 if each.publishes == published:
-                    if published or not is_heard:  # some robots take velocities of both types
-                        yield from misfit(each, sort, qos)
+                    wrong = misfit(each, sort, qos)
+                    if wrong and (published or not is_heard):  # some robots take velocities of both types
+                        yield wrong
                 elif each.publishes and topic == self._driven:
                     yield f"somebody else drives it, too, by {topic}: STOP does not hold for them"
 
@@ -248,17 +249,18 @@ class DdsLink:
         self._clock = None
 
 
-def misfit(other: Endpoint, sort: str, qos: str) -> Iterable[str]:
-    """Why nothing passes between another program's topic and ours, in a sentence; nothing if it does. sort: its type,
-    as mappings call it. qos: which of `GRADES` we want, or give."""
+def misfit(other: Endpoint, sort: str, qos: str) -> str:
+    """Why nothing passes between another program's topic and ours, in a sentence; "" if it does. sort: its type, as
+    mappings call it. qos: which of `GRADES` we want, or give."""
     topic, there, wanted = other.topic, ros_type(other.sort), ros_type(dds_name(sort))
     if there != wanted:
         what = "what it brings is not read" if other.publishes else "whoever listens there hears nothing of us"
-        yield f"{topic} has the type {there}, not {wanted} as the mapping says: {what}"
-    elif other.publishes and GRADES.index(other.grade) < GRADES.index(qos):
-        yield (
+        return f"{topic} has the type {there}, not {wanted} as the mapping says: {what}"
+    if other.publishes and GRADES.index(other.grade) < GRADES.index(qos):
+        return (
             f'nothing comes by {topic}: the mapping wants qos = "{qos}", and it is published as "{other.grade}": '
             f'say qos = "{other.grade}" there'
         )
-    elif not other.publishes and GRADES.index(other.grade) > GRADES.index(qos):
-        yield f"whoever listens at {topic} hears nothing of us: they want what is {other.grade}, and we are {qos}"
+    if not other.publishes and GRADES.index(other.grade) > GRADES.index(qos):
+        return f"whoever listens at {topic} hears nothing of us: they want what is {other.grade}, and we are {qos}"
+    return ""

@@ -16,7 +16,7 @@ from sleepcast.api.connection import CHANNEL, AirOptions
 from sleepcast.cli.air import no_store_option, options
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.options import Seconds, restraints
-from sleepcast.cli.streams import announce, put
+from sleepcast.cli.streams import announce, complain, put
 from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
@@ -68,10 +68,10 @@ LOOKS = 5.0
 )
 @click.option("--seconds", metavar="S", type=Seconds(0.0), help="End after S seconds (default: at Ctrl-C).")
 @click.option(
-    "--stores",
+    "--store",
     metavar="FOLDER",
     type=click.Path(path_type=Path, file_okay=False),
-    help="Folder of the robots' stores (default: in your data).",
+    help="Folder for state that survives a restart (default: in your data).",
 )
 @no_store_option
 @restraints
@@ -91,7 +91,7 @@ def ros2(
     golden: Path | None,
     tick: float,
     seconds: float | None,
-    stores: Path | None,
+    store: Path | None,
     forgetful: bool,
     lease: str,
     limits: Path | None,
@@ -121,8 +121,8 @@ def ros2(
     named = _namespaces(robots, file)
     if as_json and not dry:
         raise MisuseError("--json is for the list of --dry-run")
-    if forgetful and stores is not None:
-        raise MisuseError("--stores and --no-store do not go together: leave one of them out")
+    if forgetful and store is not None:
+        raise MisuseError("--store and --no-store do not go together: leave one of them out")
     with Interrupts() as interrupts:
         from sleepcast.bridges import UNLIMITED
         from sleepcast.bridges.ros2 import join_network
@@ -139,7 +139,7 @@ def ros2(
         minds = MindOptions(
             built_in,
             beginning,
-            stores,
+            store,
             forgetful,
             UNLIMITED if limits is None else read_limits(limits),
             read_lease(lease),
@@ -188,6 +188,8 @@ def _list(fleet: Ros2Fleet, named: list[str], seconds: float, as_json: bool) -> 
     if as_json:
         put(json.dumps(_as_dict(found, robots, lost)))
         return 1 if lost or not robots else 0
+    if not found:
+        complain(fleet.nobody())
     put(f"{len(robots)} robot{'' if len(robots) == 1 else 's'} in {seconds:g} s")
     for namespace, robot in robots.items():
         wrong = [each.wrong for each in robot.topics if each.wrong]

@@ -15,15 +15,16 @@ from math import inf
 from pathlib import Path
 
 from sleepcast.api.connection import AirOptions, chosen_keys, multiplexer_for, open_store, session_for, store_file
-from sleepcast.bridges import begin_body
+from sleepcast.bridges import OutOfReachError, begin_body
 from sleepcast.bridges.ros2_fleet import RobotThere, Ros2Fleet
 from sleepcast.channel.message import MAX_NAME
 from sleepcast.channel.session import wait_together
 from sleepcast.cli.node_life import NodeProcess, StartScript, Zeroed, number_in, seek_time
 from sleepcast.cli.streams import announce, complain
 from sleepcast.core.clock import UnixClock, WallClock
-from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.errors import SleepcastError
 from sleepcast.loop.real import EmbodiedMind, run_robots
+from sleepcast.node.store import StoreError
 from sleepcast.robot import Limits
 
 MAX_ROBOTS = 200
@@ -36,15 +37,19 @@ TRY_AGAIN = 10.0
 """Seconds after which a robot gets another try whose mind could not begin."""
 
 
+class RefusedError(SleepcastError):
+    """A robot that cannot have a mind here, as others can."""
+
+
 @dataclass(frozen=True, slots=True)
 class MindOptions:
-    """What all minds have in common. golden: rules that are built in; beginning: what they begin with. stores: the
+    """What all minds have in common. golden: rules that are built in; beginning: what they begin with. store: the
     folder of their stores, None for the one in the user's data; forgetful: whether there are none. limits: of the
     bodies, besides their own. lease, tick: s."""
 
     golden: StartScript
     beginning: StartScript
-    stores: Path | None
+    store: Path | None
     forgetful: bool
     limits: Limits
     lease: float
@@ -76,6 +81,7 @@ class FleetProcess:
     def __init__(self, fleet: Ros2Fleet, air: AirOptions, options: MindOptions, named: Sequence[str]) -> None:
         self._fleet, self._air, self._options, self._named = fleet, air, options, named
         self._clock = WallClock()
+        self._began = self._clock.now()
         self._said: set[str] = set()
         chosen_keys(air, True, self._say_once)  # what is wrong with them is told now, and not of each robot
         self._multiplexer = multiplexer_for(air)
@@ -121,6 +127,8 @@ class FleetProcess:
             return
         self._look_at = now + LOOK_EVERY
         found = self._fleet.look()
+        if not found and now - self._began >= SETTLED:
+            self._say_once(self._fleet.nobody())
         for robot in found.values():
             self._watch(robot, now)
         if not self._waiting:
@@ -138,7 +146,7 @@ class FleetProcess:
             before = self._watched[robot.namespace] = Watched(lacks, now)
         if lacks and not before.said and now - before.since >= SETTLED and (member or not self._named):
             before.said = True
-            what = "" if member else " is no robot of this mapping, and gets no mind"
+            what = "" if member or robot.is_robot else " is no robot of this mapping, and gets no mind"
             complain(f"{name}{what}: {'; '.join(lacks)}")
 
     def _join(self, namespace: str) -> None:
@@ -152,6 +160,8 @@ class FleetProcess:
                 member = self._begun(name, namespace, stack)
                 member.stack = stack.pop_all()
         except SleepcastError as error:
+            if not self._members and not isinstance(error, StoreError | RefusedError | OutOfReachError):
+                raise  # options that will not do for any robot
             if str(error) != why:
                 complain(f"{name} gets no mind: {error}")
             self._refused[namespace] = str(error), now + TRY_AGAIN
@@ -164,13 +174,13 @@ class FleetProcess:
     def _begun(self, name: str, namespace: str, stack: ExitStack) -> Member:
         """The mind of a robot that has begun. stack: closes what it has."""
         if len(name) > MAX_NAME:
-            raise MisuseError(f"its name is longer than {MAX_NAME} characters")
+            raise RefusedError(f"its name is longer than {MAX_NAME} characters")
         if len(self._members) >= MAX_ROBOTS:
-            raise MisuseError(f"there are {MAX_ROBOTS} already: let another process take some, with --robot")
+            raise RefusedError(f"there are {MAX_ROBOTS} already: let another process take some, with --robot")
         air, options, store = self._air, self._options, None
         if not options.forgetful:
             file = store_file("robots", air.fleet, name)
-            file = file if options.stores is None else options.stores / file.name
+            file = file if options.store is None else options.store / file.name
             store = stack.enter_context(closing(open_store(file, complain)))
         body = self._fleet.body(namespace)
         begin_body(body, options.limits)

@@ -46,9 +46,9 @@ WALL = 2.0
 
 
 def domain_for(use: int) -> int:
-    """A ROS domain of this process alone: two tests that meet there would find each other's robots. use: from 0 to 3.
+    """A ROS domain of this process alone: two tests that meet there would find each other's robots. use: from 0 to 4.
     Up to 101, no other program gets their ports by chance."""
-    return 1 + (4 * os.getpid() + use) % 100
+    return 1 + (5 * os.getpid() + use) % 100
 
 
 class Wheels:

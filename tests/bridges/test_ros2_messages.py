@@ -24,6 +24,7 @@ from sleepcast.bridges.ros2_messages import (
     PoseWithCovariance,
     Quaternion,
     Range,
+    RangeOfToday,
     TFMessage,
     Time,
     Transform,
@@ -82,6 +83,17 @@ def test_bytes_are_those_of_ros() -> None:
     assert (stamped.header, stamped.twist) == (Header(Time(7, 500_000_000), "base_link"), twist)
     assert Bool(True).serialize().hex() == "0001000001"
     way = TransformStamped(Header(Time(1, 2), "odom"), "base_link", Transform(Vector3(0.5, -1.0)))
+    sonar = RangeOfToday(Header(Time(1, 2), "s"), 0, 0.5, 0.1, 4.0, inf, 0.25)
+    assert sonar.serialize().hex() == (
+        "00010000"
+        + "0100000002000000"
+        + "0200000073000000"
+        + "0000003f"
+        + "cdcccc3d"
+        + "00008040"
+        + "0000807f"
+        + "0000803e"
+    )
     head = "0100000002000000050000006f646f6d000000000a000000626173655f6c696e6b00"
     numbers = "000000000000e03f" + "000000000000f0bf" + "00" * 32 + "000000000000f03f"
     assert way.serialize().hex() == "00010000" + head + "00" * 6 + numbers

@@ -26,6 +26,7 @@ from benchmarks.channel.lab import Lab, why_not
 from cyclonedds._clayer import ddspy_write
 from cyclonedds.pub import DataWriter
 
+from bridges.ros2_robot import domain_for
 from cli.calling import called
 from nomad.programs import Bench
 from processes import start
@@ -62,8 +63,7 @@ PATIENCE = 60.0
 RCLPY = os.environ.get("SLEEPCAST_RCLPY")
 """A Python that has rclpy."""
 HERE = Path(__file__).parent
-DOMAIN = 1 + os.getpid() % 100
-"""Of this run. Up to 101, no other program gets their ports by chance."""
+DOMAIN = domain_for(4)
 BOX = [(1.0, -0.5), (2.0, -0.5), (2.0, 0.5), (1.0, 0.5)]
 TELLS = {"odom": "Odometry", "pose": "PoseStamped", "imu": "Imu", "scan": "LaserScan", "battery_state": "BatteryState"}
 MANY = 20

@@ -62,11 +62,13 @@ class RobotSensors:
         """When the inertial unit last measured, and heading and speed then."""
 
     def odometry(self, now: float) -> Sequence[Any]:
+        """Where it believes to be, m and rad in `odom`, and its speeds by its wheels, in `base_link`."""
         believed, (speed, turn_rate) = self._robot.condition().believed, self._motion()
         values = {"x": believed.x, "y": believed.y, "heading": believed.heading}
         return [made("Odometry", {**values, "speed": speed, "turn_rate": turn_rate}, now, "odom")]
 
     def transforms(self, now: float) -> Sequence[Any]:
+        """The same as a transform, and where its turret looks if it has one."""
         believed, header = self._robot.condition().believed, Header(time_of(now), "odom")
         found = [_transform(header, "base_link", believed.x, believed.y, believed.heading)]
         if self._robot.steers:
@@ -75,11 +77,13 @@ class RobotSensors:
         return [TFMessage(found)]
 
     def pose(self, now: float) -> Sequence[Any]:
+        """Where it really is, m and rad in `map`."""
         real = self._robot.condition().real
         return [made("PoseStamped", {"x": real.x, "y": real.y, "heading": real.heading}, now, "map")]
 
     def inertia(self, now: float) -> Sequence[Any]:
-        """What has changed since the last time."""
+        """Its real heading, and by what has changed since the last time its turn rate, rad/s, and accelerations, m/s2,
+        in `base_link`."""
         heading, (speed, _), before = self._robot.condition().real.heading, self._motion(), self._before
         self._before = now, heading, speed
         if before is None or not 0.0 < now - before[0] <= UNSEEN:
@@ -92,6 +96,7 @@ class RobotSensors:
         ]
 
     def scan(self, now: float) -> Sequence[Any]:
+        """m from the middle of the body, from the front counter-clockwise; infinite where nothing is in reach."""
         seen, step = self._world.scan(self._robot.robot, RAYS, FARTHEST), 2.0 * pi / RAYS
         return [
             LaserScan(
@@ -105,7 +110,7 @@ class RobotSensors:
         ]
 
     def sonars(self, now: float) -> Sequence[Any]:
-        """One message for each sonar that has fired; infinite where it heard nothing."""
+        """One message for each sonar that has fired: m from the rim of the body; infinite where it heard nothing."""
         beam, least, most = self._world.sonar(self._robot.robot)
         return [
             RangeOfToday(
@@ -120,9 +125,11 @@ class RobotSensors:
         ]
 
     def bumper(self, now: float) -> Sequence[Any]:
+        """Whether it touches something."""
         return [Bool(bool(self._robot.condition().touched))]
 
     def battery(self, now: float) -> Sequence[Any]:
+        """Its charge, as a share; nothing else of its battery is simulated."""
         return [made("BatteryState", {"percentage": self._robot.condition().battery}, now, "base_link")]
 
     def fixed(self) -> TFMessage:

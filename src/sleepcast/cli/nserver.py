@@ -198,6 +198,8 @@ def _scouts(server: Nserver, name: str, domain: str | None, discovery: str | Non
     network = join_network(number, local=where == HERE)
     if where != HERE:
         _say(f"whoever is in ROS domain {number} of this network can drive these robots: ROS 2 asks for no password")
+    if server.service.lockstep:
+        _say("in lockstep time goes as programs of the Nomads' wire ask: those of ROS 2 follow /clock")
     from sleepcast.bridges.ros2_scouts import Ros2Scouts, namespaces  # which is there only where the network is
 
     scouts = Ros2Scouts(server, network, namespaces(name, server.world.count))

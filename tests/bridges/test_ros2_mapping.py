@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from math import inf, isclose, pi
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sleepcast.bridges.ros2_mapping import (
     MAX_TOPICS,
@@ -132,6 +135,19 @@ def test_each_mistake_is_a_sentence_with_its_place(tmp_path: Path, text: str, co
         mapping_of(tmp_path, text)
     assert complaint in str(error.value)
     assert "rover.toml:" in str(error.value)
+
+
+@given(st.data())
+def test_no_file_ends_in_anything_but_a_mapping_or_a_sentence(data: st.DataObject) -> None:
+    text = TURTLEBOT.read_text()
+    for _ in range(data.draw(st.integers(1, 4))):
+        place, length = data.draw(st.integers(0, len(text))), data.draw(st.integers(0, 20))
+        piece = data.draw(
+            st.sampled_from(['"', "[out.a]\n", "= -1", "goal = true\n", "speed", "kg", "[[in]]", "x"]) | st.text()
+        )
+        text = text[:place] + piece + text[place + length :]
+    with suppress(SettingsError):
+        assert read_mapping(Path("any.toml"), "/scout1", text).sources
 
 
 @pytest.mark.parametrize(

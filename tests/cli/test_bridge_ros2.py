@@ -184,7 +184,8 @@ def test_what_does_not_fit_is_told_at_node_and_desk_and_comes_right(channel: str
 @needs_ros
 @pytest.mark.skipif(bool(LAB), reason=f"no networks of our own here: {LAB}")
 def test_twenty_robots_of_real_ros_on_a_lossy_network(channel: str) -> None:
-    """A fifth of what passes between the robots' computer and ours is lost, both ways."""
+    """A fifth of what passes between the robots' computer and ours is lost, both ways; then all of it, for a while, in
+    motion."""
     fleet = [f"/scout{number}" for number in range(1, 21)]
     pipes, place = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}, robots_place(True, DOMAIN, "SUBNET")
     with Lab(["robots", "ours"]) as lab:
@@ -206,6 +207,12 @@ def test_twenty_robots_of_real_ros_on_a_lossy_network(channel: str) -> None:
         said.until(lambda lines: count(lines, "20 robots") == 1)
         go = ours("send", "--standing", "--all", "--count", "20", "(RULE go (SETQ drive_speed 0.2m/s))")
         assert go["n_matched"] == 20
+        heard.until(lambda lines: last(lines, "moves", "rests") == ["moves"] * 20)
+        lab.cut("robots")
+        heard.until(lambda lines: last(lines, "moves", "rests") == ["rests"] * 20)
+        said.until(lambda lines: sum("is out of reach" in line for line in lines) == 20)
+        lab.heal()
+        said.until(lambda lines: sum("within reach again" in line for line in lines) == 20)
         heard.until(lambda lines: last(lines, "moves", "rests") == ["moves"] * 20)
         stop = ours("stop")
         assert (stop["n_matched"], stop["n_silent"]) == (20, 0)

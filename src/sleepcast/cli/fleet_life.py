@@ -169,6 +169,9 @@ class FleetProcess:
         self._members[name] = member
         self._minds.append(member.mind)
         count = "1 robot" if len(self._members) == 1 else f"{len(self._members)} robots"
+        alike = [each for each in self._members if each != name and number_in(each) == number_in(name)]
+        if alike:
+            complain(f"{name} has the same id as {alike[0]}, {number_in(name)}: what asks for an id means both")
         announce(f"{name} is up, with {member.node.rules_text()}; {count}")
 
     def _begun(self, name: str, namespace: str, stack: ExitStack) -> Member:

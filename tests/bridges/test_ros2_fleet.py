@@ -65,6 +65,7 @@ def test_robots_are_found_with_what_they_lack_and_go_again(fleet: Ros2Fleet) -> 
         "/scout3/odom has the type std_msgs/Bool, not nav_msgs/Odometry as the mapping says: what it brings is not "
         "read: x, y, heading, speed and turn_rate are unknown"
     )
+    assert not fleet.look()["/scout3"].lacks(only_missing=True)[0].startswith("/scout3/odom")
     assert fleet.look()["/map"].lacks()[-1] == "nobody listens at /map/cmd_vel"
     assert not fleet.look()["/map"].is_robot
     stops = [each.wrong for each in fleet.look()["/scout2"].topics if each.topic == "/scout2/stop"]
@@ -107,8 +108,13 @@ def test_a_quality_of_service_that_does_not_fit_is_told(tmp_path: Path) -> None:
     del kept
 
 
-def test_a_fleet_is_not_driven_by_one_topic(tmp_path: Path) -> None:
-    file = tmp_path / "one.toml"
-    file.write_text(TURTLEBOT.read_text().replace("[out.cmd_vel]", '[out."/cmd_vel"]'))
-    with closing(Ros2Network(DOMAIN, local=True)) as network, pytest.raises(SettingsError, match="driven by one topic"):
+@pytest.mark.parametrize(
+    ("ours", "complaint"), [(("out.cmd_vel",), "driven by one topic"), (("in.odom", "in.scan"), "heard by one topic")]
+)
+def test_a_fleet_has_no_topics_for_all(tmp_path: Path, ours: tuple[str, ...], complaint: str) -> None:
+    file, text = tmp_path / "one.toml", TURTLEBOT.read_text()
+    for table in ours:
+        text = text.replace(f"[{table}]", '[{}."/{}"]'.format(*table.split(".")))
+    file.write_text(text)
+    with closing(Ros2Network(DOMAIN, local=True)) as network, pytest.raises(SettingsError, match=complaint):
         Ros2Fleet(network, file, sim_time=False)

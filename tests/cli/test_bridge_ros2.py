@@ -28,7 +28,7 @@ from cli.calling import LONGEST, called
 from processes import SLEEPCAST, live_in, start
 from sleepcast.api.connection import FLEET, AirOptions, observing_station
 from sleepcast.bridges.ros2_mapping import TURTLEBOT
-from sleepcast.bridges.ros2_messages import Bool
+from sleepcast.bridges.ros2_messages import Bool, Odometry, Twist
 from sleepcast.station.network import NetworkStation
 
 DOMAIN = domain_for(3)
@@ -220,27 +220,44 @@ def test_twenty_robots_of_real_ros_on_a_lossy_network(channel: str) -> None:
         heard.until(lambda lines: last(lines, "stopped", "free") == ["stopped"] * 20)
 
 
+def test_a_robot_that_lacks_a_topic_says_so_at_the_desk(channel: str) -> None:
+    over = OverDds("/scout1", DOMAIN)
+    kept = [
+        over.writer("odom", Odometry),
+        over.reader("cmd_vel", Twist),
+        OverDds("/map", DOMAIN).writer("odom", Odometry),
+    ]
+    with bridge(channel, "--no-store") as (process, said):
+        said.until(lambda lines: count(lines, "is up, with 0 rules; 1 robot") == 1)
+        with desk(channel) as told:
+            told.until("nobody publishes /scout1/battery_state: battery and volts are unknown")
+        said.until(partial(any_has, "map is no robot of this mapping, and gets no mind: nobody publishes /map/scan"))
+        process.terminate()
+        assert process.wait(LONGEST) == 143
+    del kept
+
+
 def test_a_list_of_what_is_there(channel: str) -> None:
-    place = ("--domain", str(DOMAIN), "--discovery", "localhost", "--dry-run", "--seconds")
-    nobody = called("bridge", "ros2", *place, "0.1")
+    look = ("bridge", "ros2", "--domain", str(DOMAIN), "--discovery", "localhost", "--dry-run", "--seconds")
+    nobody = called(*look, "0.1")
     assert (nobody.status, nobody.out) == (1, "0 robots in 0.1 s\n")
     assert nobody.err.startswith(
         "nobody has a topic such as NAMESPACE/odom or NAMESPACE/scan or NAMESPACE/cmd_vel in ROS"
     )
     with another(*ROBOTS[:2], domain=DOMAIN):
-        found = called("bridge", "ros2", *place, "4")
-        assert found.out.splitlines()[1:] == [f"{name}: all topics are there" for name in ROBOTS[:2]]
+        end, wanted = time.monotonic() + LONGEST, [f"{name}: all topics are there" for name in ROBOTS[:2]]
+        while (found := called(*look, "2")).out.splitlines()[1:] != wanted:
+            assert time.monotonic() < end, found
         assert found.status == 0
-        listed = called("bridge", "ros2", *place, "4", "--json", "--robot", "scout1", "--robot", "scout9")
-    told = json.loads(listed.out)
-    assert ([each["namespace"] for each in told["robots"]], told["lost"]) == (["/scout1"], ["/scout9"])
-    assert told["robots"][0]["topics"][0] == {
-        "topic": "/scout1/odom",
-        "type": "Odometry",
-        "direction": "in",
-        "wrong": "",
-    }
+        told: dict[str, Any] = {}
+        while not told.get("robots"):
+            assert time.monotonic() < end, told
+            listed = called(*look, "2", "--json", "--robot", "scout1", "--robot", "a")
+            told = json.loads(listed.out)
     assert listed.status == 1
+    assert ([each["namespace"] for each in told["robots"]], told["lost"]) == (["/scout1"], ["/a"])
+    odom = {"topic": "/scout1/odom", "type": "Odometry", "direction": "in", "wrong": ""}
+    assert told["robots"][0]["topics"][0] == odom
 
 
 @pytest.mark.parametrize(

@@ -25,12 +25,14 @@ MAX_NAMESPACES = 1_000
 
 class TopicThere(NamedTuple):
     """A topic of a mapping in a namespace. comes: whether the robot publishes it. wrong: why nothing passes by it, ""
-    if something does. names: what it gives or takes, in expressions. vital: whether the robot cannot do without it."""
+    if something does; missing: because nobody else has it. names: what it gives or takes, in expressions. vital:
+    whether the robot cannot do without it."""
 
     topic: str
     sort: str
     comes: bool
     wrong: str
+    missing: bool
     names: tuple[str, ...]
     vital: bool
 
@@ -47,20 +49,17 @@ class RobotThere(NamedTuple):
         drives = any(each.vital and not each.comes and not each.wrong for each in self.topics)
         return drives and any(each.vital and each.comes and not each.wrong for each in self.topics)
 
-    def lacks(self) -> list[str]:
-        """What is wrong, a sentence each; not where nobody listens at what a robot can do without."""
+    def lacks(self, *, only_missing: bool = False) -> list[str]:
+        """What is wrong, a sentence each; not that nobody listens at what a robot can do without. only_missing: not
+        what is there, and does not fit."""
         said = []
         for each in self.topics:
-            if each.wrong and (each.comes or each.vital or not each.wrong.startswith(NOBODY)):
-                then = (
-                    f": {_listed(each.names)} {'is' if len(each.names) == 1 else 'are'} unknown" if each.comes else ""
-                )
-                said.append(each.wrong + then)
+            if (each.missing and not each.comes and not each.vital) or (only_missing and not each.missing):
+                continue
+            if each.wrong:
+                are = "is" if len(each.names) == 1 else "are"
+                said.append(each.wrong + (f": {_listed(each.names)} {are} unknown" if each.comes else ""))
         return said
-
-
-NOBODY = "nobody "
-"""How a sentence about a missing topic begins."""
 
 
 class Ros2Fleet:
@@ -72,14 +71,16 @@ class Ros2Fleet:
         self.mapping = read_mapping(path, "", self._text)
         """Without a namespace."""
         lively = [source for source in self.mapping.sources if source.freshness <= FRESH] or self.mapping.sources
-        self._vital = {source.name for source in lively}
+        self._vital = [source.name for source in lively if not source.name.startswith("/")]
+        """Topics by which a robot is heard, and no other one."""
         drive = self.mapping.drive.name
         if drive.startswith("/"):
             raise SettingsError(f'{path}: out."{drive}": all robots would be driven by one topic: leave out its slash')
-        self._relative = [each.name for each in (*lively, self.mapping.drive) if not each.name.startswith("/")]
-        self._longest = max(
-            map(len, [each.topic for each in self.mapping.sources] + [each.topic for each in self.mapping.sinks])
-        )
+        if not self._vital:
+            raise SettingsError(f"{path}: in: all robots would be heard by one topic: leave out its slash")
+        sources, sinks = self.mapping.sources, self.mapping.sinks
+        self._longest = max(len(topic) for topic in (*(s.topic for s in sources), *(s.topic for s in sinks)))
+        self._mappings: dict[str, RobotMapping] = {}
         self._seen: Mapping[str, tuple[Endpoint, ...]] = {}
         self._found: dict[str, RobotThere] = {}
 
@@ -93,7 +94,8 @@ class Ros2Fleet:
 
     def nobody(self) -> str:
         """What to look for where nothing is found, in a sentence."""
-        topics, domain = " or ".join(f"NAMESPACE/{name}" for name in self._relative), self._network.domain
+        names, domain = (*self._vital, self.mapping.drive.name), self._network.domain
+        topics = " or ".join(f"NAMESPACE/{name}" for name in names)
         return (
             f"nobody has a topic such as {topics} in ROS domain {domain}: is it that of the robots, and do they look "
             "beyond their own computer?"
@@ -101,7 +103,11 @@ class Ros2Fleet:
 
     def mapping_of(self, namespace: str) -> RobotMapping:
         """The mapping of the robot in this namespace. Raises SettingsError."""
-        return read_mapping(self._path, namespace, self._text)
+        if namespace not in self._mappings:
+            if len(self._mappings) >= MAX_NAMESPACES:
+                self._mappings.clear()
+            self._mappings[namespace] = read_mapping(self._path, namespace, self._text)
+        return self._mappings[namespace]
 
     def body(self, namespace: str) -> Ros2Body:
         """The body of the robot in this namespace, whether it is there or not. Raises OutOfReachError."""
@@ -110,7 +116,7 @@ class Ros2Fleet:
     def _namespaces(self, others: Mapping[str, tuple[Endpoint, ...]]) -> set[str]:
         found: set[str] = set()
         for topic in others:
-            for name in self._relative:
+            for name in (*self._vital, self.mapping.drive.name):
                 namespace = topic[: -len(name) - 1]
                 if topic.endswith("/" + name) and self._fits(namespace) and len(found) < MAX_NAMESPACES:
                     found.add(namespace)
@@ -126,22 +132,22 @@ class Ros2Fleet:
     def _topics(self, mapping: RobotMapping) -> Iterator[TopicThere]:
         for source in mapping.sources:
             names = tuple(field.name for field in source.fields)
-            vital = source.name in self._vital
-            yield TopicThere(source.topic, source.sort, True, self._wrong(source), names, vital)
+            yield self._topic(source, True, names, source.name in self._vital)
         for sink in mapping.sinks:
             names = (sink.function,) if sink.function else tuple(field.name for field in sink.fields)
-            yield TopicThere(sink.topic, sink.sort, False, self._wrong(sink), names, sink is mapping.drive)
+            yield self._topic(sink, False, names, sink is mapping.drive)
 
-    def _wrong(self, ours: Source | Sink) -> str:
-        """Why nothing passes by a topic, "" if something does."""
+    def _topic(self, ours: Source | Sink, comes: bool, names: tuple[str, ...], vital: bool) -> TopicThere:
         from sleepcast.bridges.ros2_link import misfit
 
-        comes = isinstance(ours, Source)
         others = [each for each in self._seen.get(ours.topic, ()) if each.publishes == comes]
-        if not others:
-            return f"{NOBODY}{'publishes' if comes else 'listens at'} {ours.topic}"
         reasons = [misfit(each, ours.sort, ours.qos) for each in others]
-        return "" if "" in reasons else reasons[0]
+        wrong = (
+            ""
+            if "" in reasons
+            else next(iter(reasons), f"nobody {'publishes' if comes else 'listens at'} {ours.topic}")
+        )
+        return TopicThere(ours.topic, ours.sort, comes, wrong, not others, names, vital)
 
 
 def _listed(names: tuple[str, ...]) -> str:

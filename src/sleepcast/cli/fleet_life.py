@@ -138,16 +138,21 @@ class FleetProcess:
             del self._watched[namespace]
 
     def _watch(self, robot: RobotThere, now: float) -> None:
-        """Say what a namespace lacks, if it has lacked it for a while."""
-        lacks, name = robot.lacks(), self._name(robot.namespace)
-        member = name in self._members
+        """Say what a namespace lacks, if it has lacked it for a while: of a robot with a mind here and at the desks,
+        where its body itself says what does not fit."""
+        name = self._name(robot.namespace)
+        member = self._members.get(name)
+        lacks = robot.lacks(only_missing=member is not None)
         before = self._watched.get(robot.namespace)
         if before is None or before.lacks != lacks:
             before = self._watched[robot.namespace] = Watched(lacks, now)
-        if lacks and not before.said and now - before.since >= SETTLED and (member or not self._named):
-            before.said = True
-            what = "" if member or robot.is_robot else " is no robot of this mapping, and gets no mind"
-            complain(f"{name}{what}: {'; '.join(lacks)}")
+        if not lacks or before.said or now - before.since < SETTLED:
+            return
+        before.said = True
+        if member is not None:
+            member.node.say("; ".join(lacks))
+        elif not robot.is_robot and not self._named:
+            complain(f"{name} is no robot of this mapping, and gets no mind: {'; '.join(lacks)}")
 
     def _join(self, namespace: str) -> None:
         """Give the robot in this namespace a mind, if it has none."""

@@ -164,10 +164,10 @@ class NodeProcess:
         for line in self._news.lines() if self._news else ():
             complain(f"{self.node.name}: {line}")
         for sentence in self.robot.complaints():
-            self._say(sentence)
+            self.say(sentence)
         if self.ground is not None:
             for sentence in self.ground.complaints():
-                self._say(sentence)
+                self.say(sentence)
             self.ground.tell(dict(self.node.variables()), stopped=self.node.stopped)
 
     def rules_text(self) -> str:
@@ -196,7 +196,7 @@ class NodeProcess:
             self.robot.close()
             complain(self.account())
 
-    def _say(self, sentence: str) -> None:
+    def say(self, sentence: str) -> None:
         """What has gone wrong with the body: here, and, where there is a channel, at every desk."""
         if self.session is None:
             complain(f"{self.node.name}: {sentence}")

@@ -23,26 +23,23 @@ def milliseconds(call, times):
     return sorted(found)[times // 2] / 1000
 
 
-def fill(mind, found):
-    """Store rules until memory is full; gives how long each took."""
-    from sleepnode.reader import Refused
-
+def fill(mind, found, tell):
+    """Store rules until memory is full; gives how long each took. tell: has a text obeyed; gives whether it was."""
     before, count, took = used(), 0, []
     while count < 64:
         begin = time.ticks_us()
-        try:
-            mind.evaluate(RULE % count)
-        except Refused:
+        if not tell(RULE % count) or "rule%d" % count not in mind.learned:
             break
         took.append(time.ticks_diff(time.ticks_us(), begin))
-        if mind.faults:
-            break
         count += 1
         if count == 10:
             mind.values[70] = mind.values[71] = 0.9
             mind.begin(1, 0.1)
             found["tick_ms"] = milliseconds(mind.round, 101)
             found["rule_us"] = round(100 * found["tick_ms"])
+        if count == 60:
+            gc.collect()
+            found["free"] = gc.mem_free()
     found["rules"], found["rule"] = count, (used() - before) // max(count, 1)
     found["compile_ms"] = sorted(took)[len(took) // 2] / 1000
 
@@ -62,31 +59,76 @@ def work(make):
 
 
 class Radio:
+    """A radio that hears one datagram."""
+
+    def __init__(self):
+        self.datagram, self.sent = None, 0
+
     def receive(self):
-        return None
+        found, self.datagram = self.datagram, None
+        return found
 
     def send(self, datagram):
-        pass
+        self.sent += 1
+
+
+class Desk:
+    """Signs commands, and lets a node run until it has obeyed and answered."""
+
+    def __init__(self):
+        self.secret = ed25519.expand(bytes([1] * 32))
+        self.public, self.number = ed25519.public_key(self.secret), 0
+
+    def command(self, robot, text):
+        """Whether it was obeyed."""
+        self.number += 1
+        now = 1000 * robot.clock.now()
+        said = payload(9, (1, self.number, now, now + 60000000), "lab", "desk", text, b"\xa0")
+        signature = ed25519.finished(ed25519.sign(self.secret, self.public, signed(said)))
+        robot.radio.datagram = sealed(key_id(self.public), said, signature)
+        said = signature = None
+        answers = len(robot._answered), robot._answered[-1:]
+        for _ in range(5000):
+            try:
+                robot.step()
+            except MemoryError:
+                return False
+            if not robot.out and not robot._signing and answers != (len(robot._answered), robot._answered[-1:]):
+                return b"gmatched" in robot._answered[-1]
+            robot.next = 0  # the next tick at once
+        return False
 
 
 def mind(found, base):
     from sleepnode.mind import Mind
+    from sleepnode.reader import Refused
 
     found["code"] = used() - base
     robot = Mind(("fuel", "ordnance"), ("speed",))
     robot.values[72] = 0.0
     found["start"] = used()
-    fill(robot, found)
+
+    def tell(text):
+        try:
+            return robot.evaluate(text) is not None and not robot.faults
+        except Refused:
+            return False
+
+    fill(robot, found, tell)
 
 
 def node(found, base):
+    global ed25519, payload, sealed, signed, key_id
     from sleepnode import ed25519
     from sleepnode.body import Body
+    from sleepnode.envelope import payload, sealed, signed
     from sleepnode.node import Node
+    from sleepnode.trust import key_id
 
     found["code"] = used() - base
+    desk = Desk()
     with open("trust.json", "w") as file:
-        json.dump({"keys": [{"owner": "desk", "role": "commander", "public": "%064x" % 1}]}, file)
+        json.dump({"keys": [{"owner": "desk", "role": "commander", "public": desk.public.hex()}]}, file)
     with open("robot.key", "w") as file:
         json.dump({"owner": "tiny", "secret": "%064x" % 7}, file)
     body = Body(stop=lambda: None)
@@ -96,7 +138,7 @@ def node(found, base):
     robot = Node(body, Radio(), fleet="lab")
     robot.mind.values[72] = 0.0
     found["start"] = used()
-    text, secret, public = b"x" * 200, robot._secret, robot._public
+    text, secret, public = (b"x" * 200,), robot._secret, robot._public
     signature = ed25519.finished(ed25519.sign(secret, public, text))
     point = ed25519.point(public)
     signing = [work(lambda: ed25519.sign(secret, public, text)) for _ in range(5)]
@@ -104,7 +146,8 @@ def node(found, base):
     found["sign_ms"], found["verify_ms"] = sorted([each[1] for each in signing])[2], sorted([e[1] for e in checking])[2]
     found["slice_ms"] = sorted([each[0] for each in signing + checking])[5]
     signing = checking = point = signature = None
-    fill(robot.mind, found)
+    fill(robot.mind, found, lambda text: desk.command(robot, text))
+    found["obeys"] = desk.command(robot, "(SETQ speed 0)")
 
 
 found = {}

@@ -20,7 +20,7 @@ def compiler():
 
 
 def build(folder):
-    """Compile everything into a folder; line numbers are left out, since they take memory."""
+    """Compile everything into a folder; line numbers and names of files are left out, since they take memory."""
     package = Path(folder) / "sleepnode"
     package.mkdir(parents=True, exist_ok=True)
     for source in sorted((HERE / "sleepnode").glob("*.py")):
@@ -29,7 +29,7 @@ def build(folder):
 
 
 def compile_one(source, folder):
-    command = [compiler(), "-O3", "-s", source.name, "-o", str(Path(folder) / (source.stem + ".mpy")), str(source)]
+    command = [compiler(), "-O3", "-s", "sleepnode", "-o", str(Path(folder) / (source.stem + ".mpy")), str(source)]
     subprocess.run(command, check=True)
 
 

@@ -43,12 +43,14 @@ def build(folder: Path) -> Path:
 
 def start(folder: Path, program: str, *arguments: str, heap: str = HEAP, at: Path | None = None) -> Process:
     """Run a program of a compiled folder. at: the folder of its files."""
+    there = at or folder
+    modules = os.path.relpath(folder, there)  # short, because MicroPython keeps the path of every module in its heap
     return subprocess.Popen(
         [BESIDE / "micropython", "-X", f"heapsize={heap}", "-m", program, *arguments],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        env={**os.environ, "MICROPYPATH": f"{folder}:.frozen"},
-        cwd=at or folder,
+        env={**os.environ, "MICROPYPATH": f"{modules}:.frozen"},
+        cwd=there,
         text=True,
     )
 

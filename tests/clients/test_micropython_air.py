@@ -17,8 +17,11 @@ from cli.calling import called
 from cli.test_swarm import swarm
 from clients import board
 from processes import live_in
-from sleepcast.channel.keyring import key_file, keys_folder, save_key, save_trust
+from sleepcast.channel.envelope import encode, look, read_message, read_piece
+from sleepcast.channel.keyring import key_file, keys_folder, load_key, save_key, save_trust
 from sleepcast.channel.keys import KeyPair, Role, Trust
+from sleepcast.channel.message import Kind, Message
+from sleepcast.channel.transports.udp import UdpTransport
 
 ORDINARY = ["r1", "r2", "r3"]
 ALL = [*ORDINARY, "tiny"]
@@ -82,6 +85,73 @@ def until(holds: Callable[[], bool]) -> None:
     late = time.monotonic() + PATIENT
     while not holds():
         assert time.monotonic() < late
+
+
+class Desk:
+    """Signs messages and sends each until the small robot has answered it."""
+
+    def __init__(self, uri: str) -> None:
+        self._air, self._key, self._number = UdpTransport(uri), load_key(key_file(keys_folder(), "desk")), 0
+
+    def __enter__(self) -> Desk:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._air.close()
+
+    def ask(self, text: str, kind: Kind = Kind.COMMAND, standing: bool = False) -> dict[str, object]:
+        """The body of the answer."""
+        message = self._message(text, kind, standing)
+        late, again = time.monotonic() + PATIENT, 0.0
+        while time.monotonic() < late:
+            if time.monotonic() > again:
+                self._send(message)
+                again = time.monotonic() + 1.0
+            for datagram in self._air.receive():
+                part = look(datagram)
+                if part.kind is Kind.ANSWER:
+                    piece = read_piece(part)
+                    body = read_message(part, piece.sender, piece.content).body
+                    if body["command"] == message.id:
+                        return body
+            time.sleep(0.002)
+        raise AssertionError(f"no answer to {text or kind}")
+
+    def forge(self, text: str, kind: Kind = Kind.COMMAND) -> None:
+        """Send a message whose signature is wrong."""
+        self._send(self._message(text, kind), wrong=True)
+
+    def _message(self, text: str, kind: Kind, standing: bool = False) -> Message:
+        self._number += 1
+        now = time.time()
+        return Message("desk", 1, self._number, kind, now, now + 60.0, text, standing)
+
+    def _send(self, message: Message, *, wrong: bool = False) -> None:
+        for datagram in encode(message, "sleepcast", self._key):
+            self._air.send(datagram[:-1] + bytes([datagram[-1] ^ wrong]))
+
+
+RULE = "(RULE rule{} (WHEN (AND (> fuel 50%) (NOT (< speed -0.3m/s))) (SETQ lamp (+ lamp 0.1))))"
+
+
+def test_sixty_rules_fit_into_a_whole_node_and_it_goes_on_obeying(folder: Path, channel: str, tmp_path: Path) -> None:
+    alone = f"udp://239.255.83.79:{free_port()}?interface=lo"
+    with tiny(folder, alone, tmp_path), Desk(alone) as desk:
+        assert desk.ask("(SETQ lamp 0)")["outcome"] == "matched"
+        for number in range(60):
+            assert desk.ask(RULE.format(number), standing=True)["outcome"] == "matched", number
+        value = desk.ask("rule59", Kind.ASK)["value"]
+        assert isinstance(value, float)
+        assert value > 6.0, "all rules run at every tick"
+        # There is memory left for long messages, refusals and reasons, and for all that strangers send.
+        assert desk.ask(f"(PROGN {'(SETQ lamp 0) ' * 20})")["outcome"] == "matched"
+        assert "not a function" in str(desk.ask("(lamp 1)")["fault"])
+        for _ in range(50):
+            desk.forge(f"(PROGN {'(SETQ lamp 9) ' * 60})")
+            desk.forge("", Kind.STOP)
+        assert desk.ask("", Kind.STOP)["outcome"] == "stopped"
+        assert desk.ask("", Kind.RELEASE)["outcome"] == "released"
+        assert desk.ask("(WHEN (> fuel 50%) (DRIVE 0.3m/s))")["outcome"] == "matched"
 
 
 def test_it_is_one_of_the_swarm(folder: Path, channel: str, tmp_path: Path) -> None:

@@ -11,8 +11,9 @@ class Malformed(Exception):
     """Bytes that are no such data."""
 
 
-def decode(data, at=0, depth=_MAX_DEPTH):
-    """The value that begins at a place, and where the next one does. Raises Malformed."""
+def decode(data, at=0, depth=_MAX_DEPTH, view=False):
+    """The value that begins at a place, and where the next one does. view: whether bytes are to be a view of the data.
+    Raises Malformed."""
     if at >= len(data) or not depth:
         raise Malformed
     major, small = data[at] >> 5, data[at] & 31
@@ -36,12 +37,14 @@ def decode(data, at=0, depth=_MAX_DEPTH):
     if major < 4:
         if at + count > len(data):
             raise Malformed
-        piece = bytes(data[at : at + count])
+        piece = data[at : at + count]
         if major == 3:
             try:
                 piece = str(piece, "utf-8")
             except UnicodeError:
                 raise Malformed
+        elif not view:
+            piece = bytes(piece)
         return piece, at + count
     if major == 6 or count > len(data):
         raise Malformed

@@ -1,39 +1,52 @@
 """The checker: forms in, a program out, or a refusal.
 
-A program is a tuple of instructions for the machine (`instructions.py`). Local names become places in a frame,
+A program is a tuple of instructions for the machine (`machine.py`). Local names become places in a frame,
 variables become slots; names that nobody has declared yet are looked up when they are reached, because they may come
 later.
 How each special form is written stands in `forms.py`.
 """
 
+import math
+import struct
+
 from micropython import const
 
-from sleepnode.functions import PURE, WORDS, arguments_of, is_fixed
-from sleepnode.instructions import parameters_of, shape
-from sleepnode.reader import Label, Refused, head_of, height
+from sleepnode.functions import arguments_of, gives_way, is_fixed, pure_number
+from sleepnode.reader import Refused, head_of, height
 
 _MAX_STEPS = const(10000)
 _STORE_STEPS = const(40)
+_MAX_BYTES = const(65535)
 _MANY = const(100)
-_USES = const(2)
-_FIRST = const(3)
+_USES = const(1)
 
-# Instructions, by the numbers of `instructions.number_of`: constants cost no memory.
+# Where the bytes of a program say what (`machine.py`).
+_FLAGS = const(1)
+_TESTED = const(2)
+_RULE = const(4)
+_COST = const(2)
+_HEIGHT = const(4)
+_PLACES = const(5)
+_PARAMETERS = const(7)
+_FIRST = const(8)
+
+# Instructions, by the numbers of `forms.number_of`: constants cost no memory.
 _VARIABLE = const(0)
 _CONSTANT = const(1)
+_LESS = const(3)
 _PURE = const(9)
 _JUMP = const(11)
 _POP = const(12)
-_ZERO = const(13)
-_LOCAL = const(15)
-_RETURN = const(16)
-_ENTER = const(17)
-_CALL = const(18)
-_OPERATOR = const(19)
-_HOST = const(32)
-_LESS = const(3)
+_NUMBER = const(13)
+_LOCAL = const(14)
+_RETURN = const(15)
+_UNKNOWN = const(36)
+_ENTER = const(49)
+_CALL = const(50)
+_OPERATOR = const(51)
+_HOST = const(52)
 
-# Refusals, by their places in `sentences.SENTENCES`.
+# Refusals, by their places in `sentences.py`.
 _LABEL_REFUSED = const(16)
 _COUNT_REFUSED = const(17)
 _NO_FUNCTION_REFUSED = const(18)
@@ -80,11 +93,12 @@ class Checker:
 
     def __init__(self, mind, outer=None):
         self.mind = mind
-        self.code = [0] * _FIRST
+        self.code = bytearray(_FIRST)
+        self.things = []
         self.scopes = []
         self.fixed = []
         self.locals = self.loops = 0
-        self.uses = {}
+        self.uses = []
         self.deciding = None
         self.rules, self.moves = False, []
         """Whether the text changes rules, and the keys of groups that it makes robots join or leave."""
@@ -104,18 +118,21 @@ class Checker:
         if cost > _MAX_STEPS:
             raise Refused(_COST_REFUSED, cost, _MAX_STEPS)
         self.emit(_RETURN)
-        tall = max([height(form) for form in forms] or [0])
         if self.locals > _MAX_LOCALS:
             raise Refused(_LOCALS_REFUSED, self.locals, _MAX_LOCALS)
-        self.code[0] = cost
-        self.code[1] = shape(tall, self.locals, len(parameters), self.tested)
-        self.code[2] = tuple(self.uses)
-        return tuple(self.code)
+        code = self.code
+        code[_FLAGS] = _TESTED if self.tested else 0
+        struct.pack_into("<H", code, _COST, cost)
+        code[_HEIGHT] = max([height(form) for form in forms] or [0])
+        struct.pack_into("<H", code, _PLACES, self.locals)
+        code[_PARAMETERS] = len(parameters)
+        return tuple([bytearray(code), tuple(self.uses)] + self.things)
 
-    def stored(self, key, forms, parameters=()):
+    def stored(self, key, forms, parameters=(), flags=0):
         """The program of forms to be stored under a key, and the steps that storing costs."""
         before = self.count[0]
         program = Checker(self.mind, self).program(forms, parameters)
+        program[0][_FLAGS] = flags
         way = self.mind.reaches(program[_USES], key, self.pending_uses)
         if way:
             raise Refused(_CIRCLE_REFUSED, key.upper(), through(way))
@@ -128,7 +145,7 @@ class Checker:
             return
         head = head_of(form)
         sort = _DECLARES.get(head)
-        if sort and len(form) > 1 and isinstance(form[1], str) and not (head in WORDS and self.meaning(head)):
+        if sort and len(form) > 1 and isinstance(form[1], str) and not (gives_way(head) and self.meaning(head)):
             found = sort
             if head == "defun":
                 found = len(form[2]) if len(form) > 2 and isinstance(form[2], list) else 0
@@ -140,21 +157,54 @@ class Checker:
 
     # ---- writing instructions
 
-    def emit(self, op, number=0, *more):
-        """One more instruction; gives its place."""
-        self.code.append(op | number << 6)
-        self.code.extend(more)
-        return len(self.code) - 1 - len(more)
+    def emit(self, op, number=0):
+        """One more instruction."""
+        if len(self.code) > _MAX_BYTES:
+            raise MemoryError
+        size = 0 if not number else 1 if number < 256 else 2
+        self.code.append(op | size << 6)
+        self.code.extend(number.to_bytes(size, "little"))
+
+    def jump(self, op):
+        """An instruction that jumps; gives its place."""
+        place = len(self.code)
+        self.code.extend(bytes((op | 128, 0, 0)))
+        return place
 
     def arrive(self, *places):
         """Let the instructions at these places jump here."""
         for place in places:
-            self.code[place] |= len(self.code) << 6
+            struct.pack_into("<H", self.code, place + 1, len(self.code))
+
+    def two(self, number):
+        """A number behind the latest instruction."""
+        self.code.extend(number.to_bytes(2, "little"))
+
+    def thing(self, one, *more):
+        """What the latest instruction names. more: what comes behind it."""
+        if not more and one in self.things:
+            self.two(2 + self.things.index(one))
+        else:
+            self.two(2 + len(self.things))
+            self.things.append(self.mind.kept(one) if isinstance(one, str) else one)
+            self.things.extend(more)
+
+    def number(self, value):
+        """A constant."""
+        if value is None:
+            self.emit(_UNKNOWN)
+            return
+        hundredths = int(100 * value + 0.5) if 0 <= value < 655 else 0
+        if hundredths / 100 == value and math.copysign(1, value) > 0:
+            self.emit(_CONSTANT, hundredths)
+        else:
+            self.emit(_NUMBER)
+            self.code.extend(struct.pack("<d", value))
 
     def row(self, forms):
         """One after the other; the value of the last, 0 of none. Gives the cost, like everything that writes."""
         if not forms:
-            self.emit(_ZERO)
+            self.number(0.0)
         cost = 0
         for at, form in enumerate(forms):
             if at:
@@ -197,13 +247,8 @@ class Checker:
 
     def sort_of(self, key):
         """What a learned name is or will be: variable, rule, operator, group, or None."""
-        found = self.mind.learned.get(key)
-        if found is None:
-            found = self.pending.get(key)
-            return "operator" if isinstance(found, int) else found
-        if found is GROUP:
-            return GROUP
-        return "variable" if isinstance(found, int) else "operator" if isinstance(found, tuple) else "rule"
+        found = self.pending.get(key)
+        return self.mind.sort(key) or ("operator" if isinstance(found, int) else found)
 
     def meaning(self, key):
         """What a name is already, in words; None if it is free."""
@@ -231,7 +276,8 @@ class Checker:
             raise Refused(_CONSTANT_REFUSED, name)
 
     def use(self, key):
-        self.uses[key] = True
+        if key not in self.uses:
+            self.uses.append(self.mind.kept(key))
 
     # ---- parts
 
@@ -239,12 +285,12 @@ class Checker:
         """Write what evaluates a form."""
         self.count[0] += 1
         if isinstance(form, tuple):
-            self.emit(_CONSTANT, 0, self.mind.shared(form[0]))
+            self.number(form[0])
             return 1
         if isinstance(form, str):
             self.name(form)
             return 1
-        if isinstance(form, Label):
+        if isinstance(form, bytes):
             raise Refused(_TEXT_REFUSED)
         return self.call(form)
 
@@ -258,7 +304,7 @@ class Checker:
         if isinstance(found, int):
             self.emit(_VARIABLE, found)
         elif isinstance(found, tuple):
-            self.emit(_CONSTANT, 0, found[0])
+            self.number(found[0])
         elif found is not None or is_fixed(key):
             raise Refused(_FUNCTION_REFUSED, name, name)
         else:
@@ -271,7 +317,8 @@ class Checker:
         if number is not None:
             key = "e%d" % number
             self.use(key)
-            self.emit(_ENTER, 0, key)
+            self.emit(_ENTER)
+            self.thing(key)
             return
         sort = self.sort_of(key)
         self.use(key)
@@ -281,7 +328,8 @@ class Checker:
             hint = "IN %s" % name if sort == GROUP else "%s ..." % name
             raise Refused(_SORT_REFUSED, name, "an" if sort != GROUP else "a", sort, hint)
         else:
-            self.emit(_ENTER, 0, key)
+            self.emit(_ENTER)
+            self.thing(key)
 
     def call(self, form):
         if not form:
@@ -298,7 +346,7 @@ class Checker:
         sort = "buffer" if buffer_number(key) is not None else self.sort_of(key)
         if found is not None or sort not in (None, "operator"):
             raise Refused(_NO_FUNCTION_REFUSED, head, self.meaning(key))
-        if sort is None and key in WORDS:
+        if sort is None and gives_way(key):
             return self.builtin(form, key)
         self.use(key)
         if sort:
@@ -307,16 +355,18 @@ class Checker:
 
     def operator(self, key, forms, unknown):
         """Call an operator that is there when this is reached. unknown: the name of one that is not there yet."""
-        self.emit(_OPERATOR, len(forms), key, unknown)
-        jump = self.emit(_JUMP)
+        self.emit(_OPERATOR, len(forms))
+        self.thing(key, unknown)
+        jump = self.jump(_JUMP)
         cost = self.parts(forms)
-        self.emit(_CALL, len(forms), key)
+        self.emit(_CALL, len(forms))
+        self.thing(key)
         self.arrive(jump)
         return 1 + cost
 
     def parameters(self, key):
         found = self.mind.learned.get(key)
-        return self.pending.get(key, 0) if found is None else parameters_of(found)
+        return self.pending.get(key, 0) if found is None else found[0][_PARAMETERS]
 
     def arguments(self, form, least, most):
         """Refuse a wrong number of arguments."""
@@ -334,9 +384,9 @@ class Checker:
     def builtin(self, form, key):
         self.arguments(form, *arguments_of(key))
         key = "=" if key == "eq" else key
-        if key in PURE and key != "edge-dist":
-            return self.pure(key, form[1:])
-        return self.mind.write_form(self, form, key)
+        if key == "edge-dist" or pure_number(key) is None:
+            return self.mind.write_form(self, form, key)
+        return self.pure(key, form[1:])
 
     def pure(self, key, forms):
         """Call a pure function."""
@@ -344,18 +394,24 @@ class Checker:
         if key in _BINARY and len(forms) == 2:
             self.emit(_BINARY.index(key) + _LESS)
         else:
-            self.emit(_PURE, len(forms), PURE[key])
+            self.calculate(key, len(forms))
         return cost
+
+    def calculate(self, key, count):
+        """Call a pure function with the upper values of the stack."""
+        self.emit(_PURE, count)
+        self.code.append(pure_number(key))
 
     def host(self, form, function):
         self.arguments(form, function.least, function.most)
         label, rest = None, form[1:]
         if function.labelled:
-            if not isinstance(form[1], Label):
+            if not isinstance(form[1], bytes):
                 raise Refused(_LABEL_REFUSED, form[0])
-            label, rest = form[1].text, form[2:]
+            label, rest = str(form[1], "utf-8"), form[2:]
         cost = self.parts(rest)
-        self.emit(_HOST, len(rest), function, label)
+        self.emit(_HOST, len(rest))
+        self.thing(function, label)
         return 1 + cost
 
 
@@ -365,3 +421,27 @@ _DECLARES = {"defvar": "variable", "rule": "rule", "defun": "operator", "area": 
 def through(way):
     """How a stored expression comes back to itself: its way without the last."""
     return " through " + ", ".join([key.upper() for key in way[:-1]]) if len(way) > 1 else ""
+
+
+def deciding(c, form):
+    """The form that decides whether a message is for this robot: its first COND, IF, WHEN or AND; None if it has
+    none."""
+    head = head_of(form)
+    if head == "and":
+        from sleepnode.leading import leading
+
+        return form if leading(c, form) else None
+    if head in ("if", "when") or (head == "cond" and len(form) > 1):
+        return form
+    if head in ("progn", "let"):
+        for part in form[2 if head == "let" else 1 :]:
+            if _tested(part):
+                return deciding(c, part)
+    return None
+
+
+def _tested(form):
+    head = head_of(form)
+    if head in ("progn", "let"):
+        return any([_tested(part) for part in form[2 if head == "let" else 1 :]])
+    return head in ("cond", "if", "when", "and")

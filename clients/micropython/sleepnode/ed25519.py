@@ -1,8 +1,13 @@
 """Ed25519 (RFC 8032): verifying and signing, in slices.
 
 Both are generators: each `next` does a slice of the work, so that a small computer can look at its radio in between.
-Points are (X, Y, Z, T) with x = X/Z, y = Y/Z, xy = T/Z.
+Messages are tuples of pieces of bytes. Points are (X, Y, Z, T) with x = X/Z, y = Y/Z, xy = T/Z.
+
+Numbers are large and made by the thousand, and memory is never moved: what a slice leaves behind would lie scattered
+among its garbage, with no room for a datagram in between. So garbage is collected before anything is made that stays.
 """
+
+import gc
 
 from micropython import const
 
@@ -75,22 +80,36 @@ def point(data):
     y = int.from_bytes(data, "little")
     sign, y = y >> 255, y & (1 << 255) - 1
     x = _recover(y, sign)
-    return None if x is None else (x, y, 1, x * y % _P)
+    return None if x is None else _moved((x, y, 1, x * y % _P))
 
 
 _ZERO = const((0, 1, 1, 0))
 
 
+def _moved(a):
+    """The same point, made again where memory is free once the garbage is gone."""
+    gc.collect()
+    x, y, z, t = a
+    return x + 0, y + 0, z + 0, t + 0
+
+
+def _number(digest):
+    gc.collect()
+    return int.from_bytes(digest, "little") % _L
+
+
 def _bytes(a):
     x, y, z, _ = a
     z = _power(z, _P - 2)
-    return (y * z % _P | (x * z % _P & 1) << 255).to_bytes(32, "little")
+    found = y * z % _P | (x * z % _P & 1) << 255
+    gc.collect()
+    return found.to_bytes(32, "little")
 
 
 def _sum(s, k, a):
     """s times the base and k times a, in slices; the last `next` raises StopIteration with the point."""
     base = _X, _Y, 1, _X * _Y % _P
-    both = _add(base, a)
+    both = _moved(_add(base, a))
     total = _ZERO
     for bit in range(252, -1, -1):
         total = _double(total)
@@ -98,6 +117,7 @@ def _sum(s, k, a):
         if which:
             total = _add(total, base if which == 1 else a if which == 2 else both)
         if bit % _SLICE == 0:
+            total = _moved(total)
             yield
     return total
 
@@ -108,7 +128,7 @@ def verify(public, key, message, signature):
     if key is None or s >= _L:
         return False
     x, y, z, t = key
-    k = int.from_bytes(sha512(signature[:32] + public + message), "little") % _L
+    k = _number(sha512(signature[:32], public, *message))
     yield
     total = yield from _sum(s, k, (_P - x, y, z, _P - t))
     return _bytes(total) == signature[:32]
@@ -124,10 +144,10 @@ def expand(seed):
 def sign(secret, public, message):
     """The signature of the message, in slices. secret: of the seed."""
     number, prefix = secret
-    r = int.from_bytes(sha512(prefix + message), "little") % _L
+    r = _number(sha512(prefix, *message))
     yield
     first = _bytes((yield from _sum(r, 0, _ZERO)))
-    k = int.from_bytes(sha512(first + public + message), "little") % _L
+    k = _number(sha512(first, public, *message))
     return first + ((r + k * number) % _L).to_bytes(32, "little")
 
 

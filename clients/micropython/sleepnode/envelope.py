@@ -32,16 +32,16 @@ def look(data):
 
 
 def signed(payload):
-    """The bytes that a signature covers."""
-    return _SIGNED + len(payload).to_bytes(2, "big") + payload
+    """The bytes that a signature covers, in two pieces."""
+    return _SIGNED + len(payload).to_bytes(2, "big"), payload
 
 
 def names(payload):
-    """Fleet, sender and the piece of the content. Raises Malformed."""
+    """Fleet, sender and the piece of the content, a view of the payload. Raises Malformed."""
     fleet, at = decode(payload, 43)
     sender, at = decode(payload, at)
-    piece, at = decode(payload, at)
-    if at != len(payload) or not (isinstance(fleet, str) and isinstance(sender, str) and isinstance(piece, bytes)):
+    piece, at = decode(memoryview(payload), at, view=True)
+    if at != len(payload) or not (isinstance(fleet, str) and isinstance(sender, str) and isinstance(piece, memoryview)):
         raise Malformed
     if not 0 < len(sender) <= 64:
         raise Malformed
@@ -59,12 +59,13 @@ def content(data):
 
 
 def payload(kind, numbers, fleet, name, text, body):
-    """What is to be signed; None if it does not fit into one datagram. numbers: epoch, number, issued, deadline."""
+    """What is to be signed; None if it does not fit into one datagram. numbers: epoch, number, issued, deadline. body:
+    encoded."""
     fixed = struct.pack(
         _FIXED,
         *(0x8B, 1, kind, 0x1B, numbers[0], 0x1B, numbers[1], 0x1B, numbers[2], 0x1B, numbers[3], 0x18, 0, 0x18, 1),
     )
-    found = fixed + encode(fleet) + encode(name) + encode(encode([text, body]))
+    found = fixed + encode(fleet) + encode(name) + encode(b"\x82" + encode(text) + body)
     return found if len(found) + 86 <= _MAX_DATAGRAM else None
 
 

@@ -113,62 +113,79 @@ def _chain(holds, equal):
     return compare
 
 
-PURE = {
-    "+": lambda *a: sum(a[1:], a[0]) if a else 0.0,
-    "-": _subtract,
-    "*": _multiply,
-    "/": _divide,
-    "^": _power,
-    "mod": lambda x, y: x % y if y else _divide(x, y),
-    "abs": abs,
-    "min": lambda *a: a[0] if len(a) == 1 else min(*a),
-    "max": lambda *a: a[0] if len(a) == 1 else max(*a),
-    "sqrt": _root,
-    "exp": math.exp,
-    "log": _logarithm,
-    "sin": math.sin,
-    "cos": math.cos,
-    "tan": math.tan,
-    "atan2": math.atan2,
-    "floor": math.floor,
-    "ceil": math.ceil,
-    "round": round,
-    "dist": _distance,
-    "bearing": lambda a, b, x, y: math.atan2(y - b, x - a),
-    "edge-dist": _edge_distance,
-    "wrap": lambda x: math.pi - (math.pi - x) % _TWO_PI,
-    "clamp": clamp,
-    "=": _chain("", True),
-    "/=": _all_different,
-    "<": _chain("<", False),
-    "<=": _chain("<", True),
-    ">": _chain(">", False),
-    ">=": _chain(">", True),
-    "not": lambda x: 0.0 if x else 1.0,
-}
+CALLS = (
+    lambda *a: sum(a[1:], a[0]) if a else 0.0,
+    _subtract,
+    _multiply,
+    _divide,
+    _power,
+    lambda x, y: x % y if y else _divide(x, y),
+    abs,
+    lambda *a: a[0] if len(a) == 1 else min(*a),
+    lambda *a: a[0] if len(a) == 1 else max(*a),
+    _root,
+    math.exp,
+    _logarithm,
+    math.sin,
+    math.cos,
+    math.tan,
+    math.atan2,
+    math.floor,
+    math.ceil,
+    round,
+    _distance,
+    lambda a, b, x, y: math.atan2(y - b, x - a),
+    _edge_distance,
+    lambda x: math.pi - (math.pi - x) % _TWO_PI,
+    clamp,
+    _chain("", True),
+    _all_different,
+    _chain("<", False),
+    _chain("<", True),
+    _chain(">", False),
+    _chain(">", True),
+    lambda x: 0.0 if x else 1.0,
+)
+"""The pure functions, in the order of their names below."""
 
+_PURE = const(31)
 _ARGUMENTS = const(
     " + 0- - 1- * 0- / 1- ^ 2 mod 2 abs 1 min 1- max 1- sqrt 1 exp 1 log 1 sin 1 cos 1 tan 1 atan2 2 floor 1 ceil 1 "
-    "round 1 dist 4 bearing 4 edge-dist 8-98 wrap 1 clamp 3 = 1- eq 1- /= 1- < 1- <= 1- > 1- >= 1- not 1 and 0- or 0- "
+    "round 1 dist 4 bearing 4 edge-dist 8-98 wrap 1 clamp 3 = 1- /= 1- < 1- <= 1- > 1- >= 1- not 1 eq 1- and 0- or 0- "
     "known 1 cond 0- if 2-3 when 1- progn 0- let 1- dotimes 1- setq 2 setqq 2 defvar 1-2 quote 1 quasiquote 1 "
     "unquote 1 rule 2 activate 1 deactivate 1 forget 1 lease 2 defun 3- join 1 leave 1 in 1 prob 1 dice 1- random 2 "
     "gauss 2 sleep 0 wake 0 freeze 0 thaw 0 mark 0 unmark 0 rollback 0 report 1- print 1- tell 1-3 ping 0-1 "
     "area 4-97 inside 1 to-edge 1 once 1- held 2 hysteresis 3 every 1- after 1- within 2 age 1 share 2-3 "
 )
-WORDS = ("area", "inside", "to-edge", "once", "held", "hysteresis", "every", "after", "within", "age", "share")
-"""Built-ins whose names give way to names that robots and programs have."""
+_WORDS = const(" area inside to-edge once held hysteresis every after within age share ")
+
+
+def _find(key):
+    return -1 if not key or key[:1].isdigit() else _ARGUMENTS.find(" %s " % key)
+
+
+def pure_number(key):
+    """The number of a pure function; None for a key that is none."""
+    at = _find(key)
+    number = _ARGUMENTS.count(" ", 0, at) // 2
+    return None if at < 0 or number >= _PURE else number
 
 
 def arguments_of(key):
     """The least and the largest number of arguments of a built-in; None for a key that is none."""
-    at = _ARGUMENTS.find(" %s " % key)
-    if at < 0 or not key or key[:1].isdigit():
+    at = _find(key)
+    if at < 0:
         return None
     written = _ARGUMENTS[at + len(key) + 2 : _ARGUMENTS.find(" ", at + len(key) + 2)]
     least, _, most = written.partition("-")
     return int(least), _MANY if written.endswith("-") else int(most or least)
 
 
+def gives_way(key):
+    """Whether a key is the name of a built-in that gives way to names that robots and programs have."""
+    return " %s " % key in _WORDS
+
+
 def is_fixed(key):
     """Whether a key is the name of a built-in and can be nothing else."""
-    return key not in WORDS and arguments_of(key) is not None
+    return arguments_of(key) is not None and not gives_way(key)

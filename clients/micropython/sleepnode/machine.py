@@ -2,24 +2,42 @@
 
 Values lie on one stack and entered programs in a list, so nothing here calls itself, however deeply texts are nested:
 the stack of a small computer's own interpreter is short. Unknown is None: like 0, it is not true.
+
+A program is a tuple: its bytes, the keys of the buffers, rules and operators that it may enter (a tuple), and the
+things that its instructions name: keys, functions, texts, programs.
+
+Its bytes begin with eight that describe it: a rule's evaluations in a row with a fault (255: it is built in, and no
+message can change it); flags (1: it runs, 2: a message with a top-level test, 4: a rule or buffer, 8: it ran when its
+set of rules had proven itself); the steps charged on entering it (two bytes, the lower one first, like every number of
+two bytes); how many lists lie inside one another; the places of its frame (two); how many of them are parameters.
+
+Then come instructions: six bits of what is to be done, and above them how many bytes of a number follow, 0 (for zero)
+to 2. The number is a slot, a place to jump to, how many arguments, or a constant in hundredths. Instructions from
+`in` on name a thing, by two bytes. Behind `pure` comes the number of the function, behind `number` a float (eight
+bytes), behind `repeat` and `next` a place of the frame (two), behind `repeat` a count as well (two).
 """
 
 import math
+import struct
 
 from micropython import const
 
-from sleepnode.functions import Undefined
-from sleepnode.instructions import height_of, is_tested, places_of
+from sleepnode.functions import CALLS, Undefined
 from sleepnode.reader import format_number
 
 _MAX_STEPS = const(10000)
 _MAX_DEPTH = const(32)
 _MAX_LEVELS = const(100)
-_COST = const(0)
-_FIRST = const(3)
 
+# Where the bytes of a program say what.
+_FLAGS = const(1)
+_TESTED = const(2)
+_COST = const(2)
+_HEIGHT = const(4)
+_PLACES = const(5)
+_FIRST = const(8)
 
-# The numbers of `instructions.number_of`, as constants that cost no look-up.
+# The numbers of `forms.number_of`, as constants that cost no look-up.
 _VARIABLE = const(0)
 _CONSTANT = const(1)
 _ELSE = const(2)
@@ -33,39 +51,41 @@ _PURE = const(9)
 _WRITE = const(10)
 _JUMP = const(11)
 _POP = const(12)
-_ZERO = const(13)
-_ASSIGN = const(14)
-_LOCAL = const(15)
-_RETURN = const(16)
-_ENTER = const(17)
-_CALL = const(18)
-_OPERATOR = const(19)
-_MATCH = const(20)
-_MATCH_IF = const(21)
-_ELSE_TEST = const(22)
-_AND_TEST = const(23)
-_ANY = const(24)
-_OR = const(25)
-_OR_TEST = const(26)
-_KNOWN = const(27)
-_TAKE = const(28)
-_KEEP = const(29)
-_REPEAT = const(30)
-_NEXT = const(31)
-_HOST = const(32)
-_DEFINED = const(33)
-_STORE = const(34)
-_OPERATE = const(35)
-_REPORT = const(36)
-_TELL = const(37)
-_PROB = const(38)
-_DICE = const(39)
-_UNKNOWN_SIDE = const(40)
-_SIDE = const(41)
-_NONE = const(42)
-_RANDOM = const(43)
-_GAUSS = const(44)
-_FLAG = const(45)
+_NUMBER = const(13)
+_LOCAL = const(14)
+_RETURN = const(15)
+_MATCH = const(16)
+_MATCH_IF = const(17)
+_ELSE_TEST = const(18)
+_AND_TEST = const(19)
+_ANY = const(20)
+_OR = const(21)
+_OR_TEST = const(22)
+_KNOWN = const(23)
+_TAKE = const(24)
+_KEEP = const(25)
+_REPEAT = const(26)
+_NEXT = const(27)
+_PROB = const(28)
+_DICE = const(29)
+_UNKNOWN_SIDE = const(30)
+_SIDE = const(31)
+_NONE = const(32)
+_RANDOM = const(33)
+_GAUSS = const(34)
+_FLAG = const(35)
+_UNKNOWN = const(36)
+_ACTS = const(37)
+_NAMED = const(39)
+_ASSIGN = const(48)
+_ENTER = const(49)
+_CALL = const(50)
+_OPERATOR = const(51)
+_HOST = const(52)
+_DEFINED = const(53)
+_STORE = const(54)
+_OPERATE = const(55)
+_REPORT = const(56)
 
 
 def _finite(mind, value):
@@ -83,22 +103,35 @@ def _pure(mind, call, arguments):
         return mind.fault("overflow")
 
 
+def _two(code, at):
+    return code[at] | code[at + 1] << 8
+
+
 def run(mind, program):
     """The value of a program, with all its effects. Leaves in the mind: matched, undecided, steps and faults."""
-    mind.matched, mind.undecided = not is_tested(program), False
-    mind.steps, levels = program[_COST], height_of(program)
-    code, local, pc = program, [None] * places_of(program), _FIRST
-    stack, frames, values = [], [], mind.values
+    code, pc = program[0], _FIRST
+    mind.matched, mind.undecided = not code[_FLAGS] & _TESTED, False
+    mind.steps, levels, local = _two(code, _COST), code[_HEIGHT], [None] * _two(code, _PLACES)
+    stack, frames, values, thing = [], [], mind.values, None
     while True:
         op = code[pc]
+        argument = 0
+        if op & 64:
+            pc += 1
+            argument = code[pc]
+        elif op & 128:
+            argument = code[pc + 1] | code[pc + 2] << 8
+            pc += 2
         pc += 1
-        argument = op >> 6
         op &= 63
+        if op >= _NAMED:
+            at = code[pc] | code[pc + 1] << 8
+            thing = program[at]
+            pc += 2
         if op == _VARIABLE:
             stack.append(values[argument])
         elif op == _CONSTANT:
-            stack.append(code[pc])
-            pc += 1
+            stack.append(argument / 100)
         elif op == _ELSE or op == _ELSE_TEST:
             value = stack.pop()
             if not value:
@@ -125,7 +158,7 @@ def run(mind, program):
                 if op == _AND_TEST:
                     mind.note_test(stack[-1])
         elif op == _PURE:
-            stack.append(_pure(mind, code[pc], _taken(stack, argument)))
+            stack.append(_pure(mind, CALLS[code[pc]], _taken(stack, argument)))
             pc += 1
         elif op == _WRITE:
             stack[-1] = mind.write(argument, stack[-1])
@@ -133,47 +166,46 @@ def run(mind, program):
             pc = argument
         elif op == _POP:
             stack.pop()
-        elif op == _ZERO:
-            stack.append(0.0)
-        elif op == _ASSIGN:
-            stack[-1] = mind.assign(code[pc], stack[-1])
-            pc += 1
+        elif op == _NUMBER:
+            stack.append(struct.unpack_from("<d", code, pc)[0])
+            pc += 8
         elif op == _LOCAL:
             stack.append(local[argument])
+        elif op == _ASSIGN:
+            stack[-1] = mind.assign(thing, stack[-1])
         elif op == _RETURN:
             if not frames:
                 return stack[-1]
             levels -= frames.pop()
-            local, pc, code = frames.pop(), frames.pop(), frames.pop()
+            local, pc, program = frames.pop(), frames.pop(), frames.pop()
+            code = program[0]
         elif op == _ENTER or op == _CALL:
             if op == _CALL:
                 arguments = _taken(stack, argument)
-                found = mind.operator(code[pc], argument)
+                found = mind.operator(thing, argument)
             else:
-                arguments = ()
-                found = mind.expression(code[pc])
-            pc += 1
+                arguments = []
+                found = mind.expression(thing)
             if not isinstance(found, tuple):
                 stack.append(found)
                 continue
-            tall = height_of(found)
+            tall = found[0][_HEIGHT]
             if len(frames) >= 4 * _MAX_DEPTH or levels + tall > _MAX_LEVELS:
                 stack.append(mind.fault("calls nested too deeply: at most %d" % _MAX_DEPTH))
                 continue
-            mind.steps += found[_COST]
+            mind.steps += _two(found[0], _COST)
             if mind.steps > _MAX_STEPS:
                 return mind.fault("out of steps: at most %d in one evaluation" % _MAX_STEPS)
-            frames.append(code)
+            frames.append(program)
             frames.append(pc)
             frames.append(local)
             frames.append(tall)
             levels += tall
-            code, pc = found, _FIRST
-            local = list(arguments) + [None] * (places_of(found) - len(arguments))
+            program, code, pc = found, found[0], _FIRST
+            local = arguments + [None] * (_two(code, _PLACES) - len(arguments))
         elif op == _OPERATOR:
-            if mind.operator(code[pc], argument, code[pc + 1]) is None:
+            if mind.operator(thing, argument, program[at + 1]) is None:
                 stack.append(None)
-                pc += 2
             else:
                 pc += 3
         elif op == _MATCH:
@@ -201,37 +233,27 @@ def run(mind, program):
         elif op == _KEEP:
             local[argument] = stack[-1]
         elif op == _REPEAT:
-            if local[code[pc]] >= code[pc + 1]:
+            if local[_two(code, pc)] >= _two(code, pc + 2):
                 pc = argument
             else:
-                pc += 2
+                pc += 4
         elif op == _NEXT:
-            local[code[pc]] += 1.0
+            local[_two(code, pc)] += 1.0
             pc = argument
         elif op == _HOST:
-            stack.append(mind.host(code[pc], code[pc + 1], _taken(stack, argument)))
-            pc += 2
+            stack.append(mind.host(thing, program[at + 1], _taken(stack, argument)))
         elif op == _DEFINED:
-            if code[pc] in mind.learned:
-                stack.append(mind.value_of(code[pc]))
+            if thing in mind.learned:
+                stack.append(mind.value_of(thing))
                 pc = argument
-            else:
-                pc += 1
-        elif op == _STORE or op == _OPERATE:
-            if op == _STORE:
-                stack.append(mind.store(code[pc], code[pc + 1], argument))
-            else:
-                stack.append(mind.operate(code[pc], code[pc + 1]))
-            pc += 2
+        elif op == _STORE:
+            stack.append(mind.store(thing, program[at + 1], argument))
+        elif op == _OPERATE:
+            stack.append(mind.operate(thing, program[at + 1]))
         elif op == _REPORT:
             arguments = _taken(stack, argument)
-            mind.report(code[pc], arguments)
-            pc += 1
+            mind.report(thing, arguments)
             stack.append(arguments[-1] if arguments else 1.0)
-        elif op == _TELL:
-            pieces = code[pc]
-            pc += 1
-            stack.append(tell(mind, pieces, _taken(stack, len(pieces) - 1), argument))
         elif op == _PROB:
             if stack[-1] is not None:
                 stack[-1] = 1.0 if mind.draw() < stack[-1] else 0.0
@@ -257,10 +279,14 @@ def run(mind, program):
             y = stack.pop()
             stack[-1] = chance(mind, op == _GAUSS, stack[-1], y)
         elif op == _FLAG:
-            values[argument >> 1] = float(argument & 1)
+            mind.put(argument >> 1, float(argument & 1))
             stack.append(1.0)
+        elif op == _UNKNOWN:
+            stack.append(None)
+        elif op < _ASSIGN:
+            mind.act(op - _ACTS, thing, stack)
         else:
-            pc = mind.act(op - _FLAG, code, pc, stack)
+            stack.append(tell(mind, thing, _taken(stack, len(thing) - 1), argument))
 
 
 def _taken(stack, count):

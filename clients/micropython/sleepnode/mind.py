@@ -1,8 +1,8 @@
 """A robot's mind: its variables, rules, operators and groups, and what a tick does with them.
 
 Variables lie in one list: the flags that every robot has, then sensors, actuators, and the variables that DEFVAR makes.
-What the robot has learned lies in one table by name: a slot for a variable, a list for a rule or buffer, a program for
-an operator, GROUP for a group. (Lists and tuples take less memory than objects.)
+What the robot has learned lies in one table by name: a slot for a variable, a program for a rule, buffer or operator,
+GROUP for a group. What is to be known of a rule besides stands in its program's first bytes.
 """
 
 import gc
@@ -11,10 +11,8 @@ import math
 from micropython import const
 
 from sleepnode import chance
-from sleepnode.checker import GROUP, Checker, buffer_number, through
-from sleepnode.deciding import deciding
+from sleepnode.checker import GROUP, Checker, buffer_number, deciding, through
 from sleepnode.forms import write as write_form
-from sleepnode.instructions import parameters_of
 from sleepnode.machine import run
 from sleepnode.reader import Refused, head_of, read, unload
 
@@ -25,13 +23,12 @@ _MAX_GROUPS = const(64)
 _ID = const(67)
 _TIME = const(68)
 _TICK = const(69)
-_USES = const(2)
+_USES = const(1)
 _MAX_HOPS = const(8)
 
-# Refusals, by their places in `sentences.SENTENCES`.
-_MEMORY_REFUSED = const(64)
-_DEEP_REFUSED = const(65)
-_VARIABLES_REFUSED = const(66)
+# Refusals, by their places in `sentences.py`.
+_DEEP_REFUSED = const(64)
+_VARIABLES_REFUSED = const(65)
 
 _MARKED = const(0)
 _MARKING = const(1)
@@ -40,7 +37,8 @@ _SLEEPING = const(3)
 _ACTIVE = const(3)
 _SUPPORT = const(70)
 _MAX_VARIABLES = const(256)
-_MAX_NUMBERS = const(32)
+_ROOM = const(72)
+"""Names that are learned before their table grows."""
 _MAX_FAULTS = const(100)
 _MAX_FAULTS_IN_ROW = const(10)
 _TICK_STEPS = const(50000)
@@ -52,12 +50,14 @@ _TELLS_TOO_OFTEN = const("tells too often: more than 2 a second are dropped")
 _CONSTANTS = {"true": 1.0, "false": 0.0, "nil": 0.0, "pi": math.pi, "unknown": None}
 
 
-_KEY = const(0)
-_PROGRAM = const(1)
-_RUNS = const(2)
-_FAULTS = const(3)
-"""Places in a rule: its key, its program, whether it runs (a buffer's flag says that), its evaluations in a row with a
-fault (-1: it is built in, and no message can change it)."""
+# The first bytes of a program, and its flags (`machine.py`).
+_FAULTS = const(0)
+_BUILT_IN = const(255)
+_FLAGS = const(1)
+_PARAMETERS = const(7)
+_RUNS = const(1)
+_RULE = const(4)
+_RAN = const(8)
 
 
 class Mind:
@@ -83,15 +83,16 @@ class Mind:
         for function in functions:
             self.names[function.name.lower()] = function
         self.write_form = write_form
-        self.learned = {}
+        self.learned = dict.fromkeys(range(_ROOM))
+        for number in range(_ROOM):  # its table stays as large: later no piece of memory may be large enough for it
+            del self.learned[number]
         self._slots = {}
         """Of user variables that texts name and nobody has made yet."""
         self._members = {}
-        self.numbers = {}
         self._leases = {}
         """When rules are deactivated, by key."""
         self._order = []
-        """Rules and buffers in the order in which they run."""
+        """The keys of rules and buffers in the order in which they run."""
         self.reports, self.told, self.pings, self.dirty = [], [], [], []
         self.faults = []
         self.matched, self.undecided, self.moved, self.held = False, False, False, False
@@ -101,7 +102,12 @@ class Mind:
         self.tick, self.now, self._draws = 0, 0.0, 0
         self.key = chance.stream(seed, number)
         self._paid, self._refused = 0.0, False
-        self._proven, self.since = (), 0
+        self._proven, self._proven_leases, self.since = (), {}, 0
+        """The set of rules to roll back to, each a key and a program; when it last changed."""
+        self._before = {}
+        """The values of variables before a question, by slot."""
+        self._due = []
+        """The keys of the rules of a round, None for those that do not run; one list for all rounds."""
         self._left = None
 
     # ---- names
@@ -135,15 +141,23 @@ class Mind:
         if key not in self._slots:
             if len(self.values) - self.first_user >= _MAX_VARIABLES:
                 raise Refused(_VARIABLES_REFUSED, key, _MAX_VARIABLES)
-            self.values.append(None)
+            self.values += (None,)  # `append` would double it
             self._slots[key] = len(self.values) - 1
         return self._slots[key]
 
-    def shared(self, number):
-        """A number that programs have: the same one for equal ones, which saves memory."""
-        if number not in self.numbers and number and len(self.numbers) < _MAX_NUMBERS:
-            self.numbers[number] = number
-        return self.numbers.get(number, number)
+    def sort(self, key):
+        """What a learned name is: variable, rule, operator or group; None for a name that is not learned."""
+        found = self.learned.get(key)
+        if isinstance(found, tuple):
+            return "rule" if found[0][_FLAGS] & _RULE else "operator"
+        return "variable" if isinstance(found, int) else found
+
+    def kept(self, text):
+        """A text that programs have: that of the learned name, if it is one, which saves memory."""
+        for key in self.learned:
+            if key == text:
+                return key
+        return text
 
     def reaches(self, uses, goal, pending=None):
         """A way from `uses` to `goal` along what each rule, buffer and operator enters; None if there is none."""
@@ -160,7 +174,6 @@ class Mind:
                 more = pending[last]
             else:
                 found = self.learned.get(last)
-                found = found[_PROGRAM] if isinstance(found, list) else found
                 more = found[_USES] if isinstance(found, tuple) else ()
             for key in more:
                 waiting.append(way + (key,))
@@ -189,67 +202,86 @@ class Mind:
         except RuntimeError:  # the interpreter's own stack is full
             raise Refused(_DEEP_REFUSED)
         except MemoryError:
-            raise Refused(_MEMORY_REFUSED)
+            raise Refused("too long for the memory of this computer")
         finally:
             gc.threshold(-1)
+            unload("leading")
+            unload("seldom")
 
     def _written_out(self, form):
         """A form without forms that remember. What writes them out is loaded for one text, to save memory."""
-        from sleepnode.remembering import written_out
+        try:
+            from sleepnode.remembering import written_out
 
-        checker = Checker(self)
-        checker.declare(form)
-        form = written_out(form, checker)
-        unload("sharing")
-        unload("remembering")
-        return form
+            checker = Checker(self)
+            checker.declare(form)
+            return written_out(form, checker)
+        finally:
+            unload("sharing")
+            unload("remembering")
 
     def evaluate(self, text):
         """The value of a text, None if unknown. Raises Refused."""
-        return self.run(self.compile(text))
+        program = self.compile(text)
+        gc.collect()
+        return self.run(program)
 
     def run(self, program):
         """The value of a program."""
-        self.faults = []
         self.moved = False
         try:
+            self.faults = []
             return run(self, program)
         except MemoryError:
             return self.fault("out of memory")
 
     def ask(self, program):
         """The value of a program that changes nothing: what it would do is left out, and variables are set back."""
-        kept, drawn, self.asked = self.values, self._draws, True
-        self.values = list(kept)
-        value = self.run(program)
-        self.values, self._draws, self.asked = kept, drawn, False
-        return value
+        drawn, self._before = self._draws, {}
+        self.asked = True
+        try:
+            return self.run(program)
+        finally:
+            for slot in self._before:
+                self.values[slot] = self._before[slot]
+            self._draws, self.asked = drawn, False
 
-    def rule(self, rule):
+    def put(self, slot, value):
+        """Give a variable a value."""
+        if self.asked and slot not in self._before:
+            self._before[slot] = self.values[slot]
+        self.values[slot] = value
+
+    def rule(self, key):
         """Evaluate a rule."""
-        value = self.run(rule[_PROGRAM])
-        own = rule[_FAULTS] < 0
-        if not self.faults:
-            rule[_FAULTS] = min(rule[_FAULTS], 0)
+        value = self.run(self.learned[key])
+        if self.sort(key) != "rule":
             return value
-        self._changing()
+        state = self.learned[key][0]
+        own = state[_FAULTS] == _BUILT_IN
+        if self.faults:
+            self._changing()
         if own:
             return value
-        rule[_FAULTS] += 1
-        if rule[_FAULTS] >= _MAX_FAULTS_IN_ROW:
-            self._activate(rule, False)
+        state[_FAULTS] = state[_FAULTS] + 1 if self.faults else 0
+        if state[_FAULTS] >= _MAX_FAULTS_IN_ROW:
+            self._activate(key, False)
             self.since = None
-            self.reports.append(("rule %s deactivated" % rule[_KEY], (), rule[_KEY]))
+            self.reports.append(("rule %s deactivated" % key, (), key))
         return value
 
     def begin(self, tick, now):
         """Begin a tick: what its time and its chance are."""
+        gc.collect()
+        values = self.values
+        for at, value in enumerate(values):
+            if value:  # made again, where memory is free
+                values[at] = value + 0.0
         self.tick, self.now, self._draws = tick, now, 0
         self.values[_TICK], self.values[_TIME] = float(tick), now
         for key in [key for key, until in self._leases.items() if until <= now]:
-            rule = self.learned[key]
-            if self._runs(rule):
-                self._activate(rule, False)
+            if self._runs(key):
+                self._activate(key, False)
                 self.report("lease of %s ended" % key, ())
             self._leases.pop(key, None)
 
@@ -258,19 +290,24 @@ class Mind:
         whether a rule has moved the body."""
         if self.values[_SLEEPING] or self.values[_FROZEN]:
             return False
-        used, moved, running = 0, False, [rule for rule in self._order if self._runs(rule)]
-        if self._left in running:
-            at = running.index(self._left)
-            running = running[at:] + running[:at]
+        due, used, moved = self._due, 0, False
+        due[:] = self._order
+        for at, key in enumerate(due):
+            if not self._runs(key):
+                due[at] = None
+        first = due.index(self._left) if self._left and self._left in due else 0
         self._left = None
-        for rule in running:
+        count = len(due)
+        for at in range(first, first + count):
+            key = due[at % count]
+            if key is None or not self._runs(key):
+                continue
             if used > _TICK_STEPS:
-                self._left = rule
+                self._left = key
                 break
-            if self._runs(rule) and self.learned.get(rule[_KEY]) is rule:
-                self.rule(rule)
-                used += self.steps
-                moved = moved or self.moved
+            self.rule(key)
+            used += self.steps
+            moved = moved or self.moved
         return moved
 
     def install(self, key, text):
@@ -278,7 +315,7 @@ class Mind:
         self.evaluate("(RULE %s %s)" % (key, text))
         if self.faults:
             raise Refused(self.faults[0])
-        self.learned[key.lower()][_FAULTS] = -1
+        self.learned[key.lower()][0][_FAULTS] = _BUILT_IN
 
     # ---- called by the machine
 
@@ -306,38 +343,39 @@ class Mind:
     def expression(self, key):
         """The program of a rule or buffer; the value of a variable that was made later; None for neither."""
         found = self.learned.get(key)
-        if isinstance(found, list):
-            return found[_PROGRAM]
-        return self.values[found] if isinstance(found, int) else None
+        if isinstance(found, int):
+            return self.values[found]
+        return found if self.sort(key) == "rule" else None
 
     def operator(self, key, count, unknown=""):
         """The program of an operator with so many parameters, None and a fault if there is none."""
         found = self.learned.get(key)
-        if isinstance(found, tuple) and parameters_of(found) == count:
+        if self.sort(key) == "operator" and found[0][_PARAMETERS] == count:
             return found
         return self.fault(
             "this robot has no function %s" % unknown if unknown else "no operator %s of %d arguments" % (key, count)
         )
 
     def write(self, slot, value):
-        """SETQ of an actuator or a flag."""
-        if value is None:
-            self.dropped += 1
+        """SETQ of an actuator, a flag or a user variable."""
+        if slot < self.first_user:
             actuator = slot >= self.first_actuator
-            return self.fault("unknown never reaches an actuator" if actuator else "unknown cannot be a flag")
-        if slot >= self.first_actuator and not self.asked:
-            self.moved = True
-            if slot not in self.dirty:
-                self.dirty.append(slot)
-        self.values[slot] = value
+            if value is None:
+                self.dropped += 1
+                return self.fault("unknown never reaches an actuator" if actuator else "unknown cannot be a flag")
+            if actuator and not self.asked:
+                self.moved = True
+                if slot not in self.dirty:
+                    self.dirty.append(slot)
+        self.put(slot, value)
         return value
 
     def assign(self, key, value):
-        """SETQ of a user variable."""
+        """SETQ of a user variable that was not there when the text was checked."""
         found = self.learned.get(key)
         if not isinstance(found, int):
             return self.fault("no variable %s: make it first with (DEFVAR %s)" % (key, key))
-        self.values[found] = value
+        self.put(found, value)
         return value
 
     def host(self, function, label, arguments):
@@ -388,37 +426,32 @@ class Mind:
         self._paid = begin + 1.0 / _TELLS_A_SECOND
         self.told.append((text, hops))
 
-    def act(self, which, code, pc, stack):
-        """Acts on groups, rules and variables. which: of the instructions from "flag" on; gives where to go on."""
-        if self.asked and which not in (1, 4):
-            if which in (5, 9, 11):
+    def act(self, which, key, stack):
+        """Acts on groups, rules and variables. which: of the instructions from "rollback" on."""
+        if self.asked and which not in (2, 5):
+            if which in (1, 6, 10):
                 stack.pop()
-            stack.append(1.0)
-            return pc + (which < 10)
-        if which == 10:
+            value = 1.0
+        elif which == 0:
             self._roll_back()
-            stack.append(1.0)
-            return pc
-        if which == 11:
-            stack[-1] = self._ping(stack[-1])
-            return pc
-        key = code[pc]
-        if which == 1:
+            value = 1.0
+        elif which == 1:
+            value = self._ping(stack.pop())
+        elif which == 2:
             value = 1.0 if self._members.get(key) else 0.0
-        elif which <= 3:
-            value = self._join(key, which == 2)
-        elif which == 4:
-            value = self._define(key, stack.pop())
+        elif which <= 4:
+            value = self._join(key, which == 3)
         elif which == 5:
+            value = self._define(key, stack.pop())
+        elif which == 6:
             value = self._store_number(key, stack.pop())
-        elif which <= 7:
-            value = self._switch(key, which == 6)
-        elif which == 8:
+        elif which <= 8:
+            value = self._switch(key, which == 7)
+        elif which == 9:
             value = self._forget(key)
         else:
             value = self._lease(key, stack.pop())
         stack.append(value)
-        return pc + 1
 
     def _ping(self, caste):
         if caste is None:
@@ -431,27 +464,23 @@ class Mind:
 
     def _clash(self, key, sort):
         """Whether a name means something of another sort; that is a fault."""
-        found = self.learned.get(key)
-        if found is None or (found is sort if sort is GROUP else isinstance(found, sort)):
+        if self.sort(key) in (None, sort):
             return False
         self.fault("%s is already the name of something else" % key)
         return True
 
-    def _full(self, sort, most, what):
+    def _full(self, sort, most):
         """Whether there is no room for one more of a sort; that is a fault."""
-        count = 0
-        for name, each in self.learned.items():
-            if (each is GROUP) if sort is GROUP else (isinstance(each, sort) and buffer_number(name) is None):
-                count += 1
+        count = sum([self.sort(key) == sort and buffer_number(key) is None for key in self.learned])
         if count < most:
             return False
-        self.fault("no room for another %s: there are %d" % (what, most))
+        self.fault("no room for another %s: there are %d" % (sort, most))
         return True
 
     def _define(self, key, value):
         if self.asked:
             return value
-        if self._clash(key, int):
+        if self._clash(key, "variable"):
             return None
         slot = self.slot(key)
         self._slots.pop(key, None)
@@ -466,49 +495,58 @@ class Mind:
         way = self.reaches(program[_USES], key)
         if way:
             return self.fault("%s would name itself%s" % (key.upper(), through(way)))
-        if self._clash(key, list):
+        if self._clash(key, "rule"):
             return None
-        rule = self.learned.get(key)
-        if rule is None:
-            if buffer_number(key) is None and self._full(list, _MAX_RULES, "rule"):
+        found = self.learned.get(key)
+        if found is None:
+            if buffer_number(key) is None and self._full("rule", _MAX_RULES):
                 return None
             self._changing()
-            rule = self.learned[key] = [key, program, False, 0]
-            self._place(rule)
-        elif rule[_FAULTS] < 0:
+        elif found[0][_FAULTS] == _BUILT_IN:
             return self._built_in(key)
         else:
             self._changing()
-            rule[_PROGRAM], rule[_FAULTS] = program, 0
+        program[0][_FAULTS] = 0
+        program = (bytearray(program[0]),) + program[1:]  # made again, where memory is free
+        if found is None:
+            key = str(key.encode(), "utf-8")
+            self._place(key)
+        try:
+            self.learned[key] = program
+        except MemoryError:
+            self._order.remove(key)
+            raise
         if activate:
-            self._activate(rule, True)
+            self._activate(key, True)
         return 1.0 if activate else 0.0
 
     def _store_number(self, key, value):
         """SETQ of a buffer."""
         if value is None:
             return self.fault("an unknown cannot be stored")
-        program = Checker(self).program([(value, "", True)])
+        program = Checker(self).stored(key, [(value, "", True)], flags=_RULE)[0]
         return None if self.store(key, program, False) is None else value
 
-    def _place(self, rule):
+    def _place(self, key):
         """Put a new rule where it runs: buffers by their number, then the others as they come."""
-        number, at = buffer_number(rule[_KEY]), len(self._order)
+        number, at = buffer_number(key), len(self._order)
         if number is not None:
             while at:
-                other = buffer_number(self._order[at - 1][_KEY])
+                other = buffer_number(self._order[at - 1])
                 if other is not None and other < number:
                     break
                 at -= 1
-        self._order.insert(at, rule)
+        if len(self._due) <= len(self._order):
+            self._due.append(None)
+        self._order.insert(at, key)
 
     def operate(self, key, program):
         """DEFUN."""
         if self.asked:
             return 1.0
-        if self._clash(key, tuple):
+        if self._clash(key, "operator"):
             return None
-        if key not in self.learned and self._full(tuple, _MAX_OPERATORS, "operator"):
+        if key not in self.learned and self._full("operator", _MAX_OPERATORS):
             return None
         way = self.reaches(program[_USES], key)
         if way:
@@ -521,7 +559,7 @@ class Mind:
             if key in self._members:
                 self._members[key] = False
             return 1.0
-        if self._clash(key, GROUP) or (key not in self.learned and self._full(GROUP, _MAX_GROUPS, "group")):
+        if self._clash(key, GROUP) or (key not in self.learned and self._full(GROUP, _MAX_GROUPS)):
             return None
         self.learned[key] = GROUP
         self._members[key] = True
@@ -530,57 +568,62 @@ class Mind:
     def _built_in(self, key):
         return self.fault("%s is built into the robot: it cannot be changed" % key)
 
-    def _changeable(self, key):
-        found = self.learned.get(key)
-        if not isinstance(found, list):
-            return self.fault("no rule %s" % key)
-        return self._built_in(key) if found[_FAULTS] < 0 else found
+    def _is_changeable(self, key):
+        """Whether messages may change a rule; if not, that is a fault."""
+        if self.sort(key) != "rule":
+            self.fault("no rule %s" % key)
+            return False
+        if self.learned[key][0][_FAULTS] == _BUILT_IN:
+            self._built_in(key)
+            return False
+        return True
 
-    def _runs(self, rule):
-        number = buffer_number(rule[_KEY])
-        return rule[_RUNS] if number is None else bool(self.values[_ACTIVE + number])
+    def _runs(self, key):
+        number = buffer_number(key)
+        if number is not None:
+            return bool(self.values[_ACTIVE + number])
+        return self.sort(key) == "rule" and bool(self.learned[key][0][_FLAGS] & _RUNS)
 
-    def _activate(self, rule, on):
-        number = buffer_number(rule[_KEY])
-        rule[_RUNS] = on
+    def _activate(self, key, on):
+        number, state = buffer_number(key), self.learned[key][0]
+        state[_FLAGS] = state[_FLAGS] | _RUNS if on else state[_FLAGS] & ~_RUNS
         if number is not None:
             self.values[_ACTIVE + number] = 1.0 if on else 0.0
         if not on:
-            self._leases.pop(rule[_KEY], None)
+            self._leases.pop(key, None)
 
     def _switch(self, key, on):
         number = buffer_number(key)
         if number is not None and key not in self.learned:
             self.values[_ACTIVE + number] = 1.0 if on else 0.0
             return 1.0
-        rule = self._changeable(key)
-        if rule is None:
+        if not self._is_changeable(key):
             return None
         self._changing()
-        self._activate(rule, on)
+        self._activate(key, on)
         return 1.0
 
     def _forget(self, key):
-        if isinstance(self.learned.get(key), tuple):
+        if self.sort(key) == "operator":
             del self.learned[key]
             return 1.0
-        rule = self._changeable(key)
-        if rule is None:
+        if not self._is_changeable(key):
             return None
         self._changing()
-        self._remove(rule)
+        self._remove(key)
         return 1.0
 
-    def _remove(self, rule):
-        self._activate(rule, False)
-        del self.learned[rule[_KEY]]
-        self._order.remove(rule)
+    def _remove(self, key):
+        self._activate(key, False)
+        del self.learned[key]
+        self._order.remove(key)
+        if key in self._due:
+            self._due[self._due.index(key)] = None
 
     def _lease(self, key, seconds):
         if seconds is None:
             return self.fault("a lease of unknown length")
-        rule = self._changeable(key)
-        if rule is None:
+        if not self._is_changeable(key):
             return None
         self._changing()
         self._leases[key] = self.now + seconds
@@ -590,33 +633,45 @@ class Mind:
 
     def _changing(self):
         """The rules change, or one has met a fault: a proven set becomes the one to roll back to."""
-        if self.since is not None and self.tick - self.since >= _PROVEN_TICKS:
-            self._proven = self._rule_set()
+        proven = self.since is not None and self.tick - self.since >= _PROVEN_TICKS
         self.since = self.tick
+        if proven:
+            try:
+                self._proven, self._proven_leases = self._rule_set(), dict(self._leases)
+            except MemoryError:  # the one before stays
+                self.report("no memory to remember the rules for ROLLBACK", ())
 
     def _rule_set(self):
-        return [
-            (rule[_KEY], rule[_PROGRAM], self._runs(rule), self._leases.get(rule[_KEY]))
-            for rule in self._order
-            if rule[_FAULTS] >= 0
-        ]
+        found = []
+        for key in self._changeable():
+            state = self.learned[key][0]
+            state[_FLAGS] = state[_FLAGS] | _RAN if self._runs(key) else state[_FLAGS] & ~_RAN
+            found += key, self.learned[key]
+        return found
+
+    def _changeable(self):
+        return [key for key in self._order if self.learned[key][0][_FAULTS] != _BUILT_IN]
 
     def _roll_back(self):
         if self.since is not None and self.tick - self.since >= _PROVEN_TICKS:
             return
-        for rule in [rule for rule in self._order if rule[_FAULTS] >= 0]:
-            self._remove(rule)
-        for key, program, active, until in self._proven:
-            rule = self.learned[key] = [key, program, False, 0]
-            self._place(rule)
-            self._activate(rule, active)
-            if until is not None:
-                self._leases[key] = until
+        for key in self._changeable():
+            self._remove(key)
+        for at in range(0, len(self._proven), 2):
+            key, program = self._proven[at : at + 2]
+            program[0][_FAULTS] = 0
+            self.learned[key] = program
+            self._place(key)
+            self._activate(key, program[0][_FLAGS] & _RAN)
+            if key in self._proven_leases:
+                self._leases[key] = self._proven_leases[key]
 
 
-_REMEMBERING = const(("once", "held", "hysteresis", "every", "after", "within", "age", "share"))
+_REMEMBERING = const(" once held hysteresis every after within age share ")
 
 
 def _remembers(form):
     """Whether a text has a form that remembers from tick to tick."""
-    return isinstance(form, list) and (head_of(form) in _REMEMBERING or any([_remembers(item) for item in form]))
+    return isinstance(form, list) and (
+        " %s " % head_of(form) in _REMEMBERING or any([_remembers(item) for item in form])
+    )

@@ -12,7 +12,7 @@ import time
 from micropython import const
 
 from sleepnode import ed25519
-from sleepnode.cbor import Malformed
+from sleepnode.cbor import Malformed, encode
 from sleepnode.envelope import content, look, names, payload, sealed, signed
 from sleepnode.latch import Latch
 from sleepnode.mind import Mind
@@ -53,12 +53,19 @@ _OURS = const(15)
 _SKEW = const(2000000)
 _OLDEST = const(3600000000)
 _MAX_JOBS = const(6)
+_MAX_WAITING = const(2400)
+"""Bytes of datagrams that wait to be verified: two long ones."""
+_KIND = const(22)
+"""Where a datagram says its kind."""
 _MAX_PARTS = const(3)
 _MAX_QUEUE = const(16)
 _MAX_OUT = const(16)
-_MAX_ANSWERED = const(8)
+_MAX_ANSWERED = const(700)
+"""Bytes of answers that can be repeated."""
 _RANKS = const(b"\x01\x03\x00\x00\x02\x05\x05\x04\x05\x01")
 """In which order signatures are verified, by kind: orders before questions, and those before digests."""
+_PATIENCE = const(200)
+"""Ticks after which messages that have not come whole are forgotten."""
 _TICK = const(100)
 _LISTEN = const(16)
 """Datagrams read at once, before the node does something else."""
@@ -109,6 +116,8 @@ class Node:
                     time.sleep_ms(1)
             except MemoryError:  # what was being done is lost, as on the air; the sender repeats it
                 self.job = self._signing = None
+                if self.stop:  # goes before everything else
+                    self.stop[1], self._jobs, self.pieces = None, [], {}
                 gc.collect()
                 self._drop(_NO_MEMORY)
             except Exception:  # whatever a message says, the node goes on
@@ -131,21 +140,24 @@ class Node:
     def listen(self):
         """Look at the datagrams that have come."""
         for _ in range(_LISTEN):
-            datagram = self.radio.receive()
-            if datagram is None:
-                return
             try:
-                reason = self._look(look(datagram))
+                datagram = self.radio.receive()
+                if datagram is None:
+                    return
+                reason = self._look(datagram)
             except Malformed:
                 reason = _MALFORMED
+            except MemoryError:
+                reason = _NO_MEMORY
             if reason:
                 self._drop(reason)
 
     def _drop(self, reason):
         self.dropped[reason] += 1
 
-    def _look(self, part):
-        """Why a datagram is dropped, 0 if its signature is to be verified."""
+    def _look(self, datagram):
+        """Why a datagram is dropped, 0 if its signature is to be verified. Raises Malformed."""
+        part = look(datagram)
         which, kind, epoch, number = part[:4]
         if which == self.key:
             return _OURS
@@ -165,7 +177,7 @@ class Node:
             return _REPEATED
         if part[6] in self.pieces.get((which, epoch, number), ()):
             return _REPEATED
-        if part in self._jobs or (self.job and part == self.job[0]):
+        if datagram in self._jobs or (self.job and part == self.job[0]):
             return _REPEATED
         if kind == _STOP:  # of many at once a random one: forgeries have only their own share
             self._stops += 1
@@ -173,11 +185,16 @@ class Node:
                 self.stop = [part, None]
         else:
             rank = _RANKS[kind]
-            same = [at for at in range(len(self._jobs)) if _RANKS[self._jobs[at][1]] >= rank]
-            if len(self._jobs) < _MAX_JOBS:
-                self._jobs.append(part)
+            size = sum([len(each) for each in self._jobs]) + len(datagram)
+            same = [
+                at
+                for at, each in enumerate(self._jobs)
+                if _RANKS[each[_KIND]] >= rank and size - len(each) <= _MAX_WAITING
+            ]
+            if len(self._jobs) < _MAX_JOBS and size <= _MAX_WAITING:
+                self._jobs.append(datagram)
             elif same:  # of many at once a random one, but orders before questions
-                self._jobs[same[random.getrandbits(8) % len(same)]] = part
+                self._jobs[same[random.getrandbits(8) % len(same)]] = datagram
                 return _TOO_MANY
             else:
                 return _TOO_MANY
@@ -185,15 +202,19 @@ class Node:
 
     def _work(self):
         """A slice of verifying or signing; whether there was anything to do."""
-        self._turn = not self._turn
         if self.stop is not None:
+            self._turn = not self._turn
             # A flood of forged STOPs must not keep a robot that has stopped from saying so.
             return (self.stopped and self._turn and self._sign()) or self._go_on(self.stop, True)
-        if self._turn and self._sign():
-            return True
+        if self.job is None:  # one after the other, because each takes memory, as obeying a message does
+            if self._queue and not self._signing:
+                return False
+            self._turn = not self._turn
+            if (self._signing or self._turn) and self._sign():
+                return True
         if self.job is None and self._jobs:
-            first = min(range(len(self._jobs)), key=lambda at: _RANKS[self._jobs[at][1]])
-            self.job = [self._jobs.pop(first), None]
+            first = min(range(len(self._jobs)), key=lambda at: _RANKS[self._jobs[at][_KIND]])
+            self.job = [look(self._jobs.pop(first)), None]
         return self._go_on(self.job, False) if self.job is not None else self._sign()
 
     def _go_on(self, job, on):
@@ -228,12 +249,10 @@ class Node:
             self._drop(_REPEATED)
             return
         message = [which, kind, epoch, number, issued, deadline, sender, "", {}]
+        said = ""
         if parts > _MAX_PARTS:
-            self.trust.note((which, sender, epoch), number)
-            self._streams.of((which, epoch))[0] = max(number, self._streams.of((which, epoch))[0])
-            self._answer(message, "fault", None, "a message of %d parts is too long for this computer" % parts)
-            return
-        if parts > 1:
+            said = "a message of %d parts is too long for this computer" % parts
+        elif parts > 1:
             waiting = self.pieces.setdefault((which, epoch, number), {})
             waiting[at] = piece
             if len(waiting) < parts:
@@ -241,10 +260,19 @@ class Node:
                     del self.pieces[min([each for each in self.pieces if self.pieces[each] is not waiting])]
                 return
             del self.pieces[which, epoch, number]
-            piece = b"".join([waiting[each] for each in range(parts)])
-        message[7], message[8] = content(piece)
+        try:
+            if parts > 1 and not said:
+                piece = b"".join([bytes(waiting.pop(each)) for each in range(parts)])
+            message[7:] = ("", {}) if said else content(piece)
+        except MemoryError:
+            gc.collect()
+            said = "too long for the memory of this computer"
         self.trust.note((which, sender, epoch), number)
-        self._take(message)
+        if said:
+            self._streams.of((which, epoch))[0] = max(number, self._streams.of((which, epoch))[0])
+            self._answer(message, "fault", None, said)
+        else:
+            self._take(message)
 
     # ---- messages: [key, kind, epoch, number, issued, deadline, sender, text, body]
 
@@ -331,6 +359,8 @@ class Node:
     def _think(self, now):
         mind, seconds = self.mind, (now - self._zero) / 1000
         self.tick += 1
+        if self.tick % _PATIENCE == 0:
+            self.pieces = {}
         mind.begin(self.tick, seconds)
         self.body.sense(mind, 70)
         quiet = self._heard is None or now - self._heard > 1000 * (self._lease or 0)
@@ -345,7 +375,12 @@ class Node:
             self._enqueue(message)
         queue, self._queue = self._queue, []
         for message in queue:
-            self._obey(message)
+            try:
+                self._obey(message)
+            except MemoryError:
+                self._drop(_NO_MEMORY)
+                gc.collect()
+                self._answer(message, "fault", None, "out of memory")
         if mind.round():
             self.driven = False
         still = bool(mind.values[2] or mind.values[3])
@@ -368,10 +403,12 @@ class Node:
             self._answer(message, "late", None, "")
             return
         if kind == _ASK and "look" in body:
-            from sleepnode.telemetry import told
+            try:
+                from sleepnode.telemetry import told
 
-            more = told(self, body)
-            unload("telemetry")
+                more = told(self, body)
+            finally:
+                unload("telemetry")
             self._answer(message, "answer", None, more.pop("fault", ""), more)
             return
         if "lease" in body:
@@ -395,6 +432,7 @@ class Node:
             return
         hops = body.get("hops")
         mind.hops = min(max(hops, 1), 8) - 1 if isinstance(hops, int) else 0 if role == "robot" else 8
+        gc.collect()
         value = mind.run(program)
         mind.hops = 8
         if mind.moved:
@@ -411,18 +449,23 @@ class Node:
     # ---- speaking: [when, kind, deadline, text, body]
 
     def _say(self, kind, body, text="", life=5000, within=0):
+        """body: perhaps encoded already."""
         now = self.clock.now()
         if len(self.out) < _MAX_OUT:
+            body = body if isinstance(body, bytes) else encode(body)
             self.out.append([now + int(1000 * within * random.random()), kind, now + life, text, body])
         else:
             self._drop(_NOT_SENT)
 
     def _answer(self, message, outcome, value, fault, more=None):
+        gc.collect()
         body = {"command": "%s-%d.%d" % (message[6], message[2], message[3]), "outcome": outcome, "value": value}
         body["fault"] = fault[:200] or None
         body.update(more or {})
+        body = encode(body)
         self._answered.append(body)
-        del self._answered[:-_MAX_ANSWERED]
+        while len(self._answered) > 1 and sum([len(each) for each in self._answered]) > _MAX_ANSWERED:
+            del self._answered[0]
         self._say(_ANSWER, body, within=self._within(message[8]))
 
     def _within(self, body):
@@ -431,9 +474,10 @@ class Node:
 
     def _say_again(self, body):
         """An operator has missed answers."""
-        if ("for" in body or "not" in body) and self._is_addressed(body):
+        if ("for" in body or "not" in body) and isinstance(body["again"], str) and self._is_addressed(body):
+            command = encode(body["again"])
             for answer in self._answered:
-                if answer["command"] == body["again"] and not any([each[4] is answer for each in self.out]):
+                if command in answer and not any([each[4] is answer for each in self.out]):
                     self._say(_ANSWER, answer, within=self._within(body))
 
     def _speak(self, now):

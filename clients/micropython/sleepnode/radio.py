@@ -1,18 +1,17 @@
 """The radio and the clock of a small computer: UDP to a multicast group or a broadcast address, and Unix time."""
 
 import gc
-import socket
-import struct
+import select
 import time
 
 from micropython import const
 
+from sleepnode.reader import unload
+
 _MOST = const(1201)
 """Bytes read of a datagram: one more than are allowed."""
-_REUSE = const(2)
-_BROADCAST = const(6)
-_MULTICAST_IF = const(32)
-_JOIN = const(35)
+_SHORT = const(500)
+_RESERVE = const(1500)
 _MADE = const(1767225600000)
 """2026-01-01: a clock that shows an earlier time was never set."""
 
@@ -22,31 +21,40 @@ class Radio:
     the system's choice."""
 
     def __init__(self, address, port, interface=""):
-        self.socket = one = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._to = socket.getaddrinfo(address, port)[0][-1]
-        level = getattr(socket, "SOL_SOCKET", 1)
-        one.setsockopt(level, getattr(socket, "SO_REUSEADDR", _REUSE), 1)
-        first = int(address.split(".")[0])
-        if 224 <= first < 240:
-            one.bind(socket.getaddrinfo(address if hasattr(socket, "inet_pton") else "0.0.0.0", port)[0][-1])
-            group, card = _packed(address), _packed(interface or "0.0.0.0")
-            one.setsockopt(getattr(socket, "IPPROTO_IP", 0), getattr(socket, "IP_ADD_MEMBERSHIP", _JOIN), group + card)
-            if interface:
-                one.setsockopt(getattr(socket, "IPPROTO_IP", 0), _MULTICAST_IF, card)
-        else:
-            one.bind(socket.getaddrinfo("0.0.0.0", port)[0][-1])
-            one.setsockopt(level, getattr(socket, "SO_BROADCAST", _BROADCAST), 1)
-        one.setblocking(False)
+        from sleepnode.opening import opened
+
+        self.socket, self._to = opened(address, port, interface)
+        unload("opening")
+        self._poll = select.poll()
+        self._poll.register(self.socket, select.POLLIN)
+        self._reserve = None
+        self._keep_reserve()
 
     def receive(self):
-        """A datagram that has come, None for none."""
-        try:
-            return self.socket.recvfrom(_MOST)[0]
-        except OSError:
-            return None
-        except MemoryError:  # what is wanted is one piece: it is there once the garbage is gone
-            gc.collect()
-            return self.receive() if gc.mem_free() > 4 * _MOST else None
+        """A datagram that has come, None for none. Raises MemoryError if what came does not fit into the memory."""
+        for _ in self._poll.ipoll(0):
+            found = None
+            for size in (_MOST, _MOST, _SHORT):
+                try:
+                    found = self.socket.recvfrom(size)[0]
+                    break
+                except OSError:
+                    return None
+                except MemoryError:  # reading takes one large piece: that of the reserve; a STOP fits into less
+                    self._reserve = None
+                    gc.collect()
+            self._keep_reserve()
+            if found is None:
+                raise MemoryError
+            return found
+        return None
+
+    def _keep_reserve(self):
+        if self._reserve is None:
+            try:
+                self._reserve = bytearray(_RESERVE)
+            except MemoryError:
+                pass
 
     def send(self, data):
         """Broadcast; a full queue of the system counts as a loss on the air."""
@@ -54,10 +62,6 @@ class Radio:
             self.socket.sendto(data, self._to)
         except OSError:
             pass
-
-
-def _packed(address):
-    return struct.pack("BBBB", *[int(each) for each in address.split(".")])
 
 
 class Clock:

@@ -1,7 +1,7 @@
 """The reader: text in, forms out, or a refusal.
 
 A form is a list of forms, a name (a str, as written), a number (a tuple: its value in SI, its text as written, whether
-it has no dimension), or a Label. Texts come over the air, so their length,
+it has no dimension), or a label in quotes (bytes). Texts come over the air, so their length,
 their nesting and the length of names are bounded.
 """
 
@@ -13,7 +13,7 @@ from micropython import const
 
 _MAX_TEXT = const(16384)
 
-# Refusals, by their places in `sentences.SENTENCES`.
+# Refusals, by their places in `sentences.py`.
 _UNIT_REFUSED = const(0)
 _HUGE_REFUSED = const(1)
 _NUMBER_REFUSED = const(2)
@@ -55,38 +55,31 @@ _PLAIN = const(("", "%", "deg", "rad"))
 
 
 class Refused(Exception):
-    """A text that no robot could run. reason: a place in `sentences.SENTENCES`, or a text; values: what its sentence
-    names."""
+    """A text that no robot could run. reason: a place in `sentences.py`, or a text; values: what its sentence names."""
 
     def __init__(self, reason, *values):
         self.reason, self.values = reason, values
 
     def sentence(self):
         """What is wrong, for people."""
+        if isinstance(self.reason, str):
+            return self.reason
         try:
-            from sleepnode.sentences import SENTENCES
+            from sleepnode.sentences import sentence
 
-            said = SENTENCES[self.reason] % self.values
-        except (TypeError, MemoryError):
-            said = "%s" % self.reason
+            said = sentence(self.reason) % self.values
+        except MemoryError:
+            said = "refused, and there is no memory to say why (%d)" % self.reason
         unload("sentences")
         return said
 
 
 def unload(name):
     """Let go of a module that was needed for a moment."""
-    gc.collect()
     package = sys.modules["sleepnode"]
     if sys.modules.pop("sleepnode." + name, None) is not None and hasattr(package, name):
         delattr(package, name)
         gc.collect()
-
-
-class Label:
-    """A text in double quotes."""
-
-    def __init__(self, text):
-        self.text = text
 
 
 def read(text):
@@ -121,7 +114,7 @@ def read(text):
             end = text.find(b'"', at)
             if end < 0 or b"\n" in text[at:end]:
                 raise Refused(_QUOTE_REFUSED)
-            form, at = label(str(text[at:end], "utf-8")), end + 1
+            form, at = _label(text[at:end]), end + 1
         else:
             end = at
             while end < len(text) and text[end] not in _DELIMITERS:
@@ -141,12 +134,13 @@ def read(text):
     return items[0]
 
 
-def label(text):
-    if len(text) > _MAX_NAME:
-        raise Refused(_LABEL_LONG_REFUSED, len(text), _MAX_NAME)
-    if any([c < 32 or c == 127 for c in text.encode()]):
+def _label(data):
+    length = len(str(data, "utf-8"))
+    if length > _MAX_NAME:
+        raise Refused(_LABEL_LONG_REFUSED, length, _MAX_NAME)
+    if any([c < 32 or c == 127 for c in data]):
         raise Refused(_LABEL_ODD_REFUSED)
-    return Label(text)
+    return data
 
 
 def _word(data):
@@ -238,8 +232,8 @@ def show(form, hole=None):
                 return hole
             return _MARKS[head] + show(form[1], hole)
         return "(" + " ".join([show(item, hole) for item in form]) + ")"
-    if isinstance(form, Label):
-        return '"' + form.text + '"'
+    if isinstance(form, bytes):
+        return '"' + str(form, "utf-8") + '"'
     return form if isinstance(form, str) else form[1]
 
 

@@ -8,7 +8,7 @@ import random
 from micropython import const
 
 _MAX_STREAMS = const(8)
-_MAX_WAITING = const(8)
+_MAX_WAITING = const(4)
 _MAX_WANTED = const(16)
 _SLACK = const(250)
 _SOONEST, _LATEST = 400, 60000

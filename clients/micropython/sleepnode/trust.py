@@ -6,6 +6,7 @@ import json
 from micropython import const
 
 from sleepnode import ed25519
+from sleepnode.reader import unload
 
 _OWNER = const(0)
 _ROLE = const(1)
@@ -77,26 +78,11 @@ class Trust:
     def change(self, change):
         """Take a commander's change of keys; gives why it cannot be taken."""
         try:
-            for which in change["revoke"]:
-                which = bytes.fromhex(which)
-                if which in self.keys:
-                    self.keys[which][_REVOKED] = True
-                elif which not in self.gone and len(self.gone) < _MAX_KEYS:
-                    self.gone.append(which)
-            for owner, role, public in change["trust"]:
-                self.add(owner, role, bytes.fromhex(public))
-        except (KeyError, TypeError, ValueError):
-            return "a change of keys has the lists trust, vouch and revoke"
-        self._save()
-        return ""
+            from sleepnode.changing import changed
 
-    def _save(self):
-        keys = [
-            {"owner": key[_OWNER], "role": key[_ROLE], "public": key[_PUBLIC].hex(), "revoked": key[_REVOKED]}
-            for key in self.keys.values()
-        ]
-        with open(self.file, "w") as opened:
-            json.dump({"format": 1, "keys": keys, "gone": [each.hex() for each in self.gone]}, opened)
+            return changed(self, change)
+        finally:
+            unload("changing")
 
     # ---- what was heard
 

@@ -51,7 +51,7 @@ def take(node, datagram):
     node._take = lambda message: taken.append(message[1])
     before = list(node.dropped)
     try:
-        reason = node._look(look(datagram))
+        reason = node._look(datagram)
         if reason:
             return REASONS[reason]
         while node.stop or node.job or node._jobs:
@@ -83,7 +83,7 @@ for line in sys.stdin:
         try:
             part = look(bytes.fromhex(asked["read"]))
             said = names(part[8])
-            print(json.dumps({"kind": part[1], "numbers": part[2:8], "names": said[:2], "piece": said[2].hex()}))
+            print(json.dumps({"kind": part[1], "numbers": part[2:8], "names": said[:2], "piece": bytes(said[2]).hex()}))
         except Malformed:
             print(json.dumps({}))
     elif "content" in asked:
@@ -92,7 +92,7 @@ for line in sys.stdin:
     elif "seed" in asked:
         secret = ed25519.expand(bytes.fromhex(asked["seed"]))
         public = ed25519.public_key(secret)
-        found = payload(asked["kind"], asked["numbers"], asked["lab"], asked["sender"], asked["text"], {})
+        found = payload(asked["kind"], asked["numbers"], asked["lab"], asked["sender"], asked["text"], b"\xa0")
         signature = ed25519.finished(ed25519.sign(secret, public, signed(found)))
         datagram = sealed(bytes.fromhex(asked["key"]), found, signature)
         print(json.dumps({"public": public.hex(), "datagram": datagram.hex()}))

@@ -1,35 +1,13 @@
-"""Which part of a message decides whether it is for this robot."""
+"""How much of an AND only looks. Loaded for one text and let go again: few messages begin with an AND."""
 
 from micropython import const
 
 from sleepnode.checker import Function
-from sleepnode.functions import PURE, arguments_of
+from sleepnode.functions import arguments_of, pure_number
 from sleepnode.reader import head_of
 
 _LOOKING = const(("in", "inside", "to-edge", "prob", "random", "gauss"))
 _PLAIN = const(("eq", "and", "or", "known", "cond", "if", "when", "progn", "let", "dotimes", "dice"))
-
-
-def deciding(c, form):
-    """The form that decides whether a message is for this robot: its first COND, IF, WHEN or AND; None if it has
-    none."""
-    head = head_of(form)
-    if head == "and":
-        return form if leading(c, form) else None
-    if head in ("if", "when") or (head == "cond" and len(form) > 1):
-        return form
-    if head in ("progn", "let"):
-        for part in form[2 if head == "let" else 1 :]:
-            if _tested(part):
-                return deciding(c, part)
-    return None
-
-
-def _tested(form):
-    head = head_of(form)
-    if head in ("progn", "let"):
-        return any([_tested(part) for part in form[2 if head == "let" else 1 :]])
-    return head in ("cond", "if", "when", "and")
 
 
 def leading(c, form):
@@ -62,7 +40,7 @@ def _acts(c, form, local):
         rest = form[2:]
     elif head in _LOOKING:
         return any([_acts(c, part, local) for part in rest if isinstance(part, list)])
-    elif head not in _PLAIN and head not in PURE:
+    elif head not in _PLAIN and pure_number(head) is None:
         return True
     if head in ("cond", "dice"):
         rest = [part for clause in rest if isinstance(clause, list) for part in clause]

@@ -5,11 +5,12 @@ from __future__ import annotations
 from random import Random
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.admission import Admission
+from sleepcast.channel.admission import ROBOT_KINDS, Admission
+from sleepcast.channel.drops import DropCounter
 from sleepcast.channel.keys import KeyPair, Trust
 from sleepcast.channel.message import AGAIN, FOR, WITHIN, Role
 from sleepcast.channel.reliable import ReliableDelivery
-from sleepcast.channel.session import MAX_ANSWERED, ChannelSession
+from sleepcast.channel.session import MAX_ANSWERED, ChannelSession, Multiplexer, wait_together
 from sleepcast.channel.transports import open_transport
 from sleepcast.core.clock import ManualClock, UnixClock
 
@@ -153,6 +154,31 @@ def test_a_robot_reports_the_commands_that_it_missed() -> None:
     assert [message.text for message in air.robots[0].receive()] == ["(GO)"]
     told = [message.body for message in air.desk.receive() if message.kind is Kind.REPORT]
     assert told == [{"label": "missed", "values": [1.0], "missed": [lost[1].id]}], "the one before that is not known"
+
+
+def test_robots_of_one_process_wait_together_and_all_hear_stop() -> None:
+    clock, trust = UnixClock(), Trust((DESK.public, ROBOTS.public))
+
+    def delivery(name: str, key: KeyPair) -> ReliableDelivery:
+        return ReliableDelivery(name, 1, key, Admission(trust, "lab", clock, robot=key is ROBOTS), Random(1))
+
+    shared = Multiplexer(open_transport("memory:together", clock), DropCounter(clock))
+    robots = [
+        ChannelSession(shared.port(ROBOT_KINDS), delivery(name, ROBOTS), clock, Random(2)) for name in ("r1", "r2")
+    ]
+    desk = ChannelSession(open_transport("memory:together", clock), delivery("desk", DESK), clock, Random(2))
+    begin = clock.now()
+    wait_together(robots, shared, 0.1, clock)
+    assert clock.now() - begin >= 0.1
+    robots[0].send(Message("r1", 1, 1, Kind.COMMAND, clock.now(), text="(ST)"))
+    assert [message.text for message in robots[1].receive()] == ["(ST)"], "what one tells the others"
+    desk.send(Message("desk", 1, 1, Kind.STOP, clock.now()))
+    begin = clock.now()
+    wait_together(robots, shared, 20.0, clock)
+    assert clock.now() - begin < 20.0
+    assert [[message.kind for message in robot.receive()] for robot in robots] == [[Kind.STOP]] * 2
+    for session in (desk, *robots):
+        session.close()
 
 
 def waits_as_long(kind: Kind, robot: bool, seconds: float) -> bool:

@@ -63,16 +63,21 @@ def positions(air: Page) -> list[tuple[float, float, float]]:
     return list(zip(found[::3], found[1::3], found[2::3], strict=True))
 
 
+def all_on_the_map(poses: list[tuple[float, float, float]], area: tuple[float, float, float, float]) -> bool:
+    """Whether all are known and within the area."""
+    left, low, right, high = area
+    return bool(poses) and all(
+        left <= x <= right and low <= y <= high and heading == heading for x, y, heading in poses
+    )
+
+
 def test_robots_are_where_they_say_they_are(air: Page) -> None:
     hello = air.news["hello"]
     assert sorted(hello["scene"]["names"], key=lambda name: int(name[1:])) == [f"r{i}" for i in range(1, 13)]
     assert hello["air"]
-    now = positions(air)
-    while not now or any(heading != heading for _, _, heading in now):
-        now = positions(air)
-    left, low, right, high = air.news["hello"]["scene"]["area"]
-    assert all(left <= x <= right and low <= y <= high for x, y, _ in now)
     end = time.monotonic() + PATIENCE
+    while not all_on_the_map(now := positions(air), air.news["hello"]["scene"]["area"]):
+        assert time.monotonic() < end, "the map grows until all robots are on it"
     while all(a == b for a, b in zip(now, positions(air), strict=True)):
         assert time.monotonic() < end, "they drive, and it is to be seen"
 

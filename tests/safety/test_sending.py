@@ -133,6 +133,16 @@ def test_nobody_is_counted_where_nobody_was_heard() -> None:
     assert not any(robot.body.dropped for robot in scene.fleet.values())
 
 
+def test_a_function_of_which_no_robot_has_told_wants_its_count() -> None:
+    """Must 6: some robot may have it, such as one of a sort that is new on the channel."""
+    desk = Scene(robots=3).desk()
+    with pytest.raises(CountNeededError, match="no robot has told of a function EJECT, which perhaps cannot be undone"):
+        desk.send("(WHEN (> x 1) (EJECT))")
+    with pytest.raises(NobodyHeardError):
+        Scene().desk(heard=()).send("(EJECT)", everybody=True)
+    desk.send("(WHEN (> x 1) (EJECT))", count=3)
+
+
 def test_who_certainly_does_not_obey_needs_no_count() -> None:
     scene = Scene()
     desk = scene.desk()

@@ -410,7 +410,7 @@ def test_what_was_learned_since_is_asked_for_again() -> None:
 def test_why_over_a_bad_radio() -> None:
     scene = Scene(robots=3, loss=0.3, delay=0.02, seed=4)
     desk, telemetry = looking(scene)
-    sent = desk.send("(WHEN (> fuel 80%) (DRIVE 1))")
+    sent = desk.send("(WHEN (> fuel 80%) (DRIVE 1))", count=3)  # the desk knows no DRIVE
     scene.run(2.0)
     asked = telemetry.ask_why("r1", sent.id)
     lost = telemetry.ask_why("r1", "nobody-1.1")

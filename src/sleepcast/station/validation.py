@@ -216,19 +216,27 @@ def validate_address(program: Program, everybody: bool, roster: int) -> None:
 
 
 def validate_count(program: Program, may: int, roster: int, count: int | None, caution: SendPolicy) -> None:
-    """A command to many robots, or one that cannot be undone, needs their number. may: robots that might obey, of a
-    roster of so many. Raises CountNeededError, also for a number that was said and is not the right one, and
-    NobodyHeardError where there is nobody to be counted."""
-    form = irreversible(program.root) if caution.irreversible else ""
+    """A command to many robots, or one that cannot be undone, needs their number; so does one with a function that the
+    desk does not know, since some robot may have it. may: robots that might obey, of a roster of so many. Raises
+    CountNeededError, also for a number that was said and is not the right one, and NobodyHeardError where there is
+    nobody to be counted."""
+    why = _for_good(program) if caution.irreversible else ""
     many = caution.above is not None and may > caution.above
-    if not roster and (form or count is not None):
+    if not roster and (why or count is not None):
         raise NobodyHeardError
-    if count == may or (count is None and not many and not (form and may)):
+    if count == may or (count is None and not many and not (why and may)):
         return
-    if form:
-        raise CountNeededError(may, f"{form} cannot be undone", count)
-    why = f"this is for more than {caution.above} robots" if many else "the desk counts otherwise"
+    if not why:
+        why = f"this is for more than {caution.above} robots" if many else "the desk counts otherwise"
     raise CountNeededError(may, why, count)
+
+
+def _for_good(program: Program) -> str:
+    """Why a command can or may not be undone, "" if it can."""
+    if form := irreversible(program.root):
+        return f"{form} cannot be undone"
+    strange = next((part.name for part in walk(program.root) if part.op == "missing"), "")
+    return f"no robot has told of a function {strange}, which perhaps cannot be undone" if strange else ""
 
 
 def validate_type(program: Program, standing: bool, deadline: float | None) -> float:

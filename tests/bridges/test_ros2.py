@@ -271,6 +271,9 @@ def test_a_planner_drives_to_a_goal_until_something_else_is_wanted(robot: FakeRo
     navigate(1.5, -2.0)
     rig.wait(0.5)
     assert [(topic, [round(v) for v in values]) for topic, values in robot.said] == [("/scout3/goal_pose", [150, -200])]
+    navigate(1.5, -2.0)
+    rig.wait(0.2)
+    assert len(robot.said) == 1, "as a rule does, which says it in every tick"
     rig.body.stop()
     robot.said.clear()
     rig.wait(0.9)

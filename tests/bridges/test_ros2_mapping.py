@@ -87,7 +87,7 @@ def test_functions_publish_what_they_are_given(tmp_path: Path) -> None:
         (HEAD + ODOM.replace('"x"', '"xx"') + DRIVE, 'rover.toml:8: in.odom.values.x: Odometry has no value "xx"'),
         (HEAD + ODOM.replace("km/h", "kg") + DRIVE, 'speed of Odometry is a speed, and "kg" is a unit of a mass'),
         (HEAD + ODOM.replace("km/h", "deg") + DRIVE, '"deg" is a unit of angles; wanted one of m/s, km/h'),
-        (HEAD + ODOM.replace('"x"', '"heading %"') + DRIVE, 'heading of Odometry is an angle, and "%" is'),
+        (HEAD + ODOM.replace('"x"', '"heading %"') + DRIVE, "heading of Odometry is that of an orientation, which"),
         (HEAD + ODOM.replace("km/h", "kmh") + DRIVE, 'unknown unit "kmh" (did you mean km/h?)'),
         (HEAD + ODOM.replace("v =", "X =") + DRIVE, 'there is a "x" already; case does not count'),
         (HEAD + ODOM.replace("v =", '"v w" =') + DRIVE, '"v w" is no name'),

@@ -221,10 +221,12 @@ class Ros2Body(BridgedBody):
                 raise MisuseError(
                     f"{field.value} of {sink.sort} is from {known.low:g} to {known.high:g}, not {value:g}"
                 )
-        if sink.goal:
-            self.move(Goal("goal", values, sink=sink))
-        else:
+        if not sink.goal:
             self.send(lambda: self._say(sink, values))
+            return
+        before = self._motion
+        again = isinstance(before, Goal) and (before.sink, before.values) == (sink, values)
+        self.move(before if again else Goal("goal", values, sink=sink))  # a rule says it in every tick
 
     # ---- the robot
 

@@ -107,6 +107,8 @@ STOPPED = "stopped"
 FRAMES = {"PoseStamped": "map", "Odometry": "odom"}
 """In which frame things are, if the mapping does not say it; else, in that of the robot."""
 BASE = "base_link"
+ANGLES = ("deg", "rad")
+"""Units without a dimension that are no shares."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -330,23 +332,18 @@ def _factor(sort: str, value: str, known: Value, unit: str) -> float:
     """What one of this unit is in SI. Raises MisuseError where it does not fit."""
     if not unit:
         return 1.0
+    if known.unit == "rad":
+        raise MisuseError(f'{value} of {sort} is that of an orientation, which has no unit: leave out "{unit:.20}"')
     dimension = UNITS[known.unit].dimension if known.unit else NONE
-    fitting = [
-        name for name, each in UNITS.items() if each.dimension == dimension and _is_angle(name) == (known.unit == "rad")
-    ]
+    fitting = [name for name, each in UNITS.items() if each.dimension == dimension and name not in ANGLES]
     if unit not in UNITS:
         raise MisuseError(f'unknown unit "{unit:.20}"{did_you_mean(unit, fitting)}; wanted one of {", ".join(fitting)}')
     if unit not in fitting:
-        what = f"{UNITS[unit].dimension}"
+        what = "angles" if unit in ANGLES else f"{UNITS[unit].dimension}"
         raise MisuseError(
-            f'{value} of {sort} is {"an angle" if known.unit == "rad" else dimension}, and "{unit}" is a unit of '
-            f"{'angles' if _is_angle(unit) else what}; wanted one of {', '.join(fitting)}"
+            f'{value} of {sort} is {dimension}, and "{unit}" is a unit of {what}; wanted one of {", ".join(fitting)}'
         )
     return UNITS[unit].factor
-
-
-def _is_angle(unit: str) -> bool:
-    return unit in ("deg", "rad")
 
 
 def _example(sort: str) -> str:

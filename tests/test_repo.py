@@ -81,10 +81,11 @@ def test_the_readme_says_what_each_extra_brings() -> None:
     assert listed == sorted(project["optional-dependencies"])
 
 
-def test_the_citation_is_of_this_version() -> None:
+def test_the_citation_and_the_changelog_are_of_this_version() -> None:
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert citation["title"] == "sleepcast"
     assert citation["version"] == sleepcast.__version__
+    assert f"\n## {sleepcast.__version__} ({citation['date-released']})\n" in (ROOT / "CHANGELOG.md").read_text()
 
 
 def test_every_slow_file_is_there() -> None:

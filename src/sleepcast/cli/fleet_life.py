@@ -7,6 +7,7 @@ its mind, whose body is out of reach until it is back. Whatever goes wrong with 
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing
@@ -112,7 +113,11 @@ class FleetProcess:
 
         def sleep(seconds: float) -> None:
             sessions = [member.node.session for member in self._members.values() if member.node.session]
-            wait_together(sessions, self._multiplexer, seconds, UnixClock())
+            if sessions:
+                wait_together(sessions, self._multiplexer, seconds, UnixClock())
+            else:  # what comes is for nobody
+                time.sleep(seconds)
+                self._anchor.receive()
 
         try:
             run_robots(self._minds, self._clock, tick=self._options.tick, going=going, sleep=sleep, fails=self._let_go)

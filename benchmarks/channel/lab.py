@@ -136,9 +136,9 @@ class Lab:
         """These hosts hear each other only, and nobody else hears them."""
         self._links([f"link set {_port(self.hosts.index(host))} master away" for host in hosts])
 
-    def heal(self) -> None:
-        """Everybody hears everybody again."""
-        self._links([f"link set {_port(place)} master air" for place in range(len(self.hosts))])
+    def heal(self, *hosts: str) -> None:
+        """These hosts, or all, hear everybody again and are heard, but for those that are still cut off."""
+        self._links([f"link set {_port(self.hosts.index(host))} master air" for host in hosts or self.hosts])
 
     def disturb(self, delay: float, twice: float, seed: int) -> subprocess.Popen[str]:
         """From now on everything reaches each of the others after a time of its own, up to `delay` s, so also out of

@@ -21,7 +21,6 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict
 from math import ceil, inf
 from pathlib import Path
 
@@ -122,8 +121,8 @@ def report(soak: Soak) -> tuple[Json, str]:
     did = dict(sorted(soak.done.items()))
     load = os.getloadavg()[0]
     clocks = (
-        f"clocks of all processes: {soak.speed:g} times this machine's, except during the {len(soak.known.stopped)} STOPs; "
-        f"minds tick every {TICK:g} simulated s"
+        f"clocks of all processes: {soak.speed:g} times this machine's, except during the {len(soak.known.stopped)} "
+        f"STOPs; minds tick every {TICK:g} simulated s"
     )
     told: Json = {
         "machine": machine(),
@@ -146,8 +145,8 @@ def report(soak: Soak) -> tuple[Json, str]:
                 "met" if bar.met else "MISSED"] for bar in found]  # fmt: skip
     text = "\n\n".join(
         [
-            f"{soak.seconds / 3_600.0:.2f} simulated hours in {soak.real / 60.0:.1f} minutes; {LOSS:.0%} loss; {clocks}; "
-            f"one-shot commands are good for {LIFE:g} simulated s; load {load:.1f}",
+            f"{soak.seconds / 3_600.0:.2f} simulated hours in {soak.real / 60.0:.1f} minutes; {LOSS:.0%} loss; "
+            f"{clocks}; one-shot commands are good for {LIFE:g} simulated s; load {load:.1f}",
             ", ".join(f"{number} {what}" for what, number in did.items()),
             table(HEADS, rows),
             table(GROWTH_HEADS, growth),

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import os
 import sqlite3
-from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
 
-from benchmarks.report import Bar
-from benchmarks.soak.nodes import KINDS, MICROPYTHON, Computer
+from benchmarks.soak.nodes import KINDS, Computer
 
 EVALUATED = frozenset({"matched", "not matched"})
 PAGE = os.sysconf("SC_PAGE_SIZE")
 UNSURE = 150.0
-"""Seconds before and after a lease in which a robot may refuse its group's other operator: the times of its messages, and
-those for which robots were down, which do not count for a lease."""
+"""Seconds before and after a lease in which a robot may refuse its group's other operator: the times of its messages,
+and those for which robots were down, which do not count for a lease."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +35,9 @@ class Sent:
 
 @dataclass
 class Known:
-    """What has been seen in a run. outcomes: of the evaluations in the stores, by robot and command, each with its time;
-    stops: when each robot had a STOP, by its command. answered: the robots that have answered a command, by its
-    sender's account. values: what robots said at the end, by the text of the question."""
+    """What has been seen in a run. sent: commands; stopped: STOPs. outcomes: of the evaluations in the stores, by robot
+    and command, each with its time. answered: the robots that have obeyed a command, by its sender's account. values:
+    what robots said at the end, by the text of the question; wanted: what some of them must be."""
 
     sent: list[Sent] = field(default_factory=list)
     stopped: list[Sent] = field(default_factory=list)
@@ -129,9 +128,7 @@ def _obeyed(known: Known, computer: Computer, robot: str, operator: str) -> tupl
     where its present life began."""
     ours = [sent for sent in known.sent if sent.counts and sent.operator == operator]
     if computer.stores:
-        count = sum(
-            outcome == "matched" for sent in ours for outcome, _ in known.outcomes.get((robot, sent.id), ())
-        )
+        count = sum(outcome == "matched" for sent in ours for outcome, _ in known.outcomes.get((robot, sent.id), ()))
         return count, count
     began = computer.away[-1][1] if computer.away else 0.0
     least = sum(robot in known.answered.get(sent.id, ()) for sent in ours if sent.issued > began)

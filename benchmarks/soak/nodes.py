@@ -26,7 +26,8 @@ from benchmarks.channel.lab import PORT, URI, Lab
 from benchmarks.soak import nomads
 from benchmarks.soak.clock import Clocks
 from sleepcast.channel.keyring import TRUST_FILE, key_file, save_key, save_trust
-from sleepcast.channel.keys import KeyPair, Role, Trust
+from sleepcast.channel.keys import KeyPair, Trust
+from sleepcast.channel.message import Role
 
 ROOT = Path(__file__).resolve().parents[2]
 CLIENT = ROOT / "clients" / "micropython"
@@ -35,8 +36,8 @@ SWARM, SLEEP, NOMAD, ROS2, MICROPYTHON = KINDS = ("swarm", "sleep", "nomad", "ro
 TOGETHER = 6
 """Nodes of one swarm."""
 SHARES = {SWARM: 0.48, NOMAD: 0.08, ROS2: 0.04, MICROPYTHON: 0.12}
-"""Of all nodes; the rest are processes `sleepcast node` with a body in the simulator. Nomads and ROS 2 robots are looked
-at twenty times a second by their bridges, whatever the tick of their minds is, and are therefore few."""
+"""Of all nodes; the rest are processes `sleepcast node` with a body in the simulator. Nomads and ROS 2 robots are
+looked at twenty times a second by their bridges, whatever the tick of their minds is, and are therefore few."""
 OPERATORS = ("ana", "ben")
 NSERVER = "nserver"
 TICK = 0.5
@@ -45,7 +46,7 @@ LEAST_SLEEP = 0.008
 """Real s of MicroPython's sleeps: it looks for datagrams in every millisecond."""
 HEAP = "512k"
 """Four times what it needs: with less, most of its time goes into collecting garbage while it verifies signatures."""
-START = 120.0
+START = 180.0
 """Real s within which a process is up, on a busy machine."""
 
 
@@ -109,11 +110,10 @@ def mixed(count: int, without: Collection[str] = ()) -> list[tuple[str, int]]:
     few: list[tuple[str, int]] = []
     for kind, share in SHARES.items():
         if kind not in without:
-            each = min(TOGETHER, max(2, count // 4)) if kind == SWARM else 1
-            few += [(kind, each)] * max(1, round(share * count / each))
-    left = count - sum(number for _, number in few)
-    found = [(SLEEP, 1)] * max(0, left)
-    step = max(1.0, (len(found) + len(few)) / len(few))
+            together = min(TOGETHER, max(2, count // 4)) if kind == SWARM else 1
+            few += [(kind, together)] * max(1, round(share * count / together))
+    found = [(SLEEP, 1)] * (count - sum(number for _, number in few))
+    step = (len(found) + len(few)) / len(few)
     for place, each in enumerate(few):
         found.insert(int(place * step), each)
     return found
@@ -141,7 +141,7 @@ class Fleet:
         self.names = folder / "names"
         self.names.write_text("\n".join(robot for each in self.computers for robot in each.robots))
         if any(each.kind == MICROPYTHON for each in self.computers):
-            command = [sys.executable, CLIENT / "build.py", folder / "board"]
+            command = (sys.executable, CLIENT / "build.py", folder / "board")
             subprocess.run(command, check=True, capture_output=True)
         self.lab = Lab([*OPERATORS, NSERVER, *(each.name for each in self.computers)])
         try:
@@ -194,12 +194,13 @@ class Fleet:
             first = ("--first", str(computer.number), "--name-prefix", "n")
             words = ("swarm", str(len(computer.robots)), "--scenario", YARD, *first)
         else:
-            body = {SLEEP: f"sim:{YARD}", ROS2: "ros2:///rover?discovery=localhost"}.get(
-                computer.kind, f"nomad://10.83.0.{len(OPERATORS) + 1}:{nomads.PORT}#{self._nomads.get(computer.name, 0)}"
-            )
-            words = ("node", "--name", computer.robots[0], "--body", body, "--tick", str(TICK))
+            bodies = {SLEEP: f"sim:{YARD}", ROS2: "ros2:///rover?discovery=localhost"}
+            if computer.kind == NOMAD:
+                bodies[NOMAD] = f"nomad://10.83.0.{len(OPERATORS) + 1}:{nomads.PORT}#{self._nomads[computer.name]}"
+            words = ("node", "--name", computer.robots[0], "--body", bodies[computer.kind], "--tick", str(TICK))
         keys = ("--channel", URI, "--keys", self.keys, "--key", "n*", "--lease", "off")
-        self._run(computer, "node", sys.executable, "-m", "sleepcast", *words, *keys, "--store", self.store_of(computer))
+        store = ("--store", self.store_of(computer))
+        self._run(computer, "node", sys.executable, "-m", "sleepcast", *words, *keys, *store)
 
     def _board(self, computer: Computer) -> None:
         at = self.folder / "hosts" / computer.name

@@ -1,6 +1,6 @@
 """The Nomads of a soak: their server, with a world that is advanced only as often as their minds look at it.
 
-    python -m benchmarks.soak.nomads ROBOTS
+python -m benchmarks.soak.nomads ROBOTS
 """
 
 from __future__ import annotations

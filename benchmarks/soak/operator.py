@@ -27,7 +27,7 @@ from sleepcast.station.roster import read_expectation
 from sleepcast.station.validation import SendPolicy
 
 WITHIN = 2.0
-"""Simulated seconds over which answers are spread, so that slow robots are not asked again before they have answered."""
+"""Simulated seconds over which answers are spread, so that slow robots are not asked again before they answer."""
 MOMENT = 0.2
 """Simulated seconds for which it listens at a time."""
 

@@ -1,4 +1,4 @@
-"""A ROS 2 robot for a day: it drives as /rover/cmd_vel says, and tells where it is, what its lidar sees and its battery.
+"""A ROS 2 robot for a day: it drives as /rover/cmd_vel says, and tells its place, its lidar and its battery.
 
     python -m benchmarks.soak.rover
 

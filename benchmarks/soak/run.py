@@ -19,6 +19,8 @@ from benchmarks.soak.evidence import Known, Sent, Taken, taken
 from benchmarks.soak.nodes import MICROPYTHON, OPERATORS, SLEEP, Computer, Fleet, NodeError
 from benchmarks.soak.schedule import DOWN, RULES, Event, schedule
 
+AT_ONCE = 8
+"""Computers that start at the same time."""
 LIFE = 60.0
 """Simulated seconds for which a one-shot command is good."""
 LEASE = 300.0
@@ -73,9 +75,11 @@ class Soak:
     def run(self) -> None:
         """All of it. Raises NodeError where the fleet does not begin."""
         fleet = self.fleet
-        for computer in fleet.computers:
-            fleet.begin(computer)
-        fleet.wait_until_up(fleet.computers)
+        for first in range(0, len(fleet.computers), AT_ONCE):
+            some = fleet.computers[first : first + AT_ONCE]
+            for computer in some:
+                fleet.begin(computer)
+            fleet.wait_until_up(some)
         for operator in OPERATORS:
             self._begin_operator(operator)
         self._say(f"{len(fleet.names.read_text().split())} nodes on {len(fleet.computers)} computers are up")
@@ -139,6 +143,7 @@ class Soak:
                 asked = self._order(OPERATORS[0], "ask", text=text)
                 self._pass(self.clocks.now() + 8.0)
                 found = self._order(OPERATORS[0], "answers", command=asked["id"])["answers"]
+                assert isinstance(found, dict)
                 self.known.values.setdefault(text, {}).update({name: said[1] for name, said in found.items()})
             if not (wrong := [text for text in texts if not self._is_right(text)]):
                 self.settled = self.clocks.now() - since
@@ -269,7 +274,7 @@ class Soak:
         return True
 
     def _do_partition(self, event: Event) -> bool:
-        cut = [each for each in map(self._computers.get, event.who) if each is not None and each.up and not each.reasons]
+        cut = [each for each in (self._computers[name] for name in event.who) if each.up and not each.reasons]
         for computer in cut:
             computer.leave("cut", self.clocks.now())
         if cut:
@@ -316,7 +321,8 @@ class Soak:
 
     def _do_one_shot(self, event: Event) -> None:
         operator = event.who[0]
-        sent, life = self._send(operator, f"(SETQ {operator}_n (+ {operator}_n 1))", deadline=LIFE), self._lives[operator]
+        life = self._lives[operator]
+        sent = self._send(operator, f"(SETQ {operator}_n (+ {operator}_n 1))", deadline=LIFE)
         self._after(LIFE + 5.0, lambda: self._look_up(sent, life))
 
     def _do_rule(self, event: Event) -> None:
@@ -332,7 +338,7 @@ class Soak:
     def _do_rollback(self, event: Event) -> None:
         """Rules that were proven come back; then both operators send theirs anew, so that all are the same again."""
         self._send(event.who[0], "(ROLLBACK)", deadline=LIFE)
-        for place, (name, text) in enumerate(sorted(self._texts.items())):
+        for place, name in enumerate(sorted(self._texts)):
             operator = name.partition("_")[0]
             self._after(LIFE + 10.0 + place, lambda o=operator, n=name: self._again(o, n))  # type: ignore[misc]
 

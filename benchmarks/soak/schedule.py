@@ -1,12 +1,12 @@
 """What happens in a soak and when, by a seed: what operators send, and what goes wrong.
 
-    kill        a computer's nodes end as by a crash, and begin again some time later on what they have kept
-    partition   some computers hear each other only
-    clock       a computer's time of day jumps by hours, and back
-    wrong       the same, and its nodes are killed and begin again meanwhile, so that a whole life has the wrong time
-    restart     an operator's program is killed, and begins again
-    one-shot, rule, rollback, lease, stop
-                what operators send
+kill        a computer's nodes end as by a crash, and begin again some time later on what they have kept
+partition   some computers hear each other only
+clock       a computer's time of day jumps by hours, and back
+wrong       the same, and its nodes are killed and begin again meanwhile, so that a whole life has the wrong time
+restart     an operator's program is killed, and begins again
+one-shot, rule, rollback, lease, stop
+            what operators send
 """
 
 from __future__ import annotations
@@ -17,8 +17,15 @@ from random import Random
 
 ORDER_EVERY = 20.0
 """Simulated seconds between two orders of one operator, in the mean."""
-EVERY = {"kill": 75.0, "partition": 900.0, "clock": 900.0, "wrong": 1_200.0, "stop": 1_200.0, "lease": 1_500.0,
-         "rollback": 2_400.0}
+EVERY = {
+    "kill": 75.0,
+    "partition": 900.0,
+    "clock": 900.0,
+    "wrong": 1_200.0,
+    "stop": 1_200.0,
+    "lease": 1_500.0,
+    "rollback": 2_400.0,
+}
 """Simulated seconds between two of them, in the mean; in a short run each comes once."""
 BEGIN, END = 0.04, 0.97
 """Shares of the run between which things go wrong."""

@@ -51,17 +51,17 @@ def channel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 @contextmanager
-def tiny(folder: Path, channel: str, at: Path, **config: object) -> Iterator[board.Process]:
-    """A robot with MicroPython."""
+def tiny(folder: Path, channel: str, at: Path, key: str = "tiny", **config: object) -> Iterator[board.Process]:
+    """A robot with MicroPython. key: the owner of its key."""
     address, _, port = channel.removeprefix("udp://").partition("?")[0].partition(":")
     usual = {"address": address, "port": int(port), "interface": "127.0.0.1", "fleet": "sleepcast", "id": 9}
     (at / "config.json").write_text(json.dumps({**usual, "fuel": 0.8, "lease": 1.0, **config}), encoding="utf-8")
-    shutil.copy(keys_folder() / "tiny.key", at / "robot.key")
+    shutil.copy(key_file(keys_folder(), key), at / "robot.key")
     shutil.copy(keys_folder() / "trust.json", at / "trust.json")
     with board.start(folder, "main", at=at) as process:
         try:
             assert process.stdout is not None
-            assert "tiny is up" in process.stdout.readline()
+            assert " is up" in process.stdout.readline()
             yield process
         finally:
             process.kill()
@@ -75,10 +75,10 @@ def account(channel: str, *arguments: str) -> dict[str, Any]:
     return told
 
 
-def value(channel: str, text: str) -> object:
+def value(channel: str, text: str, name: str = "tiny") -> object:
     """What a text is on the small robot, None if it has not answered."""
     asked = account(channel, "ask", f"(IF (= id 9) {text} 0)")
-    return asked["max"] if "tiny" in asked["matched"] else None
+    return asked["max"] if name in asked["matched"] else None
 
 
 def until(holds: Callable[[], bool]) -> None:
@@ -172,3 +172,10 @@ def test_it_is_one_of_the_swarm(folder: Path, channel: str, tmp_path: Path) -> N
         # It stops with the others, and is released with them.
         assert sorted(account(channel, "stop")["matched"]) == ALL
         assert sorted(account(channel, "release")["matched"]) == ALL
+
+
+def test_it_hears_the_robots_that_share_its_key(folder: Path, channel: str, tmp_path: Path) -> None:
+    """A rule that was sent before it was there reaches it from them: the desk is gone."""
+    account(channel, "send", "--standing", "--all", "(RULE shared (+ id 200))")
+    with tiny(folder, channel, tmp_path, key="r*", name="r9"):
+        until(lambda: value(channel, "shared", "r9") == 209.0)

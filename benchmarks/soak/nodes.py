@@ -35,7 +35,7 @@ YARD = Path(__file__).parent / "yard" / "scenario.toml"
 SWARM, SLEEP, NOMAD, ROS2, MICROPYTHON = KINDS = ("swarm", "sleep", "nomad", "ros2", "micropython")
 TOGETHER = 6
 """Nodes of one swarm."""
-SHARES = {SWARM: 0.48, NOMAD: 0.08, ROS2: 0.04, MICROPYTHON: 0.12}
+SHARES = {SWARM: 0.6, NOMAD: 0.08, ROS2: 0.04, MICROPYTHON: 0.08}
 """Of all nodes; the rest are processes `sleepcast node` with a body in the simulator. Nomads and ROS 2 robots are
 looked at twenty times a second by their bridges, whatever the tick of their minds is, and are therefore few."""
 OPERATORS = ("ana", "ben")

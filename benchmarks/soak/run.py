@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from heapq import heappop, heappush
 from itertools import count
 from math import inf
@@ -16,7 +16,7 @@ from pathlib import Path
 from benchmarks.channel.desk import Ordered
 from benchmarks.report import Json
 from benchmarks.soak.evidence import Known, Sent, Taken, taken
-from benchmarks.soak.nodes import MICROPYTHON, OPERATORS, SLEEP, Computer, Fleet, NodeError
+from benchmarks.soak.nodes import MICROPYTHON, OPERATORS, SLEEP, Computer, Fleet, NodeError, cpu_of
 from benchmarks.soak.schedule import DOWN, RULES, Event, schedule
 
 AT_ONCE = 8
@@ -34,6 +34,8 @@ CATCH_UP = 300.0
 """Simulated seconds in which MicroPython, which has forgotten all, gets the standing commands again."""
 SETTLED = 600.0
 """Simulated seconds after the end in which every rule must have reached every robot."""
+ASK_EVERY, TOGETHER = 30.0, 4
+"""Simulated seconds between two rounds of questions then, and how many are asked at a time."""
 STOP_WITHIN = 4.0
 """Seconds after a STOP in which it is counted; these are this machine's own."""
 TRIES = 5
@@ -58,7 +60,10 @@ class Soak:
         """Nodes that have ended by themselves."""
         self.slow = 0.0
         """Real s by which a look at what was due came late, at most."""
-        self.settled, self.real = inf, 0.0
+        self.settled, self.real, self.busy = inf, 0.0, 0.0
+        """Simulated s until all rules were everywhere; real s of the run, and those of the processor in them."""
+        self.largest_log = 0
+        """Bytes that are written ahead of a store, at most."""
         self._computers = {each.name: each for each in fleet.computers}
         self._operators: dict[str, Ordered] = {}
         self._processes: dict[str, subprocess.Popen[str]] = {}
@@ -86,14 +91,14 @@ class Soak:
         self._introduce()
         fleet.lab.lose(LOSS)
         self.clocks.rate = self.speed
-        self._began, real = self.clocks.now(), time.monotonic()
+        self._began, real, busy = self.clocks.now(), time.monotonic(), self._cpu()
         for event in self.plan:
             self._at(self._began + event.time, lambda event=event: self._carry_out(event))  # type: ignore[misc]
         for number in range(SAMPLES + 1):
             self._at(self._began + self.seconds * number / SAMPLES, self._sample)
         self._pass(self._began + self.seconds)
         self._end()
-        self.real = time.monotonic() - real
+        self.real, self.busy = time.monotonic() - real, self._cpu() - busy
 
     def _introduce(self) -> None:
         """Variables and a group, which all robots have before anything goes wrong."""
@@ -136,18 +141,26 @@ class Soak:
             self._pass(self.clocks.now() + 5.0)
         self._order(OPERATORS[0], "release")
         since = self.clocks.now()
-        texts = [*self.known.wanted, *(f"{operator}_n" for operator in OPERATORS)]
-        wrong = texts
+        wrong = texts = [*self.known.wanted, *(f"{operator}_n" for operator in OPERATORS)]
         while wrong and self.clocks.now() < since + SETTLED:
-            for text in wrong:
-                asked = self._order(OPERATORS[0], "ask", text=text)
-                self._pass(self.clocks.now() + 8.0)
-                found = self._order(OPERATORS[0], "answers", command=asked["id"])["answers"]
-                assert isinstance(found, dict)
-                self.known.values.setdefault(text, {}).update({name: said[1] for name, said in found.items()})
+            self._pass(self.clocks.now() + ASK_EVERY)
+            self.clocks.rate = 1.0
+            for first in range(0, len(wrong), TOGETHER):
+                self._ask(wrong[first : first + TOGETHER])
+            self.clocks.rate = self.speed
             if not (wrong := [text for text in texts if not self._is_right(text)]):
                 self.settled = self.clocks.now() - since
+        self.largest_log = max(_log_of(self.fleet.store_of(each)) for each in self.fleet.computers)
         self.known.read(self.fleet.computers, {each.name: self.fleet.store_of(each) for each in self.fleet.computers})
+
+    def _ask(self, texts: Sequence[str]) -> None:
+        """Note what robots say to these."""
+        asked = {text: self._order(OPERATORS[0], "ask", text=text)["id"] for text in texts}
+        self._pass(self.clocks.now() + 6.0)
+        for text, command in asked.items():
+            found = self._order(OPERATORS[0], "answers", command=command)["answers"]
+            assert isinstance(found, dict)
+            self.known.values.setdefault(text, {}).update({name: said[1] for name, said in found.items()})
 
     def _is_right(self, text: str) -> bool:
         values, wanted = self.known.values[text], self.known.wanted.get(text)
@@ -379,11 +392,17 @@ class Soak:
 
     # ---- what they take
 
+    def _cpu(self) -> float:
+        """Seconds of the processor that everything here has used, with what has ended."""
+        ours = os.times()
+        living = sum(self.fleet.cpu().values()) + sum(cpu_of(each) for each in self._processes.values())
+        return living + ours.user + ours.system + ours.children_user + ours.children_system
+
     def _sample(self) -> None:
         now = self.clocks.now() - self._began
         for computer in self.fleet.computers:
             if computer.processes and computer.up:
-                files = _with_log(self.fleet.store_of(computer)) if computer.stores else []
+                files = [self.fleet.store_of(computer)] if computer.stores else []
                 self._note(computer.name, computer.lives, now, computer.processes[-1].pid, files)
         for operator, process in self._processes.items():
             journals = (self.fleet.folder / "hosts" / operator).rglob("journals/*")
@@ -397,9 +416,10 @@ class Soak:
             self.seen.append(found)
 
 
-def _with_log(store: Path) -> list[Path]:
-    """A store, and what is written ahead of it."""
-    return [store, store.with_name(f"{store.name}-wal")]
+def _log_of(store: Path) -> int:
+    """Bytes of what is written ahead of a store."""
+    log = store.with_name(f"{store.name}-wal")
+    return log.stat().st_size if log.exists() else 0
 
 
 def _sent(operator: str, text: str, told: Json, *, counts: bool) -> Sent:

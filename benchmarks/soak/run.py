@@ -16,7 +16,7 @@ from pathlib import Path
 from benchmarks.channel.desk import Ordered
 from benchmarks.report import Json
 from benchmarks.soak.evidence import Known, Sent, Taken, taken
-from benchmarks.soak.nodes import MICROPYTHON, OPERATORS, SLEEP, Computer, Fleet, NodeError, cpu_of
+from benchmarks.soak.nodes import MICROPYTHON, OPERATORS, SLEEP, START, Computer, Fleet, NodeError, cpu_of
 from benchmarks.soak.schedule import DOWN, RULES, Event, schedule
 
 AT_ONCE = 8
@@ -34,8 +34,11 @@ CATCH_UP = 300.0
 """Simulated seconds in which MicroPython, which has forgotten all, gets the standing commands again."""
 SETTLED = 600.0
 """Simulated seconds after the end in which every rule must have reached every robot."""
-ASK_EVERY, TOGETHER = 30.0, 4
-"""Simulated seconds between two rounds of questions then, and how many are asked at a time."""
+ASK_EVERY, TOGETHER, ANSWERED = 30.0, 4, 4.0
+"""Simulated seconds between two rounds of questions then, how many are asked at a time, and the seconds of this
+machine's own in which they are answered."""
+BETWEEN = 0.3
+"""Seconds between two orders at first, which small computers need to verify them."""
 STOP_WITHIN = 4.0
 """Seconds after a STOP in which it is counted; these are this machine's own."""
 TRIES = 5
@@ -72,6 +75,8 @@ class Soak:
         self._tie = count()
         self._tries: Counter[str] = Counter()
         self._began = self._told = 0.0
+        self._rolled_back = 0.0
+        """When the rules that a ROLLBACK has changed are to be sent anew, s of simulated Unix time; 0 for none."""
         self._texts: dict[str, str] = {}
         """The last text of each rule, by the variable that it sets."""
 
@@ -102,22 +107,23 @@ class Soak:
 
     def _introduce(self) -> None:
         """Variables and a group, which all robots have before anything goes wrong."""
-        sent = []
         for operator in OPERATORS:
             self.known.wanted |= {f"{operator}_v{number}": 0.0 for number in range(RULES)}
             for name in (f"{operator}_n", *(f"{operator}_v{number}" for number in range(RULES))):
-                sent.append((operator, self._order(operator, "send", text=f"(DEFVAR {name} 0)", standing=True)))
-                self._pass(self.clocks.now() + 1.0)
+                self._order(operator, "send", text=f"(DEFVAR {name} 0)", standing=True)
+                self._pass(self.clocks.now() + BETWEEN)
         alone = [each for each in self.fleet.computers if each.kind == SLEEP]
         self.known.members = frozenset(robot for each in alone[:MEMBERS] for robot in each.robots)
         if self.known.members:
             only = sorted(self.known.members)
-            sent.append((OPERATORS[0], self._order(OPERATORS[0], "send", text=f"(JOIN {GROUP})", only=only)))
-        self._pass(self.clocks.now() + 5.0)
-        for operator, each in sent:
-            silent = self._order(operator, "answers", command=each["id"])["silent"]
-            if silent:
-                raise NodeError(f"on a clear air {silent} do not answer {operator}")
+            self._order(OPERATORS[0], "send", text=f"(JOIN {GROUP})", only=only)
+        last, until = " ".join(f"{operator}_v{RULES - 1}" for operator in OPERATORS), time.monotonic() + START
+        while True:  # commands of one sender come in their order
+            self._ask([f"(+ {last})"])
+            if self._is_right(f"(+ {last})", 0.0):
+                return
+            if time.monotonic() > until:
+                raise NodeError(f"on a clear air not all robots know {last} after {START:g} s")
 
     def _end(self) -> None:
         """Everything is mended; robots are asked what they know until it is right, or the time is over."""
@@ -140,6 +146,10 @@ class Soak:
         while any("down" in each.reasons for each in self.fleet.computers) and self.clocks.now() < since + SETTLED:
             self._pass(self.clocks.now() + 5.0)
         self._order(OPERATORS[0], "release")
+        if self._rolled_back:  # just before the end
+            self._pass(self._rolled_back)
+            for name in sorted(self._texts):
+                self._again(name)
         since = self.clocks.now()
         wrong = texts = [*self.known.wanted, *(f"{operator}_n" for operator in OPERATORS)]
         while wrong and self.clocks.now() < since + SETTLED:
@@ -148,22 +158,23 @@ class Soak:
             for first in range(0, len(wrong), TOGETHER):
                 self._ask(wrong[first : first + TOGETHER])
             self.clocks.rate = self.speed
-            if not (wrong := [text for text in texts if not self._is_right(text)]):
+            if not (wrong := [text for text in texts if not self._is_right(text, self.known.wanted.get(text))]):
                 self.settled = self.clocks.now() - since
         self.largest_log = max(_log_of(self.fleet.store_of(each)) for each in self.fleet.computers)
         self.known.read(self.fleet.computers, {each.name: self.fleet.store_of(each) for each in self.fleet.computers})
 
     def _ask(self, texts: Sequence[str]) -> None:
-        """Note what robots say to these."""
+        """Note what robots say to these, at this machine's own speed."""
         asked = {text: self._order(OPERATORS[0], "ask", text=text)["id"] for text in texts}
-        self._pass(self.clocks.now() + 6.0)
+        self._pass(self.clocks.now() + ANSWERED)
         for text, command in asked.items():
             found = self._order(OPERATORS[0], "answers", command=command)["answers"]
             assert isinstance(found, dict)
             self.known.values.setdefault(text, {}).update({name: said[1] for name, said in found.items()})
 
-    def _is_right(self, text: str) -> bool:
-        values, wanted = self.known.values[text], self.known.wanted.get(text)
+    def _is_right(self, text: str, wanted: float | None) -> bool:
+        """Whether every robot has said this value, any if that is None."""
+        values = self.known.values[text]
         robots = [robot for each in self.fleet.computers for robot in each.robots]
         return all(robot in values and wanted in (None, values[robot]) for robot in robots)
 
@@ -351,15 +362,19 @@ class Soak:
     def _do_rollback(self, event: Event) -> None:
         """Rules that were proven come back; then both operators send theirs anew, so that all are the same again."""
         self._send(event.who[0], "(ROLLBACK)", deadline=LIFE)
-        for place, name in enumerate(sorted(self._texts)):
-            operator = name.partition("_")[0]
-            self._after(LIFE + 10.0 + place, lambda o=operator, n=name: self._again(o, n))  # type: ignore[misc]
+        self._rolled_back = self.clocks.now() + LIFE + 10.0
+        self._at(self._rolled_back, self._all_again)
 
-    def _again(self, operator: str, name: str) -> None:
-        if operator in self._operators:
-            self._send(operator, self._texts[name], standing=True)
-        else:
-            self._after(10.0, lambda: self._again(operator, name))
+    def _all_again(self) -> None:
+        if len(self._operators) < len(OPERATORS):
+            self._after(10.0, self._all_again)
+            return
+        self._rolled_back = 0.0
+        for name in sorted(self._texts):
+            self._again(name)
+
+    def _again(self, name: str) -> None:
+        self._send(name.partition("_")[0], self._texts[name], standing=True)
 
     def _do_lease(self, event: Event) -> bool:
         if not self.known.members:

@@ -29,7 +29,7 @@ EVERY = {
 """Simulated seconds between two of them, in the mean; in a short run each comes once."""
 BEGIN, END = 0.04, 0.97
 """Shares of the run between which things go wrong."""
-RULES = 6
+RULES = 4
 """Names of rules of each operator."""
 DOWN = (5.0, 60.0)
 """Simulated seconds for which a killed node is down, besides the time it needs to start."""

@@ -68,7 +68,7 @@ class Run:
         run_robots([self.mind(body or self.body)], self.clock, tick=TICK, going=self.going(ticks), sleep=self.sleep)
 
     def mind(self, body: Body) -> EmbodiedMind:
-        return EmbodiedMind(self.node, body, self.clock, self.desk, self.watch)
+        return EmbodiedMind(self.node, body, self.clock, self.desk, self.watch, None, self.clock.now())
 
     def value(self, text: str) -> float:
         return self.node.evaluate(text).value
@@ -182,7 +182,7 @@ def test_what_is_not_measured_anew_is_not_sensed_anew(tmp_path: Path) -> None:
 def test_a_body_in_step_is_its_own_clock(tmp_path: Path) -> None:
     run = Run(tmp_path, Desk())
     stepping = Stepping(run.simulator)
-    mind = EmbodiedMind(run.node, stepping, stepping, run.desk, run.watch)
+    mind = EmbodiedMind(run.node, stepping, stepping, run.desk, run.watch, None, stepping.now())
     run_robots([mind], stepping, tick=0.0, going=run.going(10))
     assert run.watch.late == 0
     assert run.value("time") == pytest.approx(10 * TICK)

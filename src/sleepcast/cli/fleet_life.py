@@ -216,7 +216,7 @@ class FleetProcess:
         self._zeroed += (node.node, session)
         if not self._members:
             seek_time(session.delivery, session, self._zeroed, complain)
-        return Member(node, node.mind(self._clock))
+        return Member(node, node.mind())
 
     def _name(self, namespace: str) -> str:
         return namespace.removeprefix("/") or self._fleet.mapping.name

@@ -141,8 +141,9 @@ class NodeProcess:
         if self.store is not None and (standing := self.store.standing()):
             complain(standing)
 
-    def mind(self, clock: Clock) -> EmbodiedMind:
-        """What is to run, once it has begun. clock: of the mind."""
+    def mind(self, *, in_step: bool = False) -> EmbodiedMind:
+        """What is to run, once it has begun. in_step: whether the body's time is the mind's, too."""
+        clock: Clock = self.robot if in_step else MindClock(self.node)
         authority = self.node.authority
         self._news = None if self.session is None else notices_of(self.session.delivery.admission)
         self._desk = LocalInput(
@@ -157,7 +158,8 @@ class NodeProcess:
             self.ground,
             [actuator.name for actuator in self.robot.model.actuators],
         )
-        return EmbodiedMind(self.node, self.robot, clock, self._desk, self.watch, self.store)
+        start = clock.now() if in_step else 0.0
+        return EmbodiedMind(self.node, self.robot, clock, self._desk, self.watch, self.store, start)
 
     def tend(self) -> None:
         """Say what has gone wrong; to be called before each tick."""
@@ -179,7 +181,7 @@ class NodeProcess:
         """Live, and say at the end how it went. check: raises KeyboardInterrupt when it is time. tick: s, 0 in step.
         seconds: to live, None for ever. Raises SleepcastError when the body fails."""
         clock: Clock = WallClock() if tick else self.robot
-        mind = self.mind(clock)
+        mind = self.mind(in_step=not tick)
         end = inf if seconds is None else clock.now() + seconds
 
         def going() -> bool:
@@ -223,6 +225,17 @@ def number_in(name: str) -> int:
     """The id of a robot of which only the name is known: the number at its end, or 0."""
     digits = name[len(name.rstrip("0123456789")) :]
     return int(digits[-6:] or "0")
+
+
+class MindClock:
+    """The time of a node's mind, s since its zero, by which deadlines count: its start, and a sleep of the computer,
+    are in it."""
+
+    def __init__(self, node: Node) -> None:
+        self._node, self._clock = node, UnixClock()
+
+    def now(self) -> float:
+        return self._clock.now() - self._node.zero
 
 
 class Zeroed(Protocol):

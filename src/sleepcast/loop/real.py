@@ -71,18 +71,16 @@ class Watch:
 
 @dataclass(slots=True)
 class EmbodiedMind:
-    """A mind in a real body. clock: of the mind, whose time begins with 0 now. keeper: stores what it knows."""
+    """A mind in a real body. clock: of the mind. keeper: stores what it knows. start: when the mind's time was 0, s of
+    that clock."""
 
     node: Node
     robot: Robot
     clock: Clock
     channel: Channel
     watch: Watch
-    keeper: Keeper | None = None
-    start: float = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.start = self.clock.now()
+    keeper: Keeper | None
+    start: float
 
     def deliver(self) -> None:
         """Sense, and receive messages: a STOP stops the body here. Raises what the robot and the channel raise."""

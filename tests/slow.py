@@ -15,6 +15,7 @@ SLOW = {
     "console/test_page_drawer.py": 12,
     "console/test_table.py": 3,
     "console/test_page_room.py": 15,
+    "network/test_soak.py": 45,
     "network/test_proofs.py": 42,
     "fleet/test_native.py": 40,
     "experiments/test_run.py": 50,

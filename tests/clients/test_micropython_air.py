@@ -25,7 +25,7 @@ from sleepcast.channel.transports.udp import UdpTransport
 
 ORDINARY = ["r1", "r2", "r3"]
 ALL = [*ORDINARY, "tiny"]
-PATIENT = 20.0
+PATIENT = 60.0
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +73,12 @@ def account(channel: str, *arguments: str) -> dict[str, Any]:
     assert found.out, found.err
     told: dict[str, Any] = json.loads(found.out)
     return told
+
+
+def decided(channel: str, text: str) -> tuple[list[str], list[str]]:
+    """Which robots a command matched, and which not; on a busy computer one may be late."""
+    sent = account(channel, "send", "--anyway", text)
+    return sorted(sent["matched"]), sorted(sent["not_matched"])
 
 
 def value(channel: str, text: str, name: str = "tiny") -> object:
@@ -161,17 +167,16 @@ def test_it_is_one_of_the_swarm(folder: Path, channel: str, tmp_path: Path) -> N
         # A rule that was sent before it was there reaches it, from the other robots: the desk is gone.
         until(lambda: value(channel, "greet") == 109.0)
         # Each robot decides for itself.
-        sent = account(channel, "send", "(WHEN (> id 2) (JOIN late))")
-        assert (sorted(sent["matched"]), sorted(sent["not_matched"])) == (["r3", "tiny"], ["r1", "r2"])
+        until(lambda: decided(channel, "(WHEN (> id 2) (JOIN late))") == (["r3", "tiny"], ["r1", "r2"]))
         # What one robot tells, the others do.
         tell = "(WHEN (= id 1) (TELL (WHEN (= id 9) (SETQ lamp (IN late)))))"
         until(lambda: bool(account(channel, "send", tell, "--anyway")["matched"]) and value(channel, "lamp") == 1.0)
         # Driven, it comes to rest when its operator is gone for longer than the lease.
-        assert account(channel, "send", "--anyway", "(WHEN (= id 9) (DRIVE 0.3m/s))")["matched"] == ["tiny"]
+        until(lambda: decided(channel, "(WHEN (= id 9) (DRIVE 0.3m/s))")[0] == ["tiny"])
         until(lambda: value(channel, "(IF (> x 0m) speed 9)") == 0.0)
         # It stops with the others, and is released with them.
-        assert sorted(account(channel, "stop")["matched"]) == ALL
-        assert sorted(account(channel, "release")["matched"]) == ALL
+        until(lambda: sorted(account(channel, "stop")["matched"]) == ALL)
+        until(lambda: sorted(account(channel, "release")["matched"]) == ALL)
 
 
 def test_it_hears_the_robots_that_share_its_key(folder: Path, channel: str, tmp_path: Path) -> None:

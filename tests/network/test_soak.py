@@ -20,13 +20,13 @@ NEARLY = 80.0
 @pytest.mark.skipif(bool(REASON), reason=f"no networks of our own here: {REASON}")
 def test_a_small_fleet_loses_nothing_and_does_nothing_twice() -> None:
     """How fast it is, and whether memory grows, a run of a minute cannot tell."""
-    options = ("--nodes", "8", "--seconds", "60", "--speed", "5", "--json")
+    options = ("--nodes", "8", "--seconds", "90", "--speed", "5", "--seed", "1", "--json")
     command = [sys.executable, "-m", "benchmarks.soak", *options]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode in (0, 1), done.stderr
     assert done.stdout, done.stderr
     report = json.loads(done.stdout)
-    assert report["events"]["one-shot"] > 3
+    assert report["events"].keys() >= {"kill", "partition", "wrong", "restart", "one-shot", "stop"}
     assert sum(int(row["nodes"]) for row in report["kinds"]) <= 8
     counted = [bar for bar in report["bars"] if bar["unit"] == "" and "bytes" not in bar["name"]]
     assert len(counted) == 9

@@ -98,7 +98,7 @@ SLOW = {
     "sentences/test_sentences.py": 5,
     "node/test_integrity.py": 4,
     "loop/test_loop.py": 4,
-    "clients/test_micropython_air.py": 15,
+    "clients/test_micropython_air.py": 24,
     "clients/test_micropython.py": 4,
     "clients/test_micropython_wire.py": 3,
     "clients/test_c_programs.py": 4,

@@ -298,6 +298,13 @@ def test_the_annotated_scenario_can_be_loaded_and_the_tables_name_its_keys(tmp_p
     assert not keys - named, "keys that docs/scenarios.md does not name"
 
 
+def test_decisions_have_the_numbers_that_a_reader_sees() -> None:
+    """A list is shown with the numbers after its first, whatever is written."""
+    text = (ROOT / "docs" / "decisions.md").read_text(encoding="utf-8")
+    found = [int(number) for number in re.findall(r"^(\d+)\. ", text, re.MULTILINE)]
+    assert found == list(range(1, len(found) + 1))
+
+
 # ---- links
 
 

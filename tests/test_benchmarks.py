@@ -9,6 +9,8 @@ import sys
 from itertools import product
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parent.parent
 PATHS = {"swarm": 45, "air": 50}
 """Modules that the round trip of one command enters at most. Lower it when the way has become shorter."""
@@ -70,6 +72,7 @@ def test_the_fleet_benchmark_finds_the_same_robots_as_every_rival() -> None:
     assert {row["name"] for row in report["crowd"]} >= {"100 robots, walked", "1,000 robots, walked"}
 
 
+@pytest.mark.nightly
 def test_the_loop_benchmark_tells_of_every_field_and_bar(tmp_path: Path) -> None:
     picture = tmp_path / "loop.svg"
     options = ("--quick", "--json", "--no-page", "--robots", "100", "--picture", str(picture))
@@ -85,6 +88,7 @@ def test_the_loop_benchmark_tells_of_every_field_and_bar(tmp_path: Path) -> None
     assert "times real time" in picture.read_text()
 
 
+@pytest.mark.nightly
 def test_the_start_benchmark_sees_kernels_kept_and_used_again() -> None:
     command = [sys.executable, "-m", "benchmarks.start", "--quick", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
@@ -151,6 +155,7 @@ def test_the_channel_s_benchmark_tells_what_each_dropped_datagram_costs() -> Non
     assert [bar["wanted"] for bar in proof["bars"]] == [20.0, 20.0]
 
 
+@pytest.mark.nightly
 def test_the_sweep_benchmark_compares_with_the_bare_loop() -> None:
     command = [sys.executable, "-m", "benchmarks.sweep", "--runs", "4", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
@@ -210,6 +215,7 @@ def test_the_past_benchmark_answers_every_question_and_has_its_bar() -> None:
     assert bar["value"] is None  # it is about ten minutes
 
 
+@pytest.mark.nightly
 def test_the_sockets_benchmark_counts_what_a_broadcast_and_connections_take(tmp_path: Path) -> None:
     picture = tmp_path / "sockets.svg"
     options = ("--quick", "--json", "--robots", "3", "30", "--out", str(picture))

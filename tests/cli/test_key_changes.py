@@ -44,7 +44,7 @@ def test_keys_end_and_are_renewed_on_the_air(channel: str, tmp_path: Path) -> No
         assert matched("(RULE old 1)", "desk", "--standing", "--all") == 2
         ended = account(channel, "keys", "revoke", "anna", "--key", "chief")
         assert (ended["matched"], ended["silent"]) == (["r1", "r2"], [])
-        assert matched("(WHEN (> id 0) (ST))", "anna") == 0
+        assert matched("(WHEN (> id 0) (JOIN bravo))", "anna") == 0
         before = load_trust(folder / "trust.json").keys[0]
         assert account(channel, "keys", "rotate", "desk")["n_matched"] == 2
         assert load_trust(folder / "trust.json").find(before.id) != before

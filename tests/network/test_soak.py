@@ -18,6 +18,7 @@ NEARLY = 80.0
 
 
 @pytest.mark.skipif(bool(REASON), reason=f"no networks of our own here: {REASON}")
+@pytest.mark.nightly
 def test_a_small_fleet_loses_nothing_and_does_nothing_twice() -> None:
     """How fast it is, and whether memory grows, a run of a minute cannot tell."""
     options = ("--nodes", "8", "--seconds", "90", "--speed", "5", "--seed", "1", "--json")

@@ -78,6 +78,7 @@ def test_the_group_finds_the_light_and_stays_together(half_way: list[bytes]) -> 
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_without_the_rules_for_the_light_it_stays_where_it_is() -> None:
     assert len(RULES) - len(GATHERING) == 2
     for seed in SEEDS:
@@ -89,6 +90,7 @@ def test_without_the_rules_for_the_light_it_stays_where_it_is() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_one_broadcast_on_the_way_turns_attraction_into_flight(half_way: list[bytes]) -> None:
     """At 500 s, 35 m away, the group turns round: 58 m at 1,000 s and 84 m at 1,500 s (one run deviates by 4 m)."""
     for seed in SEEDS:

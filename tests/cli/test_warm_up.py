@@ -63,6 +63,7 @@ for name, module in sorted(sys.modules.items()):
 """
 
 
+@pytest.mark.nightly
 def test_the_first_start_compiles_in_two_processes(tmp_path: Path) -> None:
     """Each kernel once: what sonars need elsewhere, what motion needs here."""
     pytest.importorskip("numba")

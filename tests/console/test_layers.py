@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
@@ -12,6 +13,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
+from playwright.sync_api import TimeoutError as TooLateError
 
 from console.running import PATIENCE, Program
 from console.test_page import pixels, settle, until
@@ -61,7 +63,8 @@ def run(page: Page, wanted: bool) -> None:
     """Let time run, or stand still; the tests share one program."""
     button = page.locator(f'#run[data-running="{str(not wanted).lower()}"]')
     if button.count():
-        button.click()
+        with suppress(TooLateError):  # the news that it is so already may come just now
+            button.click(timeout=5_000)
     expect(page.locator("#run")).to_have_attribute("data-running", str(wanted).lower())
 
 

@@ -123,6 +123,7 @@ def test_what_is_sent_stays_as_it_is_until_its_answer(program: Program, blank: P
     expect(text).to_be_editable()
 
 
+@pytest.mark.nightly
 def test_the_page_says_that_the_simulator_is_being_compiled(context: BrowserContext, tmp_path: Path) -> None:
     """At once, and until robots move, when nothing has ever been compiled."""
     pytest.importorskip("numba")

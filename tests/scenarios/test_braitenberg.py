@@ -56,6 +56,7 @@ def series(swarm: Swarm, name: str) -> dict[float, float]:
     return {sample[0]: sample[1] for sample in swarm.simulator.measured()[name]}
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_the_group_finds_the_light_and_stays_together(half_way: list[bytes]) -> None:
     runs = []

@@ -6,16 +6,16 @@ from `python3 go.py test --durations=0`: only their order matters, and whether a
 """
 
 SLOW = {
-    "scenarios/test_braitenberg.py": 86,
+    "scenarios/test_braitenberg.py": 17,
     "fleet/test_fleet_differential.py": 72,
-    "test_benchmarks.py": 67,
+    "test_benchmarks.py": 25,
     "language/test_differential.py": 55,
     "console/test_page.py": 48,
     "console/test_page_late.py": 44,
     "console/test_page_drawer.py": 12,
     "console/test_table.py": 3,
     "console/test_page_room.py": 15,
-    "network/test_soak.py": 45,
+    "network/test_soak.py": 3,
     "network/test_proofs.py": 42,
     "fleet/test_native.py": 40,
     "experiments/test_run.py": 50,

@@ -130,6 +130,23 @@ class Ordered:
         return found
 
 
+def obey(desk: object, idle: Callable[[], None]) -> None:
+    """Say that it is ready, do what each line of standard input orders, by a method of `desk`, and say what became of
+    it, until the input ends. idle: called between two looks."""
+    print(json.dumps({"ready": os.getpid()}), flush=True)
+    waiting = b""
+    while True:
+        idle()
+        if not select.select([0], [], [], 0.0)[0]:
+            continue
+        came = os.read(0, 1 << 20)
+        if not came:
+            return
+        *orders, waiting = (waiting + came).split(b"\n")
+        for order in map(json.loads, orders):
+            print(json.dumps(getattr(desk, order.pop("do"))(**order)), flush=True)
+
+
 def command_window(command: Command) -> float:
     """Seconds for which answers are taken although nobody is missed, for there may be robots nobody knows of yet."""
     within = command.message.body.get(WITHIN)
@@ -140,18 +157,7 @@ def main() -> None:
     air = AirOptions(sys.argv[1], FLEET, None, None, None, None)
     with closing(session_for(air, None, robot=False, say=lambda _: None)) as session:
         desk = Desk(NetworkStation(session, UnixClock(), Vocabulary(), {}, caution=SendPolicy()))
-        print(json.dumps({"ready": os.getpid()}), flush=True)
-        waiting = b""
-        while True:
-            desk.idle()
-            if not select.select([0], [], [], 0.0)[0]:
-                continue
-            came = os.read(0, 1 << 20)
-            if not came:
-                return
-            *orders, waiting = (waiting + came).split(b"\n")
-            for order in map(json.loads, orders):
-                print(json.dumps(getattr(desk, order.pop("do"))(**order)), flush=True)
+        obey(desk, desk.idle)
 
 
 if __name__ == "__main__":

@@ -9,12 +9,10 @@ the journal lie in the data folder, and outlive the program.
 
 from __future__ import annotations
 
-import json
-import os
-import select
 import sys
 from pathlib import Path
 
+from benchmarks.channel.desk import obey
 from benchmarks.channel.lab import URI
 from benchmarks.report import Json
 from sleepcast.api.connection import FLEET, AirOptions, station_for
@@ -87,18 +85,7 @@ def main() -> None:
     air = AirOptions(URI, FLEET, owner, None, Path(keys), within=WITHIN)
     with station_for(air, lambda line: print(line, file=sys.stderr), expected=read_expectation(names)) as station:
         operator = Operator(station)
-        print(json.dumps({"ready": os.getpid()}), flush=True)
-        waiting = b""
-        while True:
-            operator.listen()
-            if not select.select([0], [], [], 0.0)[0]:
-                continue
-            came = os.read(0, 1 << 20)
-            if not came:
-                return
-            *orders, waiting = (waiting + came).split(b"\n")
-            for order in map(json.loads, orders):
-                print(json.dumps(getattr(operator, order.pop("do"))(**order)), flush=True)
+        obey(operator, operator.listen)
 
 
 if __name__ == "__main__":

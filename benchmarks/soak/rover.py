@@ -17,20 +17,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 from sleepcast.bridges.ros2_link import QOS, join
-from sleepcast.bridges.ros2_messages import (
-    BatteryState,
-    Header,
-    LaserScan,
-    Odometry,
-    Point,
-    Pose,
-    PoseWithCovariance,
-    Quaternion,
-    Twist,
-    TwistWithCovariance,
-    Vector3,
-    time_of,
-)
+from sleepcast.bridges.ros2_messages import BatteryState, Header, LaserScan, Odometry, Twist, made, time_of
 
 NAMESPACE = "/rover"
 TICK = 0.25
@@ -62,12 +49,11 @@ def main() -> None:
             speed = turn_rate = 0.0
         heading += turn_rate * TICK
         x, y = x + speed * cos(heading) * TICK, y + speed * sin(heading) * TICK
-        header = Header(time_of(time.time()), "odom")
-        pose = Pose(Point(x, y), Quaternion(z=sin(heading / 2.0), w=cos(heading / 2.0)))
-        twist = Twist(Vector3(speed), Vector3(z=turn_rate))
-        odom.write(Odometry(header, "base_link", PoseWithCovariance(pose), TwistWithCovariance(twist)))
+        now, motion = time.time(), {"x": x, "y": y, "heading": heading, "speed": speed, "turn_rate": turn_rate}
+        odom.write(made("Odometry", motion, now, "odom"))
+        header = Header(time_of(now), "odom")
         lidar.write(LaserScan(header, -pi, pi, 2.0 * pi / RAYS, range_min=0.1, range_max=3.5, ranges=[inf] * RAYS))
-        battery.write(BatteryState(header, voltage=12.1, percentage=0.8))
+        battery.write(made("BatteryState", {"voltage": 12.1, "percentage": 0.8}, now, "odom"))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
-"""`sleepcast node` as a process, with what it prints."""
+"""Programs that print, and take lines, as processes; `sleepcast node` among them."""
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -12,17 +13,19 @@ PATIENCE = 60.0
 """Seconds that a busy machine may take."""
 
 
-class Mind:
-    """`sleepcast node` with this body, as a process."""
+class Talking:
+    """A process of our Python. screen: the file for what it prints. folder: where it runs, if not here. changes: of its
+    environment."""
 
-    def __init__(self, uri: str, folder: Path, *options: str) -> None:
-        self._screen, self._read = folder / "screen", 0
-        with self._screen.open("w") as screen:
-            command = ("node", "--name", "v1", "--body", uri, "--no-store", *options)
+    def __init__(self, screen: Path, *command: object, folder: Path | None = None, **changes: str) -> None:
+        self._screen, self._read = screen, 0
+        with screen.open("w") as file:
             self._running = subprocess.Popen(
-                [sys.executable, "-m", "sleepcast", *command],
+                [sys.executable, *map(str, command)],
+                cwd=folder,
+                env={**os.environ, **changes},
                 stdin=subprocess.PIPE,
-                stdout=screen,
+                stdout=file,
                 stderr=subprocess.STDOUT,
                 text=True,
             )
@@ -32,22 +35,38 @@ class Mind:
         self._running.stdin.writelines(f"{line}\n" for line in lines)
         self._running.stdin.flush()
 
-    def wait_for(self, sentence: str) -> None:
-        """Until this is printed, after what was waited for before."""
+    def wait_for(self, *sentences: str) -> None:
+        """Until all are printed, in any order, after what was waited for before."""
         end = time.monotonic() + PATIENCE
-        while (found := self._screen.read_text().find(sentence, self._read)) < 0:
+        while not all(sentence in self._screen.read_text()[self._read :] for sentence in sentences):
             assert self._running.poll() is None, self._screen.read_text()
-            assert time.monotonic() < end, f"waited for {sentence}\n{self._screen.read_text()}"
+            assert time.monotonic() < end, f"waited for {sentences}\n{self._screen.read_text()}"
             time.sleep(0.02)
-        self._read = found + len(sentence)
+        text = self._screen.read_text()
+        self._read = max(text.index(sentence, self._read) + len(sentence) for sentence in sentences)
 
     def printed(self) -> str:
         return self._screen.read_text()
 
-    def close(self) -> None:
-        self._running.send_signal(signal.SIGINT)
+    def end(self, how: signal.Signals, status: int) -> None:
+        """By this signal, after which it exits with this status."""
+        self._running.send_signal(how)
         try:
-            assert self._running.wait(PATIENCE) == 130
+            assert self._running.wait(PATIENCE) == status
         finally:
-            self._running.kill()
-            self._running.communicate()
+            self.kill()
+
+    def kill(self) -> None:
+        self._running.kill()
+        self._running.communicate()
+
+
+class Mind(Talking):
+    """`sleepcast node` with this body."""
+
+    def __init__(self, uri: str, folder: Path, *options: str) -> None:
+        command = ("node", "--name", "v1", "--body", uri, "--no-store", *options)
+        super().__init__(folder / "screen", "-m", "sleepcast", *command)
+
+    def close(self) -> None:
+        self.end(signal.SIGINT, 130)

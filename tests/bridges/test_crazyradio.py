@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -20,7 +18,7 @@ import pytest
 pytest.importorskip("cflib")
 
 from bridges.crazyradio_dongle import Dongle
-from bridges.mind import PATIENCE
+from bridges.mind import PATIENCE, Talking
 from channel.test_udp import free_port
 from cli.calling import called
 from sleepcast.bridges import BodyError, open_robot
@@ -45,52 +43,25 @@ def port() -> int:
         return found
 
 
-class Radio:
+class Radio(Talking):
     """`sleepcast bridge crazyradio` in a process, with a radio and two quadcopters."""
 
     def __init__(self, port: int, folder: Path) -> None:
-        self._screen, self._read = folder / "radio", 0
         path = str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")
-        command = ("bridge", "crazyradio", "radio0:80", FIRST, SECOND, "--port", str(port))
-        with self._screen.open("w") as screen:
-            self._running = subprocess.Popen(
-                [sys.executable, Path(__file__).with_name("crazyradio_dongle.py"), f"{FIRST},{SECOND}", *command],
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(path)},
-                stdin=subprocess.PIPE,
-                stdout=screen,
-                stderr=subprocess.STDOUT,
-                text=True,
-            )
+        dongle = Path(__file__).with_name("crazyradio_dongle.py"), f"{FIRST},{SECOND}"
+        command = ("bridge", "crazyradio", "radio0:80", FIRST, SECOND, "--port", port)
+        super().__init__(folder / "radio", *dongle, *command, PYTHONPATH=os.pathsep.join(path))
         self.wait_for(*(f"{each} is at crazyflie://127.0.0.1:" for each in (FIRST, SECOND)))
 
-    def say(self, line: str) -> None:
-        assert self._running.stdin is not None
-        self._running.stdin.write(f"{line}\n")
-        self._running.stdin.flush()
-
-    def wait_for(self, *sentences: str) -> None:
-        """Until all are printed, in any order, after what was waited for before."""
-        until(lambda: all(sentence in self._screen.read_text()[self._read :] for sentence in sentences), self._screen)
-        text = self._screen.read_text()
-        self._read = max(text.index(sentence, self._read) + len(sentence) for sentence in sentences)
-
-    def printed(self) -> str:
-        return self._screen.read_text()
-
     def close(self) -> None:
-        self._running.send_signal(signal.SIGTERM)
-        try:
-            assert self._running.wait(PATIENCE) == 143
-            assert "Traceback" not in self._screen.read_text()
-        finally:
-            self._running.kill()
-            self._running.communicate()
+        self.end(signal.SIGTERM, 143)
+        assert "Traceback" not in self.printed()
 
 
-def until(true: Callable[[], object], screen: Path | None = None) -> None:
+def until(true: Callable[[], object]) -> None:
     ends = time.monotonic() + PATIENCE
     while not true():
-        assert time.monotonic() < ends, screen and screen.read_text()
+        assert time.monotonic() < ends
         time.sleep(0.02)
 
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import time
 from contextlib import closing
 from pathlib import Path
 
@@ -13,56 +10,33 @@ import pytest
 pytest.importorskip("MAVProxy")
 pytest.importorskip("pyproj")
 
-from bridges.mind import PATIENCE, Mind
+from bridges.mind import Mind, Talking
 from channel.test_udp import free_port
+from processes import live_in
 
 MODULES = "signing,arm,mode,cmdlong"
 
 
-class MavProxy:
+class MavProxy(Talking):
     """Its master is a port at which it listens. Whatever it keeps between runs would lie in `folder`."""
 
-    def __init__(self, port: int, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setenv("HOME", str(folder))  # where it would look for keys
-        self._screen, self._read = folder / "mavproxy", 0
+    def __init__(self, port: int, folder: Path) -> None:
         options = (f"--master=udpin:127.0.0.1:{port}", "--mav20", "--no-state", f"--default-modules={MODULES}")
-        with self._screen.open("w") as screen:
-            self._running = subprocess.Popen(
-                [sys.executable, "-m", "MAVProxy.mavproxy", *options],
-                cwd=folder,
-                stdin=subprocess.PIPE,
-                stdout=screen,
-                stderr=subprocess.STDOUT,
-                text=True,
-            )
-
-    def say(self, *lines: str) -> None:
-        assert self._running.stdin is not None
-        self._running.stdin.writelines(f"{line}\n" for line in lines)
-        self._running.stdin.flush()
-
-    def wait_for(self, sentence: str) -> None:
-        """Until it shows this, after what was waited for before."""
-        end = time.monotonic() + PATIENCE
-        while (found := self._screen.read_text().find(sentence, self._read)) < 0:
-            assert self._running.poll() is None, self._screen.read_text()
-            assert time.monotonic() < end, f"waited for {sentence}\n{self._screen.read_text()}"
-            time.sleep(0.02)
-        self._read = found + len(sentence)
+        super().__init__(folder / "mavproxy", "-m", "MAVProxy.mavproxy", *options, folder=folder)
 
     def close(self) -> None:
-        self._running.kill()
-        self._running.communicate()
+        self.kill()
 
 
 def test_mavproxy_sees_a_robot_is_refused_without_the_key_and_obeyed_with_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    live_in(tmp_path, monkeypatch)  # where MAVProxy would look for keys
     (tmp_path / "key").write_text("fleetkey\n")
     port = free_port()
     uri = f"mavlink://127.0.0.1:{port}?key={tmp_path / 'key'}&origin=36.6,-121.9"
     with (
-        closing(MavProxy(port, tmp_path, monkeypatch)) as desk,
+        closing(MavProxy(port, tmp_path)) as desk,
         closing(Mind("sim:maze", tmp_path, "--ground-station", uri)) as mind,
     ):
         desk.wait_for("Detected vehicle 1:1 on link 0")

@@ -15,15 +15,13 @@ import click
 from sleepcast.api.connection import CHANNEL, AirOptions
 from sleepcast.cli.air import no_store_option, options
 from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.options import Seconds, restraints
+from sleepcast.cli.options import Seconds, each_rules_option, golden_option, restraints, tick_option
 from sleepcast.cli.streams import announce, complain, put
 from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.bridges.ros2_fleet import RobotThere, Ros2Fleet
 
-LONGEST_TICK = 0.5
-"""s: a body that its mind does not look at for a second is brought to rest."""
 LOOKS = 5.0
 """Seconds for which `--dry-run` looks, unless it is said: robots are found one by one, with loss more slowly."""
 
@@ -57,15 +55,9 @@ LOOKS = 5.0
 @click.option(
     "--channel", metavar="URI", default=CHANNEL, show_default=True, help="The channel on which commands arrive."
 )
-@click.option(
-    "--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions that each robot starts with."
-)
-@click.option(
-    "--golden", metavar="FILE", type=click.Path(path_type=Path), help="Rules that cannot be changed over the air."
-)
-@click.option(
-    "--tick", type=click.FloatRange(0.01, LONGEST_TICK), default=0.1, show_default=True, help="Seconds per tick."
-)
+@each_rules_option
+@golden_option
+@tick_option
 @click.option("--seconds", metavar="S", type=Seconds(0.0), help="End after S seconds (default: at Ctrl-C).")
 @click.option(
     "--store",

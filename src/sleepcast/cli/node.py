@@ -10,15 +10,13 @@ import click
 from sleepcast.api.connection import AirOptions, open_store, session_for
 from sleepcast.cli.air import chosen_store, no_store_option, options, store_option
 from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.options import restraints
+from sleepcast.cli.options import golden_option, restraints, tick_option
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
 
 STANDARD, NOMAD = "standard", "nomad"
 SIMULATED = "sim"
 """The scheme of a body in the simulator."""
-LONGEST_TICK = 0.5
-"""s: a body that its mind does not look at for a second is brought to rest."""
 
 
 @click.command("node", short_help="Run one robot's mind with a real body.")
@@ -27,9 +25,7 @@ LONGEST_TICK = 0.5
 @click.option(
     "--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions to start with, or a mission script."
 )
-@click.option(
-    "--golden", metavar="FILE", type=click.Path(path_type=Path), help="Rules that cannot be changed over the air."
-)
+@golden_option
 @click.option(
     "--datagrams", metavar="PORT", type=click.IntRange(0, 65_535), help="Receive plain datagrams of 3 numbers."
 )
@@ -44,9 +40,7 @@ LONGEST_TICK = 0.5
     show_default=True,
     help="nomad: VM, PR and the like in tenths of inches.",
 )
-@click.option(
-    "--tick", type=click.FloatRange(0.01, LONGEST_TICK), default=0.1, show_default=True, help="Seconds per tick."
-)
+@tick_option
 @click.option("--lockstep", is_flag=True, help="For a server in lockstep: follow the server's ticks.")
 @click.option(
     "--seconds", metavar="S", type=click.FloatRange(min=0.0), help="End after S seconds (default: at Ctrl-C)."

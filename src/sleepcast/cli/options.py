@@ -1,4 +1,4 @@
-"""Options that several subcommands share: times, a page's hosts, limits of bodies."""
+"""Options that several subcommands share: times, a page's hosts, what minds begin with, limits of bodies."""
 
 from __future__ import annotations
 
@@ -97,6 +97,19 @@ alert_option = click.option(
     metavar="TEST",
     multiple=True,
     help='Page: tell when this becomes true for a robot, as "(< fuel 20%)"; may be repeated.',
+)
+
+
+LONGEST_TICK = 0.5
+"""s: a body that its mind does not look at for a second is brought to rest."""
+tick_option = click.option(
+    "--tick", type=click.FloatRange(0.01, LONGEST_TICK), default=0.1, show_default=True, help="Seconds per tick."
+)
+each_rules_option = click.option(
+    "--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions that each robot starts with."
+)
+golden_option = click.option(
+    "--golden", metavar="FILE", type=click.Path(path_type=Path), help="Rules that cannot be changed over the air."
 )
 
 

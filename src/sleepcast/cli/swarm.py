@@ -12,7 +12,7 @@ import click
 from sleepcast.api.connection import AirOptions, open_store, sessions_for
 from sleepcast.cli.air import options, store_option
 from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.options import restraints
+from sleepcast.cli.options import each_rules_option, restraints
 from sleepcast.cli.streams import announce, complain
 from sleepcast.core.errors import MisuseError
 
@@ -58,9 +58,7 @@ class Wanted:
 @click.option(
     "--first", type=click.IntRange(0, MAX_ID), default=1, show_default=True, help="Number of the first robot."
 )
-@click.option(
-    "--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions that each robot starts with."
-)
+@each_rules_option
 @store_option
 @restraints
 @options

@@ -57,6 +57,10 @@ _MAX_WAITING = const(2400)
 """Bytes of datagrams that wait to be verified: two long ones."""
 _KIND = const(22)
 """Where a datagram says its kind."""
+_KEYS = const(b"\x64keys")
+"""In the body of a change of keys."""
+_CALM = const(100)
+"""Ticks after a forgery until datagrams wait in the order of their numbers again."""
 _MAX_PARTS = const(3)
 _MAX_QUEUE = const(16)
 _MAX_OUT = const(16)
@@ -102,6 +106,7 @@ class Node:
         self.stop = self.job = self._signing = None
         self._stops, self._turn = 0, False
         self._jobs, self._queue, self.out = [], [], []
+        self._calm = 0
         self._answered = []
         self.pieces = {}
         self.next, self.tick = now, 0
@@ -173,8 +178,11 @@ class Node:
         owner = self.trust.keys[which][_OWNER]
         if kind != _STANDING and self.trust.knows((which, owner, epoch), number):
             return _REPEATED
-        if kind == _STANDING and number <= self._streams.of((which, epoch))[0]:
-            return _REPEATED
+        if kind in (0, _STANDING) and self.trust.keys[which][_ROLE] != "robot":
+            if self._streams.has(which, epoch, number):
+                return _REPEATED
+            if self._streams.is_too_early(which, epoch, number) and _KEYS not in part[8]:  # those do not wait
+                return _NO_ROOM
         if part[6] in self.pieces.get((which, epoch, number), ()):
             return _REPEATED
         if datagram in self._jobs or (self.job and part == self.job[0]):
@@ -184,21 +192,40 @@ class Node:
             if self.stop is None or (not self.stop[1] and random.random() * self._stops < 1):
                 self.stop = [part, None]
         else:
-            rank = _RANKS[kind]
             size = sum([len(each) for each in self._jobs]) + len(datagram)
-            same = [
-                at
-                for at, each in enumerate(self._jobs)
-                if _RANKS[each[_KIND]] >= rank and size - len(each) <= _MAX_WAITING
-            ]
             if len(self._jobs) < _MAX_JOBS and size <= _MAX_WAITING:
                 self._jobs.append(datagram)
-            elif same:  # of many at once a random one, but orders before questions
-                self._jobs[same[random.getrandbits(8) % len(same)]] = datagram
-                return _TOO_MANY
             else:
+                at = self._giving_way(datagram, size)
+                if at is not None:
+                    self._jobs[at] = datagram
                 return _TOO_MANY
         return 0
+
+    def _giving_way(self, datagram, size):
+        """Which of the waiting datagrams gives way to this one, None if this one does. size: bytes of all."""
+        jobs, rank = self._jobs, _RANKS[datagram[_KIND]]
+        same = [
+            at
+            for at, each in enumerate(jobs)
+            if _RANKS[each[_KIND]] >= rank and size - len(each) <= _MAX_WAITING
+        ]
+        if not same:
+            return None
+        place = self._place(datagram)
+        if len(place) == 1:  # of many at once a random one, but orders before questions
+            return same[random.getrandbits(8) % len(same)]
+        last = max(same, key=lambda at: self._place(jobs[at]))
+        return last if place < self._place(jobs[last]) else None
+
+    def _place(self, datagram):
+        """When it is verified, among those that wait: commands in the order of their numbers, standing ones after
+        others, because they come again. While there are forgeries, which could have any number, only kinds count."""
+        kind = datagram[_KIND]
+        place = bytes((_RANKS[kind],))
+        if kind in (0, _STANDING) and self.tick >= self._calm:
+            place += bytes((kind,)) + datagram[9:17] + datagram[24:41]
+        return place
 
     def _work(self):
         """A slice of verifying or signing; whether there was anything to do."""
@@ -208,12 +235,18 @@ class Node:
             return (self.stopped and self._turn and self._sign()) or self._go_on(self.stop, True)
         if self.job is None:  # one after the other, because each takes memory, as obeying a message does
             if self._queue and not self._signing:
-                return False
+                if self._queue[0][1] != _STANDING:
+                    return False
+                self._obey_first()  # it waits for no tick: there may be thousands after it
+                return True
+            if self._streams.eager and not self._jobs:
+                self._streams.eager = False
+                self._ask_for_more()
             self._turn = not self._turn
             if (self._signing or self._turn) and self._sign():
                 return True
         if self.job is None and self._jobs:
-            first = min(range(len(self._jobs)), key=lambda at: _RANKS[self._jobs[at][_KIND]])
+            first = min(range(len(self._jobs)), key=lambda at: self._place(self._jobs[at]))
             self.job = [look(self._jobs.pop(first)), None]
         return self._go_on(self.job, False) if self.job is not None else self._sign()
 
@@ -232,6 +265,7 @@ class Node:
             self.job = None
         try:
             if not good:
+                self._calm = self.tick + _CALM
                 self._drop(_FORGED)
             else:
                 self._verified(part, names(part[8]))
@@ -299,7 +333,10 @@ class Node:
                     reason = self.trust.change(body["keys"])
                     self._answer(message, "fault" if reason else "matched", None, reason)
                 message[7] = ""
-            for each in self._streams.take((which, epoch), number, kind == _STANDING, body, message, now):
+            ready, gone = self._streams.take((which, epoch), number, kind == _STANDING, body, message, now)
+            if gone is not None:
+                self.trust.forget((which, gone[6], epoch), gone[3])
+            for each in ready:
                 self._enqueue(each)
         elif kind in (0, _ASK):
             self._enqueue(message)
@@ -373,14 +410,8 @@ class Node:
             mind.report(fault or "at rest: nobody drives it any more", ())
         for message in self._streams.expire(now):
             self._enqueue(message)
-        queue, self._queue = self._queue, []
-        for message in queue:
-            try:
-                self._obey(message)
-            except MemoryError:
-                self._drop(_NO_MEMORY)
-                gc.collect()
-                self._answer(message, "fault", None, "out of memory")
+        while self._queue:
+            self._obey_first()
         if mind.round():
             self.driven = False
         still = bool(mind.values[2] or mind.values[3])
@@ -395,6 +426,15 @@ class Node:
             if fault:
                 mind.report(fault, ())
         self._speak(now)
+
+    def _obey_first(self):
+        message = self._queue.pop(0)
+        try:
+            self._obey(message)
+        except MemoryError:
+            self._drop(_NO_MEMORY)
+            gc.collect()
+            self._answer(message, "fault", None, "out of memory")
 
     def _obey(self, message):
         kind, sender, text, body = message[1], message[6], message[7], message[8]
@@ -451,11 +491,17 @@ class Node:
     def _say(self, kind, body, text="", life=5000, within=0):
         """body: perhaps encoded already."""
         now = self.clock.now()
-        if len(self.out) < _MAX_OUT:
+        asks = kind in (_DIGEST, _REQUEST)  # goes before answers
+        if len(self.out) < _MAX_OUT + 2 * asks:
             body = body if isinstance(body, bytes) else encode(body)
-            self.out.append([now + int(1000 * within * random.random()), kind, now + life, text, body])
+            what = [now + int(1000 * within * random.random()), kind, now + life, text, body]
+            self.out.insert(0 if asks else len(self.out), what)
         else:
             self._drop(_NOT_SENT)
+
+    def _ask_for_more(self):
+        """Say which standing commands we have, and how many of the next ones can wait here to be verified."""
+        self._say(_DIGEST, {"have": self._streams.have(), "most": _MAX_JOBS})
 
     def _answer(self, message, outcome, value, fault, more=None):
         gc.collect()
@@ -498,7 +544,7 @@ class Node:
         if wanted:
             self._say(_REQUEST, {"want": wanted})
         if streams.is_due(now):
-            self._say(_DIGEST, {"have": streams.have()})
+            self._ask_for_more()
         if not self.clock.is_set and now - self.asked >= self._pause:
             self.asked, self._pause = now, min(2 * self._pause, 16000)
             self._nonce = os.urandom(16)

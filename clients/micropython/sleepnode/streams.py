@@ -39,10 +39,12 @@ def _time(seconds):
 
 
 class Streams:
-    """since: when the robot began to listen. missed: how many commands never came in time."""
+    """since: when the robot began to listen. missed: how many commands never came in time. eager: whether others have
+    more standing commands, and some of them have just been obeyed."""
 
     def __init__(self, since):
         self.since, self.missed = since, 0
+        self.eager = self._behind = False
         self._streams = {}
         self._alike, self._interval, self._speaks, self._ends = 0, _SOONEST, 0, 0
         self.news(since)
@@ -57,15 +59,26 @@ class Streams:
         return found
 
     def take(self, name, number, standing, body, message, now):
-        """The commands that can be obeyed now that this one has come, in order."""
+        """The commands that can be obeyed now that this one has come, in order; and the one for which there is no room
+        any more, None for none: it has to come again."""
         stream = self.of(name)
         if number <= stream[_DONE]:
-            return []
-        stream[_WAITING][number] = standing, body, message
+            return [], None
+        waiting = stream[_WAITING]
+        waiting[number] = standing, body, message
         stream[_WANTED].pop(number, None)
-        if len(stream[_WAITING]) > _MAX_WAITING:
-            del stream[_WAITING][max(stream[_WAITING])]
-        return self._advance(stream, now)
+        found = self._advance(stream, now)
+        return found, waiting.pop(max(waiting))[2] if len(waiting) > _MAX_WAITING else None
+
+    def has(self, key, epoch, number):
+        """Whether a command waits, or was obeyed or skipped."""
+        stream = self._streams.get((key, epoch))
+        return stream is not None and (number <= stream[_DONE] or number in stream[_WAITING])
+
+    def is_too_early(self, key, epoch, number):
+        """Whether there is no room for a command to wait for those before it."""
+        waiting = self._streams[key, epoch][_WAITING] if (key, epoch) in self._streams else ()
+        return len(waiting) >= _MAX_WAITING and number > max(waiting)
 
     def expire(self, now):
         """The commands that need not wait any longer."""
@@ -95,6 +108,7 @@ class Streams:
                 del stream[_WANTED][old]
             if standing:
                 stream[_RULES] = number
+                self.eager = self._behind
                 self.news(now)
             found.append(message)
         return found
@@ -132,6 +146,7 @@ class Streams:
             if isinstance(each, list) and len(each) == 3 and isinstance(each[2], int) and may(each[0]):
                 theirs[each[0], each[1]] = each[2]
         ours = {(each[0], each[1]): each[2] for each in self.have()}
+        self._behind = any([theirs[each] > ours.get(each, 0) for each in theirs])
         if theirs == ours:
             self._alike += 1
         else:

@@ -93,6 +93,12 @@ class Trust:
             return False
         return heard[0] - number >= _WINDOW or bool(heard[1] >> (heard[0] - number) & 1)
 
+    def forget(self, name, number):
+        """This number is to come again."""
+        heard = self._heard.get(name)
+        if heard is not None and 0 <= heard[0] - number < _WINDOW:
+            heard[1] &= ~(1 << (heard[0] - number))
+
     def note(self, name, number):
         """This number was heard."""
         heard = self._heard.get(name)

@@ -16,6 +16,7 @@ Messages of other kinds are passed on as they come.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from heapq import heappop, heappush
@@ -380,13 +381,17 @@ class ReliableDelivery:
                 self._told[name] = max(theirs[name], before)
                 if len(self._told) > MAX_STREAMS:
                     del self._told[next(iter(self._told))]
-        alike = True
-        for name in names:
+        alike, most = True, digest.body.get("most")
+        left = max(most, 0) if isinstance(most, int) else BATCH * MAX_STREAMS
+        for name in sorted(names):  # all resend the same, so that one does and the others hear it
             stream = self.sequencer.stream(name)
             they, we = theirs.get(name, 0), stream.rules
             alike &= they == we
             if they < we:
-                self._repair(stream, [(number,) for number in stream.standing if number > they][:BATCH], now)
+                first = bisect_right(stream.standing, they)
+                missing = stream.standing[first : first + min(BATCH, left)]
+                left -= len(missing)
+                self._repair(stream, [(number,) for number in missing], now)
         if alike:
             self._digest_timer.agree()
         else:
@@ -496,6 +501,7 @@ class ReliableDelivery:
 # ---- the bodies of digests and requests
 #
 # have     a digest's list of streams, each with the number of its latest standing command
+# most     how many of the next ones the digest's sender takes at once; without it `BATCH` of each stream
 # want     a request's list of streams, each with the numbers of missing commands
 # parts    a request's list of commands of which some parts have come, each with the numbers of the others
 

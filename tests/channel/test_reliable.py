@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from channel.air import DESK, START, Air, Party
+from channel.air import DESK, ROBOTS, START, Air, Party
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.envelope import look
-from sleepcast.channel.message import MAX_TEXT
-from sleepcast.channel.reliable import LIFE, STOP_AT_FIRST, STOP_EVERY, STOP_FOR, STOP_ON
+from sleepcast.channel.envelope import encode, look
+from sleepcast.channel.keys import KeyPair
+from sleepcast.channel.message import MAX_TEXT, Role
+from sleepcast.channel.reliable import BATCH, LIFE, STOP_AT_FIRST, STOP_EVERY, STOP_FOR, STOP_ON
 
 
 def rules(party: Party) -> list[str]:
@@ -61,6 +62,33 @@ def test_who_was_away_has_every_rule_within_seconds_of_coming_back() -> None:
     away.delivery.start(air.clock.now())
     air.run(5.0)
     assert rules(away) == sent
+
+
+def test_a_party_that_says_how_many_commands_it_takes_is_sent_no_more() -> None:
+    other = KeyPair("other", Role.COMMANDER, b"o" * 32)
+    air = Air(1, seed=8, trusted=[other.public])
+    for desk in (air.desk, air.join("other", other)):
+        for number in range(40):
+            desk.delivery.post(Kind.COMMAND, air.clock.now(), text=f"(RULE r {number})", standing=True)
+    air.run(20.0)
+    robot = air.robots[0].delivery
+    (first, epoch), (second, _) = sorted(robot.sequencer.standing())
+    count = 0
+
+    def sent(has: int, **most: object) -> list[tuple[bytes, int]]:
+        nonlocal count
+        air.clock.advance(1.0)
+        count += 1
+        now, body = air.clock.now(), {"have": [[first, epoch, has]], **most}
+        (digest,) = encode(Message("rtiny", 1, count, Kind.DIGEST, now, now + LIFE, body=body), "lab", ROBOTS)
+        robot.take(digest, now)
+        parts = [look(datagram) for datagram in robot.step(now + 0.1)[0]]
+        return sorted((part.key, part.sequence) for part in parts if part.kind is Kind.COMMAND)
+
+    assert sent(3, most=6) == [(first, number) for number in range(4, 10)]
+    assert sent(38, most=6) == [(first, 39), (first, 40), *((second, number) for number in range(1, 5))]
+    assert len(sent(0)) == len(sent(0, most="all")) == 2 * BATCH
+    assert sent(0, most=0) == sent(0, most=-7) == []
 
 
 def test_neighbours_mend_what_the_desk_cannot() -> None:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pytest
@@ -17,11 +18,14 @@ from cli.calling import called
 from cli.test_swarm import swarm
 from clients import board
 from processes import live_in
+from sleepcast.channel.admission import Admission
 from sleepcast.channel.envelope import encode, look, read_message, read_piece
 from sleepcast.channel.keyring import key_file, keys_folder, load_key, save_key, save_trust
 from sleepcast.channel.keys import KeyPair, Role, Trust
 from sleepcast.channel.message import Kind, Message
+from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.transports.udp import UdpTransport
+from sleepcast.core.clock import UnixClock
 
 ORDINARY = ["r1", "r2", "r3"]
 ALL = [*ORDINARY, "tiny"]
@@ -184,3 +188,96 @@ def test_it_hears_the_robots_that_share_its_key(folder: Path, channel: str, tmp_
     account(channel, "send", "--standing", "--all", "(RULE shared (+ id 200))")
     with tiny(folder, channel, tmp_path, key="r*", name="r9"):
         until(lambda: value(channel, "shared", "r9") == 209.0)
+
+
+class Party:
+    """A desk's own delivery on the air, which has sent nothing yet. sent: datagrams with commands; digests: what the
+    small robot says that it has of ours, in order; answered: the commands that it has answered."""
+
+    def __init__(self, uri: str) -> None:
+        key, clock = load_key(key_file(keys_folder(), "desk")), UnixClock()
+        trust = Trust([key.public, load_key(key_file(keys_folder(), "tiny")).public])
+        admission = Admission(trust, "sleepcast", clock, robot=False, rate=1e9)
+        self.delivery = ReliableDelivery("desk", int(clock.now()), key, admission, Random(1))
+        self.sent, self.digests, self.answered = 0, [0], set[str]()
+        self._air, self._clock = UdpTransport(uri), clock
+
+    def __enter__(self) -> Party:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._air.close()
+
+    def post(self, text: str, standing: bool = False) -> tuple[Message, list[bytes]]:
+        """A command, and its datagrams, which have not been sent."""
+        now = self._clock.now()
+        deadline = None if standing else now + PATIENT
+        message = self.delivery.post(Kind.COMMAND, now, text=text, standing=standing, deadline=deadline)
+        return message, self.delivery.posted()
+
+    def send(self, *datagrams: bytes) -> None:
+        for datagram in datagrams:
+            self._air.send(datagram)
+
+    def serve(self, holds: Callable[[], bool], mends: bool = True) -> None:
+        """Listen until something is so. mends: whether it repeats commands, and sends again what is missed."""
+
+        def turn() -> bool:
+            now = self._clock.now()
+            for datagram in self._air.receive():
+                part = look(datagram)
+                piece = read_piece(part)
+                body = read_message(part, piece.sender, piece.content).body if piece.sender == "tiny" else {}
+                for row in body.get("have", ()) if part.kind is Kind.DIGEST else ():  # type: ignore[attr-defined]
+                    self.digests.append(row[2])
+                if part.kind is Kind.ANSWER:
+                    self.answered.add(str(body["command"]))
+                self.delivery.take(datagram, now)
+            out, _ = self.delivery.step(now)
+            if mends:
+                self.sent += sum(look(datagram).kind is Kind.COMMAND for datagram in out)
+                self.send(*out)
+            time.sleep(0.001)
+            return holds()
+
+        until(turn)
+
+
+def test_it_catches_up_with_each_command_sent_and_verified_hardly_more_than_once(
+    folder: Path, channel: str, tmp_path: Path
+) -> None:
+    alone = f"udp://239.255.83.79:{free_port()}?interface=lo"
+    with Party(alone) as desk:
+        desk.post("(DEFVAR last 0)", standing=True)
+        for number in range(1, 41):  # the same few rules again and again
+            desk.post(f"(RULE rule{number % 4} (SETQ last {number}))", standing=True)
+        time.sleep(0.5)  # no repeats of ours are under way any more
+        desk.delivery.step(time.time())
+        with tiny(folder, alone, tmp_path):
+            desk.serve(lambda: desk.digests[-1] == 41)
+            assert desk.digests == sorted(desk.digests)
+            assert desk.sent < 160, "four of each; when they came in any order, it took sixteen"
+
+
+def test_of_many_commands_at_once_it_takes_the_next_ones(folder: Path, channel: str, tmp_path: Path) -> None:
+    alone = f"udp://239.255.83.79:{free_port()}?interface=lo"
+    with tiny(folder, alone, tmp_path), Party(alone) as desk:
+        rules = [desk.post(f"(RULE r{number} {number})", standing=True)[1] for number in range(24)]
+        desk.send(*(datagram for datagrams in rules for datagram in datagrams))
+        desk.serve(lambda: desk.digests[-1] >= 6, mends=False)
+
+
+def test_commands_that_found_no_room_to_wait_come_again(folder: Path, channel: str, tmp_path: Path) -> None:
+    alone = f"udp://239.255.83.79:{free_port()}?interface=lo"
+    with tiny(folder, alone, tmp_path), Party(alone) as desk:
+        _, rule = desk.post("(DEFVAR n 0)", standing=True)
+        orders = [desk.post("(SETQ n (+ n 1))") for _ in range(8)]
+        for _, datagrams in reversed(orders):  # the latest come first, and give way to those before them
+            desk.send(*datagrams)
+            pause = time.monotonic() + 0.3
+            desk.serve(lambda pause=pause: time.monotonic() > pause, mends=False)  # type: ignore[misc]
+        desk.send(*rule)
+        orders.append(desk.post("(SETQ n (+ n 1))"))  # says which one was before it
+        desk.send(*orders[-1][1])
+        wanted = {order.id for order, _ in orders}
+        desk.serve(lambda: desk.answered >= wanted)

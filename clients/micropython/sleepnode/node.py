@@ -205,11 +205,7 @@ class Node:
     def _giving_way(self, datagram, size):
         """Which of the waiting datagrams gives way to this one, None if this one does. size: bytes of all."""
         jobs, rank = self._jobs, _RANKS[datagram[_KIND]]
-        same = [
-            at
-            for at, each in enumerate(jobs)
-            if _RANKS[each[_KIND]] >= rank and size - len(each) <= _MAX_WAITING
-        ]
+        same = [at for at, each in enumerate(jobs) if _RANKS[each[_KIND]] >= rank and size - len(each) <= _MAX_WAITING]
         if not same:
             return None
         place = self._place(datagram)

@@ -60,6 +60,23 @@ def test_a_lost_answer_to_a_command_is_asked_for_without_a_name() -> None:
     assert all(len(robot.body.driven) == (number > 19) for number, robot in enumerate(scene.fleet.values()))
 
 
+def test_a_robot_that_comes_into_reach_before_the_deadline_obeys_and_is_counted() -> None:
+    scene = Scene(robots=5)
+    scene.fleet["r3"].on = False
+    desk = scene.desk(heard=(), expected=Expectation(size=5))
+    sent = desk.send("(WHEN (> id 2) (DRIVE 1))", count=5, deadline=60.0)
+    scene.run(5.0)
+    before = desk.session.delivery.next_number
+    scene.run(15.0)
+    assert desk.accounting(sent.id).n_silent == 1
+    asked = desk.session.delivery.next_number - before
+    assert 0 < asked < 8, "less and less often"
+    scene.fleet["r3"].on = True
+    scene.run(15.0)
+    assert desk.accounting(sent.id).complete
+    assert len(scene.fleet["r3"].body.driven) == 1
+
+
 @pytest.mark.parametrize("expected", [Expectation(size=5), Expectation.of(f"r{i}" for i in range(5))])
 def test_stop_goes_on_until_the_last_expected_robot_has_confirmed(expected: Expectation) -> None:
     scene = Scene(robots=5)

@@ -157,7 +157,10 @@ class Retransmission:
             self._ask_again(command, within, now)
         else:
             self._send_again(command, within, now)
-        self._due[command_id] = now + max(within + SETTLE, REPEAT_AFTER if command.kind is Kind.STOP else 0.0)
+        pause, age = REPEAT_AFTER if command.kind is Kind.STOP else 0.0, now - command.message.issued
+        if command.kind is Kind.COMMAND and age > DEADLINE:  # less and less often, since it may be good for an hour
+            pause = age / 2.0
+        self._due[command_id] = now + max(within + SETTLE, pause)
 
     def _ask_again(self, command: Command, within: float, now: float) -> None:
         """Have those that are missed say their answer again. They may have missed the command as well: it goes
@@ -180,10 +183,14 @@ class Retransmission:
             self._first.popitem(last=False)
 
     def _still_good(self, command: Command, now: float) -> bool:
-        """Whether it is still to be gone after: of STOP and RELEASE only the last one is, all else in its time."""
+        """Whether it is still to be gone after: of STOP and RELEASE only the last one is, a one-shot command until its
+        deadline, all else for `DEADLINE`."""
         if command.kind in LATCHING:
             return command is self._sent.latch
-        return now < min(command.message.deadline, command.message.issued + DEADLINE)
+        message = command.message
+        if command.kind is Kind.COMMAND and not message.standing:
+            return now < message.deadline
+        return now < min(message.deadline, message.issued + DEADLINE)
 
     def _missed(self, command: Command) -> dict[str, object]:
         """Which robots are to answer a repeated message, as fields of its body: all, if there are too many names."""

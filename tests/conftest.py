@@ -7,8 +7,9 @@ leaves out the files of `SLOW`. Contracts shared by several test files say what 
 """
 
 import gc
+import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
@@ -38,10 +39,24 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return True if quick and weight(collection_path) else None
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(
+    collector: pytest.Collector,
+) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """Let each of several processes begin with other files. All need all of them; in a new clone, where none is
+    compiled yet, each then finds most of them compiled by the others, instead of all compiling the same at once."""
+    report = yield
+    if isinstance(collector, pytest.Directory):
+        number = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+        start = len(report.result) * number // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+        report.result = [*report.result[start:], *report.result[:start]]
+    return report
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Begin with the slowest files, so that no process is left alone with one of them in the end. Leave out what takes
-    minutes, unless the nightly profile is asked for."""
-    items.sort(key=lambda item: -weight(item.path))
+    """Begin with the slowest files, so that no process is left alone with one of them in the end: in the same order in
+    every process. Leave out what takes minutes, unless the nightly profile is asked for."""
+    items.sort(key=lambda item: (-weight(item.path), item.path))
     if config.getoption("--hypothesis-profile") == "nightly":
         return
     skip = pytest.mark.skip(reason="takes minutes: --hypothesis-profile nightly runs it")

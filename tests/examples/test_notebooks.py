@@ -6,9 +6,6 @@ from pathlib import Path
 
 import pytest
 
-nbclient = pytest.importorskip("nbclient")
-nbformat = pytest.importorskip("nbformat")
-
 NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / "examples").glob("*.ipynb"))
 LONGEST = 300
 """Seconds that a cell may take on a busy machine."""
@@ -17,6 +14,8 @@ LONGEST = 300
 @pytest.mark.filterwarnings("default")  # the kernel's own libraries are not ours to mend
 @pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
 def test_a_notebook_runs_and_shows_pictures(file: Path, tmp_path: Path) -> None:
+    # Here, since the import takes seconds, and every process that runs tests collects this file.
+    nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
     notebook = nbformat.read(file, as_version=4)
     cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
     assert not any(cell.outputs for cell in cells), "it is kept without results"

@@ -13,7 +13,6 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from socket import socket
 
-import nbformat
 import pytest
 from playwright.sync_api import BrowserContext, FrameLocator, Page, expect
 
@@ -94,6 +93,8 @@ def run_cell(page: Page, number: int) -> None:
 
 @pytest.mark.browser
 def test_a_view_and_the_cells_command_the_same_fleet(context: BrowserContext, tmp_path: Path) -> None:
+    import nbformat  # which takes seconds, and every process collects this file
+
     cells = [nbformat.v4.new_code_cell(text.strip()) for text in (BEGIN, ASK, TELL)]
     kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}}
     nbformat.write(nbformat.v4.new_notebook(cells=cells, metadata=kernel), tmp_path / "try.ipynb")

@@ -50,12 +50,11 @@ class Known:
     members: frozenset[str] = frozenset()
     """The robots that were told to join the group."""
 
-    def read(self, computers: Sequence[Computer], store_of: Mapping[str, Path]) -> None:
-        """Read the stores of all computers that have one."""
-        for computer in computers:
-            if computer.stores:
-                for robot, command, outcome, time in _evaluations(store_of[computer.name]):
-                    self.outcomes.setdefault((robot, command), []).append((outcome, time))
+    def read(self, stores: Sequence[Path]) -> None:
+        """Read all stores."""
+        for store in stores:
+            for robot, command, outcome, time in _evaluations(store):
+                self.outcomes.setdefault((robot, command), []).append((outcome, time))
 
 
 def _evaluations(file: Path) -> list[tuple[str, str, str, float]]:

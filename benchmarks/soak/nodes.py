@@ -1,9 +1,9 @@
 """The computers of a soak: each in a network of its own, with nodes of one kind on it, killed and started again.
 
-swarm          `sleepcast swarm` of six nodes, whose bodies are in one simulator
+swarm          `sleepcast swarm` of twelve nodes, whose bodies are in one simulator
 sleep          `sleepcast node` with a body in the simulator
 nomad          `sleepcast node` that drives a Nomad of a server on another computer, over its network protocol of 1998
-ros2           `sleepcast node` that drives a ROS 2 robot on the same computer, over DDS
+ros2           `sleepcast bridge ros2` of a fleet of ROS 2 robots on the same computer, over DDS
 micropython    clients/micropython in a heap of 512 KB; it keeps nothing when it is killed
 """
 
@@ -33,16 +33,16 @@ ROOT = Path(__file__).resolve().parents[2]
 CLIENT = ROOT / "clients" / "micropython"
 YARD = Path(__file__).parent / "yard" / "scenario.toml"
 SWARM, SLEEP, NOMAD, ROS2, MICROPYTHON = KINDS = ("swarm", "sleep", "nomad", "ros2", "micropython")
-TOGETHER = 6
-"""Nodes of one swarm."""
-SHARES = {SWARM: 0.6, NOMAD: 0.08, ROS2: 0.04, MICROPYTHON: 0.08}
-"""Of all nodes; the rest are processes `sleepcast node` with a body in the simulator. Nomads and ROS 2 robots are
-looked at twenty times a second by their bridges, whatever the tick of their minds is, and are therefore few."""
+TOGETHER = 12
+"""Nodes of one swarm, or ROS 2 robots of one bridge."""
+SHARES = {SWARM: 0.72, NOMAD: 0.08, ROS2: 0.04, MICROPYTHON: 0.08}
+"""Of all nodes; the rest are processes `sleepcast node` with a body in the simulator. A process that does nothing costs
+about the same for one node and for twelve, so that most nodes share one."""
 OPERATORS = ("ana", "ben")
 NSERVER = "nserver"
 TICK = 0.5
 """Seconds of simulated time between two ticks of a mind, the longest that `sleepcast node` takes."""
-LEAST_SLEEP = 0.008
+LEAST_SLEEP = 0.02
 """Real s of MicroPython's sleeps: it looks for datagrams in every millisecond."""
 HEAP = "512k"
 """Four times what it needs: with less, most of its time goes into collecting garbage while it verifies signatures."""
@@ -111,6 +111,8 @@ def mixed(count: int, without: Collection[str] = ()) -> list[tuple[str, int]]:
     for kind, share in SHARES.items():
         if kind not in without:
             together = min(TOGETHER, max(2, count // 4)) if kind == SWARM else 1
+            if kind == ROS2:
+                together = min(TOGETHER, max(1, round(share * count)))
             few += [(kind, together)] * max(1, round(share * count / together))
     found = [(SLEEP, 1)] * (count - sum(number for _, number in few))
     step = (len(found) + len(few)) / len(few)
@@ -185,7 +187,7 @@ class Fleet:
         computer.up = False
         computer.processes = []
         if computer.kind == ROS2:
-            self._run(computer, "rover", sys.executable, "-m", "benchmarks.soak.rover")
+            self._run(computer, "rover", sys.executable, "-m", "benchmarks.soak.rover", *computer.robots)
         if computer.kind == MICROPYTHON:
             self._board(computer)
             return
@@ -193,13 +195,16 @@ class Fleet:
         if computer.kind == SWARM:
             first = ("--first", str(computer.number), "--name-prefix", "n")
             words = ("swarm", str(len(computer.robots)), "--scenario", YARD, *first)
+        elif computer.kind == ROS2:
+            robots = (word for robot in computer.robots for word in ("--robot", robot))
+            words = ("bridge", "ros2", *robots, "--discovery", "localhost", "--tick", str(TICK))
         else:
-            bodies = {SLEEP: f"sim:{YARD}", ROS2: "ros2:///rover?discovery=localhost"}
+            body = f"sim:{YARD}"
             if computer.kind == NOMAD:
-                bodies[NOMAD] = f"nomad://10.83.0.{len(OPERATORS) + 1}:{nomads.PORT}#{self._nomads[computer.name]}"
-            words = ("node", "--name", computer.robots[0], "--body", bodies[computer.kind], "--tick", str(TICK))
+                body = f"nomad://10.83.0.{len(OPERATORS) + 1}:{nomads.PORT}#{self._nomads[computer.name]}"
+            words = ("node", "--name", computer.robots[0], "--body", body, "--tick", str(TICK))
         keys = ("--channel", URI, "--keys", self.keys, "--key", "n*", "--lease", "off")
-        store = ("--store", self.store_of(computer))
+        store = ("--store", self.folder / f"{computer.name}.store")
         self._run(computer, "node", sys.executable, "-m", "sleepcast", *words, *keys, *store)
 
     def _board(self, computer: Computer) -> None:
@@ -256,7 +261,8 @@ class Fleet:
                 said = "; ".join(file.read_text()[-500:].strip() for file in files)
                 raise NodeError(f"{computer.name} ({computer.kind}) ended with {process.returncode}: {said}")
         if not computer.up:
-            computer.up = re.search(" (is|are) up", self.said(computer, "node").read_text()) is not None
+            said = self.said(computer, "node").read_text()
+            computer.up = " are up" in said or said.count(" is up") >= len(computer.robots)
         return computer.up
 
     def wait_until_up(self, computers: Sequence[Computer]) -> None:
@@ -271,9 +277,12 @@ class Fleet:
         """The file with what a process of its present life has printed."""
         return self.folder / f"{computer.name}-{computer.lives}.{what}"
 
-    def store_of(self, computer: Computer) -> Path:
-        """The file that its nodes keep over their lives."""
-        return self.folder / f"{computer.name}.store"
+    def stores_of(self, computer: Computer) -> list[Path]:
+        """The files that its nodes keep over their lives."""
+        if not computer.stores:
+            return []
+        store = self.folder / f"{computer.name}.store"
+        return [store / f"_{robot}.store" for robot in computer.robots] if computer.kind == ROS2 else [store]
 
     # ---- what they take
 

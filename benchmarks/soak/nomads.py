@@ -12,12 +12,12 @@ from sleepcast.core.clock import WallClock
 from sleepcast.nomad import Nserver, ServerPace, Windows
 from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
-TICK = 0.25
+TICK = 0.5
 PORT = 7019
 
 
 async def serve(count: int) -> None:
-    world = nomad_world(None, "ideal", count, 1, tick=TICK)
+    world = nomad_world(None, "ideal", count, 1, tick=TICK, hurry=True)
     server = Nserver(world, windows=Windows(world.count), headless=True, say=lambda line: print(line, flush=True))
     await server.listen(["0.0.0.0"], PORT)
     print(f"port {PORT} is up", flush=True)

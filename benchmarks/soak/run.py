@@ -160,8 +160,9 @@ class Soak:
             self.clocks.rate = self.speed
             if not (wrong := [text for text in texts if not self._is_right(text, self.known.wanted.get(text))]):
                 self.settled = self.clocks.now() - since
-        self.largest_log = max(_log_of(self.fleet.store_of(each)) for each in self.fleet.computers)
-        self.known.read(self.fleet.computers, {each.name: self.fleet.store_of(each) for each in self.fleet.computers})
+        stores = [store for each in self.fleet.computers for store in self.fleet.stores_of(each)]
+        self.largest_log = max(map(_log_of, stores))
+        self.known.read(stores)
 
     def _ask(self, texts: Sequence[str]) -> None:
         """Note what robots say to these, at this machine's own speed."""
@@ -417,8 +418,8 @@ class Soak:
         now = self.clocks.now() - self._began
         for computer in self.fleet.computers:
             if computer.processes and computer.up:
-                files = [self.fleet.store_of(computer)] if computer.stores else []
-                self._note(computer.name, computer.lives, now, computer.processes[-1].pid, files)
+                stores = self.fleet.stores_of(computer)
+                self._note(computer.name, computer.lives, now, computer.processes[-1].pid, stores)
         for operator, process in self._processes.items():
             journals = (self.fleet.folder / "hosts" / operator).rglob("journals/*")
             self._note(operator, self._lives[operator], now, process.pid, list(journals))

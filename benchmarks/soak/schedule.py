@@ -15,16 +15,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from random import Random
 
-ORDER_EVERY = 20.0
-"""Simulated seconds between two orders of one operator, in the mean."""
+ORDER_EVERY, LEAST_ORDERS = 100.0, 20
+"""Simulated seconds between two orders of one operator, in the mean; and how many there are about, at least."""
 EVERY = {
-    "kill": 75.0,
-    "partition": 900.0,
-    "clock": 900.0,
-    "wrong": 1_200.0,
-    "stop": 1_200.0,
-    "lease": 1_500.0,
-    "rollback": 2_400.0,
+    "kill": 240.0,
+    "partition": 1_800.0,
+    "clock": 1_800.0,
+    "wrong": 2_400.0,
+    "stop": 3_600.0,
+    "lease": 3_600.0,
+    "rollback": 4_800.0,
 }
 """Simulated seconds between two of them, in the mean; in a short run each comes once."""
 BEGIN, END = 0.04, 0.97
@@ -72,13 +72,14 @@ def schedule(
         for number in range(count):
             time = first + (last - first) * (number + chance.uniform(0.1, 0.9)) / count
             found.append(_event(what, time, chance, seconds, computers, clocked, operators))
+    every = min(ORDER_EVERY, (last - first) / LEAST_ORDERS)
     for operator in operators:
         time, number = first / 2.0, 0
         while time < last:
             what = "one-shot" if chance.random() < 0.7 else "rule"
             found.append(Event(time, what, (operator,), amount=float(number)))
             number += 1
-            time += chance.uniform(0.4, 1.6) * ORDER_EVERY
+            time += chance.uniform(0.4, 1.6) * every
     found.append(Event(seconds * chance.uniform(0.4, 0.6), "restart", (operators[0],), lasts=chance.uniform(*DOWN)))
     return sorted(found)
 

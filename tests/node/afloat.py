@@ -99,10 +99,12 @@ class Living:
             times = {"issued": message.issued - self.node.zero, "deadline": message.deadline - self.node.zero}
             self.node.receive(Message(**{**{f: getattr(message, f) for f in message.__struct_fields__}, **times}))
         self.party.got.clear()
-        self.store.before()
+        if self.store.before():
+            self.store.write()
         self.ticks += 1
         self.node.think(self.ticks, now - self.node.zero)
-        self.store.after()
+        if self.store.after():
+            self.store.write()
         self.answers += [message for message in self.node.outbox if message.kind is Kind.ANSWER]
         self.node.outbox.clear()
 

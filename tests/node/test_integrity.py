@@ -311,9 +311,11 @@ def live(file, cut):
             for kind in (Kind.COMMAND,) if cut else (Kind.STOP, Kind.COMMAND, Kind.RELEASE):
                 number += 1
                 node.receive(Message("desk", time.time_ns(), number, kind, 0.0, text=f"(RULE a {number})"))
-            store.before()
+            if store.before():
+                store.write()
             node.think(tick, 0.0)
-            store.after()
+            if store.after():
+                store.write()
         store.close()
 
 chance = Random(11)

@@ -40,6 +40,8 @@ UNATTENDED = 1.0
 """Seconds without a look from the mind after which the body is brought to rest."""
 ROUND = 0.05
 """Seconds between two rounds of the courier when there is nothing to take along: half of a usual tick."""
+LOOKS = 2
+"""Rounds for each look of the mind, where its ticks are longer, and neither the limits nor the robot want more."""
 PATIENCE = 5.0
 """Seconds for an answer: a robot that needs longer has been lost."""
 SOONEST, LATEST = 0.5, 10.0
@@ -109,6 +111,8 @@ class BridgedBody(ABC):
         self._pause, self._next = SOONEST, 0.0
         """Seconds to the next try to find it, and when that is."""
         self._attended = self._heard = self._clock.now()
+        self._interval = 0.0
+        """Seconds between the mind's last two looks."""
         self._speed, self._paced = 0.0, nan
         """The speed that the robot was last told, m/s, and when."""
         self._wake, self._ending, self._given_up = Event(), False, in_step
@@ -176,7 +180,8 @@ class BridgedBody(ABC):
             self.round()
         if self._lost is not None and self._given_up:  # nobody looks for it
             raise self._lost
-        self._attended = self._clock.now()
+        now = self._clock.now()
+        self._interval, self._attended = now - self._attended, now
         return self.reading()
 
     def now(self) -> float:
@@ -295,13 +300,19 @@ class BridgedBody(ABC):
     def _go_round(self) -> None:
         try:
             while not self._ending:
-                self._wake.wait(ROUND)
+                self._wake.wait(self._pause_between_rounds())
                 self._wake.clear()
                 self.round()
         finally:  # nothing should get here but the end; if something does, the mind must not go on without a body
             if not self._ending:
                 self._given_up = True
                 self._lost = OutOfReachError("the thread that talks to the robot has died: please report what it said")
+
+    def _pause_between_rounds(self) -> float:
+        """Seconds to the next round: no more words with the robot than somebody needs."""
+        if self.RENEWS or self.model.limits.are_watched or self._lost is not None:
+            return ROUND
+        return min(max(ROUND, self._interval / LOOKS), UNATTENDED / 4)
 
     def round(self) -> None:
         """One round with the robot: what brings to rest first, then errands, then other motion, then the measuring."""

@@ -41,11 +41,14 @@ if TYPE_CHECKING:
 class Keeper(Protocol):
     """Stores what minds know, so that it survives this process."""
 
-    def before(self) -> None:
-        """Messages were received, and are about to be evaluated."""
+    def before(self) -> bool:
+        """Messages were received, and are about to be evaluated; returns whether to `write` first."""
 
-    def after(self) -> None:
-        """They have been evaluated."""
+    def after(self) -> bool:
+        """They have been evaluated; returns whether to `write` now."""
+
+    def write(self) -> None:
+        """Write what was collected."""
 
 
 @dataclass(slots=True)
@@ -165,12 +168,12 @@ def _step(
     each(EmbodiedMind.report)
 
 
-def _store(minds: Sequence[EmbodiedMind], pool: Executor, part: Callable[[Keeper], None]) -> None:
-    keepers = [mind.keeper for mind in minds if mind.keeper is not None]
-    if len(keepers) > 1:
-        list(pool.map(part, keepers))
-    elif keepers:
-        part(keepers[0])
+def _store(minds: Sequence[EmbodiedMind], pool: Executor, part: Callable[[Keeper], bool]) -> None:
+    writers = [mind.keeper for mind in minds if mind.keeper is not None and part(mind.keeper)]
+    if len(writers) > 1:
+        list(pool.map(lambda keeper: keeper.write(), writers))
+    elif writers:
+        writers[0].write()
 
 
 def act(node: Node, robot: Robot) -> None:
@@ -236,16 +239,16 @@ class NetworkSwarm:
         self.simulator.step()
         self.hear()
         awake = [member for member in self.members if member.node.awake]
-        if self.keeper is not None:
-            self.keeper.before()
+        if self.keeper is not None and self.keeper.before():
+            self.keeper.write()
         now = self._time()
         if awake:
             readings = self.simulator.readings([member.number for member in awake])
             for member, values in zip(awake, readings, strict=True):
                 member.node.sense(values, now)
                 self._think(member, now)
-        if self.keeper is not None:
-            self.keeper.after()
+        if self.keeper is not None and self.keeper.after():
+            self.keeper.write()
         for member in awake:
             if member.node.outbox:
                 self._report(member)

@@ -230,13 +230,13 @@ class Store:
             self._take_news(kept.number, delivery)
             kept.sequence = delivery.next_number - 1 + ahead
             self._unwritten.lives[kept.number] = delivery.name, kept
-            self._write(self._clock.now())
+            self.write()
 
     # ---- a tick
 
-    def before(self) -> None:
-        """All robots have received their messages, and are about to evaluate them."""
-        now, begins = self._clock.now(), bool(self._unwritten.lives)
+    def before(self) -> bool:
+        """All robots have received their messages, and are about to evaluate them; returns whether to `write` first."""
+        begins = bool(self._unwritten.lives)
         if self._listening is not None:
             kept, delivery = self._listening
             self._take_news(kept.number, delivery)
@@ -246,8 +246,7 @@ class Store:
             for place, message in enumerate(robot.node.waiting):
                 if message.kind is Kind.COMMAND:
                     begins |= self._take(robot, message, place < MAX_QUEUE)
-        if begins:
-            self._write(now)
+        return begins
 
     def _take(self, robot: StoredRobot, message: Message, begins: bool) -> bool:
         """Store that a message was taken, and that its evaluation begins or waits for another tick; returns whether
@@ -260,8 +259,8 @@ class Store:
             self._unwritten.taken[robot.number, message.id] = _shifted(message, robot.node.zero), times
         return begins
 
-    def after(self) -> None:
-        """All robots have finished the tick."""
+    def after(self) -> bool:
+        """All robots have finished the tick; returns whether to `write` now."""
         now = self._clock.now()
         look = now >= self._look_at
         if look:
@@ -276,15 +275,19 @@ class Store:
                     self._finish(robot, message, outcome, time + robot.node.zero)
             if did or look:
                 self._look(robot, now)
-        if urgent and self._unwritten:
-            self._write(now)
+        return urgent and bool(self._unwritten)
+
+    def write(self) -> None:
+        """Write what was collected. May be called in another thread, while nothing else is."""
+        self._write(self._clock.now())
 
     def close(self) -> None:
         """Write what is left, and release the file. Messages received but not evaluated are not stored: they are
         received again."""
         self._look_at = self._try_at = -inf
         self._keep(ahead=0)
-        self.after()
+        if self.after():
+            self.write()
         if self._connection is not None:
             if self._robots and not self._failing:
                 self._mark(self._clock.now(), at_once=True)

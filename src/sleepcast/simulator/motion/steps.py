@@ -96,14 +96,17 @@ def propose(bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Proposal) -
     """Change the speeds of the wheels, and propose the resulting displacement."""
     speed, turn = _wanted(bodies, laws, draws)
     moves = ~(bodies.held | _empty(bodies))
+    # Few bodies cost as much as their NumPy calls do; what concerns none of them is left out.
     swinging = np.flatnonzero((bodies.swing != 0.0) & moves)
-    turn[swinging] = _tumbling(laws, bodies.swing[swinging])
+    if swinging.size:
+        turn[swinging] = _tumbling(laws, bodies.swing[swinging])
     if laws.margin >= 0.0:
-        near = np.flatnonzero(outside(laws, bodies.x, bodies.y))
-        near = near[(bodies.mode[near] != GOTO) & (speed[near] != 0.0)]
-        pose = bodies.x[near], bodies.y[near], bodies.heading[near]
-        turn[near] = turned_back(laws, *pose, speed[near], turn[near])
-    _swing(bodies, laws, swinging, speed[swinging], turn[swinging])
+        near = np.flatnonzero(outside(laws, bodies.x, bodies.y) & (bodies.mode != GOTO) & (speed != 0.0))
+        if near.size:
+            pose = bodies.x[near], bodies.y[near], bodies.heading[near]
+            turn[near] = turned_back(laws, *pose, speed[near], turn[near])
+    if swinging.size:
+        _swing(bodies, laws, swinging, speed[swinging], turn[swinging])
     speed, turn = np.where(moves, speed, 0.0), np.where(moves, turn, 0.0)
     if laws.track:
         _roll(bodies, laws, draws, speed, turn, proposal)
@@ -145,14 +148,16 @@ def _wanted(bodies: BodyColumns, laws: Laws, draws: Draws) -> tuple[Floats, Floa
     drives = bodies.mode == DRIVE
     speed, turn = np.where(drives, bodies.wanted_speed, laws.roam_speed), np.where(drives, bodies.wanted_turn, 0.0)
     roams = np.flatnonzero(bodies.mode == WANDER)
-    bits = mix(bodies.chance[roams] + np.uint64(draws.roam))
-    drawn = (bits >> np.uint64(11)).astype(np.float64) * UNIT - 0.5
-    bodies.roaming[roams] = bodies.roaming[roams] * laws.kept + drawn * (UNIT_SPREAD * laws.strayed)
-    turn[roams] = bodies.roaming[roams]
+    if roams.size:
+        bits = mix(bodies.chance[roams] + np.uint64(draws.roam))
+        drawn = (bits >> np.uint64(11)).astype(np.float64) * UNIT - 0.5
+        bodies.roaming[roams] = bodies.roaming[roams] * laws.kept + drawn * (UNIT_SPREAD * laws.strayed)
+        turn[roams] = bodies.roaming[roams]
     goes = np.flatnonzero(bodies.mode == GOTO)
-    across = shortest(bodies.target_x[goes] - bodies.encoder_x[goes], laws.around_x)
-    up = shortest(bodies.target_y[goes] - bodies.encoder_y[goes], laws.around_y)
-    speed[goes], turn[goes] = approach(laws, across, up, bodies.encoder_heading[goes])
+    if goes.size:
+        across = shortest(bodies.target_x[goes] - bodies.encoder_x[goes], laws.around_x)
+        up = shortest(bodies.target_y[goes] - bodies.encoder_y[goes], laws.around_y)
+        speed[goes], turn[goes] = approach(laws, across, up, bodies.encoder_heading[goes])
     return speed, turn
 
 
@@ -244,12 +249,15 @@ def settle(
     radii = np.broadcast_to(radii, len(x))
     cell = grid.cells_of(x, y)
     i, item = spread(np.arange(len(x)), listed.start[cell], listed.start[cell + 1])
-    lines = solids[listed.items[item]]
-    stop, across, up = touch(x[i], y[i], dx[i], dy[i], lines[:, :4].T, radii[i] + lines[:, 4] + SKIN)
-    _take_first(settled, i, stop, across, up)
+    if i.size:
+        lines = solids[listed.items[item]]
+        stop, across, up = touch(x[i], y[i], dx[i], dy[i], lines[:, :4].T, radii[i] + lines[:, 4] + SKIN)
+        _take_first(settled, i, stop, across, up)
     longest = float(np.sqrt(np.max(dx * dx + dy * dy, initial=0.0)))
     widest = 2.0 * float(radii.max(initial=0.0)) + SKIN
     i, j = pairs(grid, points, x, y, widest + 2.0 * longest, np.arange(len(x)))
+    if not i.size:
+        return
     apart = radii[i] + radii[j] + SKIN
     stop, across, up = touch(x[i], y[i], dx[i], dy[i], (x[j], y[j], x[j], y[j]), apart)
     _take_first(settled, i, stop, across, up)

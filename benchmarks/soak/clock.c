@@ -2,8 +2,7 @@
 
 Loaded with LD_PRELOAD. SOAK_CLOCK names the page that all computers share, SOAK_JUMP a file of one double, the seconds by
 which this computer's time of day is wrong; both are written by `clock.py` and may change at any moment. Waits are made
-of slices, so that a change of the rate counts for those that sleep already. SOAK_FLOOR: real seconds that a sleep takes
-at least while time runs faster, for programs that look around in every millisecond. */
+of slices, so that a change of the rate counts for those that sleep already. */
 
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -31,7 +30,6 @@ static struct page one = {0, 0.0, 0.0, 1.0, 0.0};
 static double right = 0.0;
 static struct page *page = &one;
 static volatile double *jump = &right;
-static double least = 0.0;
 static __typeof__(&clock_gettime) now_of;
 static __typeof__(&clock_nanosleep) real_clock_nanosleep;
 static __typeof__(&select) real_select;
@@ -64,7 +62,6 @@ __attribute__((constructor)) static void begin(void) {
     if (found) page = there;
     there = mapped("SOAK_JUMP", sizeof *jump, &found);
     if (found) jump = there;
-    if (getenv("SOAK_FLOOR")) least = atof(getenv("SOAK_FLOOR"));
 }
 
 static double seconds(const struct timespec *time) { return (double)time->tv_sec + 1e-9 * (double)time->tv_nsec; }
@@ -136,19 +133,15 @@ time_t time(time_t *place) {
 /* ---- sleeping */
 
 static int sleep_until(double until, struct timespec *left) {
-    double wait = slice(until), began = real_now(CLOCK_MONOTONIC);
-    do {
-        struct timespec some;
-        int failed;
-        if (page->rate > 1.0 && wait < least) wait = least - (real_now(CLOCK_MONOTONIC) - began);
-        if (wait <= 0.0) return 0;
-        some = spec(wait);
-        failed = real_clock_nanosleep(CLOCK_MONOTONIC, 0, &some, NULL);
+    double wait;
+    while ((wait = slice(until)) > 0.0) {
+        struct timespec some = spec(wait);
+        int failed = real_clock_nanosleep(CLOCK_MONOTONIC, 0, &some, NULL);
         if (failed) {
             if (left) *left = spec(until > shown() ? until - shown() : 0.0);
             return failed;
         }
-    } while ((wait = slice(until)) > 0.0);
+    }
     return 0;
 }
 

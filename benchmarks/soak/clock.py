@@ -72,15 +72,14 @@ class Clocks:
         """From now on this computer's time of day is wrong by so much."""
         JUMP.pack_into(self._jump_of(host), 0, seconds)
 
-    def environment(self, host: str, least_sleep: float = 0.0) -> dict[str, str]:
-        """Variables of a process on this computer. least_sleep: real s that it sleeps at least while time is fast."""
+    def environment(self, host: str) -> dict[str, str]:
+        """Variables of a process on this computer."""
         self._jump_of(host)
-        found = {
+        return {
             "LD_PRELOAD": str(self.library),
             "SOAK_CLOCK": str(self._folder / "clock"),
             "SOAK_JUMP": str(self._folder / f"{host}.jump"),
         }
-        return found | ({"SOAK_FLOOR": f"{least_sleep}"} if least_sleep else {})
 
     def _jump_of(self, host: str) -> mmap.mmap:
         if host not in self._jumps:

@@ -41,9 +41,7 @@ about the same for one node and for twelve, so that most nodes share one."""
 OPERATORS = ("ana", "ben")
 NSERVER = "nserver"
 TICK = 0.5
-"""Seconds of simulated time between two ticks of a mind, the longest that `sleepcast node` takes."""
-LEAST_SLEEP = 0.02
-"""Real s of MicroPython's sleeps: it looks for datagrams in every millisecond."""
+"""Seconds of simulated time between two ticks of a mind, the longest that nodes take."""
 HEAP = "512k"
 """Four times what it needs: with less, most of its time goes into collecting garbage while it verifies signatures."""
 START = 180.0
@@ -166,7 +164,7 @@ class Fleet:
             save_key(pair, key_file(self.keys, pair.public.owner))
         save_trust(Trust(pair.public for pair in pairs), self.keys / TRUST_FILE)
 
-    def environment(self, host: str, least_sleep: float = 0.0) -> dict[str, str]:
+    def environment(self, host: str) -> dict[str, str]:
         """Of every process on a computer: its clock, this sleepcast, and folders of its own."""
         own = self.folder / "hosts" / host
         places = {"XDG_CONFIG_HOME": own, "XDG_DATA_HOME": own, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
@@ -175,7 +173,7 @@ class Fleet:
             **os.environ,
             **{name: str(value) for name, value in places.items()},
             **one,
-            **self.clocks.environment(host, least_sleep),
+            **self.clocks.environment(host),
         }
 
     # ---- lives of nodes
@@ -211,7 +209,7 @@ class Fleet:
         at = self.folder / "hosts" / computer.name
         at.mkdir(parents=True, exist_ok=True)
         config = {"address": URI.removeprefix("udp://").partition(":")[0], "port": PORT, "interface": computer.address}
-        named = {"fleet": "sleepcast", "name": computer.robots[0], "id": computer.number, "fuel": 0.8, "lease": None}
+        named = {"fleet": "sleepcast", "name": computer.robots[0], "id": computer.number, "fuel": 0.8, "lease": None, "tick": TICK}
         (at / "config.json").write_text(json.dumps({**config, **named}), encoding="utf-8")
         (at / "robot.key").write_bytes(key_file(self.keys, computer.robots[0]).read_bytes())
         (at / "trust.json").write_bytes((self.keys / TRUST_FILE).read_bytes())
@@ -220,12 +218,11 @@ class Fleet:
                   f"heapsize={HEAP}", "-m", "main")  # fmt: skip
 
     def _run(self, computer: Computer, what: str, *command: str | Path) -> None:
-        least = LEAST_SLEEP if computer.kind == MICROPYTHON else 0.0
         with self.said(computer, what).open("w") as said:
             process = self.lab.start(
                 computer.name,
                 *command,
-                environment=self.environment(computer.name, least),
+                environment=self.environment(computer.name),
                 stdout=said.fileno(),
                 stderr=said.fileno(),
             )

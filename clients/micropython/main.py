@@ -55,6 +55,7 @@ def start(config):
         name=config.get("name"),
         lease=config.get("lease"),
         number=config.get("id", 0),
+        tick=config.get("tick", 0.1),
     )
 
 

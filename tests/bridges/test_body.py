@@ -102,6 +102,23 @@ def test_a_motion_of_a_bridge_ends_with_the_mind_and_with_a_hold(cart: Cart, clo
         assert cart.told[-1].sort == "rest"
 
 
+def test_a_robot_that_is_told_once_and_looked_at_rarely_is_left_in_peace_between(clock: ManualClock) -> None:
+    class Obedient(Cart):
+        RENEWS = False
+
+    def every(cart: Cart, looks: float) -> float:
+        for _ in range(2):
+            clock.advance(looks)
+            cart.sense()
+        return cart.round_every
+
+    cart = Obedient(clock)
+    assert [every(cart, looks) for looks in (0.02, 0.1, 0.2, 0.5, 5.0)] == pytest.approx([ROUND, ROUND, 0.1, 0.25, 0.25])
+    assert every(Cart(clock), 0.5) == ROUND, "a motion that is renewed is renewed in each round"
+    cart.narrow(Limits(inf, inf, inf, fence=(-9.0, -9.0, 9.0, 9.0)))
+    assert every(cart, 0.5) == ROUND, "limits are watched in each round"
+
+
 def test_more_errands_than_it_remembers_are_refused_and_one_that_fails_is_told(cart: Cart, clock: ManualClock) -> None:
     def refuse() -> None:
         raise MisuseError("no lamp here")

@@ -1,4 +1,4 @@
-"""The node: a radio, a mind and a body, ten times a second, and the radio in between.
+"""The node: a radio, a mind and a body, ten times a second unless said otherwise, and the radio in between.
 
 Datagrams are looked at as they come, and their signatures verified in slices, one at a time: a STOP goes before
 everything else, whenever it comes. Whatever the node says is signed in slices as well.
@@ -7,7 +7,6 @@ everything else, whenever it comes. Whatever the node says is signed in slices a
 import gc
 import os
 import random
-import time
 
 from micropython import const
 
@@ -70,7 +69,7 @@ _RANKS = const(b"\x01\x03\x00\x00\x02\x05\x05\x04\x05\x01")
 """In which order signatures are verified, by kind: orders before questions, and those before digests."""
 _PATIENCE = const(200)
 """Ticks after which messages that have not come whole are forgotten."""
-_TICK = const(100)
+_SLOWEST = const(500)
 _LISTEN = const(16)
 """Datagrams read at once, before the node does something else."""
 
@@ -79,11 +78,21 @@ class Node:
     """A robot on the air. body: see `body.py`; radio: see `radio.py`; key, trust: files of `sleepcast keys`.
 
     lease: the seconds for which a driven body goes on while no operator is heard, None for ever. number: its `id`.
-    name: by default the owner of the key.
+    name: by default the owner of the key. tick: seconds from one tick to the next, 0.5 at most.
     """
 
     def __init__(
-        self, body, radio, key="robot.key", trust="trust.json", fleet="", lease=1.0, number=0, seed=0, name=None
+        self,
+        body,
+        radio,
+        key="robot.key",
+        trust="trust.json",
+        fleet="",
+        lease=1.0,
+        number=0,
+        seed=0,
+        name=None,
+        tick=0.1,
     ):
         self.body, self.radio, self.fleet = body, radio, fleet
         owner, secret = load_key(key)
@@ -109,7 +118,7 @@ class Node:
         self._calm = 0
         self._answered = []
         self.pieces = {}
-        self.next, self.tick = now, 0
+        self.next, self.tick, self._every = now, 0, min(max(int(1000 * tick), 1), _SLOWEST)
         self._nonce, self.asked, self._pause = None, now - 16000, 2000
         gc.threshold(-1)
 
@@ -118,7 +127,7 @@ class Node:
         while True:
             try:
                 if not self.step():
-                    time.sleep_ms(1)
+                    self.radio.wait(self._leisure())
             except MemoryError:  # what was being done is lost, as on the air; the sender repeats it
                 self.job = self._signing = None
                 if self.stop:  # goes before everything else
@@ -135,10 +144,17 @@ class Node:
         busy = self._work()
         now = self.clock.now()
         if now >= self.next:
-            self.next = max(self.next + _TICK, now)
+            self.next = max(self.next + self._every, now)
             self._think(now)
             return True
         return busy
+
+    def _leisure(self):
+        """Milliseconds in which nothing is due."""
+        due = self.next
+        for each in self.out:
+            due = min(due, each[0])
+        return max(due - self.clock.now(), 0)
 
     # ---- receiving
 

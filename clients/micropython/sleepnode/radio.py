@@ -56,6 +56,11 @@ class Radio:
             except MemoryError:
                 pass
 
+    def wait(self, most):
+        """Sleep until a datagram has come, for `most` ms at most."""
+        for _ in self._poll.ipoll(most):
+            pass
+
     def send(self, data):
         """Broadcast; a full queue of the system counts as a loss on the air."""
         try:

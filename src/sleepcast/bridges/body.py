@@ -111,7 +111,7 @@ class BridgedBody(ABC):
         self._pause, self._next = SOONEST, 0.0
         """Seconds to the next try to find it, and when that is."""
         self._attended = self._heard = self._clock.now()
-        self._interval = 0.0
+        self._looks_every = 0.0
         """Seconds between the mind's last two looks."""
         self._speed, self._paced = 0.0, nan
         """The speed that the robot was last told, m/s, and when."""
@@ -181,7 +181,7 @@ class BridgedBody(ABC):
         if self._lost is not None and self._given_up:  # nobody looks for it
             raise self._lost
         now = self._clock.now()
-        self._interval, self._attended = now - self._attended, now
+        self._looks_every, self._attended = now - self._attended, now
         return self.reading()
 
     def now(self) -> float:
@@ -300,7 +300,7 @@ class BridgedBody(ABC):
     def _go_round(self) -> None:
         try:
             while not self._ending:
-                self._wake.wait(self._pause_between_rounds())
+                self._wake.wait(self.round_every)
                 self._wake.clear()
                 self.round()
         finally:  # nothing should get here but the end; if something does, the mind must not go on without a body
@@ -308,11 +308,13 @@ class BridgedBody(ABC):
                 self._given_up = True
                 self._lost = OutOfReachError("the thread that talks to the robot has died: please report what it said")
 
-    def _pause_between_rounds(self) -> float:
-        """Seconds to the next round: no more words with the robot than somebody needs."""
+    @property
+    def round_every(self) -> float:
+        """Seconds from one round to the next, if nothing is to be taken along: `ROUND`, or longer for a robot that is
+        told each motion once, has no limits to be watched, and is looked at rarely."""
         if self.RENEWS or self.model.limits.are_watched or self._lost is not None:
             return ROUND
-        return min(max(ROUND, self._interval / LOOKS), UNATTENDED / 4)
+        return min(max(ROUND, self._looks_every / LOOKS), UNATTENDED / 4.0)
 
     def round(self) -> None:
         """One round with the robot: what brings to rest first, then errands, then other motion, then the measuring."""

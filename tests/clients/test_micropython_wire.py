@@ -10,7 +10,9 @@ from typing import Any
 import pytest
 
 from clients import board
+from sleepcast.channel.envelope import encode
 from sleepcast.channel.keys import KeyPair, Role
+from sleepcast.channel.message import Kind, Message
 
 ROOT = Path(__file__).resolve().parents[2]
 VECTORS: dict[str, list[dict[str, Any]]] = json.loads((ROOT / "docs" / "wire-vectors.json").read_text(encoding="utf-8"))
@@ -85,6 +87,47 @@ def test_it_lets_in_what_other_robots_let_in(folder: Path, door: dict[str, Any])
                 assert wanted in ("passed", "repeated"), step["about"]
             else:
                 assert became == wanted, step["about"]
+
+
+DESK, SCOUT = KeyPair("desk", Role.COMMANDER, bytes(32)), KeyPair("r9", Role.ROBOT, bytes([9] * 32))
+DIGEST, ASK, BEAT = Kind.DIGEST, Kind.ASK, Kind.HEARTBEAT
+
+
+@pytest.mark.parametrize(
+    ("kind", "body", "state", "needed"),
+    [
+        (DIGEST, {"have": [[DESK.id, 1, 7]]}, {"rules": 6}, True),
+        (DIGEST, {"have": [[DESK.id, 1, 7]]}, {"rules": 7}, False),
+        (DIGEST, {"have": [[DESK.id, 1, 7]]}, {"rules": 7, "speaks": True}, True),
+        (DIGEST, {"have": [[DESK.id, 1, 5]]}, {"rules": 7, "speaks": True}, False),
+        (DIGEST, {"have": [[SCOUT.id, 1, 9]]}, {"rules": 7}, False),
+        (DIGEST, {"have": "nonsense"}, {}, False),
+        (ASK, {}, {}, True),
+        (ASK, {"again": "desk-1.4", "for": ["r2", "r3"]}, {}, True),
+        (ASK, {"again": "desk-1.4", "for": ["r2"]}, {}, False),
+        (ASK, {"again": "desk-1.4", "not": ["r3"]}, {}, False),
+        (ASK, {"again": "desk-1.4", "for": ["r2"]}, {"since": 400}, True),
+        (BEAT, {}, {}, False),
+        (BEAT, {}, {"since": 100}, False),
+        (BEAT, {}, {"since": 400}, True),
+    ],
+)
+def test_it_verifies_only_what_could_change_what_it_does(
+    folder: Path, kind: Kind, body: dict[str, object], state: dict[str, Any], needed: bool
+) -> None:
+    """Of what goes on between others. rules: which standing command of the desk it has; speaks: whether its own digest
+    is due; since: ms since it heard an operator, while it is driven with a lease of 1 s."""
+    known = [DESK.public, SCOUT.public]
+    keys = [{"owner": key.owner, "role": key.role, "public": key.public.hex()} for key in known]
+    write_keys(folder, keys)
+    key = SCOUT if kind is DIGEST else DESK
+    message = Message(key.public.owner, 1, 3, kind, 1_800_000_000.0, 1_800_000_005.0, body=body)
+    with board.Talk(board.start(folder, "receiver", heap=ROOM)) as receiver:
+        receiver.ask({"fleet": "lab", "now": 1_800_000_001_000, "nonce": ""})
+        (datagram,) = encode(message, "lab", key)
+        state = {"rules": 0, "speaks": False, "since": None, "key": DESK.id.hex(), **state}
+        reason = receiver.ask({"looked": datagram.hex(), **state})["reason"]
+    assert reason == ("" if needed else "not needed")
 
 
 def test_it_signs_as_others_do(receiver: board.Talk) -> None:

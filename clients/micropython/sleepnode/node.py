@@ -48,6 +48,7 @@ _NO_MEMORY = const(12)
 _NOT_SENT = const(13)
 _TOO_LONG_TO_SEND = const(14)
 _OURS = const(15)
+_NOT_NEEDED = const(16)
 
 _SKEW = const(2000000)
 _OLDEST = const(3600000000)
@@ -105,7 +106,7 @@ class Node:
         actuators = [each[0] for each in body.actuators]
         self.mind = Mind(sensors, actuators, body.constants, body.functions, number, seed)
         self.stopped = self.driven = self._still = False
-        self.dropped = [0] * 16
+        self.dropped = [0] * 17
         """Datagrams that were dropped, by the numbers above."""
         now = self.clock.now()
         self._epoch = now if self.clock.is_set else int.from_bytes(os.urandom(6), "big")
@@ -203,6 +204,14 @@ class Node:
             return _REPEATED
         if datagram in self._jobs or (self.job and part == self.job[0]):
             return _REPEATED
+        if not self._needs(kind, part):
+            return _NOT_NEEDED
+        if kind == _DIGEST:  # the same here, since most say the same
+            for at, each in enumerate(self._jobs):
+                if each[_KIND] == _DIGEST:
+                    if random.getrandbits(1):
+                        self._jobs[at] = datagram
+                    return _TOO_MANY
         if kind == _STOP:  # of many at once a random one: forgeries have only their own share
             self._stops += 1
             if self.stop is None or (not self.stop[1] and random.random() * self._stops < 1):
@@ -217,6 +226,21 @@ class Node:
                     self._jobs[at] = datagram
                 return _TOO_MANY
         return 0
+
+    def _needs(self, kind, part):
+        """Whether it is worth verifying a message, which takes far longer than reading it. Raises Malformed."""
+        if kind == _HEARTBEAT:  # while a lease is about to end, or for the time
+            return self._nonce or self._is_left()
+        if kind not in (_ASK, _DIGEST) or part[7] > 1:
+            return True
+        body = content(names(part[8])[2])[1]
+        if kind == _ASK:
+            return self._is_addressed(body) or self._is_left()
+        return self._streams.matters(body.get("have"), self._commands)
+
+    def _is_left(self):
+        """Whether an operator was last heard a third of the lease ago, while the body is driven."""
+        return self.driven and self._lease is not None and 3 * (self.clock.now() - self._heard) > 1000 * self._lease
 
     def _giving_way(self, datagram, size):
         """Which of the waiting datagrams gives way to this one, None if this one does. size: bytes of all."""

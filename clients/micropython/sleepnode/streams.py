@@ -11,7 +11,7 @@ _MAX_STREAMS = const(8)
 _MAX_WAITING = const(4)
 _MAX_WANTED = const(16)
 _SLACK = const(250)
-_SOONEST, _LATEST = 400, 60000
+_SOONEST, _BEHIND, _LATEST = 400, 2000, 60000
 _ENOUGH = const(2)
 _DONE = const(0)
 _RULES = const(1)
@@ -40,11 +40,14 @@ def _time(seconds):
 
 class Streams:
     """since: when the robot began to listen. missed: how many commands never came in time. eager: whether others have
-    more standing commands, and some of them have just been obeyed."""
+    more standing commands, and some of them have just been obeyed.
+
+    A digest here says what this robot lacks, which it cannot resend to others: so it goes with the digests of others that
+    tell of more, not with each standing command."""
 
     def __init__(self, since):
         self.since, self.missed = since, 0
-        self.eager = self._behind = False
+        self.eager, self._theirs = False, {}
         self._streams = {}
         self._alike, self._interval, self._speaks, self._ends = 0, _SOONEST, 0, 0
         self.news(since)
@@ -108,8 +111,7 @@ class Streams:
                 del stream[_WANTED][old]
             if standing:
                 stream[_RULES] = number
-                self.eager = self._behind
-                self.news(now)
+                self.eager = self._is_behind(self._theirs, {})
             found.append(message)
         return found
 
@@ -139,18 +141,34 @@ class Streams:
         """What a digest says: each stream's latest standing command."""
         return sorted([[name[0], name[1], each[_RULES]] for name, each in self._streams.items() if each[_RULES]])
 
+    def matters(self, have, may):
+        """Whether it is worth verifying somebody's digest: it tells of more than we know of, or spares us our own."""
+        theirs = self._by_stream(have, may)
+        spares = self._speaks is not None and self._alike < _ENOUGH
+        return self._is_behind(theirs, self._theirs) or (spares and theirs == self._by_stream(self.have(), may))
+
     def compare(self, have, may, now):
-        """Somebody's digest: ask soon if it says anything else than ours. may: tells whether a key may command."""
-        theirs = {}
+        """Somebody's digest: ask soon if it tells of more than we have. may: tells whether a key may command."""
+        theirs = self._by_stream(have, may)
+        if self._is_behind(theirs, {}):
+            self._theirs = theirs
+            self.news(now)
+        elif theirs == self._by_stream(self.have(), may):
+            self._alike += 1
+
+    def _by_stream(self, have, may):
+        found = {}
         for each in have if isinstance(have, list) else ():
             if isinstance(each, list) and len(each) == 3 and isinstance(each[2], int) and may(each[0]):
-                theirs[each[0], each[1]] = each[2]
-        ours = {(each[0], each[1]): each[2] for each in self.have()}
-        self._behind = any([theirs[each] > ours.get(each, 0) for each in theirs])
-        if theirs == ours:
-            self._alike += 1
-        else:
-            self.news(now)
+                found[each[0], each[1]] = each[2]
+        return found
+
+    def _is_behind(self, theirs, known):
+        """Whether there is more than we have, and than is known to be there."""
+        ours = self._streams
+        return any(
+            [theirs[each] > max(known.get(each, 0), ours[each][_RULES] if each in ours else 0) for each in theirs]
+        )
 
     def news(self, now):
         """There is news: send a digest soon."""
@@ -164,7 +182,8 @@ class Streams:
             self._speaks = None
             speak = self._alike < _ENOUGH
         if self._ends <= now:
-            self._begin(now, min(2 * self._interval, _LATEST))
+            most = _BEHIND if self._is_behind(self._theirs, {}) else _LATEST
+            self._begin(now, min(2 * self._interval, most))
         return speak
 
     def _begin(self, now, wait):

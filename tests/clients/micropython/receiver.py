@@ -23,6 +23,12 @@ REASONS = [
     "too many",
     "forged",
     "other fleet",
+    "no room",
+    "no memory",
+    "not sent",
+    "too long to send",
+    "ours",
+    "not needed",
 ]
 
 
@@ -46,9 +52,10 @@ class Clock:
 
 
 def take(node, datagram):
-    """What becomes of a datagram."""
-    taken, heard = [], node._take
+    """What becomes of a datagram that is verified, whether the node needs it or not."""
+    taken, heard, needs = [], node._take, node._needs
     node._take = lambda message: taken.append(message[1])
+    node._needs = lambda kind, part: True
     before = list(node.dropped)
     try:
         reason = node._look(datagram)
@@ -59,7 +66,7 @@ def take(node, datagram):
     except Malformed:
         return "malformed"
     finally:
-        node._take = heard
+        node._take, node._needs = heard, needs
     for at in range(len(before)):
         if node.dropped[at] > before[at]:
             return REASONS[at]
@@ -96,5 +103,12 @@ for line in sys.stdin:
         signature = ed25519.finished(ed25519.sign(secret, public, signed(found)))
         datagram = sealed(bytes.fromhex(asked["key"]), found, signature)
         print(json.dumps({"public": public.hex(), "datagram": datagram.hex()}))
+    elif "looked" in asked:
+        node.driven, node._heard = asked["since"] is not None, node.clock.now() - (asked["since"] or 0)
+        if asked["rules"]:
+            node._streams.of((bytes.fromhex(asked["key"]), 1))[1] = asked["rules"]
+        node._streams._speaks = 0 if asked["speaks"] else None
+        reason, node._jobs = node._look(bytes.fromhex(asked["looked"])), []
+        print(json.dumps({"reason": REASONS[reason]}))
     else:
         print(json.dumps({"became": take(node, bytes.fromhex(asked["datagram"]))}))

@@ -35,7 +35,7 @@ YARD = Path(__file__).parent / "yard" / "scenario.toml"
 SWARM, SLEEP, NOMAD, ROS2, MICROPYTHON = KINDS = ("swarm", "sleep", "nomad", "ros2", "micropython")
 TOGETHER = 12
 """Nodes of one swarm, or ROS 2 robots of one bridge."""
-SHARES = {SWARM: 0.72, NOMAD: 0.08, ROS2: 0.04, MICROPYTHON: 0.08}
+SHARES = {SWARM: 0.84, NOMAD: 0.04, ROS2: 0.04, MICROPYTHON: 0.04}
 """Of all nodes; the rest are processes `sleepcast node` with a body in the simulator. A process that does nothing costs
 about the same for one node and for twelve, so that most nodes share one."""
 OPERATORS = ("ana", "ben")

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -209,7 +208,14 @@ class Fleet:
         at = self.folder / "hosts" / computer.name
         at.mkdir(parents=True, exist_ok=True)
         config = {"address": URI.removeprefix("udp://").partition(":")[0], "port": PORT, "interface": computer.address}
-        named = {"fleet": "sleepcast", "name": computer.robots[0], "id": computer.number, "fuel": 0.8, "lease": None, "tick": TICK}
+        named = {
+            "fleet": "sleepcast",
+            "name": computer.robots[0],
+            "id": computer.number,
+            "fuel": 0.8,
+            "lease": None,
+            "tick": TICK,
+        }
         (at / "config.json").write_text(json.dumps({**config, **named}), encoding="utf-8")
         (at / "robot.key").write_bytes(key_file(self.keys, computer.robots[0]).read_bytes())
         (at / "trust.json").write_bytes((self.keys / TRUST_FILE).read_bytes())

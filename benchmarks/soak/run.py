@@ -74,6 +74,8 @@ class Soak:
         self._due: list[tuple[float, int, Callable[[], None]]] = []
         self._tie = count()
         self._tries: Counter[str] = Counter()
+        self._jumped: set[str] = set()
+        """Computers whose clock is wrong now: a life that begins there keeps the wrong time."""
         self._began = self._told = 0.0
         self._rolled_back = 0.0
         """When the rules that a ROLLBACK has changed are to be sent anew, s of simulated Unix time; 0 for none."""
@@ -293,7 +295,7 @@ class Soak:
 
     def _do_kill(self, event: Event) -> bool:
         computer = self._computers[event.who[0]]
-        if computer.reasons - {"forgot"}:
+        if computer.reasons - {"forgot"} or computer.name in self._jumped:
             return False
         self._kill(computer, event.lasts)
         return True
@@ -314,15 +316,20 @@ class Soak:
 
     def _do_clock(self, event: Event) -> bool:
         computer = self._computers[event.who[0]]
-        if computer.reasons:
+        if computer.reasons or computer.name in self._jumped:
             return False
+        self._jumped.add(computer.name)
         self.clocks.jump(computer.name, event.amount)
-        self._after(event.lasts, lambda: self.clocks.jump(computer.name, 0.0))
+        self._after(event.lasts, lambda: self._jump_back(computer))
         return True
+
+    def _jump_back(self, computer: Computer) -> None:
+        self._jumped.remove(computer.name)
+        self.clocks.jump(computer.name, 0.0)
 
     def _do_wrong(self, event: Event) -> bool:
         computer = self._computers[event.who[0]]
-        if computer.reasons:
+        if computer.reasons or computer.name in self._jumped:
             return False
         computer.leave("wrong", self.clocks.now())
         self.clocks.jump(computer.name, event.amount)

@@ -113,7 +113,9 @@ def test_a_robot_that_is_told_once_and_looked_at_rarely_is_left_in_peace_between
         return cart.round_every
 
     cart = Obedient(clock)
-    assert [every(cart, looks) for looks in (0.02, 0.1, 0.2, 0.5, 5.0)] == pytest.approx([ROUND, ROUND, 0.1, 0.25, 0.25])
+    assert [every(cart, looks) for looks in (0.02, 0.1, 0.2, 0.5, 5.0)] == pytest.approx(
+        [ROUND, ROUND, 0.1, 0.25, 0.25]
+    )
     assert every(Cart(clock), 0.5) == ROUND, "a motion that is renewed is renewed in each round"
     cart.narrow(Limits(inf, inf, inf, fence=(-9.0, -9.0, 9.0, 9.0)))
     assert every(cart, 0.5) == ROUND, "limits are watched in each round"

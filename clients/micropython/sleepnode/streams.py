@@ -42,8 +42,8 @@ class Streams:
     """since: when the robot began to listen. missed: how many commands never came in time. eager: whether others have
     more standing commands, and some of them have just been obeyed.
 
-    A digest here says what this robot lacks, which it cannot resend to others: so it goes with the digests of others that
-    tell of more, not with each standing command."""
+    A digest here says what this robot lacks, and it can resend nothing: so it follows digests of others that tell of
+    more, not each standing command."""
 
     def __init__(self, since):
         self.since, self.missed = since, 0

@@ -61,6 +61,7 @@ def box(found: Locator) -> dict[str, float]:
 
 def run(page: Page, wanted: bool) -> None:
     """Let time run, or stand still; the tests share one program."""
+    expect(page.locator("#run[data-waiting]")).to_have_count(1)  # the program has said how it is
     button = page.locator(f'#run[data-running="{str(not wanted).lower()}"]')
     if button.count():
         with suppress(TooLateError):  # the news that it is so already may come just now

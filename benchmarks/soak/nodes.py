@@ -1,6 +1,6 @@
 """The computers of a soak: each in a network of its own, with nodes of one kind on it, killed and started again.
 
-swarm          `sleepcast swarm` of twelve nodes, whose bodies are in one simulator
+swarm          `sleepcast swarm` of up to twelve nodes, whose bodies are in one simulator
 sleep          `sleepcast node` with a body in the simulator
 nomad          `sleepcast node` that drives a Nomad of a server on another computer, over its network protocol of 1998
 ros2           `sleepcast bridge ros2` of a fleet of ROS 2 robots on the same computer, over DDS
@@ -18,7 +18,7 @@ import time
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
-from math import inf
+from math import ceil, inf
 from pathlib import Path
 
 from benchmarks.channel.lab import PORT, URI, Lab
@@ -34,9 +34,9 @@ YARD = Path(__file__).parent / "yard" / "scenario.toml"
 SWARM, SLEEP, NOMAD, ROS2, MICROPYTHON = KINDS = ("swarm", "sleep", "nomad", "ros2", "micropython")
 TOGETHER = 12
 """Nodes of one swarm, or ROS 2 robots of one bridge."""
-SHARES = {SWARM: 0.84, NOMAD: 0.04, ROS2: 0.04, MICROPYTHON: 0.04}
-"""Of all nodes; the rest are processes `sleepcast node` with a body in the simulator. A process that does nothing costs
-about the same for one node and for twelve, so that most nodes share one."""
+SHARE = 0.04
+"""Of all nodes that each other kind has, at least one; the rest are in swarms. A process that does nothing costs about
+the same for one node and for twelve, so that most nodes share one."""
 OPERATORS = ("ana", "ben")
 NSERVER = "nserver"
 TICK = 0.5
@@ -104,14 +104,12 @@ def missing() -> dict[str, str]:
 
 def mixed(count: int, without: Collection[str] = ()) -> list[tuple[str, int]]:
     """The kinds of the computers for so many nodes, and how many nodes are on each, spread evenly."""
-    few: list[tuple[str, int]] = []
-    for kind, share in SHARES.items():
-        if kind not in without:
-            together = min(TOGETHER, max(2, count // 4)) if kind == SWARM else 1
-            if kind == ROS2:
-                together = min(TOGETHER, max(1, round(share * count)))
-            few += [(kind, together)] * max(1, round(share * count / together))
-    found = [(SLEEP, 1)] * (count - sum(number for _, number in few))
+    share = max(1, round(SHARE * count))
+    few = [(kind, 1) for kind in (SLEEP, NOMAD, MICROPYTHON) if kind not in without for _ in range(share)]
+    few += [(ROS2, min(TOGETHER, share))] * (ROS2 not in without)
+    left = count - sum(number for _, number in few)
+    swarms = max(2, ceil(left / TOGETHER))
+    found = [(SWARM, left // swarms + (place < left % swarms)) for place in range(swarms)]
     step = (len(found) + len(few)) / len(few)
     for place, each in enumerate(few):
         found.insert(int(place * step), each)

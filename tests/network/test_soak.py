@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from benchmarks.channel.lab import why_not
+from benchmarks.soak.nodes import KINDS, MICROPYTHON, ROS2, mixed
 from benchmarks.soak.schedule import EVERY, schedule
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -45,6 +46,14 @@ def test_the_schedule_is_the_seed_s_and_has_everything() -> None:
     assert {event.what for event in events} == {*EVERY, "one-shot", "rule", "restart"}
     assert {event.who for event in events if event.what in ("clock", "wrong")} == {("c1",)}
     assert all(0.0 < event.time < 600.0 for event in events)
+
+
+@pytest.mark.parametrize("count", [8, 9, 37, 100, 400])
+def test_there_are_as_many_nodes_as_wanted_and_some_of_each_kind(count: int) -> None:
+    for without in ((), (ROS2, MICROPYTHON)):
+        found = mixed(count, without)
+        assert sum(number for _, number in found) == count
+        assert {kind for kind, _ in found} == {*KINDS} - {*without}
 
 
 @pytest.mark.parametrize(

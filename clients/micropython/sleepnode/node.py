@@ -229,18 +229,15 @@ class Node:
 
     def _needs(self, kind, part):
         """Whether it is worth verifying a message, which takes far longer than reading it. Raises Malformed."""
-        if kind == _HEARTBEAT:  # while a lease is about to end, or for the time
-            return self._nonce or self._is_left()
+        leased = self.driven and self._lease is not None  # whatever an operator says keeps the body going
+        if kind == _HEARTBEAT:
+            return self._nonce or leased
         if kind not in (_ASK, _DIGEST) or part[7] > 1:
             return True
         body = content(names(part[8])[2])[1]
         if kind == _ASK:
-            return self._is_addressed(body) or self._is_left()
+            return leased or self._is_addressed(body)
         return self._streams.matters(body.get("have"), self._commands)
-
-    def _is_left(self):
-        """Whether an operator was last heard a third of the lease ago, while the body is driven."""
-        return self.driven and self._lease is not None and 3 * (self.clock.now() - self._heard) > 1000 * self._lease
 
     def _giving_way(self, datagram, size):
         """Which of the waiting datagrams gives way to this one, None if this one does. size: bytes of all."""

@@ -104,7 +104,7 @@ for line in sys.stdin:
         datagram = sealed(bytes.fromhex(asked["key"]), found, signature)
         print(json.dumps({"public": public.hex(), "datagram": datagram.hex()}))
     elif "looked" in asked:
-        node.driven, node._heard = asked["since"] is not None, node.clock.now() - (asked["since"] or 0)
+        node.driven = asked["driven"]
         if asked["rules"]:
             node._streams.of((bytes.fromhex(asked["key"]), 1))[1] = asked["rules"]
         node._streams._speaks = 0 if asked["speaks"] else None

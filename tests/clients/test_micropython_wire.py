@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -127,6 +128,38 @@ def test_it_verifies_only_what_could_change_what_it_does(
         state = {"rules": 0, "speaks": False, "driven": False, "key": DESK.id.hex(), **state}
         reason = receiver.ask({"looked": datagram.hex(), **state})["reason"]
     assert reason == ("" if needed else "not needed")
+
+
+def desk_says(number: int, text: str, rules: int) -> str:
+    """A standing command of the desk, as hexadecimal digits. rules: which one comes before it."""
+    link = {"after": rules, "sent": None, "until": None, "rules": rules}
+    message = Message("desk", 1, number, Kind.COMMAND, 1_800_000_000.0, inf, text, standing=True, body=link)
+    (datagram,) = encode(message, "lab", DESK)
+    return datagram.hex()
+
+
+def test_whatever_it_has_to_say_it_verifies_what_others_say(folder: Path) -> None:
+    """It used to sign one message after the other while a command waited, if there was always another one to sign."""
+    write_keys(folder, [{"owner": "desk", "role": DESK.public.role, "public": DESK.public.public.hex()}])
+    commands = [desk_says(number, f"(DEFVAR v{number} 0)", number - 1) for number in range(1, 5)]
+    with board.Talk(board.start(folder, "receiver", heap=ROOM)) as receiver:
+        receiver.ask({"fleet": "lab", "now": 1_800_000_001_000, "nonce": ""})
+        found = receiver.ask({"busy": commands, "most": 20})
+    assert found["left"] == 0
+    assert found["said"] <= len(commands) + 1
+
+
+@pytest.mark.parametrize(("told", "wanted"), [(0, [[7]]), (7, [])])
+def test_standing_commands_that_others_have_are_asked_for_by_digests_alone(
+    receiver: board.Talk, told: int, wanted: list[list[int]]
+) -> None:
+    """Those come in their order, from the first that is missing; the one that a later command names could only wait.
+    told: the latest one that others say they have."""
+    now = 1_800_000_001_000
+    receiver.ask({"fleet": "lab", "now": now, "nonce": ""})
+    link = {"after": 8, "sent": now / 1000, "until": now / 1000 + 60, "rules": 7}
+    found = receiver.ask({"follows": link, "key": DESK.id.hex(), "told": told, "now": now})
+    assert found["wanted"] == wanted
 
 
 def test_it_signs_as_others_do(receiver: board.Talk) -> None:

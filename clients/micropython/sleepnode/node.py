@@ -267,7 +267,9 @@ class Node:
             # A flood of forged STOPs must not keep a robot that has stopped from saying so.
             return (self.stopped and self._turn and self._sign()) or self._go_on(self.stop, True)
         if self.job is None:  # one after the other, because each takes memory, as obeying a message does
-            if self._queue and not self._signing:
+            if self._signing:
+                return self._sign()
+            if self._queue:
                 if self._queue[0][1] != _STANDING:
                     return False
                 self._obey_first()  # it waits for no tick: there may be thousands after it
@@ -275,8 +277,8 @@ class Node:
             if self._streams.eager and not self._jobs:
                 self._streams.eager = False
                 self._ask_for_more()
-            self._turn = not self._turn
-            if (self._signing or self._turn) and self._sign():
+            self._turn = not self._turn  # in turns: whatever there is to say, others are listened to
+            if self._turn and self._sign():
                 return True
         if self.job is None and self._jobs:
             first = min(range(len(self._jobs)), key=lambda at: self._place(self._jobs[at]))
@@ -524,13 +526,19 @@ class Node:
     def _say(self, kind, body, text="", life=5000, within=0):
         """body: perhaps encoded already."""
         now = self.clock.now()
-        asks = kind in (_DIGEST, _REQUEST)  # goes before answers
+        asks = kind in (_DIGEST, _REQUEST)  # goes before answers, and one of each at most waits
+        if asks and self._is_about_to_say(kind):
+            self.out = [each for each in self.out if each[1] != kind]
         if len(self.out) < _MAX_OUT + 2 * asks:
             body = body if isinstance(body, bytes) else encode(body)
             what = [now + int(1000 * within * random.random()), kind, now + life, text, body]
             self.out.insert(0 if asks else len(self.out), what)
         else:
             self._drop(_NOT_SENT)
+
+    def _is_about_to_say(self, kind):
+        """Whether something of this kind waits to be signed."""
+        return any([each[1] == kind for each in self.out])
 
     def _ask_for_more(self):
         """Say which standing commands we have, and how many of the next ones can wait here to be verified."""
@@ -573,7 +581,7 @@ class Node:
         if streams.missed:
             self._say(_REPORT, {"label": "missed", "values": [float(streams.missed)]})
             streams.missed = 0
-        wanted = streams.wanted(now)
+        wanted = () if self._is_about_to_say(_REQUEST) else streams.wanted(now)
         if wanted:
             self._say(_REQUEST, {"want": wanted})
         if streams.is_due(now):

@@ -121,13 +121,13 @@ class Streams:
 
     def wanted(self, now):
         """What to request now, as in a request's body; [] for nothing."""
-        found = []
+        found, behind = [], self._is_behind(self._theirs, {})
         for name, stream in self._streams.items():
             numbers = []
             for number, want in list(stream[_WANTED].items()):
                 if want[2] is not None and want[2] + _SLACK < now:
                     del stream[_WANTED][number]
-                elif want[0] <= now:
+                elif want[0] <= now and not (behind and want[2] is None):  # our digests ask for standing ones then
                     numbers.append(number)
                     want[0] = now + _late(want[1] // 2, want[1])
                     want[1] = min(2 * want[1], 2000)

@@ -110,5 +110,19 @@ for line in sys.stdin:
         node._streams._speaks = 0 if asked["speaks"] else None
         reason, node._jobs = node._look(bytes.fromhex(asked["looked"])), []
         print(json.dumps({"reason": REASONS[reason]}))
+    elif "busy" in asked:
+        said = []
+        node.radio.send = said.append
+        for each in asked["busy"]:
+            node._look(bytes.fromhex(each))
+        while (node._jobs or node.job) and len(said) < asked["most"]:
+            node._say(6, {"label": "busy", "values": []})
+            node._work()
+        print(json.dumps({"said": len(said), "left": len(node._jobs)}))
+    elif "follows" in asked:
+        streams, which = node._streams, bytes.fromhex(asked["key"])
+        streams.take((which, 1), 9, False, asked["follows"], None, asked["now"])
+        streams.compare([[which, 1, asked["told"]]], lambda key: True, asked["now"])
+        print(json.dumps({"wanted": [each[2] for each in streams.wanted(asked["now"] + 1000)]}))
     else:
         print(json.dumps({"became": take(node, bytes.fromhex(asked["datagram"]))}))

@@ -96,6 +96,8 @@ def _growth(soak: Soak) -> tuple[list[Bar], list[list[str]]]:
         max((each.worst for kind, each in growths.items() if (kind == "operator") is wanted), default=inf)
         for wanted in (True, False)
     )
+    if soak.fleet.firsts().keys() - growths.keys():
+        others = inf  # of a kind it is not known
     return [
         Bar("memory that a robot's process gains in a simulated hour, worst", others / 1e6, MEMORY / 1e6, "MB", False),
         Bar("memory that an operator's program gains in it", desk / 1e6, DESK / 1e6, "MB", False),

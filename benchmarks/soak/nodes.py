@@ -106,7 +106,9 @@ def mixed(count: int, without: Collection[str] = ()) -> list[tuple[str, int]]:
     """The kinds of the computers for so many nodes, and how many nodes are on each, spread evenly."""
     share = max(1, round(SHARE * count))
     few = [(kind, 1) for kind in (SLEEP, NOMAD, MICROPYTHON) if kind not in without for _ in range(share)]
-    few += [(ROS2, min(TOGETHER, share))] * (ROS2 not in without)
+    if ROS2 not in without:
+        most = min(TOGETHER, share)
+        few += [(ROS2, number) for number in (most - most // 2, most // 2) if number]
     left = count - sum(number for _, number in few)
     swarms = max(2, ceil(left / TOGETHER))
     found = [(SWARM, left // swarms + (place < left % swarms)) for place in range(swarms)]
@@ -172,6 +174,11 @@ class Fleet:
             **one,
             **self.clocks.environment(host),
         }
+
+    def firsts(self) -> dict[str, str]:
+        """The first computer of each kind that has several."""
+        kinds = [each.kind for each in self.computers]
+        return {each.kind: each.name for each in reversed(self.computers) if kinds.count(each.kind) > 1}
 
     # ---- lives of nodes
 

@@ -54,7 +54,8 @@ class Soak:
         self.fleet, self.clocks, self.seconds, self.speed, self._say = fleet, fleet.clocks, seconds, speed, say
         names = [each.name for each in fleet.computers]
         clocked = [each.name for each in fleet.computers if each.kind != MICROPYTHON]
-        self.plan = schedule(seed, seconds, names, clocked, OPERATORS)
+        spared = fleet.firsts().values()  # so that each kind has lives in which growth shows
+        self.plan = schedule(seed, seconds, names, clocked, OPERATORS, spared)
         self.known = Known()
         self.seen: list[Taken] = []
         self.done: Counter[str] = Counter()

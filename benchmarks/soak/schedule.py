@@ -11,7 +11,7 @@ one-shot, rule, rollback, lease, stop
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from random import Random
 
@@ -61,17 +61,25 @@ class Event:
 
 
 def schedule(
-    seed: int, seconds: float, computers: Sequence[str], clocked: Sequence[str], operators: Sequence[str]
+    seed: int,
+    seconds: float,
+    computers: Sequence[str],
+    clocked: Sequence[str],
+    operators: Sequence[str],
+    spared: Collection[str] = (),
 ) -> list[Event]:
-    """What happens in a run of so many simulated s, in its order. clocked: the computers whose clocks may jump."""
+    """What happens in a run of so many simulated s, in its order. clocked: the computers whose clocks may jump; spared:
+    those whose nodes are never killed."""
     chance = Random(seed)
+    killed = [each for each in computers if each not in spared]
+    chosen = {"kill": killed, "clock": clocked, "wrong": [each for each in clocked if each not in spared]}
     first, last = BEGIN * seconds, END * seconds
     found: list[Event] = []
     for what in EVERY:
         count = max(1, round((last - first) / EVERY[what]))
         for number in range(count):
             time = first + (last - first) * (number + chance.uniform(0.1, 0.9)) / count
-            found.append(_event(what, time, chance, seconds, computers, clocked, operators))
+            found.append(_event(what, time, chance, seconds, chosen.get(what, computers), operators))
     every = min(ORDER_EVERY, (last - first) / LEAST_ORDERS)
     for operator in operators:
         time, number = first / 2.0, 0
@@ -90,7 +98,6 @@ def _event(
     chance: Random,
     seconds: float,
     computers: Sequence[str],
-    clocked: Sequence[str],
     operators: Sequence[str],
 ) -> Event:
     short = min(1.0, seconds / 3_600.0)
@@ -101,5 +108,5 @@ def _event(
         return Event(time, what, tuple(chance.sample(computers, count)), short * chance.uniform(*CUT))
     if what in ("clock", "wrong"):
         jump = chance.choice((-1.0, 1.0)) * chance.uniform(0.1, HOURS) * 3_600.0
-        return Event(time, what, (chance.choice(clocked),), short * chance.uniform(*WRONG), jump)
+        return Event(time, what, (chance.choice(computers),), short * chance.uniform(*WRONG), jump)
     return Event(time, what, (chance.choice(operators),))

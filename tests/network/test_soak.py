@@ -46,6 +46,8 @@ def test_the_schedule_is_the_seed_s_and_has_everything() -> None:
     assert {event.what for event in events} == {*EVERY, "one-shot", "rule", "restart"}
     assert {event.who for event in events if event.what in ("clock", "wrong")} == {("c1",)}
     assert all(0.0 < event.time < 600.0 for event in events)
+    spared = schedule(1, 6_000.0, ["c1", "c2", "c3"], ["c1", "c2"], ["ana", "ben"], ["c1"])
+    assert {event.who[0] for event in spared if event.what in ("kill", "wrong")} == {"c2", "c3"}
 
 
 @pytest.mark.parametrize("count", [8, 9, 37, 100, 400])

@@ -23,6 +23,8 @@ AT_ONCE = 8
 """Computers that start at the same time."""
 LIFE = 60.0
 """Simulated seconds for which a one-shot command is good."""
+ANSWERING = 60.0
+"""Simulated seconds after its deadline until which an answer that a robot obeyed a command in time may come."""
 LEASE = 300.0
 GROUP, MEMBERS = "red", 8
 LOSS = 0.1
@@ -356,7 +358,7 @@ class Soak:
         operator = event.who[0]
         life = self._lives[operator]
         sent = self._send(operator, f"(SETQ {operator}_n (+ {operator}_n 1))", deadline=LIFE)
-        self._after(LIFE + 5.0, lambda: self._look_up(sent, life))
+        self._after(LIFE + ANSWERING, lambda: self._look_up(sent, life))
 
     def _do_rule(self, event: Event) -> None:
         operator, number = event.who[0], int(event.amount)

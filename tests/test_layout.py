@@ -46,6 +46,7 @@ PIPELINES = {  # rooms within a room, and its modules: each imports only what st
         *("simd", "world", "scenario", "sonar", "motion", "fast", "engine", "bodies", "simulation", "single_robot"),
         *("packing", "snapshot", "recording", "nomads", "kernel_warm_up"),
     ),
+    "bridges": ("address", "body", "nomad", "crazyflie", "mavlink", "ros2"),
 }
 GROUND = frozenset({"core"})  # everybody may import it
 HOUSE = {

@@ -17,8 +17,8 @@ from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-from sleepcast.bridges.ros2_link import QOS, join
-from sleepcast.bridges.ros2_messages import BatteryState, Header, LaserScan, Odometry, Twist, made, time_of
+from sleepcast.bridges.ros2.link import QOS, join
+from sleepcast.bridges.ros2.messages import BatteryState, Header, LaserScan, Odometry, Twist, made, time_of
 
 TICK = 0.5
 FORGOTTEN = 1.0

@@ -8,8 +8,8 @@ import time
 from math import atan2
 
 from bridges.pilot import Pilot, report
-from sleepcast.bridges.ros2 import domain_number, join_network, usual_discovery, usual_domain
-from sleepcast.bridges.ros2_messages import Clock, LaserScan, Odometry, Twist, TwistStamped, made, seconds
+from sleepcast.bridges.ros2.messages import Clock, LaserScan, Odometry, Twist, TwistStamped, made, seconds
+from sleepcast.bridges.ros2.robot import domain_number, join_network, usual_discovery, usual_domain
 
 PERIOD, GLANCE = 0.1, 0.002
 """Simulated seconds between two velocities; seconds between two looks."""

@@ -20,8 +20,8 @@ from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-from sleepcast.bridges.ros2_link import QOS, join
-from sleepcast.bridges.ros2_messages import (
+from sleepcast.bridges.ros2.link import QOS, join
+from sleepcast.bridges.ros2.messages import (
     BatteryState,
     Bool,
     Clock,

@@ -20,7 +20,7 @@ from cli.terminal import terminal
 from processes import live_in, running
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.body import ROUND
-from sleepcast.bridges.crazyflie import LANDS_AFTER, LOGGED, CrazyflieBody, model_of
+from sleepcast.bridges.crazyflie.quadcopter import LANDS_AFTER, LOGGED, CrazyflieBody, model_of
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Limits, Setpoint
@@ -318,8 +318,8 @@ def test_a_link_that_dies_in_flight_is_told_at_node_and_desk_and_comes_back_by_i
 
 
 def test_nobody_there_is_told(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    from sleepcast.bridges import crazyflie_link
+    from sleepcast.bridges.crazyflie import link
 
-    monkeypatch.setattr(crazyflie_link, "SOON", 0.2)
+    monkeypatch.setattr(link, "SOON", 0.2)
     with pytest.raises(OutOfReachError):
         open_robot(f"crazyflie://127.0.0.1:{port}")

@@ -22,8 +22,8 @@ from bridges.mind import PATIENCE, Talking
 from channel.test_udp import free_port
 from cli.calling import called
 from sleepcast.bridges import BodyError, open_robot
-from sleepcast.bridges.crazyflie import CrazyflieBody
-from sleepcast.bridges.crazyradio import EMERGENCY_STOP, RadioGoneError, SharedRadio, stop_all_by_port
+from sleepcast.bridges.crazyflie.quadcopter import CrazyflieBody
+from sleepcast.bridges.crazyflie.radio import EMERGENCY_STOP, RadioGoneError, SharedRadio, stop_all_by_port
 from sleepcast.core.errors import MisuseError
 
 FIRST, SECOND = "E7E7E7E701", "E7E7E7E702"

@@ -22,8 +22,8 @@ pytest.importorskip("pyproj")
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from sleepcast.bridges.address import BodyError
-from sleepcast.bridges.ground_station import QUIET, GroundStation, Wish, open_ground_station
-from sleepcast.bridges.mavlink_link import Link
+from sleepcast.bridges.mavlink.ground_station import QUIET, GroundStation, Wish, open_ground_station
+from sleepcast.bridges.mavlink.link import Link
 from sleepcast.cli.local_input import wished
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.geodesy import Origin

@@ -25,8 +25,8 @@ from cli.terminal import terminal
 from processes import live_in
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.body import FencedError
-from sleepcast.bridges.mavlink import COPTER, ROVER, MavlinkVehicle
-from sleepcast.bridges.mavlink_link import Link
+from sleepcast.bridges.mavlink.link import Link
+from sleepcast.bridges.mavlink.vehicle import COPTER, ROVER, MavlinkVehicle
 from sleepcast.channel import Kind, Message
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError
@@ -395,7 +395,7 @@ def test_an_address_that_is_wrong(tail: str, error: str, tmp_path: Path, monkeyp
 
 
 def test_a_vehicle_that_there_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sleepcast.bridges.mavlink.PATIENCE", 0.2)
+    monkeypatch.setattr("sleepcast.bridges.mavlink.vehicle.PATIENCE", 0.2)
     with pytest.raises(OutOfReachError, match=r"vehicle 3 was not heard at 127\.0\.0\.1:9 in 0.2 s"):
         open_robot("mavlink://127.0.0.1:9?unsigned=yes#3")
     with pytest.raises(BodyError, match="no --lockstep"):
@@ -406,7 +406,7 @@ def test_a_flight_controller_that_only_sends_telemetry_is_named(monkeypatch: pyt
     """As Betaflight 4.6 does: in MAVLink 1, from system 0."""
     from pymavlink.dialects.v10 import common
 
-    monkeypatch.setattr("sleepcast.bridges.mavlink.PATIENCE", 1.0)
+    monkeypatch.setattr("sleepcast.bridges.mavlink.vehicle.PATIENCE", 1.0)
     port, stranger, ended = free_port(), common.MAVLink(None, 0, 200), Event()
     beat = stranger.heartbeat_encode(2, 0, 64, 1, 3).pack(stranger)
 

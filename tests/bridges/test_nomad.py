@@ -14,8 +14,8 @@ import pytest
 from nomad.serving import LONGEST, Served, serving
 from sleepcast.bridges import BodyError, BusyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.body import MAX_ERRANDS, FencedError
-from sleepcast.bridges.nomad import model_of
-from sleepcast.bridges.nomad_robot import SCOUT, NomadRobot
+from sleepcast.bridges.nomad.model import model_of
+from sleepcast.bridges.nomad.robot import SCOUT, NomadRobot
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError
 from sleepcast.loop import vocabulary_of

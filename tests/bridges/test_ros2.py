@@ -23,10 +23,10 @@ pytest.importorskip("cyclonedds", reason="cyclonedds is not installed here")
 from bridges.ros2_robot import OverDds, Wheels, domain_for
 from processes import start
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
-from sleepcast.bridges.ros2 import SILENT, Ros2Body
-from sleepcast.bridges.ros2_link import DdsLink, Ros2Network
-from sleepcast.bridges.ros2_mapping import CLOCK, TURTLEBOT, Field, Heard, Sink, read_mapping
-from sleepcast.bridges.ros2_messages import MAX_RAYS, Bool, LaserScan, Odometry, Twist
+from sleepcast.bridges.ros2.link import DdsLink, Ros2Network
+from sleepcast.bridges.ros2.mapping import CLOCK, TURTLEBOT, Field, Heard, Sink, read_mapping
+from sleepcast.bridges.ros2.messages import MAX_RAYS, Bool, LaserScan, Odometry, Twist
+from sleepcast.bridges.ros2.robot import SILENT, Ros2Body
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.robot import Limits, Setpoint
@@ -358,7 +358,7 @@ def test_at_its_end_it_is_told_to_stand(robot: FakeRobot) -> None:
 def test_an_address_that_means_nothing_is_refused(
     uri: str, complaint: str | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sleepcast.bridges.ros2.MEETING", 0.0)
+    monkeypatch.setattr("sleepcast.bridges.ros2.robot.MEETING", 0.0)
     with pytest.raises(SleepcastError) as error:
         open_robot(uri)
     assert complaint is None or complaint in str(error.value)
@@ -427,7 +427,7 @@ needs_ros = pytest.mark.skipif(
 
 @pytest.mark.parametrize("ros", [False, pytest.param(True, marks=needs_ros)])
 def test_another_process_is_driven_lost_and_found_again(ros: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sleepcast.bridges.ros2.SILENT", 0.5)
+    monkeypatch.setattr("sleepcast.bridges.ros2.robot.SILENT", 0.5)
     with (
         another(ros=ros) as process,
         closing(open_robot(f"ros2:///scout3?domain={DOMAIN}&discovery=localhost")) as body,
@@ -534,6 +534,6 @@ def test_what_cannot_be_read_is_told_once_and_the_rest_is_read(monkeypatch: pyte
 
 
 def test_nobody_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sleepcast.bridges.ros2.MEETING", 0.2)
+    monkeypatch.setattr("sleepcast.bridges.ros2.robot.MEETING", 0.2)
     with pytest.raises(OutOfReachError, match=r"nothing came at /scout4/odom and /scout4/scan for 0\.2 s"):
         open_robot(f"ros2:///scout4?domain={DOMAIN}&discovery=localhost")

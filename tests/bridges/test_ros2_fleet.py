@@ -13,10 +13,10 @@ import pytest
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed here")
 
 from bridges.ros2_robot import OverDds, domain_for
-from sleepcast.bridges.ros2_fleet import Ros2Fleet
-from sleepcast.bridges.ros2_link import Ros2Network
-from sleepcast.bridges.ros2_mapping import TURTLEBOT
-from sleepcast.bridges.ros2_messages import BatteryState, Bool, LaserScan, Odometry, Twist
+from sleepcast.bridges.ros2.fleet import Ros2Fleet
+from sleepcast.bridges.ros2.link import Ros2Network
+from sleepcast.bridges.ros2.mapping import TURTLEBOT
+from sleepcast.bridges.ros2.messages import BatteryState, Bool, LaserScan, Odometry, Twist
 from sleepcast.core.settings import SettingsError
 
 DOMAIN = domain_for(2)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sleepcast.bridges.ros2_mapping import (
+from sleepcast.bridges.ros2.mapping import (
     MAX_TOPICS,
     MAX_VALUES,
     TURTLEBOT,

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed here")
 
 from bridges.ros2_robot import scan
-from sleepcast.bridges.ros2_mapping import TYPES
-from sleepcast.bridges.ros2_messages import (
+from sleepcast.bridges.ros2.mapping import TYPES
+from sleepcast.bridges.ros2.messages import (
     MAX_RAYS,
     READ,
     BatteryState,

@@ -31,10 +31,9 @@ from cli.calling import called
 from nomad.programs import Bench
 from processes import start
 from sleepcast.bridges import open_robot
-from sleepcast.bridges.ros2 import join_network
-from sleepcast.bridges.ros2_link import Ros2Network
-from sleepcast.bridges.ros2_mapping import CLOCK
-from sleepcast.bridges.ros2_messages import (
+from sleepcast.bridges.ros2.link import Ros2Network
+from sleepcast.bridges.ros2.mapping import CLOCK
+from sleepcast.bridges.ros2.messages import (
     READ,
     Bool,
     Clock,
@@ -50,8 +49,9 @@ from sleepcast.bridges.ros2_messages import (
     read,
     seconds,
 )
-from sleepcast.bridges.ros2_scouts import FORGOTTEN, MAX_ROBOTS, Ros2Scouts, namespaces
-from sleepcast.bridges.ros2_sensors import FARTHEST, GRAVITY
+from sleepcast.bridges.ros2.robot import join_network
+from sleepcast.bridges.ros2.scouts import FORGOTTEN, MAX_ROBOTS, Ros2Scouts, namespaces
+from sleepcast.bridges.ros2.sensors import FARTHEST, GRAVITY
 from sleepcast.core.errors import MisuseError
 from sleepcast.nomad.client import Nomad
 from sleepcast.nomad.requests import Kind

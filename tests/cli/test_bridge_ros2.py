@@ -27,8 +27,8 @@ from channel.test_udp import free_port
 from cli.calling import LONGEST, called
 from processes import SLEEPCAST, live_in, start
 from sleepcast.api.connection import FLEET, AirOptions, observing_station
-from sleepcast.bridges.ros2_mapping import TURTLEBOT
-from sleepcast.bridges.ros2_messages import Bool, Odometry, Twist
+from sleepcast.bridges.ros2.mapping import TURTLEBOT
+from sleepcast.bridges.ros2.messages import Bool, Odometry, Twist
 from sleepcast.station.network import NetworkStation
 
 DOMAIN = domain_for(3)

@@ -12,7 +12,7 @@ from threading import Thread
 import pytest
 
 from nomad.serving import LONGEST
-from sleepcast.bridges.nomad import BASES, model_of
+from sleepcast.bridges.nomad.model import BASES, model_of
 from sleepcast.core.errors import MisuseError
 from sleepcast.nomad.client import Nomad
 from sleepcast.nomad.nclient import mask_words, order_words, packet_words, text_words

@@ -9,7 +9,7 @@ from time import sleep
 import click
 
 from sleepcast.api.connection import AirOptions, observing_station
-from sleepcast.bridges.crazyradio import (
+from sleepcast.bridges.crazyflie.radio import (
     MOST,
     PORT,
     RATES,

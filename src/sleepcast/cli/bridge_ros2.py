@@ -20,7 +20,7 @@ from sleepcast.cli.streams import announce, complain, put
 from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
-    from sleepcast.bridges.ros2_fleet import RobotThere, Ros2Fleet
+    from sleepcast.bridges.ros2.fleet import RobotThere, Ros2Fleet
 
 LOOKS = 5.0
 """Seconds for which `--dry-run` looks, unless it is said: robots are found one by one, with loss more slowly."""
@@ -117,9 +117,9 @@ def ros2(
         raise MisuseError("--store and --no-store do not go together: leave one of them out")
     with Interrupts() as interrupts:
         from sleepcast.bridges import UNLIMITED
-        from sleepcast.bridges.ros2 import join_network
-        from sleepcast.bridges.ros2_fleet import Ros2Fleet
-        from sleepcast.bridges.ros2_mapping import TURTLEBOT
+        from sleepcast.bridges.ros2.fleet import Ros2Fleet
+        from sleepcast.bridges.ros2.mapping import TURTLEBOT
+        from sleepcast.bridges.ros2.robot import join_network
         from sleepcast.cli.fleet_life import FleetProcess, MindOptions
         from sleepcast.cli.node_life import StartScript, read_start_script
         from sleepcast.mind.authority import read_lease
@@ -155,7 +155,7 @@ def ros2(
 
 def _namespaces(robots: tuple[str, ...], file: Path | None) -> list[str]:
     """The namespaces of the robots that are named, each once. Raises MisuseError for one that is none."""
-    from sleepcast.bridges.ros2_mapping import is_namespace
+    from sleepcast.bridges.ros2.mapping import is_namespace
     from sleepcast.station.roster import read_expectation
 
     names = [*robots, *(read_expectation(os.fspath(file)).names if file is not None else ())]

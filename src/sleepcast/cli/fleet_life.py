@@ -17,7 +17,7 @@ from pathlib import Path
 
 from sleepcast.api.connection import AirOptions, chosen_keys, multiplexer_for, open_store, session_for, store_file
 from sleepcast.bridges import OutOfReachError, begin_body
-from sleepcast.bridges.ros2_fleet import RobotThere, Ros2Fleet
+from sleepcast.bridges.ros2.fleet import RobotThere, Ros2Fleet
 from sleepcast.channel.message import MAX_NAME
 from sleepcast.channel.session import wait_together
 from sleepcast.cli.node_life import NodeProcess, StartScript, Zeroed, number_in, seek_time

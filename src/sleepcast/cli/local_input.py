@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from math import nan
 
-from sleepcast.bridges.ground_station import GroundStation, Wish
+from sleepcast.bridges.mavlink.ground_station import GroundStation, Wish
 from sleepcast.channel import Channel, Kind, Message
 from sleepcast.channel.message import ENDS, MAX_TEXT
 from sleepcast.channel.plain_datagrams import Datagrams, Numbers

@@ -136,7 +136,7 @@ def node(
         robot = stack.enter_context(open_robot(uri, Opening(lockstep, kept, number, seed)))
         station = None
         if ground is not None:
-            from sleepcast.bridges.ground_station import open_ground_station
+            from sleepcast.bridges.mavlink.ground_station import open_ground_station
 
             most = robot.model.limits.speed, robot.model.limits.turn_rate
             station = stack.enter_context(closing(open_ground_station(ground, number, most)))

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Protocol
 
 from sleepcast.bridges import RealRobot
-from sleepcast.bridges.ground_station import GroundStation
+from sleepcast.bridges.mavlink.ground_station import GroundStation
 from sleepcast.channel import Kind
 from sleepcast.channel.clock_sync import differs, took
 from sleepcast.channel.message import TOOK

@@ -21,7 +21,7 @@ from sleepcast.cli.streams import ReaderGone, announce, complain
 from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
-    from sleepcast.bridges.ros2_scouts import Ros2Scouts
+    from sleepcast.bridges.ros2.scouts import Ros2Scouts
     from sleepcast.nomad import Nserver, RealAddress, ServerPace
     from sleepcast.simulator.nomads.nomads import NomadWorld
 
@@ -189,7 +189,7 @@ async def _serve(
 
 def _scouts(server: Nserver, name: str, domain: str | None, discovery: str | None) -> Ros2Scouts:
     """The server's robots in ROS 2 from now on. Raises MisuseError, OutOfReachError."""
-    from sleepcast.bridges.ros2 import domain_number, join_network, usual_discovery, usual_domain
+    from sleepcast.bridges.ros2.robot import domain_number, join_network, usual_discovery, usual_domain
 
     number = domain_number(domain or usual_domain())
     where = discovery or usual_discovery(HERE)
@@ -200,7 +200,7 @@ def _scouts(server: Nserver, name: str, domain: str | None, discovery: str | Non
         _say(f"whoever is in ROS domain {number} of this network can drive these robots: ROS 2 asks for no password")
     if server.service.lockstep:
         _say("in lockstep time goes as programs of the Nomads' wire ask: those of ROS 2 follow /clock")
-    from sleepcast.bridges.ros2_scouts import Ros2Scouts, namespaces  # which is there only where the network is
+    from sleepcast.bridges.ros2.scouts import Ros2Scouts, namespaces  # which is there only where the network is
 
     scouts = Ros2Scouts(server, network, namespaces(name, server.world.count))
     server.companions.append(scouts)

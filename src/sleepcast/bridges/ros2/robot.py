@@ -4,7 +4,7 @@
     ros2:///?mapping=rover.toml                 one without a namespace, with a mapping of its own
     ros2:///scout3?use_sim_time=yes&domain=7    one in a simulation, whose time is what /clock says
 
-`ros2_mapping` says how topics become names, `ros2_link` is the way to them. The robot is told its speeds in every
+`mapping` says how topics become names, `link` is the way to them. The robot is told its speeds in every
 round; rest, and STOP, are zeros said again and again. STOP is also said at a latched topic, and repeated, so that a
 driver of the robot that starts later knows it as well. A robot that has not been heard for `SILENT` is out of reach,
 and is told to stand all the same, in every round, since it may hear what we do not.
@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Protocol
 from sleepcast.bridges import Opening
 from sleepcast.bridges.address import BodyError, read_body_address
 from sleepcast.bridges.body import FRESH, BridgedBody, Motion, OutOfReachError
-from sleepcast.bridges.ros2_mapping import (
+from sleepcast.bridges.ros2.mapping import (
     CLOCK,
     TURTLEBOT,
     TYPES,
@@ -47,7 +47,7 @@ from sleepcast.core.units import NONE, UNITS, Dimension
 from sleepcast.robot import Geometry, Reading, RobotModel
 
 if TYPE_CHECKING:
-    from sleepcast.bridges.ros2_link import Ros2Network
+    from sleepcast.bridges.ros2.link import Ros2Network
 
 EXAMPLE = "ros2:///scout3"
 SILENT = 2.0
@@ -354,7 +354,7 @@ def join_network(domain: int, *, local: bool) -> Ros2Network:
     """Join a ROS domain. local: whether to look for robots on this computer only. Raises MisuseError,
     OutOfReachError."""
     try:
-        from sleepcast.bridges.ros2_link import Ros2Network
+        from sleepcast.bridges.ros2.link import Ros2Network
     except ImportError:
         raise MisuseError('ROS 2 robots need Cyclone DDS: pip install "sleepcast[ros2]"') from None
     return Ros2Network(domain, local=local)
@@ -362,7 +362,7 @@ def join_network(domain: int, *, local: bool) -> Ros2Network:
 
 def body_on(network: Ros2Network, mapping: RobotMapping, *, sim_time: bool) -> Ros2Body:
     """The body of a robot in a ROS domain, whether it is there or not."""
-    from sleepcast.bridges.ros2_link import DdsLink
+    from sleepcast.bridges.ros2.link import DdsLink
 
     return Ros2Body(DdsLink(network, mapping, clock=sim_time), mapping, sim_time=sim_time)
 

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from sleepcast.bridges.body import FRESH
-from sleepcast.bridges.ros2 import Ros2Body, body_on
-from sleepcast.bridges.ros2_mapping import MAX_NAME, RobotMapping, Sink, Source, is_namespace, read_mapping
+from sleepcast.bridges.ros2.mapping import MAX_NAME, RobotMapping, Sink, Source, is_namespace, read_mapping
+from sleepcast.bridges.ros2.robot import Ros2Body, body_on
 from sleepcast.core.settings import SettingsError, read_text
 
 if TYPE_CHECKING:
-    from sleepcast.bridges.ros2_link import Endpoint, Ros2Network
+    from sleepcast.bridges.ros2.link import Endpoint, Ros2Network
 
 MAX_NAMESPACES = 1_000
 """Of those that have one of the topics at least: more are no fleet of one mapping."""
@@ -138,7 +138,7 @@ class Ros2Fleet:
             yield self._topic(sink, False, names, sink is mapping.drive)
 
     def _topic(self, ours: Source | Sink, comes: bool, names: tuple[str, ...], vital: bool) -> TopicThere:
-        from sleepcast.bridges.ros2_link import misfit
+        from sleepcast.bridges.ros2.link import misfit
 
         others = [each for each in self._seen.get(ours.topic, ()) if each.publishes == comes]
         reasons = [misfit(each, ours.sort, ours.qos) for each in others]

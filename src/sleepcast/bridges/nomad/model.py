@@ -8,7 +8,7 @@ from math import inf, pi
 from sleepcast.bridges import Opening
 from sleepcast.bridges.address import BodyError, read_body_address
 from sleepcast.bridges.body import FRESH, PATIENCE
-from sleepcast.bridges.nomad_robot import BASES, Base, NomadRobot
+from sleepcast.bridges.nomad.robot import BASES, Base, NomadRobot
 from sleepcast.core.model import HostFunction, Quantity
 from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, Dimension
 from sleepcast.nomad.client import PORT, Nomad

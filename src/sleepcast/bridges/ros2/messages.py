@@ -217,7 +217,7 @@ class Clock(IdlStruct, typename=dds_type("rosgraph_msgs", "Clock")):
     clock: Time = field(default_factory=Time)
 
 
-# ---- the values in them, by the names that a mapping has for them; see ros2_mapping.TYPES
+# ---- the values in them, by the names that a mapping has for them; see mapping.TYPES
 
 
 def seconds(time: Time) -> float:

@@ -1,6 +1,6 @@
 """Simulated robots of the Nomads' server as ROS 2 robots too: robot 1 is /scout1, robot 2 /scout2, time is /clock.
 
-What they tell is in `ros2_sensors`; what nobody listens to is not made. They are told velocities at `cmd_vel`, with or
+What they tell is in `sensors`; what nobody listens to is not made. They are told velocities at `cmd_vel`, with or
 without a time, and at `stop` whether they must stand. The wire of 1998 and the page go on beside it, and the rules of
 who drives are theirs: the last word counts, and two that drive one robot are told to the person at the terminal.
 
@@ -26,10 +26,10 @@ from cyclonedds.core import DDSException
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 
-from sleepcast.bridges.ros2_link import GRADES, Endpoint, Ros2Network
-from sleepcast.bridges.ros2_mapping import CLOCK, FASTEST, is_namespace
-from sleepcast.bridges.ros2_messages import Bool, Clock, TFMessage, Twist, TwistStamped, ros_type, seconds, time_of
-from sleepcast.bridges.ros2_sensors import TOLD, RobotSensors, Told
+from sleepcast.bridges.ros2.link import GRADES, Endpoint, Ros2Network
+from sleepcast.bridges.ros2.mapping import CLOCK, FASTEST, is_namespace
+from sleepcast.bridges.ros2.messages import Bool, Clock, TFMessage, Twist, TwistStamped, ros_type, seconds, time_of
+from sleepcast.bridges.ros2.sensors import TOLD, RobotSensors, Told
 from sleepcast.core.errors import MisuseError
 from sleepcast.nomad import Nserver, SimulatedRobot
 
@@ -173,7 +173,7 @@ class Programs:
 
 class End(NamedTuple):
     """One of our topics. messages: the classes of its messages. listens: whether it is we who listen there. grade: see
-    `ros2_link.GRADES`."""
+    `link.GRADES`."""
 
     messages: tuple[type[Any], ...]
     listens: bool = False

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from math import cos, inf, isnan, pi, remainder, sin
 from typing import Any, NamedTuple
 
-from sleepcast.bridges.ros2_messages import (
+from sleepcast.bridges.ros2.messages import (
     BatteryState,
     Bool,
     Header,

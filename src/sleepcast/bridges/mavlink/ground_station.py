@@ -17,7 +17,7 @@ from math import cos, degrees, inf, isfinite, nan, pi, sin
 from typing import Any, Literal
 
 from sleepcast.bridges.address import read_body_address
-from sleepcast.bridges.mavlink_link import LINK, Link, open_link, system_of
+from sleepcast.bridges.mavlink.link import LINK, Link, open_link, system_of
 from sleepcast.core.clock import Clock, WallClock
 from sleepcast.core.geodesy import LocalMap, Origin
 

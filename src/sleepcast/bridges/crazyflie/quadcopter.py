@@ -22,7 +22,7 @@ from typing import Protocol
 from sleepcast.bridges import Opening
 from sleepcast.bridges.address import BodyError, read_body_address
 from sleepcast.bridges.body import FRESH, BridgedBody, Motion, OutOfReachError, clamped
-from sleepcast.bridges.crazyradio import RATES, is_radio_address, radio_uri, stop_all_by_port, stop_all_by_radio
+from sleepcast.bridges.crazyflie.radio import RATES, is_radio_address, radio_uri, stop_all_by_port, stop_all_by_radio
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.model import HostFunction, Quantity
@@ -263,7 +263,7 @@ def model_of(limits: Limits) -> RobotModel:
 
 def open_body(uri: str, opening: Opening) -> CrazyflieBody:
     """Reach the Crazyflie at a URI; see the module. Raises BodyError, OutOfReachError."""
-    from sleepcast.bridges.crazyflie_link import CflibQuadcopter
+    from sleepcast.bridges.crazyflie.link import CflibQuadcopter
 
     address = read_body_address(uri, EXAMPLE, SETTINGS)
     if opening.in_step:

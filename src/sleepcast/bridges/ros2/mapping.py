@@ -39,7 +39,7 @@ _NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)*")
 
 class Heard(NamedTuple):
     """The values in a message of a topic, in the order of the mapping and in the topic's units. stamp: when it was
-    made, by the clock of who made it, s; NaN if it does not say. sectors: of a scan, m; see `ros2_messages`."""
+    made, by the clock of who made it, s; NaN if it does not say. sectors: of a scan, m; see `messages`."""
 
     stamp: float
     values: tuple[float, ...]

@@ -24,8 +24,8 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from sleepcast.bridges.body import OutOfReachError
-from sleepcast.bridges.ros2_mapping import CLOCK, Heard, RobotMapping, Sink, Source
-from sleepcast.bridges.ros2_messages import READ, Clock, made, read, ros_type, seconds, stamp
+from sleepcast.bridges.ros2.mapping import CLOCK, Heard, RobotMapping, Sink, Source
+from sleepcast.bridges.ros2.messages import READ, Clock, made, read, ros_type, seconds, stamp
 from sleepcast.core.errors import MisuseError, printable
 
 AT_ONCE = 1_000

@@ -21,7 +21,7 @@ from typing import Any
 from sleepcast.bridges import Opening
 from sleepcast.bridges.address import BodyError, read_body_address
 from sleepcast.bridges.body import FRESH, PATIENCE, BridgedBody, FencedError, Motion, OutOfReachError, clamped
-from sleepcast.bridges.mavlink_link import LINK, Link, open_link, system_of
+from sleepcast.bridges.mavlink.link import LINK, Link, open_link, system_of
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, printable
 from sleepcast.core.geodesy import LocalMap, Origin

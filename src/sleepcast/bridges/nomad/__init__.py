@@ -1,0 +1,1 @@
+"""Nomads behind a Nserver as bodies: the `robot`, and the `model` of what a mind can call by name on it."""

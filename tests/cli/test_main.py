@@ -55,6 +55,10 @@ def test_help_of_every_command_has_examples(capsys: pytest.CaptureFixture[str], 
         (["eval", "--seed", "x", "1"], "--seed"),
         (["demo", "--port", "70000"], "--port"),
         (["demo", "bravo", "more"], "more"),
+        (["demo", "--speed", "nan"], "wanted a number, not 'nan'"),
+        (["node", "--tick", "nan"], "wanted a number, not 'nan'"),
+        (["swarm", "3", "--seconds", "nan"], "wanted a number, not 'nan'"),
+        (["nserver", "--speed", "nan"], "wanted a number, not 'nan'"),
     ],
 )
 def test_misuse_is_told_with_what_might_be_meant(

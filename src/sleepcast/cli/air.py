@@ -10,7 +10,7 @@ from typing import TypeVar
 import click
 
 from sleepcast.api.connection import CHANNEL, FLEET, AirOptions, store_file
-from sleepcast.cli.options import Seconds
+from sleepcast.cli.options import NumberRange
 from sleepcast.core.errors import MisuseError
 
 MOST_SKEW = 3_600.0
@@ -31,13 +31,11 @@ def options(command: Command) -> Command:
     """The options that say which key is ours and whom it believes: the command gets `fleet`, `key`, `trust`, `folder`,
     `skew` and `rate`."""
     for option in (
-        click.option(
-            "--rate", metavar="N", type=click.FloatRange(1.0), help="Signatures of a key checked in a second."
-        ),
+        click.option("--rate", metavar="N", type=NumberRange(1.0), help="Signatures of a key checked in a second."),
         click.option(
             "--skew",
             metavar="S",
-            type=click.FloatRange(0.0, MOST_SKEW),
+            type=NumberRange(0.0, MOST_SKEW),
             help="Seconds that others' clocks may be wrong (default: 2).",
         ),
         click.option("--keys", "folder", type=click.Path(path_type=Path), help="Folder of the keys."),
@@ -64,7 +62,9 @@ def on_air(command: Callable[..., int]) -> Callable[..., int]:
     @click.option("--channel", metavar="URI", default=CHANNEL, show_default=True, help="The channel.")
     @options
     @expect_option
-    @click.option("--within", type=Seconds(0.0, 60.0), help="Seconds for answers (default: one millisecond per robot).")
+    @click.option(
+        "--within", type=NumberRange(0.0, 60.0), help="Seconds for answers (default: one millisecond per robot)."
+    )
     @journal_option
     @wraps(command)
     def placed(

@@ -10,6 +10,7 @@ import click
 
 from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.air import on_air
+from sleepcast.cli.options import NumberRange
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
 
@@ -26,7 +27,7 @@ DUMB = frozenset({"", "dumb", "unknown"})
 @click.option(
     "--look",
     metavar="S",
-    type=click.FloatRange(0.0, 3600.0),
+    type=NumberRange(0.0, 3600.0),
     default=LOOK_EVERY,
     show_default=True,
     help="Seconds between two telemetry requests; 0: only on :look.",

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from sleepcast.cli.interrupts import Interrupts
+from sleepcast.cli.options import NumberRange
 from sleepcast.cli.progress import unless_soon
 from sleepcast.cli.streams import ReaderGone, announce, complain
 from sleepcast.core.errors import MisuseError
@@ -54,7 +55,7 @@ QUICK = 3.0
 @click.option(
     "--speed",
     metavar="X",
-    type=click.FloatRange(SLOWEST),
+    type=NumberRange(SLOWEST),
     default=REAL_TIME,
     help="Speed, as a multiple of real time; inf: unlimited.",
 )

@@ -17,14 +17,14 @@ from sleepcast.core.units import TIME, UNITS, to_si
 _TIME = re.compile(r"(\d++(?:\.\d*+)?+|\.\d++)\s*([A-Za-z]*)")
 
 
-class Seconds(click.FloatRange):
-    """Seconds between two bounds; not "nan", which lies between any two."""
+class NumberRange(click.FloatRange):
+    """A number between two bounds; not "nan", which lies between any two."""
 
     def convert(self, value: float, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        seconds: float = super().convert(value, param, ctx)
-        if isnan(seconds):
-            self.fail(f"wanted a number of seconds, not {str(value)[:40]!r}", param, ctx)
-        return seconds
+        number: float = super().convert(value, param, ctx)
+        if isnan(number):
+            self.fail(f"wanted a number, not {str(value)[:40]!r}", param, ctx)
+        return number
 
 
 class SimulatedTime(click.ParamType):  # type: ignore[type-arg]  # takes one only where click is new
@@ -103,7 +103,7 @@ alert_option = click.option(
 LONGEST_TICK = 0.5
 """s: a body that its mind does not look at for a second is brought to rest."""
 tick_option = click.option(
-    "--tick", type=click.FloatRange(0.01, LONGEST_TICK), default=0.1, show_default=True, help="Seconds per tick."
+    "--tick", type=NumberRange(0.01, LONGEST_TICK), default=0.1, show_default=True, help="Seconds per tick."
 )
 each_rules_option = click.option(
     "--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions that each robot starts with."
@@ -118,7 +118,7 @@ def every_option(what: str) -> Callable[[Command], Command]:
     return click.option(
         "--every",
         metavar="S",
-        type=click.FloatRange(0.2, 60.0),
+        type=NumberRange(0.2, 60.0),
         default=1.0,
         show_default=True,
         help=f"Seconds between two {what}.",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.options import allow_host_option
+from sleepcast.cli.options import NumberRange, allow_host_option
 from sleepcast.cli.run import FASTEST, HOST, PORT, SLOWEST
 from sleepcast.cli.streams import announce, put
 from sleepcast.core.errors import MisuseError
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 @click.option("--verify", is_flag=True, help="Run it again, and compare the hashes of the state.")
 @click.option("--quiet", is_flag=True, help="Show no progress on standard error.")
 @click.option(
-    "--speed", metavar="X", type=click.FloatRange(SLOWEST, FASTEST), help="Page: speed, as a multiple of real time."
+    "--speed", metavar="X", type=NumberRange(SLOWEST, FASTEST), help="Page: speed, as a multiple of real time."
 )
 @click.option(
     "--port",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypedDict, TypeVar, Unpack
 import click
 
 from sleepcast.cli.interrupts import INTERRUPTED, TERMINATED, Interrupts, Terminated, end_now
-from sleepcast.cli.options import SimulatedTime, alert_option, allow_host_option
+from sleepcast.cli.options import NumberRange, SimulatedTime, alert_option, allow_host_option
 from sleepcast.cli.prepare import advise
 from sleepcast.cli.streams import announce, put
 from sleepcast.core.errors import MisuseError
@@ -60,7 +60,7 @@ class Options(TypedDict):
     journal: Path | None
 
 
-_PERIOD = click.FloatRange(0.001, 86_400.0)
+_PERIOD = NumberRange(0.001, 86_400.0)
 """Simulated seconds, from the shortest tick to a day."""
 
 _COMMON = (
@@ -75,7 +75,7 @@ _COMMON = (
     click.option("--json", "as_json", is_flag=True, help="Headless: print the outcome as one JSON object."),
     click.option("--quiet", is_flag=True, help="Headless: show no progress on standard error."),
     click.option(
-        "--speed", metavar="X", type=click.FloatRange(SLOWEST, FASTEST), help="Page: speed, as a multiple of real time."
+        "--speed", metavar="X", type=NumberRange(SLOWEST, FASTEST), help="Page: speed, as a multiple of real time."
     ),
     click.option(
         "--run/--wait",

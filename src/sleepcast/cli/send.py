@@ -12,7 +12,7 @@ from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.account import account_lines, as_dict, forecast_text, stages_as_dict
 from sleepcast.cli.air import operator
 from sleepcast.cli.eval import NegativeNumbersAllowed
-from sleepcast.cli.options import Seconds
+from sleepcast.cli.options import NumberRange
 from sleepcast.cli.streams import complain, put, somebody_there
 from sleepcast.core.errors import SleepcastError, and_more
 
@@ -45,7 +45,7 @@ anyway_option = click.option(
 @click.option(
     "--staged", is_flag=True, help="Send it to one robot, then to a tenth, then to all, until something fails."
 )
-@click.option("--hold", metavar="S", type=Seconds(0.0, MAX_HOLD), help="Keep driven robots moving for S seconds.")
+@click.option("--hold", metavar="S", type=NumberRange(0.0, MAX_HOLD), help="Keep driven robots moving for S seconds.")
 @click.option("--strict", is_flag=True, help="Treat warnings as errors.")
 @click.option("--blind", is_flag=True, help="Do not ask the robots beforehand who would obey.")
 @anyway_option

@@ -14,7 +14,7 @@ from sleepcast.api.connection import AirOptions, expectation, station_for
 from sleepcast.cli.account import account_lines, as_dict
 from sleepcast.cli.air import operator
 from sleepcast.cli.interrupts import Interrupts, Terminated
-from sleepcast.cli.options import Seconds
+from sleepcast.cli.options import NumberRange
 from sleepcast.cli.progress import Status
 from sleepcast.cli.streams import complain, put, somebody_there
 from sleepcast.core.errors import MisuseError, printable
@@ -45,7 +45,7 @@ NAMED = 3
     "--seconds",
     "seconds",
     metavar="S",
-    type=Seconds(0.0),
+    type=NumberRange(0.0),
     help="Give up on silent robots after S seconds (default: at Ctrl-C).",
 )
 @operator

@@ -91,7 +91,7 @@ def test_it_lets_in_what_other_robots_let_in(folder: Path, door: dict[str, Any])
 
 
 DESK, SCOUT = KeyPair("desk", Role.COMMANDER, bytes(32)), KeyPair("r9", Role.ROBOT, bytes([9] * 32))
-DIGEST, ASK, BEAT = Kind.DIGEST, Kind.ASK, Kind.HEARTBEAT
+DIGEST, ASK, RELEASE, BEAT = Kind.DIGEST, Kind.ASK, Kind.RELEASE, Kind.HEARTBEAT
 
 
 @pytest.mark.parametrize(
@@ -108,6 +108,10 @@ DIGEST, ASK, BEAT = Kind.DIGEST, Kind.ASK, Kind.HEARTBEAT
         (ASK, {"again": "desk-1.4", "for": ["r2"]}, {}, False),
         (ASK, {"again": "desk-1.4", "not": ["r3"]}, {}, False),
         (ASK, {"again": "desk-1.4", "for": ["r2"]}, {"driven": True}, True),
+        (RELEASE, {}, {}, True),
+        (RELEASE, {"for": ["r2", "r3"]}, {}, True),
+        (RELEASE, {"for": ["r2"]}, {}, False),
+        (RELEASE, {"for": ["r2"]}, {"driven": True}, True),
         (BEAT, {}, {}, False),
         (BEAT, {}, {"driven": True}, True),
     ],
@@ -160,6 +164,27 @@ def test_standing_commands_that_others_have_are_asked_for_by_digests_alone(
     link = {"after": 8, "sent": now / 1000, "until": now / 1000 + 60, "rules": 7}
     found = receiver.ask({"follows": link, "key": DESK.id.hex(), "told": told, "now": now})
     assert found["wanted"] == wanted
+
+
+def test_of_digests_that_differ_it_verifies_each_only_once(receiver: board.Talk) -> None:
+    """Of one stream one neighbour has more, of another one another; what both say together is known then."""
+    now = 1_800_000_001_000
+    receiver.ask({"fleet": "lab", "now": now, "nonce": ""})
+    one, other, both = [(1, 9), (2, 3)], [(1, 7), (2, 5)], [(1, 9), (2, 5)]
+    found = receiver.ask({"digests": [one, other, one, other, both], "key": DESK.id.hex(), "now": now})
+    assert found["matter"] == [True, True, False, False, False]
+
+
+@pytest.mark.parametrize(("waits", "calm", "said"), [(True, 0, []), (True, 1, [7]), (False, 0, [7])])
+def test_it_asks_for_more_standing_commands_once_none_waits(
+    receiver: board.Talk, waits: bool, calm: int, said: list[int]
+) -> None:
+    """Others would send again what waits; but while somebody forges, it may be that what waits is none. calm: ticks
+    until forgeries are forgotten; said: kinds of what it says (7: a digest)."""
+    now = 1_800_000_001_000
+    receiver.ask({"fleet": "lab", "now": now, "nonce": ""})
+    commands = [desk_says(1, "(DEFVAR v 0)", 0)] * waits
+    assert receiver.ask({"waits": commands, "calm": calm, "now": now}) == {"said": said, "eager": not said}
 
 
 def test_it_signs_as_others_do(receiver: board.Talk) -> None:

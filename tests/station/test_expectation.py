@@ -97,6 +97,25 @@ def test_stop_goes_on_until_the_last_expected_robot_has_confirmed(expected: Expe
     assert scene.fleet["r3"].node.stopped
 
 
+def test_release_goes_on_for_robots_out_of_reach_but_less_and_less_often() -> None:
+    scene = Scene(robots=5)
+    desk = scene.desk(heard=(), expected=Expectation(size=5))
+    desk.stop()
+    scene.run(1.0)
+    assert scene.fleet["r3"].node.stopped
+    scene.isolate("r3")
+    release = desk.release()
+    scene.run(5.0)
+    before = desk.session.delivery.next_number
+    scene.run(115.0)
+    assert desk.accounting(release.id).n_silent == 1
+    assert 0 < desk.session.delivery.next_number - before < 15
+    scene.join("r3")
+    scene.run(35.0)
+    assert desk.accounting(release.id).complete
+    assert not scene.fleet["r3"].node.stopped
+
+
 def test_robots_that_were_never_heard_may_obey_too() -> None:
     scene = Scene(robots=3, caution=SendPolicy(above=10))
     desk = scene.desk(expected=HUNDRED)

@@ -31,6 +31,7 @@ _REQUEST = const(8)
 _STANDING = const(9)
 _OWNER = const(0)
 _ROLE = const(1)
+_REVOKED = const(4)
 
 # Why a datagram is dropped.
 _MALFORMED = const(1)
@@ -232,12 +233,12 @@ class Node:
         leased = self.driven and self._lease is not None  # whatever an operator says keeps the body going
         if kind == _HEARTBEAT:
             return self._nonce or leased
-        if kind not in (_ASK, _DIGEST) or part[7] > 1:
+        if kind not in (_ASK, _DIGEST, _RELEASE) or part[7] > 1:
             return True
         body = content(names(part[8])[2])[1]
-        if kind == _ASK:
-            return leased or self._is_addressed(body)
-        return self._streams.matters(body.get("have"), self._commands)
+        if kind == _DIGEST:
+            return self._streams.matters(body.get("have"), self._commands)
+        return leased or self._is_addressed(body)
 
     def _giving_way(self, datagram, size):
         """Which of the waiting datagrams gives way to this one, None if this one does. size: bytes of all."""
@@ -366,6 +367,7 @@ class Node:
             if "keys" in body:
                 if kind == _STANDING and role == "commander":
                     reason = self.trust.change(body["keys"])
+                    self._streams.theirs = {}  # perhaps under a key that nobody trusts any more
                     self._answer(message, "fault" if reason else "matched", None, reason)
                 message[7] = ""
             ready, gone = self._streams.take((which, epoch), number, kind == _STANDING, body, message, now)
@@ -387,7 +389,7 @@ class Node:
 
     def _commands(self, which):
         key = self.trust.keys.get(which)
-        return key is not None and key[_ROLE] in ("operator", "commander")
+        return key is not None and key[_ROLE] in ("operator", "commander") and not key[_REVOKED]
 
     def _is_addressed(self, body):
         only, others = body.get("for"), body.get("not", [])
@@ -585,7 +587,10 @@ class Node:
         if wanted:
             self._say(_REQUEST, {"want": wanted})
         if streams.is_due(now):
-            self._ask_for_more()
+            if self.tick >= self._calm and any([each[_KIND] == _STANDING for each in self._jobs]):
+                streams.eager = True  # others would send again what waits here
+            else:
+                self._ask_for_more()
         if not self.clock.is_set and now - self.asked >= self._pause:
             self.asked, self._pause = now, min(2 * self._pause, 16000)
             self._nonce = os.urandom(16)

@@ -39,15 +39,15 @@ def _time(seconds):
 
 
 class Streams:
-    """since: when the robot began to listen. missed: how many commands never came in time. eager: whether others have
-    more standing commands, and some of them have just been obeyed.
+    """since: when the robot began to listen. missed: how many commands never came in time. theirs: the latest standing
+    commands that others have, as far as it is known. eager: whether to ask for more of them as soon as none waits.
 
     A digest here says what this robot lacks, and it can resend nothing: so it follows digests of others that tell of
     more, not each standing command."""
 
     def __init__(self, since):
         self.since, self.missed = since, 0
-        self.eager, self._theirs = False, {}
+        self.eager, self.theirs = False, {}
         self._streams = {}
         self._alike, self._interval, self._speaks, self._ends = 0, _SOONEST, 0, 0
         self.news(since)
@@ -111,7 +111,7 @@ class Streams:
                 del stream[_WANTED][old]
             if standing:
                 stream[_RULES] = number
-                self.eager = self._is_behind(self._theirs, {})
+                self.eager = self._is_behind(self.theirs, {})
             found.append(message)
         return found
 
@@ -121,7 +121,7 @@ class Streams:
 
     def wanted(self, now):
         """What to request now, as in a request's body; [] for nothing."""
-        found, behind = [], self._is_behind(self._theirs, {})
+        found, behind = [], self._is_behind(self.theirs, {})
         for name, stream in self._streams.items():
             numbers = []
             for number, want in list(stream[_WANTED].items()):
@@ -145,13 +145,16 @@ class Streams:
         """Whether it is worth verifying somebody's digest: it tells of more than we know of, or spares us our own."""
         theirs = self._by_stream(have, may)
         spares = self._speaks is not None and self._alike < _ENOUGH
-        return self._is_behind(theirs, self._theirs) or (spares and theirs == self._by_stream(self.have(), may))
+        return self._is_behind(theirs, self.theirs) or (spares and theirs == self._by_stream(self.have(), may))
 
     def compare(self, have, may, now):
         """Somebody's digest: ask soon if it tells of more than we have. may: tells whether a key may command."""
         theirs = self._by_stream(have, may)
         if self._is_behind(theirs, {}):
-            self._theirs = theirs
+            for each in self.theirs:  # of some streams one neighbour has more, of others another one
+                if each in theirs or len(theirs) < _MAX_STREAMS:
+                    theirs[each] = max(theirs.get(each, 0), self.theirs[each])
+            self.theirs = theirs
             self.news(now)
         elif theirs == self._by_stream(self.have(), may):
             self._alike += 1
@@ -182,7 +185,7 @@ class Streams:
             self._speaks = None
             speak = self._alike < _ENOUGH
         if self._ends <= now:
-            most = _BEHIND if self._is_behind(self._theirs, {}) else _LATEST
+            most = _BEHIND if self._is_behind(self.theirs, {}) else _LATEST
             self._begin(now, min(2 * self._interval, most))
         return speak
 

@@ -72,6 +72,8 @@ MAX_NAMED = 400
 """Names in a message that is sent again: two to four datagrams; where more are missed, all robots answer again."""
 MAX_IN_STOP = 700
 """Bytes of names in a STOP: it stays one datagram, because in a flood of forgeries each datagram may be lost."""
+RELEASE_SELDOM = 30.0
+"""Seconds between two RELEASEs for robots that stay silent, at most: it has no deadline, and they may come back."""
 MAX_AGAIN = 4_096
 """Messages sent again whose answers are still known to be meant for the first one."""
 LATCHING = frozenset({Kind.STOP, Kind.RELEASE})
@@ -158,8 +160,8 @@ class Retransmission:
         else:
             self._send_again(command, within, now)
         pause, age = REPEAT_AFTER if command.kind is Kind.STOP else 0.0, now - command.message.issued
-        if command.kind is Kind.COMMAND and age > DEADLINE:  # less and less often, since it may be good for an hour
-            pause = age / 2.0
+        if command.kind is not Kind.STOP and age > DEADLINE:  # less and less often, since it may be good for an hour
+            pause = age / 2.0 if command.kind is Kind.COMMAND else min(age / 2.0, RELEASE_SELDOM)
         self._due[command_id] = now + max(within + SETTLE, pause)
 
     def _ask_again(self, command: Command, within: float, now: float) -> None:

@@ -119,6 +119,19 @@ for line in sys.stdin:
             node._say(6, {"label": "busy", "values": []})
             node._work()
         print(json.dumps({"said": len(said), "left": len(node._jobs)}))
+    elif "digests" in asked:
+        streams, which, found = node._streams, bytes.fromhex(asked["key"]), []
+        streams._speaks = None
+        for each in asked["digests"]:
+            have = [[which, epoch, number] for epoch, number in each]
+            found.append(streams.matters(have, lambda key: True))
+            streams.compare(have, lambda key: True, asked["now"])
+        print(json.dumps({"matter": found}))
+    elif "waits" in asked:
+        node._jobs, node._streams._speaks = [bytes.fromhex(each) for each in asked["waits"]], 0
+        node._calm = node.tick + asked["calm"]
+        node._speak(asked["now"])
+        print(json.dumps({"said": [each[1] for each in node.out], "eager": node._streams.eager}))
     elif "follows" in asked:
         streams, which = node._streams, bytes.fromhex(asked["key"])
         streams.take((which, 1), 9, False, asked["follows"], None, asked["now"])

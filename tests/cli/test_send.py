@@ -107,7 +107,7 @@ def test_what_does_not_go_together(channel: str, capsys: pytest.CaptureFixture[s
         ("send", MARK, "--deadline", "0", "--blind"): "a deadline lies",
         ("send", MARK, "--deadline", "nan", "--blind"): "a deadline lies",
         ("send", MARK, "--standing", "--deadline", "5", "--blind"): "no deadline",
-        ("send", MARK, "--within", "nan"): "wanted a number",
+        ("send", MARK, "--within", "nan"): "wanted a number, not 'nan'",
         ("send", MARK, "--hold", "-1"): "not in the range",
         ("send", MARK, "--count", "0"): "not in the range",
         ("send", MARK, "--count", "3", "--blind"): "nothing was sent",

@@ -159,9 +159,11 @@ class Retransmission:
             self._ask_again(command, within, now)
         else:
             self._send_again(command, within, now)
-        pause, age = REPEAT_AFTER if command.kind is Kind.STOP else 0.0, now - command.message.issued
-        if command.kind is not Kind.STOP and age > DEADLINE:  # less and less often, since it may be good for an hour
-            pause = age / 2.0 if command.kind is Kind.COMMAND else min(age / 2.0, RELEASE_SELDOM)
+        pause, age = 0.0, now - command.message.issued
+        if command.kind is Kind.STOP:
+            pause = REPEAT_AFTER
+        elif age > DEADLINE:  # less and less often, since a command may be good for an hour, and a RELEASE has no end
+            pause = min(age / 2.0, RELEASE_SELDOM if command.kind is Kind.RELEASE else inf)
         self._due[command_id] = now + max(within + SETTLE, pause)
 
     def _ask_again(self, command: Command, within: float, now: float) -> None:

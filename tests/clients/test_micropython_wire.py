@@ -12,7 +12,7 @@ import pytest
 
 from clients import board
 from sleepcast.channel.envelope import encode
-from sleepcast.channel.keys import KeyPair, Role
+from sleepcast.channel.keys import KeyChange, KeyPair, Role
 from sleepcast.channel.message import Kind, Message
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -25,11 +25,19 @@ ROOM = "256k"
 UNREAD = {5: "not for us", 6: "not for us", 8: "passed"}
 """Kinds that this robot drops unread, and what others do with them: it repairs nobody, so it needs no requests."""
 
+DESK, SCOUT = KeyPair("desk", Role.COMMANDER, bytes(32)), KeyPair("r9", Role.ROBOT, bytes([9] * 32))
+GONE = KeyPair("anna", Role.COMMANDER, bytes([8] * 32))
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     board.needed()
     return board.build(tmp_path_factory.mktemp("board"))
+
+
+def row(key: KeyPair) -> dict[str, Any]:
+    """Of a trust file."""
+    return {"owner": key.public.owner, "role": key.public.role, "public": key.public.public.hex()}
 
 
 def write_keys(folder: Path, trust: list[dict[str, Any]]) -> None:
@@ -41,6 +49,8 @@ def write_keys(folder: Path, trust: list[dict[str, Any]]) -> None:
 
 @pytest.fixture
 def receiver(folder: Path) -> Iterator[board.Talk]:
+    """One that trusts the desk."""
+    write_keys(folder, [row(DESK)])
     with board.Talk(board.start(folder, "receiver", heap=ROOM)) as talk:
         yield talk
 
@@ -90,7 +100,6 @@ def test_it_lets_in_what_other_robots_let_in(folder: Path, door: dict[str, Any])
                 assert became == wanted, step["about"]
 
 
-DESK, SCOUT = KeyPair("desk", Role.COMMANDER, bytes(32)), KeyPair("r9", Role.ROBOT, bytes([9] * 32))
 DIGEST, ASK, RELEASE, BEAT = Kind.DIGEST, Kind.ASK, Kind.RELEASE, Kind.HEARTBEAT
 
 
@@ -102,6 +111,7 @@ DIGEST, ASK, RELEASE, BEAT = Kind.DIGEST, Kind.ASK, Kind.RELEASE, Kind.HEARTBEAT
         (DIGEST, {"have": [[DESK.id, 1, 7]]}, {"rules": 7, "speaks": True}, True),
         (DIGEST, {"have": [[DESK.id, 1, 5]]}, {"rules": 7, "speaks": True}, False),
         (DIGEST, {"have": [[SCOUT.id, 1, 9]]}, {"rules": 7}, False),
+        (DIGEST, {"have": [[GONE.id, 1, 9]]}, {"rules": 7}, False),
         (DIGEST, {"have": "nonsense"}, {}, False),
         (ASK, {}, {}, True),
         (ASK, {"again": "desk-1.4", "for": ["r2", "r3"]}, {}, True),
@@ -121,9 +131,7 @@ def test_it_verifies_only_what_could_change_what_it_does(
 ) -> None:
     """Of what goes on between others. rules: which standing command of the desk it has; speaks: whether its own digest
     is due; driven: whether it goes on only while an operator is heard."""
-    known = [DESK.public, SCOUT.public]
-    keys = [{"owner": key.owner, "role": key.role, "public": key.public.hex()} for key in known]
-    write_keys(folder, keys)
+    write_keys(folder, [row(DESK), row(SCOUT), {**row(GONE), "revoked": True}])
     key = SCOUT if kind is DIGEST else DESK
     message = Message(key.public.owner, 1, 3, kind, 1_800_000_000.0, 1_800_000_005.0, body=body)
     with board.Talk(board.start(folder, "receiver", heap=ROOM)) as receiver:
@@ -134,21 +142,19 @@ def test_it_verifies_only_what_could_change_what_it_does(
     assert reason == ("" if needed else "not needed")
 
 
-def desk_says(number: int, text: str, rules: int) -> str:
-    """A standing command of the desk, as hexadecimal digits. rules: which one comes before it."""
-    link = {"after": rules, "sent": None, "until": None, "rules": rules}
+def desk_says(number: int, text: str, rules: int, **more: object) -> str:
+    """A standing command of the desk, as hexadecimal digits. rules: which one comes before it; more: of its body."""
+    link = {"after": rules, "sent": None, "until": None, "rules": rules, **more}
     message = Message("desk", 1, number, Kind.COMMAND, 1_800_000_000.0, inf, text, standing=True, body=link)
     (datagram,) = encode(message, "lab", DESK)
     return datagram.hex()
 
 
-def test_whatever_it_has_to_say_it_verifies_what_others_say(folder: Path) -> None:
+def test_whatever_it_has_to_say_it_verifies_what_others_say(receiver: board.Talk) -> None:
     """It used to sign one message after the other while a command waited, if there was always another one to sign."""
-    write_keys(folder, [{"owner": "desk", "role": DESK.public.role, "public": DESK.public.public.hex()}])
     commands = [desk_says(number, f"(DEFVAR v{number} 0)", number - 1) for number in range(1, 5)]
-    with board.Talk(board.start(folder, "receiver", heap=ROOM)) as receiver:
-        receiver.ask({"fleet": "lab", "now": 1_800_000_001_000, "nonce": ""})
-        found = receiver.ask({"busy": commands, "most": 20})
+    receiver.ask({"fleet": "lab", "now": 1_800_000_001_000, "nonce": ""})
+    found = receiver.ask({"busy": commands, "most": 20})
     assert found["left"] == 0
     assert found["said"] <= len(commands) + 1
 
@@ -175,16 +181,31 @@ def test_of_digests_that_differ_it_verifies_each_only_once(receiver: board.Talk)
     assert found["matter"] == [True, True, False, False, False]
 
 
-@pytest.mark.parametrize(("waits", "calm", "said"), [(True, 0, []), (True, 1, [7]), (False, 0, [7])])
+@pytest.mark.parametrize(
+    ("waits", "told", "calm", "said"), [(True, 3, 0, []), (True, 3, 1, [7]), (False, 3, 0, [7]), (True, 0, 0, [7])]
+)
 def test_it_asks_for_more_standing_commands_once_none_waits(
-    receiver: board.Talk, waits: bool, calm: int, said: list[int]
+    receiver: board.Talk, waits: bool, told: int, calm: int, said: list[int]
 ) -> None:
-    """Others would send again what waits; but while somebody forges, it may be that what waits is none. calm: ticks
-    until forgeries are forgotten; said: kinds of what it says (7: a digest)."""
+    """Others would send again what waits; but while somebody forges, it may be that what waits is none, and before
+    others have told of more, nothing else would make it ask. told: the latest one that others say they have; calm:
+    ticks until forgeries are forgotten; said: kinds of what it says (7: a digest)."""
     now = 1_800_000_001_000
     receiver.ask({"fleet": "lab", "now": now, "nonce": ""})
     commands = [desk_says(1, "(DEFVAR v 0)", 0)] * waits
-    assert receiver.ask({"waits": commands, "calm": calm, "now": now}) == {"said": said, "eager": not said}
+    found = receiver.ask({"waits": commands, "key": DESK.id.hex(), "told": told, "calm": calm, "now": now})
+    assert found == {"said": said, "eager": not said}
+
+
+def test_what_others_had_is_forgotten_when_keys_change(receiver: board.Talk) -> None:
+    """Commands under a revoked key never come; a robot that waited for them would ask for ever."""
+    now = 1_800_000_001_000
+    receiver.ask({"fleet": "lab", "now": now, "nonce": ""})
+    told = {"digests": [[(7, 9)], [(7, 9)]], "key": DESK.id.hex(), "now": now}
+    assert receiver.ask(told)["matter"] == [True, False]
+    change = desk_says(1, "", 0, keys=KeyChange(revoke=frozenset((GONE.id,))).written())
+    assert receiver.ask({"busy": [change], "most": 20})["left"] == 0
+    assert receiver.ask(told)["matter"] == [True, False]
 
 
 def test_it_signs_as_others_do(receiver: board.Talk) -> None:

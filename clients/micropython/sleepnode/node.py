@@ -31,7 +31,6 @@ _REQUEST = const(8)
 _STANDING = const(9)
 _OWNER = const(0)
 _ROLE = const(1)
-_REVOKED = const(4)
 
 # Why a datagram is dropped.
 _MALFORMED = const(1)
@@ -388,8 +387,7 @@ class Node:
             self._drop(_NO_ROOM)
 
     def _commands(self, which):
-        key = self.trust.keys.get(which)
-        return key is not None and key[_ROLE] in ("operator", "commander") and not key[_REVOKED]
+        return not self.trust.objection(which, _RELEASE)  # which operators and commanders may send
 
     def _is_addressed(self, body):
         only, others = body.get("for"), body.get("not", [])
@@ -529,7 +527,7 @@ class Node:
         """body: perhaps encoded already."""
         now = self.clock.now()
         asks = kind in (_DIGEST, _REQUEST)  # goes before answers, and one of each at most waits
-        if asks and self._is_about_to_say(kind):
+        if asks:
             self.out = [each for each in self.out if each[1] != kind]
         if len(self.out) < _MAX_OUT + 2 * asks:
             body = body if isinstance(body, bytes) else encode(body)
@@ -537,10 +535,6 @@ class Node:
             self.out.insert(0 if asks else len(self.out), what)
         else:
             self._drop(_NOT_SENT)
-
-    def _is_about_to_say(self, kind):
-        """Whether something of this kind waits to be signed."""
-        return any([each[1] == kind for each in self.out])
 
     def _ask_for_more(self):
         """Say which standing commands we have, and how many of the next ones can wait here to be verified."""
@@ -583,11 +577,12 @@ class Node:
         if streams.missed:
             self._say(_REPORT, {"label": "missed", "values": [float(streams.missed)]})
             streams.missed = 0
-        wanted = () if self._is_about_to_say(_REQUEST) else streams.wanted(now)
+        wanted = not any([each[1] == _REQUEST for each in self.out]) and streams.wanted(now)
         if wanted:
             self._say(_REQUEST, {"want": wanted})
         if streams.is_due(now):
-            if self.tick >= self._calm and any([each[_KIND] == _STANDING for each in self._jobs]):
+            waits = any([each[_KIND] == _STANDING for each in self._jobs])
+            if waits and streams.is_behind() and self.tick >= self._calm:
                 streams.eager = True  # others would send again what waits here
             else:
                 self._ask_for_more()

@@ -111,7 +111,7 @@ class Streams:
                 del stream[_WANTED][old]
             if standing:
                 stream[_RULES] = number
-                self.eager = self._is_behind(self.theirs, {})
+                self.eager = self.is_behind()
             found.append(message)
         return found
 
@@ -121,7 +121,7 @@ class Streams:
 
     def wanted(self, now):
         """What to request now, as in a request's body; [] for nothing."""
-        found, behind = [], self._is_behind(self.theirs, {})
+        found, behind = [], self.is_behind()
         for name, stream in self._streams.items():
             numbers = []
             for number, want in list(stream[_WANTED].items()):
@@ -145,12 +145,12 @@ class Streams:
         """Whether it is worth verifying somebody's digest: it tells of more than we know of, or spares us our own."""
         theirs = self._by_stream(have, may)
         spares = self._speaks is not None and self._alike < _ENOUGH
-        return self._is_behind(theirs, self.theirs) or (spares and theirs == self._by_stream(self.have(), may))
+        return self._tells_more(theirs, self.theirs) or (spares and theirs == self._by_stream(self.have(), may))
 
     def compare(self, have, may, now):
         """Somebody's digest: ask soon if it tells of more than we have. may: tells whether a key may command."""
         theirs = self._by_stream(have, may)
-        if self._is_behind(theirs, {}):
+        if self._tells_more(theirs, {}):
             for each in self.theirs:  # of some streams one neighbour has more, of others another one
                 if each in theirs or len(theirs) < _MAX_STREAMS:
                     theirs[each] = max(theirs.get(each, 0), self.theirs[each])
@@ -166,7 +166,11 @@ class Streams:
                 found[each[0], each[1]] = each[2]
         return found
 
-    def _is_behind(self, theirs, known):
+    def is_behind(self):
+        """Whether others are known to have more standing commands."""
+        return self._tells_more(self.theirs, {})
+
+    def _tells_more(self, theirs, known):
         """Whether there is more than we have, and than is known to be there."""
         ours = self._streams
         return any(
@@ -185,7 +189,7 @@ class Streams:
             self._speaks = None
             speak = self._alike < _ENOUGH
         if self._ends <= now:
-            most = _BEHIND if self._is_behind(self.theirs, {}) else _LATEST
+            most = _BEHIND if self.is_behind() else _LATEST
             self._begin(now, min(2 * self._interval, most))
         return speak
 

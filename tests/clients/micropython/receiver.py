@@ -129,6 +129,7 @@ for line in sys.stdin:
         print(json.dumps({"matter": found}))
     elif "waits" in asked:
         node._jobs, node._streams._speaks = [bytes.fromhex(each) for each in asked["waits"]], 0
+        node._streams.theirs = {(bytes.fromhex(asked["key"]), 1): asked["told"]}
         node._calm = node.tick + asked["calm"]
         node._speak(asked["now"])
         print(json.dumps({"said": [each[1] for each in node.out], "eager": node._streams.eager}))

@@ -397,9 +397,17 @@ def test_the_newest_command_is_at_the_top_wherever_one_comes_from(many: Program,
     page = context.new_page()
     page.goto(many.address)
     lines = page.locator("#commands tr")
+    expect(page.locator("#scrub")).to_be_visible()  # before that, keys are for nothing
     page.locator("#scrub").focus()
-    for key, newest, oldest in (("End", 60, 11), ("PageDown", 60, 11), ("PageDown", 53, 4), ("PageDown", 46, 1)):
+    for key, time, newest, oldest in (
+        ("End", "0:01:00", 60, 11),
+        ("PageDown", "0:00:54", 60, 11),
+        ("PageDown", "0:00:48", 53, 4),
+        ("PageDown", "0:00:42", 46, 1),
+    ):
         page.keyboard.press(key)
+        expect(page.locator("#clock")).to_have_text(time)
+        expect(page.locator("#scrub")).to_have_attribute("aria-valuetext", time)
         expect(lines.first).to_contain_text(f"g{newest})")
         expect(lines.last).to_contain_text(f"g{oldest})")
     numbers = [int(re.findall(r"g(\d+)", text)[0]) for text in lines.all_inner_texts()]

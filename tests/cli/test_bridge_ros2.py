@@ -44,10 +44,12 @@ def channel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 
 class Said:
-    """What a process prints, line by line."""
+    """What a process prints, line by line. The process is killed with the block, and read to its last line: before
+    anybody closes its pipes."""
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self.lines: list[str] = []
+        self._process = process
         self._waiting: Queue[str] = Queue()
         self._readers = [
             Thread(target=self._read, args=(each,), daemon=True) for each in (process.stdout, process.stderr)
@@ -58,6 +60,14 @@ class Said:
     def _read(self, stream: Any) -> None:
         for line in stream or ():
             self._waiting.put(line.strip())
+
+    def __enter__(self) -> Said:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        for reader in self._readers:
+            reader.join(LONGEST)
 
     def until(self, done: Callable[[list[str]], bool]) -> None:
         """Wait until this is true of all lines so far."""
@@ -99,11 +109,8 @@ def last(lines: list[str], *what: str) -> list[str]:
 @contextmanager
 def bridge(channel: str, *options: object) -> Iterator[tuple[subprocess.Popen[str], Said]]:
     command = ("bridge", "ros2", "--channel", channel, "--domain", DOMAIN, "--discovery", "localhost", *options)
-    with start(*SLEEPCAST, *command) as process:
-        try:
-            yield process, Said(process)
-        finally:
-            process.kill()
+    with start(*SLEEPCAST, *command) as process, Said(process) as said:
+        yield process, said
 
 
 class Told:
@@ -134,8 +141,7 @@ def account(channel: str, *arguments: str) -> dict[str, Any]:
 
 def test_a_fleet_is_found_driven_stopped_lost_and_found_again(channel: str) -> None:
     with bridge(channel) as (process, said):
-        with another(*ROBOTS[:2], domain=DOMAIN) as robots:
-            heard = Said(robots)
+        with another(*ROBOTS[:2], domain=DOMAIN) as robots, Said(robots) as heard:
             said.until(lambda lines: "scout2 is up, with 0 rules; 2 robots" in lines)
             assert account(channel, "ask", "(* 1 id)")["max"] == 2.0
             go = account(channel, "send", "--standing", "--all", "(RULE go (SETQ drive_speed 0.2m/s))")
@@ -148,8 +154,7 @@ def test_a_fleet_is_found_driven_stopped_lost_and_found_again(channel: str) -> N
                 robots.kill()
                 told.until("nothing new has come at /scout1/odom")
         said.until(lambda lines: sum("out of reach" in line for line in lines) == 2)
-        with another(*ROBOTS, domain=DOMAIN) as robots:
-            heard = Said(robots)
+        with another(*ROBOTS, domain=DOMAIN) as robots, Said(robots) as heard:
             said.until(lambda lines: "scout3 is up, with 0 rules; 3 robots" in lines)
             said.until(lambda lines: sum("within reach again" in line for line in lines) == 2)
             heard.until(lambda lines: last(lines, "stopped", "free") == ["stopped"] * 2 + ["free"])
@@ -200,24 +205,23 @@ def test_twenty_robots_of_real_ros_on_a_lossy_network(channel: str) -> None:
         robots = lab.start(
             "robots", *map(str, robots_command(True, DOMAIN)), *fleet, environment={**os.environ, **place}, **pipes
         )
-        heard = Said(robots)
-        lab.lose(0.2, what='iifname "eth0"')
         minds = ("bridge", "ros2", "--channel", channel, "--domain", str(DOMAIN), "--discovery", "subnet", "--no-store")
-        said = Said(lab.start("ours", *SLEEPCAST[2:], *minds, **pipes))
-        said.until(lambda lines: count(lines, "20 robots") == 1)
-        go = ours("send", "--standing", "--all", "--count", "20", "(RULE go (SETQ drive_speed 0.2m/s))")
-        assert go["n_matched"] == 20
-        heard.until(lambda lines: last(lines, "moves", "rests") == ["moves"] * 20)
-        lab.cut("robots")
-        heard.until(lambda lines: last(lines, "moves", "rests") == ["rests"] * 20)
-        said.until(lambda lines: sum("is out of reach" in line for line in lines) == 20)
-        lab.heal()
-        said.until(lambda lines: sum("within reach again" in line for line in lines) == 20)
-        heard.until(lambda lines: last(lines, "moves", "rests") == ["moves"] * 20)
-        stop = ours("stop")
-        assert (stop["n_matched"], stop["n_silent"]) == (20, 0)
-        heard.until(lambda lines: last(lines, "moves", "rests") == ["rests"] * 20)
-        heard.until(lambda lines: last(lines, "stopped", "free") == ["stopped"] * 20)
+        lab.lose(0.2, what='iifname "eth0"')
+        with Said(robots) as heard, Said(lab.start("ours", *SLEEPCAST[2:], *minds, **pipes)) as said:
+            said.until(lambda lines: count(lines, "20 robots") == 1)
+            go = ours("send", "--standing", "--all", "--count", "20", "(RULE go (SETQ drive_speed 0.2m/s))")
+            assert go["n_matched"] == 20
+            heard.until(lambda lines: last(lines, "moves", "rests") == ["moves"] * 20)
+            lab.cut("robots")
+            heard.until(lambda lines: last(lines, "moves", "rests") == ["rests"] * 20)
+            said.until(lambda lines: sum("is out of reach" in line for line in lines) == 20)
+            lab.heal()
+            said.until(lambda lines: sum("within reach again" in line for line in lines) == 20)
+            heard.until(lambda lines: last(lines, "moves", "rests") == ["moves"] * 20)
+            stop = ours("stop")
+            assert (stop["n_matched"], stop["n_silent"]) == (20, 0)
+            heard.until(lambda lines: last(lines, "moves", "rests") == ["rests"] * 20)
+            heard.until(lambda lines: last(lines, "stopped", "free") == ["stopped"] * 20)
 
 
 def test_a_robot_that_lacks_a_topic_says_so_at_the_desk(channel: str) -> None:

@@ -321,5 +321,5 @@ def test_nobody_there_is_told(port: int, monkeypatch: pytest.MonkeyPatch) -> Non
     from sleepcast.bridges.crazyflie import link
 
     monkeypatch.setattr(link, "SOON", 0.2)
-    with pytest.raises(OutOfReachError):
+    with pytest.raises(OutOfReachError, match=f"127.0.0.1:{port} does not answer"):
         open_robot(f"crazyflie://127.0.0.1:{port}")

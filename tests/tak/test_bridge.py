@@ -94,6 +94,13 @@ async def heard(port: int, marker: Event, wanted: set[str]) -> dict[str, Event]:
     return found
 
 
+def values_of(names: str, channel: str) -> dict[str, tuple[float, ...]]:
+    """What robots report of these variables."""
+    known = called("watch", "--once", "--json", "--show", names, "--channel", channel)
+    robots = json.loads(known.out)["robots"]
+    return {robot["name"]: tuple(robot["values"][name] for name in names.split(",")) for robot in robots}
+
+
 def line(process: subprocess.Popen[str]) -> str:
     assert process.stdout is not None
     return process.stdout.readline()
@@ -121,14 +128,23 @@ def test_robots_groups_and_places_are_seen_and_markers_become_places(home: Path)
             }
             found = asyncio.run(heard(port, marker, wanted))
             assert line(bridge).startswith("depot_1 is at x = ")
-            known = called("watch", "--once", "--json", "--show", "x,y,depot_1_x,depot_1_y", "--channel", channel)
+            known = values_of("depot_1_x,depot_1_y", channel)
+            changed = called("send", "--only", "r2", "--blind", "(SETQ depot_1_x 70m)", "--channel", channel)
+            assert changed.status == 0, changed.err
+            ends = time.monotonic() + PATIENCE
+            while values_of("depot_1_x", channel)["r2"] != values_of("depot_1_x", channel)["r1"]:
+                assert time.monotonic() < ends, "r2 is told again"
         assert "is gone" in line(bridge)
-    robots = json.loads(known.out)["robots"]
-    assert len(robots) == 3
-    for robot in robots:
-        values = robot["values"]
-        assert values["depot_1_x"] == pytest.approx(0.0, abs=0.1)
-        assert values["depot_1_y"] == pytest.approx(111.0, abs=0.5)
+    assert len(known) == 3
+    for depot_x, depot_y in known.values():
+        assert depot_x == pytest.approx(0.0, abs=0.1)
+        assert depot_y == pytest.approx(111.0, abs=0.5)
     assert found["sleepcast.group.bravo"].callsign == "bravo (3)"
     assert found["sleepcast.r2"].callsign == "r2"
     assert "sleepcast.place.depot_1" not in found  # it is on that map already
+
+
+@pytest.mark.parametrize("type", ["", "a", "robot", "a-f-<G>", "a" + "-b" * 99])
+def test_a_type_that_is_none_is_refused(home: Path, type: str) -> None:
+    said = called("bridge", "tak", "--server", "tcp://127.0.0.1:1", "--origin", "36.6,-121.9", "--type", type)
+    assert (said.status, "is no type of an event" in said.err) == (2, True)

@@ -92,6 +92,24 @@ def test_a_marker_becomes_a_place_once_and_again_when_it_moves(ground: LocalMap)
     moved = markers.take(marker(latitude=36.601))
     assert isinstance(moved, NamedPlace)
     assert moved.y == pytest.approx(111.0, abs=0.1)
+    renamed = markers.take(marker(callsign="Depot 2", latitude=36.601))
+    assert isinstance(renamed, NamedPlace)
+    assert renamed.key == "depot_2"
+    assert markers.take(marker("m2")) == NamedPlace("depot_1", found.x, found.y), "its old name is free"
+
+
+def test_one_marker_cannot_fill_robots_with_its_names(ground: LocalMap) -> None:
+    markers = Markers(ground, "fleet")
+    for number in range(MAX_MARKERS):
+        assert isinstance(markers.take(marker(callsign=f"p{number}")), NamedPlace)
+    assert "one too many" in str(markers.take(marker(callsign="more")))
+
+
+def test_a_robot_knows_a_place_if_it_has_both_numbers(ground: LocalMap) -> None:
+    place = NamedPlace("depot", 3.0, 4.0)
+    assert place.known({"depot_x": 3.001, "depot_y": 4.0, "fuel": 0.5})
+    for values in ({}, {"depot_x": 3.0}, {"depot_x": 3.0, "depot_y": math.nan}, {"depot_x": 3.0, "depot_y": 9.0}):
+        assert not place.known(values)
 
 
 def test_what_is_no_marker_or_our_own_is_left_out(ground: LocalMap) -> None:

@@ -82,7 +82,7 @@ def tak(server: str, origin: str, every: float, markers: bool, type: str | None,
             fleet=air.fleet,
             every=every,
             markers=markers,
-            type=type or GROUND_ROBOT,
+            type=GROUND_ROBOT if type is None else type,
         )
         import asyncio  # of no use to other commands
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import Callable
 
-from sleepcast.core.errors import SleepcastError, printable
+from sleepcast.core.errors import MisuseError, SleepcastError, printable
 from sleepcast.core.geodesy import LocalMap
 from sleepcast.core.tasks import together
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import TelemetryClient
-from sleepcast.station.validation import SendPolicy
+from sleepcast.station.validation import MAX_LISTED, SendPolicy
 from sleepcast.tak.event import Event
 from sleepcast.tak.link import Link
 from sleepcast.tak.picture import GROUND_ROBOT, Markers, NamedPlace, Picture, command
@@ -19,6 +20,12 @@ LISTEN = 0.05
 """Seconds between two looks at what robots say."""
 LEAST_BETWEEN = 2.0
 """Seconds between two commands about places at least: somebody may drag a marker to and fro."""
+AGAIN, AT_ONCE = 5.0, 4
+"""Seconds after which robots that do not know a place are told again: as long as a command is good. And of how many
+places at once."""
+
+TYPE = re.compile(r"[A-Za-z](-[A-Za-z0-9.]{1,20}){1,15}")
+"""What a type of Cursor-on-Target looks like."""
 
 Say = Callable[[str], None]
 
@@ -28,7 +35,7 @@ class TakBridge:
 
     fleet: its name, as others see it. every: s between two pictures. markers: whether those of others become places of
     robots; whoever may set one then says where the place is. type: of a robot's event. say: takes what the person at
-    the terminal must know.
+    the terminal must know. Raises MisuseError for a type that is none.
     """
 
     def __init__(
@@ -44,13 +51,17 @@ class TakBridge:
         markers: bool = False,
         type: str = GROUND_ROBOT,
     ) -> None:
+        if not TYPE.fullmatch(type):
+            raise MisuseError(f"{type!r:.60} is no type of an event: wanted one such as {GROUND_ROBOT}")
         station.caution = SendPolicy()  # nobody is here whom the desk could ask
         self._station, self._telemetry, self._link, self._say, self._every = station, telemetry, link, say, every
         self._picture = Picture(map, fleet, type)
         self._markers = Markers(map, fleet) if markers else None
         self._untold: dict[str, NamedPlace] = {}
         self._places: dict[str, NamedPlace] = {}
-        self._may_tell, self._heard = 0.0, 0
+        self._told: dict[str, float] = {}
+        """When robots were told last of a place."""
+        self._may_tell = 0.0
         self._said: set[str] = set()
 
     async def run(self) -> None:
@@ -67,8 +78,7 @@ class TakBridge:
                 minds, fresh = self._telemetry.minds.values(), self._station.stale_after + self._every
                 self._link.send(self._picture.events(minds, now, self._every, fresh, self._places))
                 self._telemetry.look()
-            if self._untold or len(self._station.roster) != self._heard:
-                self._tell(now)
+            self._tell(now)
             await asyncio.sleep(LISTEN)
 
     def _take(self, event: Event) -> None:
@@ -80,20 +90,35 @@ class TakBridge:
             self._places[found.key] = self._untold[found.key] = found
 
     def _tell(self, now: float) -> None:
-        """Tell robots of new places, and of all where a robot is new."""
+        """Tell all robots of new places, and of the others those that do not know them: they are new here, have been
+        started anew, or did not hear it."""
         if now < self._may_tell:
             return
         self._may_tell = now + LEAST_BETWEEN
-        robots = len(self._station.roster)
-        told = self._untold if robots == self._heard else self._places
-        for place in list(told.values()):
-            try:
-                self._station.send(command(place), everybody=True, confirmed=True)
-                if place.key in self._untold:
-                    self._say(f"{place.key} is at x = {place.x:.1f} m, y = {place.y:.1f} m for all robots.")
-            except SleepcastError as error:
-                self._complain(f"Robots cannot be told of {place.key}: {printable(str(error))}")
-        self._untold, self._heard = {}, robots
+        untold, self._untold = self._untold, {}
+        for place in untold.values():
+            if self._send(place, now):
+                self._say(f"{place.key} is at x = {place.x:.1f} m, y = {place.y:.1f} m for all robots.")
+        waiting = sorted((when, key) for key, when in self._told.items() if now >= when + AGAIN)
+        minds = [(mind, dict(mind.variables())) for mind in self._telemetry.minds.values()] if waiting else []
+        told = 0
+        for when, key in waiting:
+            place = self._places[key]
+            lacking = [mind.name for mind, values in minds if mind.reported_at > when and not place.known(values)]
+            if lacking and told < AT_ONCE:
+                told += 1
+                self._send(place, now, lacking[:MAX_LISTED])
+
+    def _send(self, place: NamedPlace, now: float, only: list[str] | None = None) -> bool:
+        """Tell robots of a place; whether that was possible."""
+        self._told[place.key] = now
+        try:
+            self._station.send(command(place), everybody=only is None, only=only, confirmed=True)
+        except SleepcastError as error:
+            why = printable(str(error).partition("\n")[0])
+            self._complain(f"Robots cannot be told of {place.key}: {why}")
+            return False
+        return True
 
     def _complain(self, sentence: str) -> None:
         """Say a sentence, once."""

@@ -11,6 +11,7 @@ is dropped, because a newer one follows. A stream begins as XML; a server that o
 from __future__ import annotations
 
 import asyncio
+import os
 import re
 import ssl
 import time
@@ -199,7 +200,11 @@ def request() -> bytes:
 
 
 def _reason(error: Exception) -> str:
-    return "no answer" if isinstance(error, TimeoutError) else printable(str(error) or type(error).__name__)
+    if isinstance(error, TimeoutError):
+        return "no answer"
+    if isinstance(error, ConnectionError) and error.errno:  # asyncio's own words name the address once more
+        return os.strerror(error.errno)
+    return printable(str(error) or type(error).__name__)
 
 
 class EventStream:

@@ -43,6 +43,18 @@ class NamedPlace:
     x: float
     y: float
 
+    @property
+    def spot(self) -> tuple[float, float]:
+        return self.x, self.y
+
+    def variables(self) -> tuple[tuple[str, float], tuple[str, float]]:
+        """What it is called on a robot, with the values."""
+        return (f"{self.key}_x", self.x), (f"{self.key}_y", self.y)
+
+    def known(self, values: Mapping[str, float]) -> bool:
+        """Whether a robot with these variables knows it."""
+        return all(abs(values.get(name, math.nan) - value) < MOVED for name, value in self.variables())
+
 
 class Picture:
     """What is told. map: from metres to degrees. fleet: its name, which begins the uid of everything told. type: of a
@@ -127,6 +139,8 @@ class Markers:
         self._map, self._own = map, f"{fleet}."
         self._known: dict[str, NamedPlace] = {}
         """By the uid of the marker."""
+        self._keys: set[str] = set()
+        """All names that robots were told, also those that markers had before."""
 
     def take(self, event: Event) -> NamedPlace | str | None:
         """The place that this marker stands for, if robots have to learn it or where it is now; a sentence if it cannot
@@ -135,7 +149,7 @@ class Markers:
             return None
         key, spot = key_of(event.callsign), self._map.metres(event.latitude, event.longitude)
         known = self._known.get(event.uid)
-        if known is not None and spot is not None and math.hypot(spot[0] - known.x, spot[1] - known.y) < MOVED:
+        if known is not None and spot is not None and key == known.key and math.dist(spot, known.spot) < MOVED:
             return None
         name = event.callsign or event.uid
         if not key:
@@ -144,16 +158,16 @@ class Markers:
             return f"The marker {name!r:.60} is too far from the robots' origin."
         if any(place.key == key for uid, place in self._known.items() if uid != event.uid):
             return f"The marker {name!r:.60} has the name of another one: rename it."
-        if known is None and len(self._known) >= MAX_MARKERS:
+        if key not in self._keys and len(self._keys) >= MAX_MARKERS:
             return f"The marker {name!r:.60} is one too many: at most {MAX_MARKERS} become places."
+        self._keys.add(key)
         found = self._known[event.uid] = NamedPlace(key, *spot)
         return found
 
 
 def command(place: NamedPlace) -> str:
     """What tells robots of a place."""
-    pairs = [(f"{place.key}_x", place.x), (f"{place.key}_y", place.y)]
-    told = " ".join(f"(DEFVAR {name}) (SETQ {name} {value:.2f}m)" for name, value in pairs)
+    told = " ".join(f"(DEFVAR {name}) (SETQ {name} {value:.2f}m)" for name, value in place.variables())
     return f"(PROGN {told})"
 
 

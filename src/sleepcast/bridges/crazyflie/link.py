@@ -43,7 +43,8 @@ class CflibQuadcopter:
         heard, done = Event(), Event()
 
         def failed(uri: str, why: str) -> None:
-            self._why = printable(why.splitlines()[0]) if why else "the link is lost"
+            told = printable(why.splitlines()[0]) if why else "the link is lost"
+            self._why = f"{uri} does not answer: {told}"
             heard.set()
             done.set()
 

@@ -16,6 +16,7 @@ from rclpy.qos import qos_profile_sensor_data  # type: ignore[import-not-found]
 from sensor_msgs.msg import LaserScan  # type: ignore[import-not-found]
 
 PERIOD = 0.1
+DEPTH = 1_000  # messages that may wait, which on a busy machine they do
 
 
 class Planner(Node):  # type: ignore[misc]
@@ -26,7 +27,7 @@ class Planner(Node):  # type: ignore[misc]
         self.times: list[float] = []
         self.speaking = []
         for number, (pilot, name) in enumerate(zip(self.pilots, names, strict=True)):
-            self.create_subscription(Odometry, f"{name}/odom", self.heard_by(pilot), 10)
+            self.create_subscription(Odometry, f"{name}/odom", self.heard_by(pilot), DEPTH)
             self.create_subscription(LaserScan, f"{name}/scan", self.seen_by(pilot), qos_profile_sensor_data)
             sort = (Twist, TwistStamped)[number % 2]  # old Nav2 and new
             self.speaking.append((pilot, sort, self.create_publisher(sort, f"{name}/cmd_vel", 10)))

@@ -13,6 +13,8 @@ from sleepcast.bridges.ros2.robot import domain_number, join_network, usual_disc
 
 PERIOD, GLANCE = 0.1, 0.002
 """Simulated seconds between two velocities; seconds between two looks."""
+DEPTH = 1_000
+"""Messages that wait for a look, which may come late on a busy machine: more than a robot says until it arrives."""
 
 
 def main(patience: str, away: str, *names: str) -> None:
@@ -22,7 +24,7 @@ def main(patience: str, away: str, *names: str) -> None:
     for number, name in enumerate(names):
         sort = (Twist, TwistStamped)[number % 2]  # old Nav2 and new
         writer = network.writer(f"{name}/cmd_vel", sort, "reliable")
-        odom = network.reader(f"{name}/odom", Odometry, "reliable", 10)
+        odom = network.reader(f"{name}/odom", Odometry, "reliable", DEPTH)
         robots.append((Pilot(float(away)), odom, network.reader(f"{name}/scan", LaserScan, "sensor"), sort, writer))
     pilots, lags, times, now, told = [robot[0] for robot in robots], list[float](), list[float](), 0.0, -1.0
     ends = time.monotonic() + float(patience)
@@ -31,7 +33,7 @@ def main(patience: str, away: str, *names: str) -> None:
         for message in clock.take(1):
             now = seconds(message.clock)
         for pilot, odom, lidar, sort, writer in robots:
-            for message in odom.take(10):
+            for message in odom.take(DEPTH):
                 pose, stamp = message.pose.pose, seconds(message.header.stamp)
                 lags.append(time.time() - message.sample_info.source_timestamp * 1e-9)
                 times.append(stamp)

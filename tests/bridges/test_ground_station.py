@@ -21,6 +21,7 @@ pytest.importorskip("pyproj")
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridges.mind import PATIENCE
 from sleepcast.bridges.address import BodyError
 from sleepcast.bridges.mavlink.ground_station import QUIET, GroundStation, Wish, open_ground_station
 from sleepcast.bridges.mavlink.link import Link
@@ -248,7 +249,7 @@ def test_a_simulated_robot_is_stopped_released_and_driven_from_a_ground_station(
         )
 
     def until(true: Callable[[dict[str, Any]], bool], message: Callable[[], bytes]) -> None:
-        end, peer, again = time.monotonic() + 20.0, None, 0.0
+        end, peer, again = time.monotonic() + PATIENCE, None, 0.0
         while not true(desk.seen):
             assert time.monotonic() < end, (tmp_path / "screen").read_text()
             try:
@@ -274,7 +275,7 @@ def test_a_simulated_robot_is_stopped_released_and_driven_from_a_ground_station(
         until(lambda seen: seen["HEARTBEAT"].custom_mode == 4 and speed(seen) == 0.0, lambda: mode(4))
     finally:
         os.kill(node.pid, signal.SIGINT)
-        assert node.wait(20) == 130
+        assert node.wait(PATIENCE) == 130
     printed = (tmp_path / "screen").read_text()
     assert "stopped, and at rest until RELEASE" in printed
     assert "released, and free to be moved again" in printed

@@ -497,8 +497,8 @@ def test_a_simulation_with_its_clock_and_others_that_do_not_fit_are_told() -> No
         closing(open_robot(f"ros2:///scout3?domain={domain}&discovery=localhost&use_sim_time=yes")) as body,
     ):
         began, first = time.monotonic(), body.sense().time
-        until(lambda: body.sense().time > first + 1.0)
-        assert time.monotonic() - began < 1.0, "three times as fast as ours"
+        # Three times as fast as ours: it gets ever farther ahead, however late each look is.
+        until(lambda: body.sense().time - first > time.monotonic() - began + 1.0)
         said: set[str] = set()
         until(lambda: said.update(body.complaints()) or len(said) >= 2)  # type: ignore[func-returns-value]
         assert said == {

@@ -19,7 +19,7 @@ from sleepcast.channel.envelope import MAX_DATAGRAM
 from sleepcast.channel.transports import open_transport
 from sleepcast.channel.transports.address import AddressError
 from sleepcast.channel.transports.memory import LATE, MAX_WAITING, MemoryTransport
-from sleepcast.channel.transports.transport import Transport
+from sleepcast.channel.transports.transport import Transport, WakeUp
 from sleepcast.core.clock import ManualClock
 
 
@@ -198,6 +198,30 @@ def test_delays_wake_who_waits_in_another_thread() -> None:
         speaker.send(b"wake up")
         woken.join(PATIENCE)
         assert heard == [b"wake up"]
+
+
+def test_nobody_is_woken_for_what_is_received_already() -> None:
+    """A datagram that comes just when somebody begins to receive."""
+    with closing(open_transport("memory:just-then")) as hearer, closing(open_transport("memory:just-then")) as speaker:
+        assert isinstance(hearer, MemoryTransport)
+        began = threading.Event()
+
+        class Clearing(WakeUp):
+            def clear(self) -> None:
+                super().clear()
+                began.set()
+                time.sleep(0.2)  # as on a busy machine; whoever speaks now is to wait, or to be heard later
+
+        hearer._wakeup.close()
+        hearer._wakeup = Clearing()
+        heard: list[bytes] = []
+        receiving = threading.Thread(target=lambda: heard.extend(hearer.receive()))
+        receiving.start()
+        assert began.wait(PATIENCE)
+        speaker.send(b"now")
+        receiving.join(PATIENCE)
+        woken = bool(select.select([hearer], [], [], 0)[0])
+        assert woken == (not heard)
 
 
 def test_a_router_that_was_away_is_found_again() -> None:

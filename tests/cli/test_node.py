@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import TextIOWrapper
 from pathlib import Path
-from threading import Thread
+from threading import Event, Thread
 
 import pytest
 
@@ -102,7 +102,9 @@ def test_orders_come_at_their_times(call: Call) -> None:
     assert "UNHEARD" in err
 
 
-def test_plain_datagrams_become_variables(world: NomadWorld, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_plain_datagrams_become_variables(
+    world: NomadWorld, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     with Datagrams("127.0.0.1", 0) as free:
         port = free.port
     rules = tmp_path / "rules.sleep"
@@ -117,7 +119,7 @@ def test_plain_datagrams_become_variables(world: NomadWorld, tmp_path: Path, cap
             sender.sendto(b"(VM 1 1)", ("127.0.0.1", port))
         send((4.0, 5.0, 6.0), ("127.0.0.1", port))
 
-    with serving(world, speed=1.0, headless=True) as served, once_it_listens(port, play):
+    with serving(world, speed=1.0, headless=True) as served, once_it_listens(monkeypatch, play):
         body = f"nomad://127.0.0.1:{served.port}#1"
         options = ("--seconds", "3", "--rules", str(rules), "--datagrams", str(port))
         status = main(["node", "--body", body, *options])
@@ -129,24 +131,26 @@ def test_plain_datagrams_become_variables(world: NomadWorld, tmp_path: Path, cap
 
 
 @contextmanager
-def once_it_listens(port: int, play: Callable[[], None]) -> Iterator[None]:
-    """Call `play` as soon as somebody has this port."""
+def once_it_listens(monkeypatch: pytest.MonkeyPatch, play: Callable[[], None]) -> Iterator[None]:
+    """Call `play` as soon as a node of this process has its port. (To look whether it is taken would take it.)"""
+    listens = Event()
+
+    class Listening(Datagrams):
+        def __init__(self, host: str, port: int) -> None:
+            super().__init__(host, port)
+            listens.set()
 
     def watch() -> None:
-        def taken() -> bool:
-            try:
-                Datagrams("127.0.0.1", port).close()
-            except Exception:
-                return True
-            return False
-
-        until(taken)
+        assert listens.wait(LONGEST)
         play()
 
+    monkeypatch.setattr("sleepcast.channel.plain_datagrams.Datagrams", Listening)
     thread = Thread(target=watch)
     thread.start()
-    yield
-    thread.join(LONGEST)
+    try:
+        yield
+    finally:
+        thread.join(LONGEST)
 
 
 def test_lines_that_are_typed_are_commands(call: Call, monkeypatch: pytest.MonkeyPatch) -> None:

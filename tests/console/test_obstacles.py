@@ -12,7 +12,7 @@ from playwright.sync_api import Page as BrowserPage
 
 import sleepcast as sc
 from console.running import PATIENCE, Page, Program
-from console.test_page import pixels, until
+from console.test_page import await_picture, pixels, until
 from sleepcast.console.adapters.obstacles import editor_of
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.core.errors import MisuseError
@@ -142,6 +142,7 @@ def test_obstacles_are_drawn_by_hand(program: Program, context: BrowserContext) 
     expect.set_options(timeout=1000 * PATIENCE)
     page = context.new_page()
     page.goto(program.address)
+    await_picture(page)
     page.locator("#layers").click()
     page.locator("#build").click()
     place = page.locator("#map").bounding_box()

@@ -49,10 +49,16 @@ def opened(program: Program, context: BrowserContext) -> Iterator[Page]:
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("request", lambda request: complaints.append(request.url) if program.host not in request.url else None)
     page.goto(program.address)
+    await_picture(page)
     expect(page.locator("#yes")).not_to_have_text("–")
     expect(page.locator("#scale-text")).not_to_be_empty()
     yield page
     assert not complaints, complaints
+
+
+def await_picture(page: Page) -> None:
+    """Wait until the page has shown a first picture: before, what hands and keys do on the map is for nothing."""
+    expect(page.locator("#run[data-waiting]")).to_have_count(1)
 
 
 def number(found: Locator) -> int:
@@ -472,8 +478,7 @@ def test_the_map_zooms_to_the_cursor_pans_and_fits(rovers: Page) -> None:
     assert box is not None
     x, y = round(box["x"] + box["width"] * 0.6), round(box["y"] + box["height"] * 0.4)
     rovers.mouse.move(x, y)
-    settle(rovers)
-    whole, here = rovers.locator("#scale-text").inner_text(), pointed_at(rovers)
+    whole, here = rovers.locator("#scale-text").inner_text(), until(rovers, lambda: pointed_at(rovers))
     assert whole.endswith(" km")
     for _ in range(6):
         rovers.mouse.wheel(0, -240)

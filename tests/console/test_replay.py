@@ -420,6 +420,7 @@ def test_a_legend_of_many_groups_stays_on_the_map(many: Program, context: Browse
     page = context.new_page()
     page.set_viewport_size({"width": 390, "height": 700})
     page.goto(many.address)
+    expect(page.locator("#scrub")).to_be_visible()  # before that, keys are for nothing
     page.locator("#scrub").focus()
     page.keyboard.press("End")
     expect(page.locator("#legend li")).to_have_count(27)

@@ -11,11 +11,13 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import BrowserContext, expect
 
-from console.running import Page, Program, open_page
+from console.running import PATIENCE, Page, Program, open_page
 from console.test_page import opened
 from sleepcast.core.errors import MisuseError
 from sleepcast.experiments.acceptance import read_test, run_test
 from small_worlds import write
+
+expect.set_options(timeout=1000 * PATIENCE)
 
 RADIO = ('delay = "0s"', 'delay = "0.25s"\njitter = "0.3s"\nloss = 0.1')
 

@@ -10,6 +10,7 @@ import pytest
 from playwright.sync_api import BrowserContext, expect
 
 from console.running import PATIENCE, Page, Program, open_page
+from console.test_page import clock as clock_of
 from console.test_page import until
 
 expect.set_options(timeout=1000 * PATIENCE)
@@ -91,6 +92,8 @@ def test_the_past_is_scrubbed_and_left_by_one_key(program: Program, context: Bro
     screen.mouse.click(box["x"] + 0.25 * box["width"], box["y"] + 2)
     expect(said).to_contain_text(re.compile(r"ago\. Live goes on\.$"))
     expect(screen.locator("body")).to_have_class(re.compile(r"\bpast\b"))
+    ended = float(strip.get_attribute("aria-valuemax") or 0.0)
+    until(screen, lambda: clock_of(screen) < 0.5 * ended)  # the picture of then comes later than what is said of it
     stood = clock.inner_text()
     until(screen, lambda: "ago" in said.inner_text() and clock.inner_text() == stood)
     strip.press("Home")

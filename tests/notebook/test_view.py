@@ -41,7 +41,6 @@ def free_port() -> int:
 @contextmanager
 def jupyter_lab(folder: Path) -> Iterator[str]:
     """A JupyterLab on this folder that knows nothing of the user; gives its address up to the token."""
-    address = f"http://127.0.0.1:{(port := free_port())}"
     places = {
         "JUPYTER_CONFIG_DIR": "config",
         "JUPYTER_DATA_DIR": "data",
@@ -52,25 +51,32 @@ def jupyter_lab(folder: Path) -> Iterator[str]:
     }
     own = {name: str(folder / "jupyter" / place) for name, place in places.items()}
     command = [
-        *(sys.executable, "-m", "jupyterlab", "--no-browser", "--ip=127.0.0.1", f"--port={port}", "--allow-root"),
-        *("--ServerApp.port_retries=0", "--IdentityProvider.token=secret", f"--ServerApp.root_dir={folder}"),
+        *(
+            sys.executable,
+            "-m",
+            "jupyterlab",
+            "--no-browser",
+            "--ip=127.0.0.1",
+            f"--port={free_port()}",
+            "--allow-root",
+        ),
+        *("--ServerApp.port_retries=50", "--IdentityProvider.token=secret", f"--ServerApp.root_dir={folder}"),
         *("--LabApp.news_url=", "--LabApp.check_for_updates_class=jupyterlab.NeverCheckForUpdate"),
     ]
     with subprocess.Popen(
         command, env={**os.environ, **own}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     ) as process:
         assert process.stdout is not None
-        said = ""
-        while "secret" not in said:
-            line = process.stdout.readline()
-            assert line, said
-            said += line
-        deadline = time.monotonic() + PATIENCE
-        while not listening(port):  # it says its address before it listens
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
+        said, deadline = "", time.monotonic() + PATIENCE
         try:
-            yield address
+            while not (found := re.search(r"http://127\.0\.0\.1:(\d+)/lab\?token", said)):
+                line = process.stdout.readline()
+                assert line, said
+                said += line
+            while not listening(port := int(found[1])):  # it says its address before it listens
+                assert time.monotonic() < deadline
+                time.sleep(0.05)
+            yield f"http://127.0.0.1:{port}"
         finally:
             process.terminate()
             process.stdout.read()
@@ -106,7 +112,7 @@ def test_a_view_and_the_cells_command_the_same_fleet(context: BrowserContext, tm
         view = page.frame_locator("iframe[title='Map and prompt of the fleet']")
         expect(view.locator("#legend")).to_contain_text("200 scouts")
         expect(view.locator("#clock")).to_have_text("0:00:02")
-        assert drawn(view) > 200, "robots are on the map"
+        drawn(view, 201)  # robots are on the map
         view.locator("#run").click()  # let time pass
         text = view.locator("#text")
         text.fill("(WHEN (> fuel 50%) (JOIN bravo))")
@@ -127,8 +133,16 @@ def test_a_view_and_the_cells_command_the_same_fleet(context: BrowserContext, tm
         page.close()
 
 
-def drawn(view: FrameLocator) -> int:
-    """Pixels of the robots' canvas that are not empty."""
+def drawn(view: FrameLocator, least: int) -> None:
+    """Wait until so many pixels of the robots' canvas are not empty: the map is drawn later than the clock."""
+    deadline = time.monotonic() + PATIENCE
+    while pixels(view) < least:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def pixels(view: FrameLocator) -> int:
+    """How many pixels of the robots' canvas are not empty."""
     found: int = view.locator("#robots").evaluate(
         """(canvas) => {
           const copy = Object.assign(document.createElement("canvas"), { width: canvas.width, height: canvas.height });

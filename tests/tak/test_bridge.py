@@ -12,6 +12,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
+from socket import SOCK_STREAM
 
 import pytest
 
@@ -107,7 +108,7 @@ def line(process: subprocess.Popen[str]) -> str:
 
 
 def test_robots_groups_and_places_are_seen_and_markers_become_places(home: Path) -> None:
-    channel, port = f"udp://239.255.83.76:{free_port()}?interface=lo", free_port()
+    channel, port = f"udp://239.255.83.76:{free_port()}?interface=lo", free_port(SOCK_STREAM)
     now = time.time()
     marker = Event("m1", "b-m-p-s-m", 36.601, -121.9, now, now + 99.0, "Depot 1")
     server = ("--server", f"tcp://127.0.0.1:{port}", "--origin", "36.6,-121.9", "--markers", "--every", "0.2")

@@ -9,6 +9,7 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
+from socket import SOCK_STREAM
 
 import pytest
 import takproto
@@ -158,7 +159,7 @@ def test_a_server_with_a_certificate_of_nobody_we_trust_gets_nothing(certificate
 def test_a_lost_server_is_told_once_and_found_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(links, "AGAIN", (0.05,))
     said: list[str] = []
-    port = free_port()
+    port = free_port(SOCK_STREAM)
     seen: list[bytes] = []
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

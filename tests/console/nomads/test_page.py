@@ -17,7 +17,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from console.running import PATIENCE, Program, open_page
 from console.running import Page as Line
-from console.test_page import pixels_seen, settle, until
+from console.test_page import await_picture, pixels_seen, settle, until
 from sleepcast.console.nomads.dialogue import MOST_UNDER_WAY
 from sleepcast.nomad.client import Nomad
 
@@ -66,6 +66,7 @@ def page(nomads: Program, context: BrowserContext) -> Iterator[Page]:
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("request", lambda request: complaints.append(request.url) if nomads.host not in request.url else None)
     page.goto(nomads.address)
+    await_picture(page)
     page.locator("#tab-values").click()
     expect(page.locator("#pane-values")).to_contain_text("motion")
     yield page

@@ -139,9 +139,9 @@ class MemoryTransport:
 
     def receive(self) -> list[bytes]:
         """See `Transport.receive`."""
-        self._wakeup.clear()
         found = []
         with MemoryTransport._lock:
+            self._wakeup.clear()  # here, or it may be set for datagrams that are received now
             now = self._clock.now()
             while self._waiting and self._waiting[0][0] <= now:
                 found.append(heappop(self._waiting)[2])

@@ -8,7 +8,7 @@ from math import inf, nan
 
 import pytest
 
-from sleepcast.bridges import BridgedBody, BusyError, Motion
+from sleepcast.bridges import BridgedBody, BusyError, Motion, OutOfReachError
 from sleepcast.bridges.body import MAX_ERRANDS, ROUND
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError
@@ -70,6 +70,37 @@ def test_a_body_that_does_not_know_where_it_is_stands_if_it_has_a_fence(cart: Ca
     cart.x = 0.0
     pass_time(cart, clock, 0.2)
     assert cart.told[-1].sort == "rest", "nothing old resumes"
+
+
+def test_who_sees_that_it_is_lost_or_found_has_been_told(clock: ManualClock) -> None:
+    """A mind looks at any moment, from another thread."""
+
+    class Leaving(Cart):
+        gone = False
+
+        def __init__(self) -> None:
+            super().__init__(clock)
+            self.seen: list[tuple[str, str]] = []
+
+        def measure(self) -> None:
+            if self.gone:
+                raise OutOfReachError("no answer")
+
+        def seek(self) -> None:
+            self.measure()
+
+        def complain(self, sentence: str) -> None:
+            self.seen.append((self.lost, sentence.partition(":")[0]))
+
+    cart = Leaving()
+    for cart.gone in (True, False):
+        pass_time(cart, clock, 10.0)
+    there, away = "", "no answer"
+    assert cart.seen == [
+        (there, "the body is out of reach"),
+        (away, "the body is within reach again, and at rest until a command moves it"),
+    ]
+    assert cart.lost == there
 
 
 def test_limits_that_a_body_cannot_keep_are_refused(cart: Cart, clock: ManualClock) -> None:

@@ -266,9 +266,13 @@ def test_the_real_library_flies_it_loses_it_and_finds_it_again(process: subproce
         until(lambda: isclose(sensed("battery"), 0.8))
         body.take_off()
         until(lambda: isclose(sensed("z"), 0.4, abs_tol=1e-3))
-        body.act(Setpoint(speed=0.4, turn_rate=0.5))
-        until(lambda: isclose(sensed("speed"), 0.4, abs_tol=1e-3) and sensed("heading") > 0.2)
-        assert isclose(sensed("turn_rate"), 0.5, abs_tol=1e-3)
+
+        def driven() -> bool:
+            """As it is asked to, time and again: on a busy machine it may be out of reach for a moment, and hover."""
+            body.act(Setpoint(speed=0.4, turn_rate=0.5))
+            return isclose(sensed("speed"), 0.4, abs_tol=1e-3) and isclose(sensed("turn_rate"), 0.5, abs_tol=1e-3)
+
+        until(lambda: driven() and sensed("heading") > 0.2)
         body.stop()
         until(lambda: sensed("speed") == 0.0)
         process.kill()

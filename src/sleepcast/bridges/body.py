@@ -379,10 +379,10 @@ class BridgedBody(ABC):
 
     def _lose(self, why: Exception) -> None:
         """The robot is gone: nothing that is wanted of it now will be wanted when it is back."""
+        self.complain(f"the body is out of reach: {why}")  # first: whoever sees that it is lost is told why
         self._lost = why
         self.rest()
         self._pause, self._next = SOONEST, self._clock.now() + SOONEST
-        self.complain(f"the body is out of reach: {why}")
 
     def _seek(self) -> None:
         """Look for the robot, if it is time to."""
@@ -398,8 +398,8 @@ class BridgedBody(ABC):
             return
         self.rest()
         self._heard = self._clock.now()
-        self._lost = None
         self.complain("the body is within reach again, and at rest until a command moves it")
+        self._lost = None
 
 
 def clamped(value: float, most: float) -> float:

@@ -154,6 +154,28 @@ def test_robots_with_a_damaged_store_stand_and_every_desk_says_so(channel: str, 
     assert "r1 to r3 (3 robots): its store was damaged, so a STOP may be forgotten; stands still until" in complaints
 
 
+def test_the_rules_of_robots_that_catch_up_wait(channel: str, tmp_path: Path) -> None:
+    """They get a rule of an hour ago, and are told that there is more."""
+    with swarm(channel, tmp_path / "three.store"), desk(channel) as session:
+        assert exchange(session, "(DEFVAR n 0)") == dict.fromkeys(NAMES, "matched")
+        delivery, now = session.delivery, time.time()
+        text = "(RULE count (SETQ n (+ n 1)))"
+        old = delivery.post(Kind.COMMAND, now - 3_600.0, text=text, standing=True)
+        told = [delivery.key_id, delivery.epoch, old.sequence + 2]
+        delivery.post(Kind.DIGEST, now, body={"have": [told]})
+        while exchange(session, "(KNOWN count)", Kind.ASK) != dict.fromkeys(NAMES, 1.0):
+            assert time.time() < now + LONGEST
+        assert exchange(session, "n", Kind.ASK) == dict.fromkeys(NAMES, 0.0)
+        robots = json.loads(called("watch", "--once", "--json", "--channel", channel).out)["robots"]
+        assert [robot["catching_up"] for robot in robots] == [True] * 3
+        assert called("watch", "--once", "--channel", channel).out.count("catching up") == 3
+        post(session, "(RULE more 1)", standing=True)
+        while 0.0 in exchange(session, "n", Kind.ASK).values():
+            assert time.time() < now + LONGEST
+        robots = json.loads(called("watch", "--once", "--json", "--channel", channel).out)["robots"]
+        assert [robot["catching_up"] for robot in robots] == [False] * 3
+
+
 def test_an_operator_goes_on_where_his_last_command_was(channel: str, tmp_path: Path) -> None:
     sent = []
     for number in range(2):

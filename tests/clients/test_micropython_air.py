@@ -12,6 +12,7 @@ from random import Random
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from channel.test_udp import free_port
 from cli.calling import called
@@ -127,6 +128,15 @@ class Desk:
             time.sleep(0.002)
         raise AssertionError(f"no answer to {text or kind}")
 
+    def send_old(self, text: str) -> None:
+        """Send a standing command of an hour ago."""
+        self._send(replace(self._message(text, Kind.COMMAND, True), issued=time.time() - 3_600.0))
+
+    def tell_of_more(self, commands: int) -> None:
+        """Tell of so many standing commands after the latest."""
+        have = [[self._key.id, 1, self._number + commands]]
+        self._send(replace(self._message("", Kind.DIGEST), body={"have": have}))
+
     def forge(self, text: str, kind: Kind = Kind.COMMAND) -> None:
         """Send a message whose signature is wrong."""
         self._send(self._message(text, kind), wrong=True)
@@ -162,6 +172,18 @@ def test_sixty_rules_fit_into_a_whole_node_and_it_goes_on_obeying(folder: Path, 
         assert desk.ask("", Kind.STOP)["outcome"] == "stopped"
         assert desk.ask("", Kind.RELEASE)["outcome"] == "released"
         assert desk.ask("(WHEN (> fuel 50%) (DRIVE 0.3m/s))")["outcome"] == "matched"
+
+
+def test_rules_that_may_have_been_replaced_do_nothing(folder: Path, channel: str, tmp_path: Path) -> None:
+    alone = f"udp://239.255.83.79:{free_port()}?interface=lo"
+    with tiny(folder, alone, tmp_path), Desk(alone) as desk:
+        assert desk.ask("(SETQ lamp 0)")["outcome"] == "matched"
+        desk.tell_of_more(2)
+        desk.send_old("(RULE light (SETQ lamp 1))")
+        until(lambda: desk.ask("(KNOWN light)", Kind.ASK)["value"] == 1.0)
+        assert desk.ask("lamp", Kind.ASK)["value"] == 0.0
+        desk.send_old("(RULE light (SETQ lamp 0.5))")
+        until(lambda: desk.ask("lamp", Kind.ASK)["value"] == 0.5)
 
 
 def test_it_is_one_of_the_swarm(folder: Path, channel: str, tmp_path: Path) -> None:

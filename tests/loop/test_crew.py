@@ -11,11 +11,12 @@ import pytest
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import ROBOT_KINDS, Admission
+from sleepcast.channel.catching_up import OLD, QUIET
 from sleepcast.channel.drops import DropCounter
 from sleepcast.channel.envelope import kind_of
 from sleepcast.channel.keys import KeyPair, PublicKey, Trust
 from sleepcast.channel.message import Role
-from sleepcast.channel.reliable import ReliableDelivery
+from sleepcast.channel.reliable import BATCH, ReliableDelivery
 from sleepcast.channel.session import ChannelSession, Multiplexer, Receiver
 from sleepcast.channel.transports import open_transport
 from sleepcast.channel.transports.transport import Transport
@@ -155,6 +156,34 @@ def test_what_all_have_missed_one_asks_for_and_all_get(field: Field, standing: b
     assert [dict(member.node.variables())["missed"] for member in field.crew.members] == [5.0] * 20
     assert field.answers() == ["matched"] * 40
     assert 1 <= field.overheard(Kind.REQUEST) <= 3, "twenty robots missed it"
+
+
+def test_rules_that_were_replaced_meanwhile_move_nobody(field: Field) -> None:
+    """Robots that were out of reach get more commands than fit into one repair, with the rules of that time."""
+    field.run(1.0)
+    places = [body.sense().values[:2] for body in field.crew.simulator.robots[:20]]
+    field.say("(RULE go (DRIVE 2 0))", standing=True)
+    for number in range(2 * BATCH):
+        field.say(f"(RULE other (+ {number} 1))", standing=True)
+    field.say("(RULE go (DRIVE 0 0))", standing=True)
+    field.lose(OLD)
+    field.desk.delivery.repeat(1, field.clock.now())
+    caught_up = 0
+    while caught_up < 20:
+        field.run(0.1)
+        minds = [member.node for member in field.crew.members]
+        assert field.clock.now() < START + 60.0, [len(mind.rules()) for mind in minds]
+        assert all(mind.catching_up for mind in minds if mind.rules())
+        caught_up = sum("0 0" in rule.text for mind in minds for rule in mind.rules())
+    field.run(QUIET)
+    assert not any(mind.catching_up for mind in minds)
+    field.run(1.0)
+    assert [body.sense().values[:2] for body in field.crew.simulator.robots[:20]] == places
+    field.say("(RULE go (DRIVE 2 0))", standing=True)
+    field.run(1.0)
+    assert all(
+        body.sense().values[:2] != place for body, place in zip(field.crew.simulator.robots, places, strict=False)
+    )
 
 
 def test_what_robots_tell_each_other_reaches_their_neighbours(field: Field) -> None:

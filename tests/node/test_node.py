@@ -183,6 +183,18 @@ def test_a_sleeping_or_frozen_robot_evaluates_messages_only() -> None:
         assert robot.evaluate("n").value == before + 1
 
 
+def test_while_a_robot_catches_up_its_rules_wait() -> None:
+    robot = node()
+    obey(robot, "(DEFVAR n 0)", "(DEFVAR own 0)")
+    robot.install("mine", "(SETQ own (+ own 1))")
+    robot.catch_up(True)
+    assert obey(robot, "(RULE count (SETQ n (+ n 1)))", "(DRIVE 1 0)", tick=2) == ["matched"] * 2
+    assert (robot.evaluate("n").value, robot.evaluate("own").value) == (0.0, 1.0)
+    robot.catch_up(False)
+    robot.think(3, 0.3)
+    assert (robot.evaluate("n").value, robot.evaluate("own").value) == (1.0, 2.0)
+
+
 def test_a_lease_deactivates_unless_it_is_renewed() -> None:
     robot = node()
     obey(robot, "(DEFVAR n 0)", "(RULE count (SETQ n (+ n 1)))", "(LEASE count 1s)", tick=0)

@@ -285,9 +285,9 @@ class Mind:
                 self.report("lease of %s ended" % key, ())
             self._leases.pop(key, None)
 
-    def round(self):
-        """Evaluate the active rules, as far as the budget of a tick goes; the rest comes first in the next one. Gives
-        whether a rule has moved the body."""
+    def round(self, own=False):
+        """Evaluate the active rules, as far as the budget of a tick goes; the rest comes first in the next one. own:
+        only those that no message can change. Gives whether a rule has moved the body."""
         if self.values[_SLEEPING] or self.values[_FROZEN]:
             return False
         due, used, moved = self._due, 0, False
@@ -300,7 +300,7 @@ class Mind:
         count = len(due)
         for at in range(first, first + count):
             key = due[at % count]
-            if key is None or not self._runs(key):
+            if key is None or not self._runs(key) or (own and self.learned[key][0][_FAULTS] != _BUILT_IN):
                 continue
             if used > _TICK_STEPS:
                 self._left = key

@@ -105,7 +105,7 @@ class Node:
         sensors = [each[0] for each in body.sensors]
         actuators = [each[0] for each in body.actuators]
         self.mind = Mind(sensors, actuators, body.constants, body.functions, number, seed)
-        self.stopped = self.driven = self._still = False
+        self.stopped = self.driven = self.catching_up = self._still = False
         self.dropped = [0] * 17
         """Datagrams that were dropped, by the numbers above."""
         now = self.clock.now()
@@ -447,9 +447,10 @@ class Node:
             self._enqueue(message)
         while self._queue:
             self._obey_first()
-        if mind.round():
+        self.catching_up = self._streams.is_catching_up(now)
+        if mind.round(self.catching_up):
             self.driven = False
-        still = bool(mind.values[2] or mind.values[3])
+        still = bool(self.catching_up or mind.values[2] or mind.values[3])
         if still != self._still:
             self._still = still
             if still:

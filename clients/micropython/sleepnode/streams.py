@@ -1,6 +1,6 @@
 """The commands of each sender in their order: which can be obeyed, which wait, and which are missing.
 
-Times are milliseconds of Unix time. A message is a tuple; NUMBER_AT and BODY_AT say where its number and its body are.
+Times are milliseconds of Unix time. Messages are as in `node.py`.
 """
 
 import random
@@ -13,6 +13,8 @@ _MAX_WANTED = const(16)
 _SLACK = const(250)
 _SOONEST, _BEHIND, _LATEST = 400, 2000, 60000
 _ENOUGH = const(2)
+_OLD, _QUIET, _PATIENCE = 10000, 2000, 30000
+"""See `Streams.is_catching_up`: how long ago an old command was issued, and how long after it more may come."""
 _DONE = const(0)
 _RULES = const(1)
 _WAITING = const(2)
@@ -47,7 +49,7 @@ class Streams:
 
     def __init__(self, since):
         self.since, self.missed = since, 0
-        self.eager, self.theirs = False, {}
+        self.eager, self.theirs, self._old = False, {}, None
         self._streams = {}
         self._alike, self._interval, self._speaks, self._ends = 0, _SOONEST, 0, 0
         self.news(since)
@@ -112,6 +114,8 @@ class Streams:
             if standing:
                 stream[_RULES] = number
                 self.eager = self.is_behind()
+                if message[4] < 1000 * (now - _OLD):
+                    self._old = now
             found.append(message)
         return found
 
@@ -169,6 +173,11 @@ class Streams:
     def is_behind(self):
         """Whether others are known to have more standing commands."""
         return self._tells_more(self.theirs, {})
+
+    def is_catching_up(self, now):
+        """Whether its rules must wait: it takes standing commands that are old, and one to come may replace them."""
+        since = _PATIENCE if self._old is None else now - self._old
+        return since < _PATIENCE and (since < _QUIET or self.is_behind())
 
     def _tells_more(self, theirs, known):
         """Whether there is more than we have, and than is known to be there."""

@@ -33,6 +33,8 @@ def told(node, body):
         if isinstance(slot, int):
             value = mind.values[slot]
             said[5][key] = float("nan") if value is None else value
+    if node.catching_up:
+        found["catching_up"] = True
     more = {"told": found}
     if node.latch.holding:
         more["stops"] = [each + [0.0] for each in node.latch.holding]

@@ -28,6 +28,7 @@ from typing import NamedTuple, TypeVar
 import msgspec
 
 from sleepcast.channel.admission import Admission, RateLimit, TokenBucket
+from sleepcast.channel.catching_up import CatchingUp
 from sleepcast.channel.clock_sync import MAX_TRIP, NONCE_BYTES, TimeRequest
 from sleepcast.channel.envelope import MAX_PARTS, Fragment, encode
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal
@@ -130,6 +131,7 @@ class ReliableDelivery:
         self._key, self._chance = key, chance
         self._store = MessageStore()
         self._digest_timer = DigestTimer(chance)
+        self._catching_up = CatchingUp()
         self._told: dict[StreamId, int] = {}
         """The progress of other streams' rules, as robots report it to an operator."""
         self._sequence, self._issued, self._keep = first - 1, 0.0, keep
@@ -235,6 +237,10 @@ class ReliableDelivery:
             self.sequencer.since = now
             self._digest_timer.restart(now)
 
+    def is_catching_up(self, now: float) -> bool:
+        """Whether a robot misses standing commands of a past in which it did not hear them: see `catching_up`."""
+        return self._catching_up.lasts(self.sequencer.standing(), now)
+
     def seek_time(self, set_clock: Callable[[float, str], None]) -> None:
         """Our clock is plainly wrong: ask for the time until an operator answers. set_clock: see `TimeRequest`."""
         self._time_request = TimeRequest(set_clock)
@@ -336,10 +342,11 @@ class ReliableDelivery:
 
     def _noted(self, found: list[Message], now: float) -> list[Message]:
         """These messages; if any is standing, our progress is sent to the others."""
-        for message in found:
-            if message.standing:
-                self._tell_progress(now)
-                break
+        standing = [message for message in found if message.standing]
+        for message in standing:
+            self._catching_up.take(message.issued, now)
+        if standing:
+            self._tell_progress(now)
         return found
 
     def _tell_progress(self, now: float) -> None:
@@ -375,6 +382,7 @@ class ReliableDelivery:
         names = set(self.sequencer.standing())
         if self.admission.robot:
             names |= theirs.keys()
+            self._catching_up.hear({name: rules for name, rules in theirs.items() if not self._is_revoked(name)})
         else:  # an operator compares only its own commands
             for name in theirs.keys() - names:
                 before = 0 if self._is_revoked(name) else self._told.pop(name, 0)  # a revoked key may lose commands

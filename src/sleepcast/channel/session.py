@@ -166,6 +166,11 @@ class ChannelSession:
         """Whether a robot has received a STOP, which does not wait for the next tick."""
         return self.delivery.admission.robot and any(message.kind is Kind.STOP for message in self._heard)
 
+    @property
+    def is_catching_up(self) -> bool:
+        """Whether a robot misses standing commands of others: see `channel.catching_up`."""
+        return self.delivery.is_catching_up(self._clock.now())
+
     def pump_due(self) -> float:
         """When to call `pump` next even if nothing comes, s of Unix time."""
         due = self.delivery.due()
@@ -320,6 +325,11 @@ class Receiver:
     def skipped(self) -> list[Skipped]:
         """The commands that never arrived, since the last call."""
         return self.delivery.skipped()
+
+    @property
+    def is_catching_up(self) -> bool:
+        """See `ChannelSession.is_catching_up`."""
+        return self.delivery.is_catching_up(self._clock.now())
 
     def close(self) -> None:
         """Leave the multiplexer."""

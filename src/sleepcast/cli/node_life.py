@@ -159,7 +159,11 @@ class NodeProcess:
             [actuator.name for actuator in self.robot.model.actuators],
         )
         start = clock.now() if in_step else 0.0
-        return EmbodiedMind(self.node, self.robot, clock, self._desk, self.watch, self.store, start)
+        session = self.session
+        return EmbodiedMind(
+            *(self.node, self.robot, clock, self._desk, self.watch, self.store, start),
+            is_catching_up=lambda: session is not None and session.is_catching_up,
+        )
 
     def tend(self) -> None:
         """Say what has gone wrong; to be called before each tick."""

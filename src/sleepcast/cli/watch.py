@@ -136,6 +136,7 @@ class Window:
         values = {key: None if value != value else value for key, value in _values(mind, columns).items()}
         groups = sorted(mind.telemetry.groups)
         found |= {"told": now - mind.reported_at, "stopped": mind.stopped, "driven": mind.telemetry.driven}
+        found["catching_up"] = mind.telemetry.catching_up
         found |= {"doubt": mind.doubt, "flags": _flags(mind), "groups": groups}
         return found | {"rules": len(mind.rules()), "values": values}
 
@@ -183,7 +184,9 @@ class Window:
             ]
         age = now - mind.reported_at
         late = "silent " if age > self.station.stale_after else ""
-        state = " ".join(["STOPPED"] * mind.stopped + ["driven"] * mind.telemetry.driven + _flags(mind))
+        said = mind.telemetry
+        found = ["STOPPED"] * mind.stopped + ["driven"] * said.driven + ["catching up"] * said.catching_up
+        state = " ".join(found + _flags(mind))
         values = _values(mind, columns)
         return [
             name,

@@ -68,8 +68,8 @@ class Fleet(SwarmView, Protocol):
     def standing(self) -> str:
         """Robots that stand although there may have been no STOP, and why, in a sentence; "" if there are none."""
 
-    def doubt(self, robot: str) -> str:
-        """Why this one does, "" if it does not."""
+    def states(self, robot: str) -> list[str]:
+        """Why this one rests, if it says so, in words."""
 
     def notices(self) -> list[str]:
         """What else is going on that a person should know of, as sentences."""
@@ -239,8 +239,7 @@ class NetworkBackend(Backend):
         if age is None:
             return ["has sent no telemetry"]
         old = [f"last telemetry {age:.0f} s ago"] if age > self._station.stale_after else []
-        doubt = self._fleet.doubt(mind.name)
-        return super()._states(mind) + [f"until RELEASE, as {doubt}"] * bool(doubt) + old
+        return super()._states(mind) + self._fleet.states(mind.name) + old
 
     def _show_rule(self, rule: RuleView) -> outgoing.ShownRule:
         return outgoing.ShownRule(rule.name, rule.text, rule.active, NOT_SENT, rule.last_fault)

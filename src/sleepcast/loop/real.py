@@ -75,7 +75,7 @@ class Watch:
 @dataclass(slots=True)
 class EmbodiedMind:
     """A mind in a real body. clock: of the mind. keeper: stores what it knows. start: when the mind's time was 0, s of
-    that clock."""
+    that clock. is_catching_up: see `Node.catch_up`."""
 
     node: Node
     robot: Robot
@@ -84,6 +84,7 @@ class EmbodiedMind:
     watch: Watch
     keeper: Keeper | None
     start: float
+    is_catching_up: Callable[[], bool] = lambda: False
 
     def deliver(self) -> None:
         """Sense, and receive messages: a STOP stops the body here. Raises what the robot and the channel raise."""
@@ -96,6 +97,7 @@ class EmbodiedMind:
 
     def think(self) -> None:
         """Evaluate, and act."""
+        self.node.catch_up(self.is_catching_up())
         self.node.think(self.watch.ticks, self.clock.now() - self.start)  # which is after storing
         act(self.node, self.robot)
 
@@ -238,6 +240,9 @@ class NetworkSwarm:
             self.guard.enforce()
         self.simulator.step()
         self.hear()
+        catching_up = self.receiver.is_catching_up
+        for member in self.members:
+            member.node.catch_up(catching_up)
         awake = [member for member in self.members if member.node.awake]
         if self.keeper is not None and self.keeper.before():
             self.keeper.write()

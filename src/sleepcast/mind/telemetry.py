@@ -190,7 +190,8 @@ class TelemetryRecord(msgspec.Struct):
 
     type, mind: digests of the texts. values: float64, little endian, SI, NaN for unknown: every variable of the
     vocabulary in its order, except for the active flags of buffers, which are bits of `active`. running: which of
-    the mind's rules are active, as bits, lowest first. user: user variables; groups: those it is in.
+    the mind's rules are active, as bits, lowest first. user: user variables; groups: those it is in. catching_up:
+    whether it rests until it has the standing commands that others have.
     """
 
     type: Annotated[bytes, msgspec.Meta(min_length=DIGEST_BYTES, max_length=DIGEST_BYTES)]
@@ -203,12 +204,12 @@ class TelemetryRecord(msgspec.Struct):
     stopped: bool
     driven: bool = False
     doubt: Annotated[str, msgspec.Meta(max_length=MAX_DOUBT)] = ""
+    catching_up: bool = False
 
     def body(self) -> dict[str, object]:
-        """The record as part of an answer's body."""
+        """The record as part of an answer's body; what is rarely so is left out unless it is."""
         fields = msgspec.structs.asdict(self)
-        doubt = {"doubt": fields.pop("doubt")} if self.doubt else {}
-        return doubt | {key: value for key, value in fields.items() if key != "doubt"}
+        return {key: value for key, value in fields.items() if value or key not in ("doubt", "catching_up")}
 
     def numbers(self) -> Sequence[float]:
         """The values, NaN for unknown: the support variables except for the active flags, sensors, actuators."""

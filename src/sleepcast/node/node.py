@@ -77,9 +77,10 @@ class Node:
     """One robot's mind.
 
     stopped: whether a STOP holds; doubt: why it is stopped although no STOP may have come, "" otherwise; authority:
-    whose orders count. lost: messages lost because a queue or the outbox was full. evaluated: the latest messages
-    that it answered, their outcomes, and the robot's time; its owner stores them and empties the list. zero: start
-    of its time, s of Unix time, where that matters; clock: gives that time, None if the tick's time will do.
+    whose orders count; catching_up: see `catch_up`. lost: messages lost because a queue or the outbox was full.
+    evaluated: the latest messages that it answered, their outcomes, and the robot's time; its owner stores them and
+    empties the list. zero: start of its time, s of Unix time, where that matters; clock: gives that time, None if the
+    tick's time will do.
 
     number: its `id` in expressions and random streams. seed: of the run. body: target of its vocabulary's functions
     (default: the linked object); if it is a `Robot` it is also stopped, released and held still. variables: linked
@@ -104,6 +105,7 @@ class Node:
         self.name, self.number, self.epoch = name, number, 0
         self.body = table.body if body is None else body
         self.stopped, self.doubt, self.authority = False, "", Authority()
+        self.catching_up = False
         self.outbox: list[Message] = []
         self.pings: list[float] = []
         self.lost = 0
@@ -387,10 +389,17 @@ class Node:
         else:
             self._report("at rest: nobody drives it any more", ())
 
+    def catch_up(self, lasts: bool) -> None:
+        """The robot misses standing commands that others have, or no longer does. While it does, its body is held
+        still, and only the rules run that cannot be changed by radio: others may have been replaced."""
+        if lasts != self.catching_up:
+            self.catching_up = lasts
+            self._hold()
+
     def _hold(self) -> None:
-        """Hold the body still while the robot sleeps or is frozen."""
+        """Hold the body still while the robot sleeps, is frozen or catches up."""
         values = self._memory.values
-        still = values[SLEEPING] > 0 or values[FROZEN] > 0
+        still = self.catching_up or values[SLEEPING] > 0 or values[FROZEN] > 0
         if still != self._was_still:
             self._was_still = still
             if isinstance(self.body, Robot):
@@ -413,6 +422,8 @@ class Node:
 
     def _run_rule(self, record: RuleRecord) -> None:
         memory, rule = self._memory, record.rule
+        if self.catching_up and not rule.protected:
+            return
         memory.faults = []
         record.last_value = evaluate(rule.program, memory)
         record.steps = memory.steps
@@ -439,7 +450,9 @@ class Node:
             self._answer(
                 message,
                 "answer",
-                details=answer_inspection(message.body, memory, self.stopped, self.doubt, stops, self.why),
+                details=answer_inspection(
+                    message.body, memory, self.stopped, self.doubt, self.catching_up, stops, self.why
+                ),
             )
             return
         if message.kind is Kind.COMMAND and LEASE in message.body:

@@ -38,15 +38,17 @@ def answer_inspection(
     memory: RobotMemory,
     stopped: bool,
     doubt: str,
+    catching_up: bool,
     stops: Sequence[object],
     why: Callable[[str | None], Explanation],
 ) -> Details:
-    """The answer to a request with this body. stopped, doubt: see `Node`; stops: see `Authority.stops`. why:
-    explains a command, a rule, or the last command."""
+    """The answer to a request with this body. stopped, doubt, catching_up: see `Node`; stops: see `Authority.stops`.
+    why: explains a command, a rule, or the last command."""
     what, of = body.get(LOOK), body.get(OF)
     try:
         if what == Inspection.TELEMETRY:
-            return {TELEMETRY: telemetry(memory, stopped, doubt).body(), **({STOPS: stops} if stops else {})}
+            found = telemetry(memory, stopped, doubt, catching_up).body()
+            return {TELEMETRY: found, **({STOPS: stops} if stops else {})}
         if what == Inspection.VOCABULARY:
             return {TELEMETRY: _fitting(vocabulary_text(memory.vocabulary), "it has more names")}
         if what == Inspection.MIND:
@@ -59,7 +61,7 @@ def answer_inspection(
         return {"fault": str(error).splitlines()[0]}
 
 
-def telemetry(memory: RobotMemory, stopped: bool, doubt: str) -> TelemetryRecord:
+def telemetry(memory: RobotMemory, stopped: bool, doubt: str, catching_up: bool) -> TelemetryRecord:
     """A robot's current variables and flags."""
     slots = (*range(ACTIVE0 + 1), *range(ACTIVE0 + BUFFERS, memory.vocabulary.size))
     symbols = memory.base.symbols
@@ -74,6 +76,7 @@ def telemetry(memory: RobotMemory, stopped: bool, doubt: str) -> TelemetryRecord
         stopped,
         memory.driven,
         doubt,
+        catching_up,
     )
 
 

@@ -46,6 +46,7 @@ FARTHEST = 1e7
 """m: positions farther away are ignored; robots stay on the Earth."""
 SHARE = 0.002
 """Seconds for each robot between two questions to all: their answers take half of that."""
+CATCHING_UP = "at rest until it has all standing commands"
 EMPTY = (0.0, 0.0, 10.0, 10.0)
 """m: the map before any position is known."""
 
@@ -301,10 +302,12 @@ class FleetAdapter:
         """Robots that stand although there may have been no STOP, and why."""
         return self._telemetry.minds.standing()
 
-    def doubt(self, robot: str) -> str:
-        """Why this one does."""
+    def states(self, robot: str) -> list[str]:
+        """Why this one rests."""
         mind = self._telemetry.minds.get(robot)
-        return "" if mind is None else mind.doubt
+        if mind is None:
+            return []
+        return [f"until RELEASE, as {mind.doubt}"] * bool(mind.doubt) + [CATCHING_UP] * mind.telemetry.catching_up
 
     def notices(self) -> list[str]:
         """What else is going on that a person should know of."""

@@ -33,7 +33,7 @@ PATH = os.pathsep.join((os.environ.get("PATH", os.defpath), "/usr/sbin", "/sbin"
 TOOLS = ("ip", "nft", "unshare", "nsenter", "setpriv")
 OWN_USERS = ("--user", "--map-root-user")
 MAX_HOSTS = 200
-PATIENCE = 20.0
+PATIENCE = 60.0
 """Seconds within which the system answers, and a process ends."""
 KIND_AT = 8 * (8 + PAYLOAD_AT + 2)
 """Bits from UDP's head of eight bytes to the kind of a message: the third byte of what is signed."""

@@ -53,7 +53,7 @@ def chromium(playwright: Playwright) -> Iterator[Browser]:
         if os.environ.get("CI"):
             pytest.fail("CI has no Chromium, so nobody has seen the page: install chromium")
         pytest.skip("there is no Chromium here: install chromium to test the page")
-    with playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET) as browser:
+    with playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET, timeout=1000 * PATIENCE) as browser:
         yield browser
 
 

@@ -157,6 +157,7 @@ def number(frame: bytes) -> int:
 def open_page(program: Program, **changes: Any) -> Iterator[Page]:
     """A page that has been greeted. changes: what `connect` is given otherwise."""
     options: dict[str, Any] = {"origin": f"http://{program.host}", "compression": None, "max_size": None} | changes
+    options |= {"open_timeout": PATIENCE, "ping_timeout": PATIENCE}  # of a server that has much else to do
     with connect(f"ws://{program.host}/live?token={program.token}", **options) as socket:
         page = Page(socket)
         page.wait_for("hello")

@@ -37,10 +37,13 @@ def test_a_line_lights_its_robots_and_follows_them(page: Page, chromium: Browser
     expect(lines).to_have_text(["20 sheep", "1 dog"])
     for text in ("(WHEN (<= id 3) (JOIN a))", "(WHEN (<= id 2) (JOIN b))", "(WHEN (= id 21) (COLOUR 7))"):
         type_in(page, text)
-        send(page)
+        row = send(page)
     expect(lines).to_have_text(["17 sheep", "3 a", "2 b", "1 colour 7"])
     pause(page)
     page.keyboard.press("Escape")
+    expect(row).to_have_attribute("aria-selected", "true")
+    row.click()
+    row.click()  # chosen again, their light does not go out some seconds later
     until(page, lambda: pixels(page, "--lit"))
 
     group = lines.nth(1)

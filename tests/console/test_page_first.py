@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import BrowserContext, FloatRect, Page, expect
 
 from console.running import PATIENCE, Program
-from console.test_page import SENTENCE, opened, pixels, previewed, send, until
+from console.test_page import SENTENCE, opened, pixels, previewed, send, settle, type_in, until
 
 pytestmark = pytest.mark.browser
 
@@ -108,3 +108,13 @@ def test_a_ready_made_command_has_sliders_and_the_light_of_those_that_obeyed_goe
     row.click()
     row.click()
     until(page, lambda: pixels(page, "--lit"))
+    type_in(page, "(WHEN (> fuel 50%) (JOIN charlie))")
+    row = send(page)
+    expect(row).to_have_attribute("aria-selected", "true")
+    row.click()
+    row.click()  # before it goes out: whoever chooses it again wants to see it for longer
+    until(page, lambda: pixels(page, "--lit"))
+    page.clock.fast_forward(10_000)
+    page.clock.fast_forward(10_000)
+    settle(page)
+    assert pixels(page, "--lit")

@@ -56,6 +56,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   let groups = []; // {name, count, shown}, in the order of their codes in a frame
   let lit = null; // {caption, count}: what the lit robots are
   let faded = null; // the command whose light has gone out
+  let fading = 0; // the timer after which the light of a command that was sent goes out
   let marked = ""; // the command whose mark on the timeline was chosen
   let foretelling = false; // whether they are those that would obey what is typed, not those of the chosen command
 
@@ -175,7 +176,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
       accounting.set(rows);
       prompt.markSent(rows.map((row) => row.text));
       accounting.choose(detail);
-      setTimeout(() => fade(detail), LIT_FOR);
+      fading = setTimeout(() => fade(detail), LIT_FOR);
     } catch (refusal) {
       if (!(refusal instanceof Refusal)) throw refusal; // else its line comes with the next news
     }
@@ -190,6 +191,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
 
   accounting.addEventListener("choose", ({ detail }) => {
     faded = null;
+    clearTimeout(fading); // who chooses a command again wants to see it for longer
     legend.forget();
     failing.forget();
     robot.about(detail ?? accounting.get(accounting.latest) ?? null);

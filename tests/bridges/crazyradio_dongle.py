@@ -24,6 +24,8 @@ CHANNEL, ADDRESS = 1, 2
 """Requests of the USB device that set these."""
 EVERYBODY = bytes((0xFF, 0xE7, 0xE7, 0xE7, 0xE7))
 SAFE_LINK = bytes((0xFF, 0x05, 0x01))
+ROOM = 8
+"""Packets that wait to be taken along, beyond which a quadcopter logs nothing: a busy machine takes few along."""
 
 
 class Neighbour(Peer):
@@ -50,7 +52,7 @@ class Ear:
         now = time.monotonic()
         self.peer.advance(now - self.last)
         self.last = now
-        if now - self.logged > 0.05:
+        if now - self.logged > 0.05 and len(self.waiting) < ROOM:  # else nobody would ever hear an answer behind them
             self.logged = now
             self.waiting.extend(self.peer.logs())
 

@@ -190,10 +190,13 @@ def main(*arguments: str) -> None:
     if arguments[:1] == ("test",):
         prepare(DEV)
         sys.exit(test(*arguments[1:]))  # the options go to pytest
-    if arguments == ("audit",):
-        sys.exit(audit())
-    if arguments == ("docs",):
-        sys.exit(docs())
+    if arguments[:1] in (("audit",), ("docs",)):
+        if arguments[1:] in (("--help",), ("-h",)):
+            print(__doc__)
+            return
+        if arguments[1:]:
+            raise refusal(f"go.py {arguments[0]} takes no arguments, but got: {' '.join(arguments[1:])}")
+        sys.exit(audit() if arguments[0] == "audit" else docs())
     prepare(RUN)
     # Named with its Python: in a deep folder a script's first line may be too long for the system.
     os.execv(PYTHON, [str(PYTHON), str(VENV / "bin" / "sleepcast"), *arguments])

@@ -51,7 +51,7 @@ def test_what_is_wrong_is_shown_with_its_place(playground: ModuleType) -> None:
     assert ask(playground, "(SQRT 1 2)") == {
         "error": "error: (SQRT x) takes 1 argument, got 2 at 1:1\n  (SQRT 1 2)\n  ^^^^^^^^^^"
     }
-    assert "is never closed" in str(ask(playground, "(+ 1")["error"])
+    assert "is not closed" in str(ask(playground, "(+ 1")["error"])
     assert 'fuel: "full" is no number' in str(ask(playground, "1", {"fuel": "full"})["error"])
     fault = ask(playground, "(VM 1m/s (SONAR 4))")
     assert (fault["value"], fault["deeds"]) == ("UNKNOWN", [])

@@ -103,8 +103,8 @@ def test_keys_decide_who_is_obeyed(home: Path, served: Served, channel: str) -> 
     ("arguments", "complaint"),
     [
         (("send", "(ST)"), "you mean all robots (--all)"),
-        (("send", "(ST"), "missing at the end"),
-        (("ask", "(+ 1"), "missing at the end"),
+        (("send", "(ST"), "is not closed"),
+        (("ask", "(+ 1"), "is not closed"),
         (("send", "(WHEN (> x 1) (ST))", "--key", "desk"), "sleepcast keys new desk makes it"),
         (("send", "(WHEN (> x 1) (ST))", "--trust", "none.json"), "cannot read none.json"),
     ],

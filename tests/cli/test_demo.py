@@ -189,7 +189,7 @@ def test_an_order_that_cannot_be_read_is_told_before_the_run(
     file = write(tmp_path, ("seed = 3\n", 'seed = 3\nmission = "own.sleep"\n'))
     assert main(["run", str(file)]) == 2
     captured = capsys.readouterr()
-    assert "own.sleep:1: ( at 1:1 is never closed" in captured.err
+    assert 'own.sleep:1: the "(" at 1:1 is not closed' in captured.err
     assert captured.out == ""
 
 

@@ -225,7 +225,7 @@ def test_json_has_one_object_for_each_expression(capsys: pytest.CaptureFixture[s
     assert found[1]["printed"] == [{"label": "x", "values": [1.0, None]}]
     assert found[1]["steps"] <= found[1]["cost"]
     assert found[2]["errors"][0]["message"].startswith("(SQRT x) takes 1 argument, got 0")
-    assert "never closed" in found[3]["error"]
+    assert "not closed" in found[3]["error"]
     assert found[4]["warnings"] == [{"message": 'unknown name "b" at 1:4', "start": 3, "end": 4}]
 
 

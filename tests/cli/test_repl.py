@@ -26,7 +26,7 @@ def test_lines_from_a_pipe_are_answered_one_by_one() -> None:
 def test_a_text_that_ends_in_the_middle_is_told() -> None:
     done = called("repl", typed="(+ 1\n 2")
     assert done.out == "UNKNOWN\n"
-    assert "never closed" in done.err
+    assert "not closed" in done.err
 
 
 def test_a_parenthesis_that_is_never_closed_does_not_swallow_everything() -> None:

@@ -43,7 +43,7 @@ def test_an_expression_that_no_sentence_says_is_told(capsys: pytest.CaptureFixtu
     status, out = run(capsys, "--scenario", "bravo", "(WHEN (> (+ fuel 1) 1) (ST))")
     assert (status, out.splitlines()[0]) == (2, "not understood: no sentence says this")
     status, out = run(capsys, "--scenario", "bravo", "(WHEN (")
-    assert (status, "never closed" in out) == (2, True)
+    assert (status, "not closed" in out) == (2, True)
 
 
 def test_json_holds_both(capsys: pytest.CaptureFixture[str]) -> None:

@@ -99,7 +99,7 @@ def test_a_run_that_goes_on_can_be_recorded_and_verified(world: Path) -> None:
         (["demo", "--journal", "x", "--record", "x"], "--record and --journal name the same file x"),
         (["run", "--from", "none.snap"], "cannot read the snapshot none.snap: No such file or directory"),
         (["run", "--from", "."], "cannot read the snapshot .: Is a directory"),
-        (["run", "--from", "scenario.toml"], "scenario.toml is no snapshot of sleepcast"),
+        (["run", "--from", "scenario.toml"], "scenario.toml is not a sleepcast snapshot"),
         (["run", "--from", "FILE", "--seconds", "5", "--snapshot", "x.snap", "--snapshot-at", "2s"], "from 3 s to 8 s"),
     ],
 )
@@ -129,7 +129,7 @@ def test_a_damaged_snapshot_is_told_with_its_name(world: Path) -> None:
     file = world / "half.snap"
     outcome(world, "--seconds", "3", "--snapshot", file)
     data = file.read_bytes()
-    whys = ("is no snapshot of sleepcast, or not a whole one", "is damaged")
+    whys = ("is not a sleepcast snapshot, or is incomplete", "is damaged")
     for spoilt, why in zip((data[: len(data) // 2], flipped(data)), whys, strict=True):
         file.write_bytes(spoilt)
         done = called("run", "--from", str(file))

@@ -331,7 +331,7 @@ def test_errors_stand_under_the_text_with_a_caret(rovers: Page) -> None:
     expect(rovers.locator("#send")).to_be_disabled()
 
     type_in(rovers, "(WHEN (> battery 60%) (JOIN crew")
-    expect(rovers.locator("#findings pre.unfinished")).to_contain_text("never closed: 2 ) missing")
+    expect(rovers.locator("#findings pre.unfinished")).to_contain_text("is not closed: add 2")
 
     type_in(rovers, "(WHEN (> battery 60%) (JOIN crew))")
     expect(findings).to_be_hidden()

@@ -79,7 +79,7 @@ def test_what_was_done_by_hand_is_repeated_in_another_process(session: Program, 
         page.tell("step")
         refused = page.ask("savetest", tick=draft["tick"], name="again")
         assert "Time has gone on" in refused["reason"]
-        assert "never closed" in page.ask("counttrue", text="(IN crew")["reason"]
+        assert "not closed" in page.ask("counttrue", text="(IN crew")["reason"]
 
 
 @pytest.mark.browser

@@ -124,7 +124,7 @@ class TestTalk:
 
     def test_what_the_station_refuses_comes_back_as_its_sentence(self, page: Page) -> None:
         assert "every robot that hears it would obey" in page.ask("send", text="(MARK)")["reason"]
-        assert "never closed" in page.ask("send", text="(MARK")["reason"]
+        assert "not closed" in page.ask("send", text="(MARK")["reason"]
         assert "no command" in page.ask("outcomes", command="x")["reason"]
 
     def test_news_of_a_robot_come_for_whoever_watches_it(self, page: Page) -> None:

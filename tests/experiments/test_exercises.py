@@ -101,9 +101,9 @@ def test_a_wrong_file_is_refused_with_its_place(tmp_path: Path, change: tuple[st
     [
         ("", MisuseError, "nothing to send"),
         ("; nothing", MisuseError, "nothing to send"),
-        ("(MARK", MisuseError, r"^answer.sleep: \( at 1:1 is never closed"),
+        ("(MARK", MisuseError, r'^answer.sleep: the "\(" at 1:1 is not closed'),
         ("(ST)\n; two\n(MARK 5 6)", MisuseError, r"^answer.sleep:3: .*takes 0 arguments"),
-        ("@1s (ST)\n@2s (MARK", MisuseError, r"^answer.sleep:2: .*never closed"),
+        ("@1s (ST)\n@2s (MARK", MisuseError, r"^answer.sleep:2: .*not closed"),
         ("@1s (ST)\n@9999h (MARK)", MisuseError, r"^answer.sleep:2: sent at .* s, but the exercise ends at"),
         ("@5 minutes (MARK)", MissionError, "wanted"),
         ("(WHEN (< id 5) (MARK))", MisuseError, "id is used: this exercise is to be done without it"),

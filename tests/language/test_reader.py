@@ -108,8 +108,10 @@ def test_a_form_s_own_stretch_of_text_reads_as_that_form(text: str) -> None:
     ("text", "message"),
     [
         ("(+ 1 2))", ") at 1:8 closes nothing: there is one ) too many\n  (+ 1 2))\n         ^"),
-        ("(+ 1\n  (* 2 3", "( at 2:3 is never closed: 2 ) missing at the end\n    (* 2 3\n    ^"),
+        ("(+ 1\n  (* 2 3", 'the "(" at 2:3 is not closed: add 2 ")" at the end\n    (* 2 3\n    ^'),
         ("(> fuel 5parsecs)", 'unknown unit "parsecs" at 1:10'),
+        ("(+ 1 2", 'the "(" at 1:1 is not closed: add a ")" at the end'),
+        ("stop all robots", 'this is no expression at 1:1: an expression starts with "("'),
         ("1 22", "one more expression at 1:3: a message is one expression"),
         ("(a b) (c d)", "one more expression at 1:7"),
         ("(a\n  b{c}\n  d)", '"b{c}" at 2:3 has a character that no name has'),

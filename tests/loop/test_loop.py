@@ -257,7 +257,7 @@ class TestMission:
         assert all(value(node, "marked") for node in swarm.minds.values())
 
     def test_an_order_that_is_no_expression_is_refused_at_once(self, swarms: Swarms) -> None:
-        with pytest.raises(MissionError, match=r"^test\.sleep:2: .*never closed") as caught:
+        with pytest.raises(MissionError, match=r"^test\.sleep:2: .*not closed") as caught:
             swarms(mission="; one\n@1s (JOIN all")
         assert isinstance(caught.value.__cause__, ReadError)
 

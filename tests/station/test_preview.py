@@ -208,7 +208,7 @@ def test_any_other_address_is_not(fleet: Fleet, text: str) -> None:
 
 
 def test_bad_texts_raise_what_check_would_say(fleet: Fleet) -> None:
-    with pytest.raises(ReadError, match="never closed"):
+    with pytest.raises(ReadError, match="not closed"):
         fleet.station.preview("(WHEN (> fuel 5")
     with pytest.raises(CheckError, match="is a sensor"):
         fleet.station.preview("(SETQ fuel 1)")

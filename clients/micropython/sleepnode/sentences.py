@@ -11,7 +11,7 @@ name of %d characters: at most %d
 a label with a control character
 label of %d characters: at most %d
 %s has nothing after it
-( is never closed: %d ) missing at the end
+a "(" is not closed: add %d ) at the end
 a " without its closing "
 ) closes nothing: there is one ) too many
 nested too deeply: at most %d levels

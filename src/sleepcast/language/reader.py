@@ -295,7 +295,10 @@ def read(text: str) -> Form:
     if not forms:
         raise ReadError("no expression @@: wanted a number, a name or (function argument ...)", text, 0, 1)
     if len(forms) > 1:
-        second = forms[1]
+        first, second = forms[:2]
+        if isinstance(first, Symbol):
+            wanted = 'an expression starts with "(", as in (WHEN (> fuel 50%) (ST))'
+            raise ReadError(f"this is no expression @@: {wanted}", text, first.start, first.end)
         raise ReadError(
             "one more expression @@: a message is one expression; put several into (PROGN ...)",
             text,
@@ -355,7 +358,8 @@ def read_all(text: str) -> list[Form]:
         _, mark, opened = open_marks[-1]
         missing = sum(1 for _, m, _ in open_marks if m == "(")
         if mark == "(":
-            raise ReadError(f"( @@ is never closed: {missing} ) missing at the end", text, opened, opened + 1)
+            closing = 'a ")"' if missing == 1 else f'{missing} ")"'
+            raise ReadError(f'the "(" @@ is not closed: add {closing} at the end', text, opened, opened + 1)
         raise ReadError(f"{mark} @@ has nothing after it", text, opened, opened + 1)
     return done
 

@@ -191,7 +191,7 @@ def _opened(data: bytes, name: str) -> SnapshotFile:
         cover = None
     if cover is None or cover.kind != KIND:
         raise SnapshotError(
-            f"{name} is no snapshot of sleepcast, or not a whole one: make one with run SCENARIO --snapshot FILE"
+            f"{name} is not a sleepcast snapshot, or is incomplete: make one with run SCENARIO --snapshot FILE"
         )
     if cover.format > FORMAT:
         raise SnapshotError(

@@ -77,7 +77,7 @@ def test_who_would_obey_depends_on_whom_it_is_for(seat: Seat) -> None:
     assert [each.label for each in session.addressees()] == ["", "all", "bravo", "(> x 0.5m)", "r1"]
     session.next_addressee()
     assert session.to.label == ""
-    for unknown, complaint in (("r7", "neither a robot nor a group"), ("(> x", "missing at the end")):
+    for unknown, complaint in (("r7", "neither a robot nor a group"), ("(> x", "is not closed")):
         session.enter(f":to {unknown}")
         assert session.wrong
         assert complaint in session.said

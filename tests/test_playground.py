@@ -53,6 +53,8 @@ def test_what_is_wrong_is_shown_with_its_place(playground: ModuleType) -> None:
     }
     assert "is not closed" in str(ask(playground, "(+ 1")["error"])
     assert 'fuel: "full" is no number' in str(ask(playground, "1", {"fuel": "full"})["error"])
+    for readings in ({"fuel": "12kg"}, {"x": "3s"}):
+        assert "does not fit" in str(ask(playground, "1", readings)["error"])
     fault = ask(playground, "(VM 1m/s (SONAR 4))")
     assert (fault["value"], fault["deeds"]) == ("UNKNOWN", [])
     assert fault["said"] == ["fault: VM is not asked: an argument is unknown in (VM 1m/s (SONAR 4))"]

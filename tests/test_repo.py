@@ -125,6 +125,13 @@ def start_changed(clone: Path, change: str) -> subprocess.CompletedProcess[str]:
     return run(sys.executable, "-c", start, cwd=clone)
 
 
+def test_go_tells_what_it_builds_and_takes_no_more_words(clone: Path) -> None:
+    taken = run(sys.executable, "go.py", "docs", "--help", cwd=clone)
+    assert (taken.returncode, "go.py docs" in taken.stdout) == (0, True)
+    wrong = run(sys.executable, "go.py", "docs", "here", cwd=clone)
+    assert (wrong.returncode, "takes no arguments" in wrong.stderr) == (2, True)
+
+
 def test_go_builds_no_site_without_npm(clone: Path) -> None:
     done = run(sys.executable, "go.py", "docs", cwd=clone, env={**os.environ, "PATH": str(clone)})
     assert done.stderr.startswith("The site needs npm.")

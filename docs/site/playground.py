@@ -123,5 +123,7 @@ def measured(readings: Mapping[str, str]) -> list[float]:
             raise MisuseError(f"{sensor.name}: {error}") from error
         if not isinstance(form, Number):
             raise MisuseError(f'{sensor.name}: "{written}" is no number, perhaps with a unit, such as 80% or 5mi')
+        if form.dimension not in (None, sensor.dimension):
+            raise MisuseError(f"{sensor.name}: {form.unit} does not fit; wanted a number in {sensor.unit or '%'}")
         values[slot] = form.value
     return values

@@ -13,7 +13,7 @@ _MAX_WANTED = const(16)
 _SLACK = const(250)
 _SOONEST, _BEHIND, _LATEST = 400, 2000, 60000
 _ENOUGH = const(2)
-_OLD, _QUIET, _PATIENCE = 10000, 2000, 30000
+_OLD, _QUIET, _PATIENCE = 60000, 2000, 30000
 """See `Streams.is_catching_up`: how long ago an old command was issued, and how long after it more may come."""
 _DONE = const(0)
 _RULES = const(1)

@@ -11,9 +11,9 @@ from math import inf
 
 from sleepcast.channel.sequencer import MAX_STREAMS, StreamId
 
-OLD = 10.0
-"""Seconds after its issue from which a standing command is old: its sender and the robots in reach have long stopped
-repeating it, so it comes because the robot has missed it."""
+OLD = 60.0
+"""Seconds after its issue from which a standing command is old. Whoever was out of reach for less need not rest, and
+interrupt what it does: commands of one minute hardly contradict each other."""
 QUIET = 2.0
 """Seconds after the latest old command for which there may be more of which nobody has told yet: the digests of others
 come sooner, unless several are lost."""

@@ -240,6 +240,7 @@ def test_the_same_chance_makes_the_same_traffic() -> None:
         {"have": [[DESK.id, 1, 2**62]]},
         {"want": [[DESK.id, 0, ["a", None, -1]]]},
         {"want": [[DESK.id, 1, list(range(300))]]},
+        {"want": [[DESK.id, 1, [1, 1, True, 1.0, 1]]]},
     ],
 )
 def test_nonsense_from_a_robot_that_is_trusted_does_no_harm(body: dict[str, object]) -> None:

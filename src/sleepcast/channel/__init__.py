@@ -1,7 +1,7 @@
 """The broadcast channel: lossy, shared by all parties, without a list of receivers.
 
 Between processes, a datagram goes through `transports`, `envelope` (bytes), `admission` (verification), `reliable`
-(order and repair, with `sequencer`) and `session`, in which a mind sends and receives messages. In
+(order and repair, with `sequencer` and `repair_timer`) and `session`, in which a mind sends and receives messages. In
 a simulated swarm, `simulated_radio` carries the messages themselves. Both give each party a `Channel`;
 tests/channel_contract.py says what that promises.
 """

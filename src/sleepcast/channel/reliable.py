@@ -6,8 +6,8 @@ send     a command is sent at once, and a few more times at growing intervals
 order    each command names the previous one and the previous standing one, so that gaps show (`sequencer`).
          Commands after a gap wait until it is filled, or until the missing one is too late anyway
 repair   a party that misses a command requests it. Any party that has it sends it again, after a random wait, unless
-         another one does so first. The datagrams are the original sender's, so no repairer needs to be trusted
-         (`sequencer.MessageStore`)
+         another one does so first (`repair_timer`). The datagrams are the original sender's, so no repairer needs to
+         be trusted (`sequencer.MessageStore`)
 rules    all parties store standing commands. Digests report the progress of each party: more and more rarely while
          all agree, at once after a difference (`sequencer.DigestTimer`)
 
@@ -33,6 +33,7 @@ from sleepcast.channel.clock_sync import MAX_TRIP, NONCE_BYTES, TimeRequest
 from sleepcast.channel.envelope import MAX_PARTS, Fragment, encode
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal
 from sleepcast.channel.message import KEYS, TIME, Kind, Message, Role, age_of
+from sleepcast.channel.repair_timer import RepairTimer
 from sleepcast.channel.sequencer import (
     MAX_STREAMS,
     DeliveryState,
@@ -42,7 +43,6 @@ from sleepcast.channel.sequencer import (
     Skipped,
     Stream,
     StreamId,
-    mostly_late,
 )
 from sleepcast.core.clock import MADE
 
@@ -61,10 +61,6 @@ STOP_AT_FIRST = 5.0
 """Seconds after which every robot in reach has received a STOP."""
 LIFE = 5.0
 """Seconds for which a command counts, unless its sender says otherwise. Only standing commands have no end."""
-REPAIR_WITHIN = 0.06
-"""A party resends what another one misses at a random time within these seconds, unless another party does so first."""
-REPAIR_PAUSE = 0.2
-"""Seconds for which a command just heard is not sent again."""
 REPAIR_RATE = 100_000.0
 """Bytes that a party resends per second, and at once: a tenth of what a slow radio carries, and four of the longest
 expressions. Excess requests are ignored; parties that miss more ask again."""
@@ -80,12 +76,14 @@ MAX_WANTED = 64
 
 class Repair(NamedTuple):
     """Commands that a party misses, to be resent in order at a time (s). tie: makes equal times comparable. wanted:
-    numbers of commands, each with the numbers of its parts if only some are wanted."""
+    numbers of commands, each with the numbers of its parts if only some are wanted. silent_since: what was on the air
+    after that (s) is left out."""
 
     time: float
     tie: int
     stream: Stream
     wanted: Sequence[Sequence[int]]
+    silent_since: float
 
 
 class Repeat(NamedTuple):
@@ -130,6 +128,7 @@ class ReliableDelivery:
         self.overheard = 0
         self._key, self._chance = key, chance
         self._store = MessageStore()
+        self._repairs = RepairTimer(chance)
         self._digest_timer = DigestTimer(chance)
         self._catching_up = CatchingUp()
         self._told: dict[StreamId, int] = {}
@@ -334,11 +333,11 @@ class ReliableDelivery:
         """Whether this very datagram is stored, so that we need not resend it either. A robot may have stored a command
         that it had no room to keep waiting; that one is received again."""
         name = part.key, part.epoch
-        return (
-            part.kind is Kind.COMMAND
-            and self._store.heard(name, part.sequence, datagram, now)
-            and (not self.admission.robot or self.sequencer.knows(name, part.sequence))
-        )
+        if part.kind is not Kind.COMMAND or not self._store.heard(name, part.sequence, datagram, now):
+            return False
+        if part.number == 0:
+            self._repairs.heard((name, part.sequence), now)
+        return not self.admission.robot or self.sequencer.knows(name, part.sequence)
 
     def _noted(self, found: list[Message], now: float) -> list[Message]:
         """These messages; if any is standing, our progress is sent to the others."""
@@ -445,12 +444,17 @@ class ReliableDelivery:
         return key is not None and key.revoked
 
     def _repair(self, stream: Stream, asked: Sequence[Sequence[int]], now: float) -> None:
+        silent_since = now - self._repairs.pause
         wanted = [
-            each for each in asked if self._store.silent_since(stream.name, each[0], now - REPAIR_PAUSE, each[1:])
+            each
+            for each in asked
+            if self._store.silent_since(stream.name, each[0], silent_since, each[1:])
+            and not (len(each) == 1 and self._repairs.is_pending((stream.name, each[0]), now))
         ]
         if wanted:
-            wait = mostly_late(self._chance) * REPAIR_WITHIN
-            heappush(self._later, Repair(now + wait, next(self._tie), stream, wanted))
+            due = now + self._repairs.wait()
+            heappush(self._later, Repair(due, next(self._tie), stream, wanted, silent_since))
+            self._repairs.begin([(stream.name, each[0]) for each in wanted if len(each) == 1], now, due)
 
     # ---- time
 
@@ -488,7 +492,9 @@ class ReliableDelivery:
         for number, *parts in job.wanted:
             if self._repair_bytes.left(now) <= 0.0:
                 return
-            found = self._store.take(job.stream.name, number, now, now - REPAIR_PAUSE, parts)
+            found = self._store.take(job.stream.name, number, now, job.silent_since, parts)
+            if found:
+                self._repairs.sent((job.stream.name, number))
             self._repair_bytes.spend(sum(map(len, found)))
             self._out += found
 

@@ -260,15 +260,15 @@ SOONEST, LATEST = 0.4, 60.0
 """Seconds of the shortest interval, while there is news, and of the longest."""
 ENOUGH = 2
 """Equal digests of others in an interval after which ours is omitted."""
-_STEEPNESS = 10.0
+STEEPNESS = 10.0
 """How rarely `mostly_late` draws small numbers: enough for some ten thousand parties."""
 
 
-def mostly_late(chance: Random) -> float:
+def mostly_late(chance: Random, steepness: float = STEEPNESS) -> float:
     """A random back-off from [0, 1], exponentially biased towards late: of a thousand parties one or two are early, and
     the others hear them and stay silent. No party needs to know their number (Nonnenmacher and Biersack, Scalable
-    feedback for large groups, IEEE/ACM Transactions on Networking 7, 1999)."""
-    return log1p(chance.random() * (exp(_STEEPNESS) - 1.0)) / _STEEPNESS
+    feedback for large groups, IEEE/ACM Transactions on Networking 7, 1999). steepness: 1 + ln n suits n parties."""
+    return log1p(chance.random() * (exp(steepness) - 1.0)) / steepness
 
 
 class DigestTimer:

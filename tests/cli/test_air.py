@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
@@ -15,6 +14,7 @@ import pytest
 
 from channel.test_udp import free_port
 from cli.calling import LONGEST, Called, called
+from cli.test_swarm import account
 from nomad.serving import Served, serving
 from processes import SLEEPCAST, live_in, running
 from sleepcast.simulator.engine import NumPyMachine
@@ -49,14 +49,6 @@ def node(name: str, served: Served, channel: str, *options: str) -> AbstractCont
 
 def on_air(channel: str, *arguments: str) -> Called:
     return called(*arguments, "--channel", channel)
-
-
-def account(channel: str, *arguments: str) -> dict[str, object]:
-    found = on_air(channel, *arguments, "--json")
-    assert found.status in (0, 1), found.err
-    assert found.out, (found, arguments)
-    told: dict[str, object] = json.loads(found.out)
-    return told
 
 
 def test_robots_on_the_air_obey_answer_and_are_missed(home: Path, served: Served, channel: str) -> None:

@@ -25,6 +25,7 @@ from bridges.ros2_robot import OverDds, domain_for
 from bridges.test_ros2 import another, needs_ros, robots_command, robots_place
 from channel.test_udp import free_port
 from cli.calling import LONGEST, called
+from cli.test_swarm import account
 from processes import SLEEPCAST, live_in, start
 from sleepcast.api.connection import FLEET, AirOptions, observing_station
 from sleepcast.bridges.ros2.mapping import TURTLEBOT
@@ -130,13 +131,6 @@ class Told:
 def desk(channel: str) -> Iterator[Told]:
     with observing_station(AirOptions(channel, FLEET, None, None, None), lambda _: None) as (station, _):
         yield Told(station)
-
-
-def account(channel: str, *arguments: str) -> dict[str, Any]:
-    found = called(*arguments, "--channel", channel, "--json")
-    assert found.out, found.err
-    told: dict[str, Any] = json.loads(found.out)
-    return told
 
 
 def test_a_fleet_is_found_driven_stopped_lost_and_found_again(channel: str) -> None:

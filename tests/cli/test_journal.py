@@ -222,6 +222,7 @@ def test_commands_on_the_air_are_written_by_whoever_sends_them(tmp_path: Path, m
     entries = [json.loads(line) for line in said_here("journal", "export").out.splitlines()]
     assert entries[-1]["event"] == "refused"
     entries = [entry for entry in entries if entry["subject"] == sent["id"]]
+    entries = [entry for entry in entries if entry["event"] != "repeated"]  # for who is late, on a busy machine
     assert [entry["event"] for entry in entries] == ["sent", "heard", "heard", "accounted"]
     assert {entry["who"]: entry["details"]["outcome"] for entry in entries[1:3]} == {
         "r1": "not matched",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
+import time
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,11 @@ def swarm(count: int, channel: str, *options: str) -> AbstractContextManager[sub
 
 
 def account(channel: str, *arguments: str) -> dict[str, Any]:
-    found = called(*arguments, "--channel", channel, "--json")
+    """What becomes of a command. On a busy machine robots may be late to tell what they are; what cannot be foreseen
+    is not sent then, and is said again."""
+    end = time.monotonic() + LONGEST
+    while "cannot say" in (found := called(*arguments, "--channel", channel, "--json")).err and not found.out:
+        assert time.monotonic() < end, found.err
     assert found.out, found.err
     told: dict[str, Any] = json.loads(found.out)
     return told

@@ -61,8 +61,9 @@ def tak_server(folder: Path, port: int) -> Iterator[None]:
             server.kill()
 
 
-async def heard(port: int, marker: Event, wanted: set[str]) -> dict[str, Event]:
-    """What another client of the server, which sets a marker, hears of these uids: the latest event of each."""
+async def heard(port: int, marker: Event, wanted: dict[str, str]) -> dict[str, Event]:
+    """What another client of the server, which sets a marker, hears of these uids, until all have these names: the
+    latest event of each."""
     config = configparser.ConfigParser()
     config["client"] = {"COT_URL": f"tcp://127.0.0.1:{port}"}
     ends = time.monotonic() + PATIENCE
@@ -83,7 +84,7 @@ async def heard(port: int, marker: Event, wanted: set[str]) -> dict[str, Event]:
     now = time.time()
     await outgoing.put(Event("other", "a-f-G-U-C", 36.6, -121.9, now, now + 99.0, "other").xml())
     try:
-        while not wanted <= set(found):
+        while not all(uid in found and name in found[uid].callsign for uid, name in wanted.items()):
             await outgoing.put(marker.xml())
             event = read_xml(await asyncio.wait_for(incoming.get(), ends - time.monotonic()))
             found[event.uid] = event
@@ -96,10 +97,11 @@ async def heard(port: int, marker: Event, wanted: set[str]) -> dict[str, Event]:
 
 
 def values_of(names: str, channel: str) -> dict[str, tuple[float, ...]]:
-    """What robots report of these variables."""
+    """What robots report of these variables: those that know all of them."""
     known = called("watch", "--once", "--json", "--show", names, "--channel", channel)
-    robots = json.loads(known.out)["robots"]
-    return {robot["name"]: tuple(robot["values"][name] for name in names.split(",")) for robot in robots}
+    robots = json.loads(known.out)["robots"] if known.out else []  # nobody knows them yet
+    told = {robot["name"]: tuple(robot["values"].get(name) for name in names.split(",")) for robot in robots}
+    return {name: values for name, values in told.items() if None not in values}
 
 
 def line(process: subprocess.Popen[str]) -> str:
@@ -123,17 +125,18 @@ def test_robots_groups_and_places_are_seen_and_markers_become_places(home: Path)
             joined = called("send", "--all", "--count", "3", "(JOIN bravo)", "--channel", channel)
             assert joined.status == 0, joined.err
             wanted = {
-                *(f"sleepcast.r{number}" for number in (1, 2, 3)),
-                "sleepcast.group.bravo",
-                "sleepcast.place.vessel",
+                **{f"sleepcast.r{number}": f"r{number}" for number in (1, 2, 3)},
+                "sleepcast.group.bravo": "bravo (3)",
+                "sleepcast.place.vessel": "",
             }
             found = asyncio.run(heard(port, marker, wanted))
             assert line(bridge).startswith("depot_1 is at x = ")
-            known = values_of("depot_1_x,depot_1_y", channel)
+            ends = time.monotonic() + PATIENCE
+            while len(known := values_of("depot_1_x,depot_1_y", channel)) < 3:
+                assert time.monotonic() < ends, "all are told"
             changed = called("send", "--only", "r2", "--blind", "(SETQ depot_1_x 70m)", "--channel", channel)
             assert changed.status == 0, changed.err
-            ends = time.monotonic() + PATIENCE
-            while values_of("depot_1_x", channel)["r2"] != values_of("depot_1_x", channel)["r1"]:
+            while values_of("depot_1_x", channel).get("r2") != known["r1"][:1]:
                 assert time.monotonic() < ends, "r2 is told again"
         assert "is gone" in line(bridge)
     assert len(known) == 3

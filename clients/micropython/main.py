@@ -63,5 +63,6 @@ if __name__ == "__main__":
     with open("config.json") as opened:
         node = start(json.load(opened))
     gc.collect()
-    print("%s is up: %d bytes of memory are free" % (node.name, gc.mem_free()))
+    held = "; stopped until RELEASE" if node.stopped else ""
+    print("%s is up: %d bytes of memory are free%s" % (node.name, gc.mem_free(), held))
     node.run()

@@ -110,9 +110,15 @@ class Desk:
     def __exit__(self, *_: object) -> None:
         self._air.close()
 
-    def ask(self, text: str, kind: Kind = Kind.COMMAND, standing: bool = False) -> dict[str, object]:
+    def ask(
+        self,
+        text: str,
+        kind: Kind = Kind.COMMAND,
+        standing: bool = False,
+        body: dict[str, object] | None = None,
+    ) -> dict[str, object]:
         """The body of the answer."""
-        message = self._message(text, kind, standing)
+        message = replace(self._message(text, kind, standing), body=body or {})
         late, again = time.monotonic() + PATIENT, 0.0
         while time.monotonic() < late:
             if time.monotonic() > again:
@@ -184,6 +190,34 @@ def test_rules_that_may_have_been_replaced_do_nothing(folder: Path, channel: str
         assert desk.ask("lamp", Kind.ASK)["value"] == 0.0
         desk.send_old("(RULE light (SETQ lamp 0.5))")
         until(lambda: desk.ask("lamp", Kind.ASK)["value"] == 0.5)
+
+
+def test_a_stop_holds_after_a_restart_and_so_does_one_that_may_be_lost(
+    folder: Path, tmp_path: Path, channel: str
+) -> None:
+    alone = f"udp://239.255.83.79:{free_port()}?interface=lo"
+    stops = tmp_path / "stops.json"
+    with Desk(alone) as desk:
+        with tiny(folder, alone, tmp_path):
+            stopped = desk.ask("", Kind.STOP)
+            assert (stopped["outcome"], stopped["fault"]) == ("stopped", None)
+        with tiny(folder, alone, tmp_path):
+            assert "stopped" in str(desk.ask("(DRIVE 0.3m/s)")["fault"])
+            assert desk.ask("", Kind.RELEASE)["outcome"] == "released"
+            assert desk.ask("(DRIVE 0.3m/s)")["outcome"] == "matched"
+        stops.write_text("[[")
+        with tiny(folder, alone, tmp_path):
+            assert "stopped" in str(desk.ask("(DRIVE 0.3m/s)")["fault"])
+            assert "the STOP ?-0.0 holds" in str(desk.ask("", Kind.RELEASE)["fault"])
+            told = desk.ask("", Kind.ASK, body={"look": "telemetry"})
+            assert told["stops"] == [["?", 0, 0, 0.0]]
+            assert desk.ask("", Kind.RELEASE, body={"ends": told["stops"]})["outcome"] == "released"
+        with tiny(folder, alone, tmp_path):
+            stops.unlink()
+            stops.mkdir()  # nothing can be written
+            stopped = desk.ask("", Kind.STOP)
+            assert stopped["outcome"] == "stopped"
+            assert "a restart would end this STOP" in str(stopped["fault"])
 
 
 def test_it_is_one_of_the_swarm(folder: Path, channel: str, tmp_path: Path) -> None:

@@ -1,8 +1,9 @@
 """A commander's change of the keys that a robot trusts. Loaded for one change and let go again."""
 
-import json
-
 from micropython import const
+
+from sleepnode.keeping import keep
+from sleepnode.reader import unload
 
 _OWNER = const(0)
 _ROLE = const(1)
@@ -28,6 +29,10 @@ def changed(trust, change):
     for key in trust.keys.values():
         written = {"owner": key[_OWNER], "role": key[_ROLE], "public": key[_PUBLIC].hex(), "revoked": key[_REVOKED]}
         keys.append(written)
-    with open(trust.file, "w") as opened:
-        json.dump({"format": 1, "keys": keys, "gone": [each.hex() for each in trust.gone]}, opened)
+    try:
+        keep(trust.file, {"format": 1, "keys": keys, "gone": [each.hex() for each in trust.gone]})
+    except (OSError, MemoryError) as error:
+        return "the change counts until a restart, because %s cannot be written: %r" % (trust.file, error)
+    finally:
+        unload("keeping")
     return ""

@@ -13,6 +13,10 @@ class Latch:
     def __init__(self):
         self.holding, self.ended = [], []
 
+    def restore(self, rows):
+        """The STOPs that held before a restart."""
+        self.holding = [each[:3] for each in _rows(rows)]
+
     def stop(self, mark, body):
         """Whether to obey a STOP with this mark, [sender, epoch, number]: always, unless a RELEASE has ended it."""
         mark = _first(mark, body)

@@ -76,7 +76,8 @@ _LISTEN = const(16)
 
 
 class Node:
-    """A robot on the air. body: see `body.py`; radio: see `radio.py`; key, trust: files of `sleepcast keys`.
+    """A robot on the air. body: see `body.py`; radio: see `radio.py`; key, trust: files of `sleepcast keys`; stops: the
+    file in which it keeps which STOPs hold.
 
     lease: the seconds for which a driven body goes on while no operator is heard, None for ever. number: its `id`.
     name: by default the owner of the key. tick: seconds from one tick to the next, 0.5 at most.
@@ -88,6 +89,7 @@ class Node:
         radio,
         key="robot.key",
         trust="trust.json",
+        stops="stops.json",
         fleet="",
         lease=1.0,
         number=0,
@@ -121,6 +123,8 @@ class Node:
         self.pieces = {}
         self.next, self.tick, self._every = now, 0, min(max(int(1000 * tick), 1), _SLOWEST)
         self._nonce, self.asked, self._pause = None, now - 16000, 2000
+        self._stops_file = stops
+        self._restore_stops()
         gc.threshold(-1)
 
     def run(self):
@@ -396,13 +400,42 @@ class Node:
         return "for" not in body or (isinstance(only, list) and self.name in only)
 
     def _obey_stop(self, message):
-        body = message[8]
+        body, held = message[8], self.latch.holding[:]
         if not self.latch.stop([message[6], message[2], message[3]], body):
             self._answer(message, "fault", None, "a RELEASE that was sent later has ended this STOP")
             return
         fault = self._halt()
+        if self.latch.holding != held:
+            fault = self._keep_stops() or fault
         if self._is_addressed(body):
             self._answer(message, "stopped", None, fault)
+
+    def _keep_stops(self):
+        """Write which STOPs hold; gives what failed."""
+        try:
+            from sleepnode.keeping import keep
+
+            keep(self._stops_file, self.latch.holding)
+        except (OSError, MemoryError) as error:
+            return "a restart would end this STOP, because %s cannot be written: %r" % (self._stops_file, error)
+        finally:
+            unload("keeping")
+        return ""
+
+    def _restore_stops(self):
+        """Stay stopped if a STOP held before the restart, or if nobody can tell."""
+        try:
+            from sleepnode.keeping import kept
+
+            self.latch.restore(kept(self._stops_file))
+        except OSError:
+            return  # none was ever written
+        except ValueError:
+            self.latch.restore([["?", 0, 0]])  # a RELEASE that names it ends it: desks ask what holds
+        finally:
+            unload("keeping")
+        if self.latch.holding:
+            self._halt()
 
     def _halt(self):
         """Stop the body, and keep it stopped."""
@@ -418,13 +451,16 @@ class Node:
         return ""
 
     def _obey_release(self, message):
-        if not self.latch.release([message[6], message[2], message[3]], message[8]):
+        held = self.latch.holding
+        if self.latch.release([message[6], message[2], message[3]], message[8]):
+            self.stopped = self.mind.held = False
+            self.body.release()
+            self._answer(message, "released", None, "")
+        else:
             said = "the STOP %s holds: the RELEASE does not name it" % self.latch.names()
             self._answer(message, "fault", None, said)
-            return
-        self.stopped = self.mind.held = False
-        self.body.release()
-        self._answer(message, "released", None, "")
+        if self.latch.holding != held:
+            self._keep_stops()
 
     # ---- ticks
 

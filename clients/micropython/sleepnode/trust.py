@@ -44,8 +44,12 @@ class Trust:
         self.keys = {}
         self.gone = []
         self._heard = {}
-        with open(file) as opened:
-            found = json.load(opened)
+        try:
+            from sleepnode.keeping import kept
+
+            found = kept(file)
+        finally:
+            unload("keeping")
         for key in found["keys"]:
             self.add(key["owner"], key["role"], bytes.fromhex(key["public"]), key.get("revoked", False))
         self.gone = [bytes.fromhex(each) for each in found.get("gone", ())]

@@ -1,0 +1,27 @@
+"""What outlasts a restart: whom the robot trusts, and which STOPs hold it. Loaded for one file and let go again."""
+
+import json
+import os
+
+
+def keep(file, found):
+    """Write a file as a whole: if the power fails, the one of before is there, or the new one beside it. Raises
+    OSError."""
+    with open(file + ".new", "w") as opened:
+        json.dump(found, opened)
+    try:
+        os.rename(file + ".new", file)
+    except OSError:  # a FAT file system replaces no file
+        os.remove(file)
+        os.rename(file + ".new", file)
+
+
+def kept(file):
+    """What such a file holds. Raises OSError if there is none, and ValueError for a damaged one."""
+    for each in (file, file + ".new"):
+        try:
+            with open(each) as opened:
+                return json.load(opened)
+        except OSError as error:
+            lost = error
+    raise lost

@@ -9,7 +9,7 @@ from math import atan2
 
 from bridges.pilot import Pilot, report
 from sleepcast.bridges.ros2.messages import Clock, LaserScan, Odometry, Twist, TwistStamped, made, seconds
-from sleepcast.bridges.ros2.robot import domain_number, join_network, usual_discovery, usual_domain
+from sleepcast.bridges.ros2.robot import LOCALHOST, join_network, ros_place
 
 PERIOD, GLANCE = 0.1, 0.002
 """Simulated seconds between two velocities; seconds between two looks."""
@@ -18,7 +18,8 @@ DEPTH = 1_000
 
 
 def main(patience: str, away: str, *names: str) -> None:
-    network = join_network(domain_number(usual_domain()), local=usual_discovery() == "localhost")
+    domain, discovery = ros_place(None, None)
+    network = join_network(domain, local=discovery == LOCALHOST)
     clock = network.reader("/clock", Clock, "sensor")
     robots = []
     for number, name in enumerate(names):

@@ -26,7 +26,7 @@ from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.ros2.link import DdsLink, Ros2Network
 from sleepcast.bridges.ros2.mapping import CLOCK, TURTLEBOT, Field, Heard, Sink, read_mapping
 from sleepcast.bridges.ros2.messages import MAX_RAYS, Bool, LaserScan, Odometry, Twist
-from sleepcast.bridges.ros2.robot import SILENT, Ros2Body
+from sleepcast.bridges.ros2.robot import SILENT, Ros2Body, ros_place
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.robot import Limits, Setpoint
@@ -349,7 +349,7 @@ def test_at_its_end_it_is_told_to_stand(robot: FakeRobot) -> None:
         ("ros2:///3", "is no namespace of ROS 2"),
         ("ros2:///scout3?domain=233", "domain is a whole number from 0 to 232, not '233'"),
         ("ros2:///scout3?domain=x", "domain is a whole number"),
-        ("ros2:///scout3?discovery=off", "there is no discovery 'off'"),
+        ("ros2:///scout3?discovery=off", "discovery is subnet or localhost, not 'off'"),
         ("ros2:///scout3?use_sim_time=true", "there is no use_sim_time 'true'"),
         ("ros2:///scout3?map=x", "there is no setting 'map'; there are mapping, domain, discovery, use_sim_time"),
         ("ros2:///scout3?mapping=/nowhere.toml", "cannot be read"),
@@ -363,6 +363,32 @@ def test_an_address_that_means_nothing_is_refused(
         open_robot(uri)
     assert complaint is None or complaint in str(error.value)
     assert complaint is None or isinstance(error.value, BodyError | MisuseError)
+
+
+@pytest.mark.parametrize(
+    ("environment", "said", "place"),
+    [
+        (("", ""), (None, None), (0, "subnet")),
+        (("42", "LOCALHOST"), (None, None), (42, "localhost")),
+        (("seven", "OFF"), ("7", "Subnet"), (7, "subnet")),
+        (("42", "SUBNET"), ("0", None), (0, "subnet")),
+    ],
+)
+def test_the_place_is_that_of_the_environment_unless_another_is_said(
+    environment: tuple[str, str],
+    said: tuple[str | None, str | None],
+    place: tuple[int, str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name, value in zip(("ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE"), environment, strict=True):
+        monkeypatch.setenv(name, value)
+    assert ros_place(*said) == place
+
+
+@pytest.mark.parametrize("number", ["", "-1", "+1", "1.0", "0x1", "٣", "1" * 5_000, "233"])
+def test_what_is_no_domain_is_refused(number: str) -> None:
+    with pytest.raises(BodyError, match="domain is a whole number from 0 to 232, not"):
+        ros_place(number, None)
 
 
 def test_it_does_not_wait_for_its_mind() -> None:

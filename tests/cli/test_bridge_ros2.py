@@ -263,8 +263,8 @@ def test_a_list_of_what_is_there(channel: str) -> None:
         (("--robot", "a b"), "'a b' is no namespace of ROS 2"),
         (("--robots", "none.txt"), "cannot read none.txt"),
         (("--robots", "7"), "wanted a file of their names"),
-        (("--domain", "233"), "233 is not in the range"),
-        (("--discovery", "off"), "'off' is not one of"),
+        (("--domain", "233"), "domain is a whole number from 0 to 232, not '233'"),
+        (("--discovery", "off"), "discovery is subnet or localhost, not 'off'"),
         (("--mapping", "none.toml"), "none.toml: cannot be read"),
         (("--json",), "--json is for the list"),
         (("--no-store", "--store", "."), "do not go together"),
@@ -277,6 +277,35 @@ def test_a_list_of_what_is_there(channel: str) -> None:
 def test_what_is_no_fleet(channel: str, arguments: tuple[str, ...], complaint: str) -> None:
     refused = called("bridge", "ros2", "--channel", channel, "--discovery", "localhost", "--seconds", "0", *arguments)
     assert refused.status == 2, refused
+    assert complaint in refused.err
+    assert "Traceback" not in refused.err
+
+
+WAYS = {
+    "bridge": ("bridge", "ros2", "--dry-run", "--seconds", "0"),
+    "body": ("node", "--no-store", "--body", "ros2:///nobody"),
+    "nserver": ("nserver", "--ros2", "--headless", "--port", "0"),
+}
+"""Into a ROS domain, each with nothing said about which."""
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "complaint"),
+    [
+        ("ROS_DOMAIN_ID", "seven", "ROS_DOMAIN_ID is a whole number from 0 to 232, not 'seven'"),
+        ("ROS_DOMAIN_ID", "233", "ROS_DOMAIN_ID is a whole number from 0 to 232, not '233'"),
+        ("ROS_DOMAIN_ID", " 7", "ROS_DOMAIN_ID is a whole number from 0 to 232, not ' 7'"),
+        ("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF", "ROS_AUTOMATIC_DISCOVERY_RANGE is subnet or localhost, not 'OFF'"),
+    ],
+)
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.usefixtures("channel")
+def test_what_the_environment_of_ros_says_wrongly_is_told_in_one_way(
+    way: str, name: str, value: str, complaint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(name, value)
+    refused = called(*WAYS[way])
+    assert (refused.status, refused.out) == (2, "")
     assert complaint in refused.err
     assert "Traceback" not in refused.err
 

@@ -34,20 +34,11 @@ LOOKS = 5.0
 @click.option(
     "--mapping", metavar="FILE", type=click.Path(path_type=Path), help="Names of topics (default: a TurtleBot's)."
 )
-@click.option(
-    "--domain",
-    metavar="N",
-    type=click.IntRange(0, 232),
-    envvar="ROS_DOMAIN_ID",
-    default=0,
-    help="ROS domain (default: ROS_DOMAIN_ID, or 0).",
-)
+@click.option("--domain", metavar="N", help="ROS domain (default: ROS_DOMAIN_ID, or 0).")
 @click.option(
     "--discovery",
-    type=click.Choice(["subnet", "localhost"], case_sensitive=False),
-    envvar="ROS_AUTOMATIC_DISCOVERY_RANGE",
-    default="subnet",
-    help="Where robots are looked for (default: ROS_AUTOMATIC_DISCOVERY_RANGE, or subnet).",
+    metavar="WHERE",
+    help="Where robots are: localhost, or subnet (default: ROS_AUTOMATIC_DISCOVERY_RANGE, or subnet).",
 )
 @click.option("--sim-time", "sim_time", is_flag=True, help="Time is what /clock says.")
 @click.option("--dry-run", "dry", is_flag=True, help="List the robots and what they lack; give none a mind.")
@@ -73,8 +64,8 @@ def ros2(
     robots: tuple[str, ...],
     file: Path | None,
     mapping: Path | None,
-    domain: int,
-    discovery: str,
+    domain: str | None,
+    discovery: str | None,
     sim_time: bool,
     dry: bool,
     as_json: bool,
@@ -119,7 +110,7 @@ def ros2(
         from sleepcast.bridges import UNLIMITED
         from sleepcast.bridges.ros2.fleet import Ros2Fleet
         from sleepcast.bridges.ros2.mapping import TURTLEBOT
-        from sleepcast.bridges.ros2.robot import join_network
+        from sleepcast.bridges.ros2.robot import LOCALHOST, join_network, ros_place
         from sleepcast.cli.fleet_life import FleetProcess, MindOptions
         from sleepcast.cli.node_life import StartScript, read_start_script
         from sleepcast.mind.authority import read_lease
@@ -138,7 +129,8 @@ def ros2(
             tick,
             seed,
         )
-        with closing(join_network(domain, local=discovery == "localhost")) as network:
+        number, where = ros_place(domain, discovery)
+        with closing(join_network(number, local=where == LOCALHOST)) as network:
             there = Ros2Fleet(network, mapping or TURTLEBOT, sim_time=sim_time)
             if dry:
                 return _list(there, named, LOOKS if seconds is None else seconds, as_json)
@@ -146,9 +138,7 @@ def ros2(
             process = FleetProcess(there, air, minds, named)
             interrupts.defer()
             how = "waits for" if named else "looks for"
-            announce(
-                f"{how} robots in ROS domain {domain} ({discovery}); Ctrl-C stops their bodies and ends their minds"
-            )
+            announce(f"{how} robots in ROS domain {number} ({where}); Ctrl-C stops their bodies and ends their minds")
             process.run(interrupts.check, seconds)
     return 0
 

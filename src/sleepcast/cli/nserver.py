@@ -30,8 +30,6 @@ PAGE_PORT = 8318
 """Where the page is, unless another port is wanted: beside the other page's, so that both can be open."""
 REAL_TIME, SLOWEST = 1.0, 0.01
 """Simulated seconds in a second."""
-DISCOVERY = HERE, _ = "localhost", "subnet"
-"""Where ROS 2 programs may be: on this machine only, unless more is said."""
 SCOUTS = "scout"
 """What robots are called in ROS 2, before their number."""
 QUICK = 3.0
@@ -67,7 +65,11 @@ QUICK = 3.0
 @click.option("--ros2", is_flag=True, help="Each robot is a ROS 2 robot, too: /scout1, /scout2, with /clock.")
 @click.option("--namespace", metavar="NAME", help="For ROS 2: /NAME1, /NAME2 ... (default: scout).")
 @click.option("--domain", metavar="N", help="For ROS 2 (default: ROS_DOMAIN_ID, or 0).")
-@click.option("--discovery", type=click.Choice(DISCOVERY), help="Who finds them in ROS 2 (default: this machine only).")
+@click.option(
+    "--discovery",
+    metavar="WHERE",
+    help="Where they are found: localhost, or subnet (default: ROS_AUTOMATIC_DISCOVERY_RANGE, or localhost).",
+)
 @click.option("--may-quit", is_flag=True, help="Let programs end the server with quit_server().")
 @click.option("--headless", is_flag=True, help="Without a page: get_robot_conf() is answered at once.")
 @click.option("--page-port", type=click.IntRange(0, 65_535), default=PAGE_PORT, show_default=True, help="0 is any.")
@@ -190,14 +192,11 @@ async def _serve(
 
 def _scouts(server: Nserver, name: str, domain: str | None, discovery: str | None) -> Ros2Scouts:
     """The server's robots in ROS 2 from now on. Raises MisuseError, OutOfReachError."""
-    from sleepcast.bridges.ros2.robot import domain_number, join_network, usual_discovery, usual_domain
+    from sleepcast.bridges.ros2.robot import LOCALHOST, join_network, ros_place
 
-    number = domain_number(domain or usual_domain())
-    where = discovery or usual_discovery(HERE)
-    if where not in DISCOVERY:
-        raise MisuseError(f"ROS_AUTOMATIC_DISCOVERY_RANGE is {where!r:.40}: wanted {' or '.join(DISCOVERY)}")
-    network = join_network(number, local=where == HERE)
-    if where != HERE:
+    number, where = ros_place(domain, discovery, LOCALHOST)
+    network = join_network(number, local=where == LOCALHOST)
+    if where != LOCALHOST:
         _say(f"whoever is in ROS domain {number} of this network can drive these robots: ROS 2 asks for no password")
     if server.service.lockstep:
         _say("in lockstep time goes as programs of the Nomads' wire ask: those of ROS 2 follow /clock")

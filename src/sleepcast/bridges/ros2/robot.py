@@ -59,7 +59,8 @@ HIGHEST_DOMAIN = 232
 AGAIN = 1.0
 """Seconds after which the word at the topic for STOP is said again: not everybody who listens there takes what was
 latched before."""
-RANGES = ("subnet", "localhost")
+RANGES = SUBNET, LOCALHOST = "subnet", "localhost"
+"""Where others are looked for."""
 MEETING = 10.0
 """Seconds for its first words: with loss, both sides need some to find each other."""
 GLANCE = 0.02
@@ -333,21 +334,23 @@ def _dimension(value: Value) -> Dimension:
     return UNITS[value.unit].dimension if value.unit else NONE
 
 
-def usual_domain() -> str:
-    """The number of the ROS domain, unless another one is said."""
-    return os.environ.get("ROS_DOMAIN_ID") or "0"
+def ros_place(domain: str | None, discovery: str | None, otherwise: str = SUBNET) -> tuple[int, str]:
+    """The number of a ROS domain, and in which of `RANGES` others are looked for. None: as ROS has it in
+    ROS_DOMAIN_ID, or 0, and in ROS_AUTOMATIC_DISCOVERY_RANGE, or `otherwise`. Raises BodyError."""
+    said, number = _said("domain", domain, "ROS_DOMAIN_ID", "0")
+    if not (number.isascii() and number.isdigit() and len(number) <= 3 and int(number) <= HIGHEST_DOMAIN):
+        raise BodyError(f"{said} is a whole number from 0 to {HIGHEST_DOMAIN}, not {number!r:.40}")
+    said, where = _said("discovery", discovery, "ROS_AUTOMATIC_DISCOVERY_RANGE", otherwise)
+    if where.lower() not in RANGES:
+        raise BodyError(f"{said} is {' or '.join(RANGES)}, not {where!r:.40}")
+    return int(number), where.lower()
 
 
-def domain_number(text: str) -> int:
-    """The number of a ROS domain. Raises BodyError."""
-    if not text.isascii() or not text.isdigit() or len(text) > 3 or int(text) > HIGHEST_DOMAIN:
-        raise BodyError(f"domain is a whole number from 0 to {HIGHEST_DOMAIN}, not {text!r:.40}")
-    return int(text)
-
-
-def usual_discovery(otherwise: str = "subnet") -> str:
-    """Where ROS looks for others, unless something else is said: one of `RANGES`, or what we do not know."""
-    return os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").lower() or otherwise
+def _said(name: str, text: str | None, variable: str, otherwise: str) -> tuple[str, str]:
+    """Who says it, for an error, and what. An empty variable says nothing."""
+    if text is not None:
+        return name, text
+    return variable, os.environ.get(variable) or otherwise
 
 
 def join_network(domain: int, *, local: bool) -> Ros2Network:
@@ -369,30 +372,20 @@ def body_on(network: Ros2Network, mapping: RobotMapping, *, sim_time: bool) -> R
 
 def open_body(uri: str, opening: Opening) -> Ros2Body:
     """Reach the robot at a URI; see the module. Raises BodyError, SettingsError, OutOfReachError."""
-    address = read_body_address(
-        uri,
-        EXAMPLE,
-        {
-            "mapping": str(TURTLEBOT),
-            "domain": usual_domain(),
-            "discovery": usual_discovery(),
-            "use_sim_time": "no",
-        },
-        by_path=True,
-    )
+    settings = {"mapping": str(TURTLEBOT), "domain": "", "discovery": "", "use_sim_time": "no"}
+    address = read_body_address(uri, EXAMPLE, settings, by_path=True)
     namespace = address.path.rstrip("/")
     if not is_namespace(namespace):
         raise BodyError(f"{uri!r:.100}: {namespace:.60} is no namespace of ROS 2; wanted something like {EXAMPLE}")
     try:
-        domain = domain_number(address.settings["domain"])
+        domain, discovery = ros_place(address.settings["domain"] or None, address.settings["discovery"] or None)
     except BodyError as error:
         raise BodyError(f"{uri!r:.100}: {error}") from None
-    local = address.choice("discovery", RANGES) == "localhost"
     sim_time = address.choice("use_sim_time", ("no", "yes")) == "yes"
     if opening.in_step:
         raise MisuseError(f"{uri!r:.100}: a ROS 2 robot does not wait for its mind: leave out --lockstep")
     mapping = read_mapping(Path(address.settings["mapping"]), namespace)
-    body = body_on(join_network(domain, local=local), mapping, sim_time=sim_time)
+    body = body_on(join_network(domain, local=discovery == LOCALHOST), mapping, sim_time=sim_time)
     try:
         body.meet(MEETING)
     except BaseException:

@@ -3,7 +3,7 @@
     python tests/bridges/crazyflie_peer.py [PORT]
 
 It moves as it is told, with no dynamics of flight; without setpoints it falls after two seconds, as the firmware lets
-it. It prints what happens to it, a line each.
+it, and then needs to be started anew. It prints what happens to it, a line each.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ VARIABLES = (
     *(("stateEstimate", name, 7) for name in ("x", "y", "z", "vx", "vy", "yaw")),
     ("gyro", "z", 7),
     ("pm", "batteryLevel", 1),
+    ("supervisor", "info", 2),
 )
-"""Group, name and type (7: float, 1: uint8) of what can be logged."""
+"""Group, name and type (7: float, 1: uint8, 2: uint16) of what can be logged."""
+CODES = {1: "B", 2: "H", 7: "f"}
 FORGOTTEN = 2.0
 """Seconds without a setpoint after which the motors stop."""
 
@@ -49,7 +51,7 @@ class Peer:
         self.since += seconds
         if self.flying and not self.landing and self.since > FORGOTTEN:
             self.say(f"falls from {now['z']:.2f} m")
-            self.flying, now["z"] = False, 0.0
+            self.flying, self.locked, now["z"] = False, True, 0.0
         vx, vy, turn, height = self.command if self.flying and not self.landing else (0.0, 0.0, 0.0, 0.0)
         yaw = math.radians(now["yaw"])
         now["vx"], now["vy"] = vx * math.cos(yaw) - vy * math.sin(yaw), vx * math.sin(yaw) + vy * math.cos(yaw)
@@ -128,14 +130,19 @@ class Peer:
                 self.say(f"stops its motors at {self.values['z']:.2f} m")
             self.flying, self.values["z"] = False, 0.0
 
+    def info(self) -> int:
+        """What its supervisor says: may be armed, is armed, may fly, flies, is locked."""
+        free = not self.locked
+        return free | self.armed << 1 | (free and self.armed) << 3 | self.flying << 4 | self.locked << 6
+
     def logs(self) -> list[bytes]:
         """A packet for each log that runs."""
         now = self.values
-        shown = [*(now[name] for name in ("x", "y", "z", "vx", "vy", "yaw", "turn")), int(now["charge"])]
+        shown = [*(now[name] for name in ("x", "y", "z", "vx", "vy", "yaw", "turn")), int(now["charge"]), self.info()]
         found = []
         for block in self.started:
             numbers = self.blocks[block]
-            form = "<" + "".join("B" if VARIABLES[number][2] == 1 else "f" for number in numbers)
+            form = "<" + "".join(CODES[VARIABLES[number][2]] for number in numbers)
             data = struct.pack(form, *(shown[number] for number in numbers))
             found.append(bytes([5 << 4 | 2, block, 0, 0, 0]) + data)
         return found

@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
-from math import degrees, isclose
+from math import degrees, isclose, isnan
 from pathlib import Path
 
 import pytest
@@ -20,7 +20,7 @@ from cli.terminal import terminal
 from processes import live_in, running
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.body import ROUND
-from sleepcast.bridges.crazyflie.quadcopter import LANDS_AFTER, LOGGED, CrazyflieBody, model_of
+from sleepcast.bridges.crazyflie.quadcopter import LANDS_AFTER, LOCK, LOGGED, CrazyflieBody, model_of
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Limits, Setpoint
@@ -66,8 +66,8 @@ class FakeCopter:
     def logged(self) -> Mapping[str, float] | None:
         self._check()
         now = self.peer.values
-        shown = (*(now[name] for name in ("x", "y", "z", "vx", "vy", "yaw", "turn", "charge")),)
-        return dict(zip(LOGGED, shown, strict=True))
+        shown = (now[name] for name in ("x", "y", "z", "vx", "vy", "yaw", "turn", "charge"))
+        return dict(zip(LOGGED, (*shown, float(self.peer.info())), strict=True))
 
     def close(self) -> None:
         pass
@@ -118,6 +118,8 @@ class TestCrazyflie(BridgeContract):
 
 def test_it_takes_off_and_lands_as_told(copter: FakeCopter) -> None:
     rig = rig_of(copter)
+    assert isnan(rig.sensed()["flying"]), "it has not said anything yet"
+    rig.wait(0.1)
     assert rig.sensed()["flying"] == 0.0
     take_off(rig)
     assert copter.peer.said == ["is armed", "takes off"]
@@ -136,6 +138,27 @@ def test_it_takes_off_and_lands_as_told(copter: FakeCopter) -> None:
     rig.wait(3.0)
     assert rig.sensed()["flying"] == rig.sensed()["z"] == 0.0
     assert copter.peer.said[-1].startswith("stops its motors at 0.0")
+
+
+def test_what_moves_it_in_the_tick_of_a_take_off_or_a_landing_does_not_take_its_place(copter: FakeCopter) -> None:
+    rig = rig_of(copter)
+    body = rig.body
+    assert isinstance(body, CrazyflieBody)
+    rig.wait(0.1)
+    body.take_off()
+    body.act(Setpoint(speed=0.3))
+    rig.wait(2.0)
+    assert isclose(rig.sensed()["z"], 0.5)
+    assert isclose(rig.sensed()["speed"], 0.3, abs_tol=1e-6)
+    body.touch_down()
+    for _ in range(40):  # as a rule would that drives it in each tick
+        body.act(Setpoint(speed=0.3))
+        rig.wait(0.1)
+    assert rig.sensed()["flying"] == rig.sensed()["z"] == 0.0
+    there = rig.sensed()["x"]
+    body.act(Setpoint(speed=0.3))
+    rig.wait(1.0)
+    assert rig.sensed()["x"] == there
 
 
 def test_stop_in_the_air_holds_the_height(copter: FakeCopter) -> None:
@@ -196,11 +219,40 @@ def test_at_its_end_it_lands_by_itself(copter: FakeCopter) -> None:
 def test_its_motors_can_be_cut_and_it_flies_no_more(copter: FakeCopter) -> None:
     rig = flying(copter)
     assert isinstance(rig.body, CrazyflieBody)
+    rig.body.act(Setpoint(speed=0.3))
+    rig.wait(1.0)
+    assert rig.sensed()["flying"] == 1.0
     rig.body.cut_motors()
     rig.wait(0.2)
-    take_off(rig)
+    assert rig.sensed()["flying"] == 0.0
+    assert rig.body.complaints() == [LOCK]
+    with pytest.raises(MisuseError, match="switch it off and on before it flies again"):
+        rig.body.take_off()
+    rig.wait(2.0)
     assert copter.peer.said == ["is armed", "takes off", "cuts its motors"]
-    assert not copter.peer.flying
+    assert rig.body.complaints() == []
+    copter.peer = Peer()  # it was switched off and on
+    rig.wait(0.2)
+    assert rig.sensed()["flying"] == 0.0
+    rig.wait(2.0)
+    assert copter.peer.said == [], "nothing old resumes"
+
+
+def test_motors_that_were_cut_by_others_and_ones_that_never_turn_are_told(copter: FakeCopter) -> None:
+    rig = flying(copter)
+    copter.peer.answers(b"\x91\3")  # as from the radio's broadcast
+    rig.wait(0.2)
+    assert rig.sensed()["flying"] == 0.0
+    assert rig.body.complaints() == [LOCK]
+    copter.peer = Peer()
+    copter.peer.answers = lambda packet: []  # type: ignore[method-assign]  # it lies on its back, and is not armed
+    rig.wait(0.2)
+    take_off(rig)
+    rig.wait(1.0)
+    assert rig.sensed()["flying"] == 0.0
+    assert rig.body.complaints() == ["its motors do not turn: it has not taken off, or has come down by itself"]
+    rig.wait(5.0)
+    assert rig.body.complaints() == []
 
 
 @pytest.mark.parametrize("height", [0.0, -1.0, 99.0, float("inf")])

@@ -22,7 +22,7 @@ from bridges.mind import PATIENCE, Talking
 from channel.test_udp import free_port
 from cli.calling import called
 from sleepcast.bridges import BodyError, open_robot
-from sleepcast.bridges.crazyflie.quadcopter import CrazyflieBody
+from sleepcast.bridges.crazyflie.quadcopter import LOCK, CrazyflieBody
 from sleepcast.bridges.crazyflie.radio import EMERGENCY_STOP, RadioGoneError, SharedRadio, stop_all_by_port
 from sleepcast.core.errors import MisuseError
 
@@ -97,6 +97,17 @@ def sensed(body: CrazyflieBody, name: str) -> float:
     return body.sense().values[[sensor.name for sensor in body.model.sensors].index(name)]
 
 
+def hear(body: CrazyflieBody, *sentences: str) -> None:
+    """Until it has said all of these, whatever else it says."""
+    said: list[str] = []
+
+    def all_said() -> bool:
+        said.extend(body.complaints())
+        return set(sentences) <= set(said)
+
+    until(all_said)
+
+
 def test_two_programs_share_a_radio_and_what_is_lost_comes_back_by_itself(port: int, tmp_path: Path) -> None:
     uris = [f"crazyflie://127.0.0.1:{port + number}?broadcast={port}" for number in (1, 2)]
     with (
@@ -112,11 +123,14 @@ def test_two_programs_share_a_radio_and_what_is_lost_comes_back_by_itself(port: 
         radio.say(f"back {SECOND}")
         radio.wait_for(f"{SECOND} is within reach again")
         until(lambda: not first.lost and not second.lost)
-        assert "the body is within reach again, and at rest until a command moves it" in second.complaints()
-        second.take_off(0.3)
-        radio.wait_for(f"{SECOND} takes off")
+        hear(second, "the body is within reach again, and at rest until a command moves it", LOCK)
+        assert sensed(second, "flying") == 0.0
+        with pytest.raises(MisuseError, match="switch it off and on before it flies again"):
+            second.take_off(0.3)
         second.cut_all_motors()
-        radio.wait_for(f"{FIRST} cuts its motors", f"{SECOND} cuts its motors")
+        radio.wait_for(f"{FIRST} cuts its motors")
+        hear(first, LOCK)
+        assert sensed(first, "flying") == 0.0
         radio.say("unplug")
         until(lambda: first.lost and second.lost)
         radio.wait_for("the Crazyradio does not answer; is it unplugged?")

@@ -21,7 +21,7 @@ from typing import Protocol
 
 from sleepcast.bridges import Opening
 from sleepcast.bridges.address import BodyError, read_body_address
-from sleepcast.bridges.body import FRESH, BridgedBody, Motion, OutOfReachError, clamped
+from sleepcast.bridges.body import FRESH, REST, BridgedBody, Motion, OutOfReachError, clamped
 from sleepcast.bridges.crazyflie.radio import RATES, is_radio_address, radio_uri, stop_all_by_port, stop_all_by_radio
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
@@ -54,8 +54,15 @@ LOGGED = {
     "stateEstimate.yaw": "degrees counter-clockwise",
     "gyro.z": "degrees/s",
     "pm.batteryLevel": "%",
+    "supervisor.info": "bits",
 }
 """Variables that the firmware sends, with their units."""
+FLIES, LOCKED = 1 << 4, 1 << 6
+"""Bits of `supervisor.info`, as the firmware's supervisor.c has them: it flies; its motors stand until it is started
+anew, after an emergency stop, a crash, or two seconds without a setpoint in the air."""
+LOCK = "its motors are locked, by an emergency stop, a crash or a lost link: switch it off and on before it flies again"
+STARTS = 2.0
+"""Seconds after which a take-off without turning motors has failed."""
 
 
 class Quadcopter(Protocol):
@@ -103,8 +110,12 @@ class CrazyflieBody(BridgedBody):
         self._copter = open()
         self._height = self._wanted = 0.0
         """Where it is told to fly and where it is to come to, m; 0 on the ground."""
-        self._moved = self._time = self._clock.now()
+        self._asked: float | None = None
+        """Where it is to come to, m, as an expression has asked since the last round."""
+        self._moved = self._time = self._flown = self._clock.now()
+        """When it was last told where to fly, when it was heard, and when it last flew, or was to stand."""
         self._values: dict[str, float] = {}
+        """Of `LOGGED`; what has not come yet is missing."""
         self._grounded: Motion | None = None
         """What it could not do on the ground, and was complained of."""
 
@@ -113,16 +124,18 @@ class CrazyflieBody(BridgedBody):
     def carry_out(self, motion: Motion) -> None:
         now = self._clock.now()
         passed, self._moved = min(now - self._moved, FRESH), now
-        if not self._values:  # whether it flies is not known yet; the next round asks again
+        if len(self._values) < len(LOGGED):  # whether it flies is not known yet; the next round asks again
             return
-        if motion.sort == "take-off":
-            if not self._height:
-                self._copter.arm()
-            self._wanted = motion.values[0]
-        elif motion.sort == "land" or now - self._attended > LANDS_AFTER:
-            self._wanted = 0.0
-        elif self._stopped:
+        with self._lock:
+            asked, self._asked = self._asked, None
+        if self._stopped:
             self._wanted = self._height
+        elif asked is not None and not self._held:
+            if asked and not self._height:
+                self._copter.arm()
+            self._wanted = asked
+        if now - self._attended > LANDS_AFTER:
+            self._wanted = 0.0
         if not self._height and not self._wanted:
             self._stay_grounded(motion)
             return
@@ -131,7 +144,7 @@ class CrazyflieBody(BridgedBody):
             self._height = 0.0
             self._copter.stop_motors()
             return
-        speed, turn_rate = motion.values if motion.sort == "speeds" else (0.0, 0.0)
+        speed, turn_rate = motion.values if motion.sort == "speeds" and self._wanted else (0.0, 0.0)
         self._copter.hover(speed, turn_rate, self._height)
 
     def _stay_grounded(self, motion: Motion) -> None:
@@ -142,22 +155,45 @@ class CrazyflieBody(BridgedBody):
     def measure(self) -> None:
         found = self._copter.logged()
         if found is not None:
-            if not self._values:  # it may be in the air, where it was lost
-                z = found.get("stateEstimate.z", 0.0)
-                self._height = self._wanted = z if z > LANDED else 0.0
-            self._values.update(found)
-            self._time = self._clock.now()
+            self._take(found)
         elif self._clock.now() - self._time > FRESH:
             raise OutOfReachError(f"nothing has been heard of it for {FRESH:g} s")
 
+    def _take(self, found: Mapping[str, float]) -> None:
+        self._time, before, was_locked = self._clock.now(), len(self._values), self._has(LOCKED)
+        self._values.update(found)
+        if before < len(self._values) == len(LOGGED) and self._has(FLIES):  # in the air, where it was lost
+            self._height = self._wanted = max(self._values["stateEstimate.z"], LANDED)
+        if not self._height or self._has(FLIES):
+            self._flown = self._time
+        if self._has(LOCKED) and not was_locked:
+            self._come_down(LOCK)
+        elif self._time - self._flown > STARTS:
+            self._come_down("its motors do not turn: it has not taken off, or has come down by itself")
+
+    def _has(self, bit: int) -> bool:
+        return bool(int(self._values.get("supervisor.info", 0.0)) & bit)
+
+    def _come_down(self, why: str) -> None:
+        """It stands, whatever it was told."""
+        self._height = self._wanted = 0.0
+        self.rest()
+        self.complain(why)
+
     def reading(self) -> Reading:
-        x, y, z, along_x, along_y, yaw, turning, charge = (self._values.get(name, nan) for name in LOGGED)
+        x, y, z, along_x, along_y, yaw, turning, charge, info = (self._values.get(name, nan) for name in LOGGED)
         heading = remainder(radians(yaw), 2.0 * pi) if isfinite(yaw) else nan
         speed = along_x * cos(heading) + along_y * sin(heading)
         most = 2.0 * self.model.limits.speed
         values = (x, y, z, heading, clamped(speed, most) if isfinite(speed) else nan)
         return Reading(
-            self._time, (*values, clamped(radians(turning), 10.0), charge / 100.0, float(self._height > 0.0))
+            self._time,
+            (
+                *values,
+                clamped(radians(turning), 10.0),
+                charge / 100.0,
+                float(self._has(FLIES)) if isfinite(info) else nan,
+            ),
         )
 
     def seek(self) -> None:
@@ -174,6 +210,14 @@ class CrazyflieBody(BridgedBody):
             self._lost = error
         self._copter.close()
 
+    def stop(self) -> None:
+        super().stop()
+        self._asked = None
+
+    def rest(self) -> None:
+        super().rest()
+        self._asked = None
+
     def course(self, motion: Motion) -> tuple[float, float] | None:
         return super().course(motion) if self._height else None
 
@@ -184,11 +228,20 @@ class CrazyflieBody(BridgedBody):
         wanted = self._usual if height != height else height
         if not LANDED < wanted <= HIGHEST:
             raise MisuseError(f"a Crazyflie flies above {LANDED:g} and up to {HIGHEST:g} m, not at {wanted:g} m")
-        self.move(Motion("take-off", (wanted,)))
+        if self._has(LOCKED):
+            raise MisuseError(LOCK)
+        self._ask_for(wanted)
 
     def touch_down(self) -> None:
         """Land where it is."""
-        self.move(Motion("land"))
+        self._ask_for(0.0)
+
+    def _ask_for(self, height: float) -> None:
+        """What moves it already ends; what the same tick asks for after this does not take its place."""
+        self.move(REST)
+        with self._lock:
+            if not self._stopped:
+                self._asked = height
 
     def cut_motors(self) -> None:
         """Stop the motors, in the air too; it falls, and flies again only after it was switched off and on."""
@@ -249,7 +302,7 @@ def model_of(limits: Limits) -> RobotModel:
             Quantity("speed", "m/s", -2.0 * speed, 2.0 * speed, FRESH, "along its heading"),
             Quantity("turn_rate", "rad/s", -10.0, 10.0, FRESH, "how fast it turns", "deg/s"),
             Quantity("battery", "", 0.0, 1.0, FRESH, "what is left in its battery", "%"),
-            Quantity("flying", "", 0.0, 1.0, FRESH, "whether it has taken off"),
+            Quantity("flying", "", 0.0, 1.0, FRESH, "whether it flies"),
         ),
         (
             Quantity("drive_speed", "m/s", -speed, speed, doc="flies ahead at this speed"),

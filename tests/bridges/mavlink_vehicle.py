@@ -4,7 +4,8 @@ It runs in the test's own process, where its time passes only when it is told to
 
     python mavlink_vehicle.py PORT PHRASE [rover|copter]      sends to 127.0.0.1:PORT, as vehicles do to ground stations
 
-A line "reboot" on its standard input starts it anew, "mute" takes its voice, "speak" gives it back.
+A line "reboot" on its standard input starts it anew, "mute" takes its voice, "speak" gives it back, "mode NUMBER" is
+its pilot's switch, "text WORDS" has it say these, and after "refuse" it lets nobody arm it.
 """
 
 from __future__ import annotations
@@ -79,11 +80,15 @@ class Vehicle:
                 self.target = message.lat_int / 1e7, message.lon_int / 1e7, message.alt
         return []
 
+    def change_mode(self, mode: int) -> None:
+        """As its pilot does with a switch, too, or its own failsafe."""
+        self.mode = mode
+        self.forward = self.turn = self.climb = 0.0
+        self.target = self.rising = None
+
     def do(self, message: Any) -> None:
         if message.command == 176:
-            self.mode = int(message.param2)
-            self.forward = self.turn = self.climb = 0.0
-            self.target = self.rising = None
+            self.change_mode(int(message.param2))
         elif message.command == 400:
             self.armed = message.param1 == 1.0
         elif message.command == 178:
@@ -161,6 +166,13 @@ def main() -> None:
                     began = time.monotonic()
                 case "mute" | "speak" as word:
                     mute = word == "mute"
+                case word if word.startswith("mode "):
+                    vehicle.change_mode(int(word.removeprefix("mode ")))
+                case word if word.startswith("text "):
+                    said_so = vehicle.mav.statustext_encode(2, word.removeprefix("text ").encode())
+                    wire.send(vehicle.pack(said_so))
+                case "refuse":
+                    vehicle.refuse.add(400)
                 case _:
                     return
         said = vehicle.advance(time.monotonic() - began - vehicle.time)

@@ -67,6 +67,7 @@ def test_a_body_that_does_not_know_where_it_is_stands_if_it_has_a_fence(cart: Ca
     cart.x = nan
     pass_time(cart, clock, 0.5)
     assert cart.told[-1].sort == "rest"
+    assert cart.complaints() == ["it is at rest: it does not know where it is, and has a fence"]
     cart.x = 0.0
     pass_time(cart, clock, 0.2)
     assert cart.told[-1].sort == "rest", "nothing old resumes"
@@ -101,6 +102,27 @@ def test_who_sees_that_it_is_lost_or_found_has_been_told(clock: ManualClock) -> 
         (away, "the body is within reach again, and at rest until a command moves it"),
     ]
     assert cart.lost == there
+
+
+def test_what_its_limits_keep_it_from_is_told_and_not_in_every_tick(cart: Cart, clock: ManualClock) -> None:
+    cart.narrow(Limits(inf, inf, inf, fence=(-9.0, -9.0, 9.0, 9.0)))
+    cart.x = 8.9
+
+    def push(speed: float, seconds: float) -> list[str]:
+        for _ in range(round(seconds * 10)):
+            cart.act(Setpoint(speed))
+            pass_time(cart, clock, 0.1)
+            cart.sense()
+        return cart.complaints()
+
+    assert push(0.5, 20.0) == ["it is at rest: its fence is ahead"]
+    assert push(-0.5, 6.0) == [], "it may come back"
+    assert push(0.5, 20.0) == ["it is at rest: its fence is ahead"]
+    seeing = Cart(clock, replace(MODEL, geometry=Geometry(0.1, sonars=16)))
+    seeing.narrow(Limits(inf, inf, inf, least_range=1.0))
+    seeing.act(Setpoint(0.5))
+    pass_time(seeing, clock, 0.1)
+    assert seeing.complaints() == ["it is at rest: less than its least range of 1 m is known to be free ahead"]
 
 
 def test_limits_that_a_body_cannot_keep_are_refused(cart: Cart, clock: ManualClock) -> None:

@@ -24,7 +24,7 @@ from channel.test_udp import free_port
 from cli.terminal import terminal
 from processes import live_in
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
-from sleepcast.bridges.body import FencedError
+from sleepcast.bridges.body import BridgedBody, FencedError
 from sleepcast.bridges.mavlink.link import Link
 from sleepcast.bridges.mavlink.vehicle import COPTER, ROVER, MavlinkVehicle
 from sleepcast.channel import Kind, Message
@@ -32,6 +32,7 @@ from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.geodesy import Origin
 from sleepcast.loop import vocabulary_of
+from sleepcast.loop.real import act
 from sleepcast.node.node import Node
 from sleepcast.robot import Limits, Setpoint
 from sleepcast.testing.robot_contract import BridgeContract, BridgeRig
@@ -352,6 +353,281 @@ def test_a_stop_ends_orders_that_wait_for_an_answer() -> None:
     rig.body.stop()
     rig.wait(2.0)
     assert not rig.vehicle.armed, "it was stopped before this was sent"
+
+
+# ---- a mode and a motion of one tick
+
+
+class Ticks:
+    """A mind whose ticks come with the body's rounds, ten a second."""
+
+    def __init__(self, rig: MavlinkRig) -> None:
+        self.rig, self.count, self.began = rig, 0, rig.time.now()
+        self.node = Node("v1", vocabulary_of(rig.body.model), body=rig.body)
+
+    def say(self, *texts: str) -> None:
+        """All in one tick, with its rules after them."""
+        now = self.rig.time.now() - self.began
+        self.node.sense(self.rig.robot.sense().values, now)
+        for text in texts:
+            self.count += 1
+            self.node.receive(Message("desk", 1, self.count, Kind.COMMAND, now, text=text, role="commander"))
+        self.node.think(self.count, now)
+        act(self.node, self.rig.robot)
+        self.rig.look_away(0.1)
+
+    def go_on(self, seconds: float) -> None:
+        for _ in range(round(seconds * 10)):
+            self.say()
+
+
+@pytest.mark.parametrize("deaf", [set(), {176}, {400}])
+@pytest.mark.parametrize(
+    "texts",
+    [
+        ("(SETQ drive_speed 1m/s)", "(SET_MODE GUIDED)", "(ARM)"),
+        ("(SET_MODE GUIDED)", "(ARM)", "(SETQ drive_speed 1m/s)"),
+    ],
+)
+def test_a_mode_arming_and_a_speed_of_one_tick_take_effect_in_that_order(
+    deaf: set[int], texts: tuple[str, ...]
+) -> None:
+    rig = MavlinkRig()
+    mind = Ticks(rig)
+    mind.go_on(1.2)
+    rig.vehicle.heard.clear()
+    rig.vehicle.deaf = deaf
+    mind.say(*texts)
+    assert rig.vehicle.forward == 0.0 if deaf else rig.vehicle.mode == GUIDED["rover"]
+    rig.vehicle.deaf = set()
+    mind.go_on(2.5)
+    assert rig.sensed()["speed"] == pytest.approx(1.0)
+    orders = [order for order in rig.vehicle.orders if order[0] in (176, 400)]
+    assert orders == [(176, 15.0), (400, 1.0)]
+    assert rig.body.complaints() == []
+
+
+def test_a_place_and_a_take_off_wait_for_the_mode_of_their_tick() -> None:
+    rig = MavlinkRig("copter")
+    mind = Ticks(rig)
+    mind.go_on(1.2)
+    mind.say("(SET_MODE GUIDED)", "(ARM)", "(TAKEOFF 5m)")
+    mind.go_on(4.0)
+    assert rig.sensed()["height"] == pytest.approx(5.0, abs=0.3)
+    mind.say("(SET_MODE LOITER)")
+    mind.go_on(0.5)
+    mind.say("(GOTO 6m -8m)", "(SET_MODE GUIDED)")
+    mind.go_on(8.0)
+    assert (rig.sensed()["x"], rig.sensed()["y"]) == pytest.approx((6.0, -8.0), abs=0.3)
+    assert rig.body.complaints() == []
+
+
+def test_a_rule_that_drives_in_every_tick_does_not_keep_it_from_another_mode() -> None:
+    rig = MavlinkRig("copter").ready()
+    mind = Ticks(rig)
+    mind.say(
+        "(RULE drive (SETQ drive_speed 1m/s))", "(RULE ready (WHEN (AND (= mode GUIDED) (< x 1m)) (SET_MODE GUIDED)))"
+    )
+    mind.go_on(2.0)
+    assert rig.sensed()["speed"] == pytest.approx(1.0), "the mode that it is in already changes nothing"
+    mind.say("(SET_MODE RTL)")
+    mind.go_on(3.0)
+    assert rig.vehicle.mode == COPTER["RTL"]
+    assert rig.body.complaints() == ["it does not follow: it is in RTL, armed; (SET_MODE GUIDED) and (ARM) come first"]
+
+
+def test_a_mode_that_is_refused_or_not_answered_leaves_out_what_was_to_follow_it_and_is_not_asked_for_again() -> None:
+    rig = MavlinkRig()
+    mind = Ticks(rig)
+    mind.go_on(1.2)
+    for rig.vehicle.refuse, rig.vehicle.deaf, said in (
+        ({176}, set(), "the order about the mode was answered: denied"),
+        (set(), {176}, "it has not answered the order about the mode"),
+    ):
+        rig.vehicle.orders.clear()
+        mind.say("(SET_MODE GUIDED)", "(ARM)", "(SETQ drive_speed 1m/s)")
+        mind.go_on(1.8)
+        rig.vehicle.refuse, rig.vehicle.deaf = set(), set()
+        mind.go_on(3.0)
+        assert len(rig.vehicle.orders) <= 1
+        assert (rig.vehicle.mode, rig.vehicle.armed) == (0, False)
+        assert rig.body.complaints() == [
+            f"{said}; arming or disarming, asked for with it, is left out",
+            "it does not follow: it is in MANUAL, not armed; (SET_MODE GUIDED) and (ARM) come first",
+        ]
+        mind.go_on(5.1)
+
+
+def test_another_mode_takes_the_place_of_one_that_is_not_answered() -> None:
+    rig = MavlinkRig("copter").ready()
+    mind = Ticks(rig)
+    rig.vehicle.deaf = {176}
+    mind.say("(SET_MODE LOITER)", "(SETQ drive_speed 1m/s)")
+    mind.go_on(0.5)
+    mind.say("(SET_MODE RTL)")
+    rig.vehicle.deaf = set()
+    mind.go_on(2.0)
+    assert rig.vehicle.mode == COPTER["RTL"]
+    assert rig.body.complaints() == []
+
+
+def test_orders_without_end_find_no_room() -> None:
+    rig = MavlinkRig("copter").ready()
+    mind = Ticks(rig)
+    rig.vehicle.deaf = {176}
+    mind.say(*("(SET_MODE RTL)", "(SET_MODE LAND)") * 20)
+    assert any("too many orders wait for an answer" in sentence for sentence in rig.body.complaints())
+    rig.vehicle.deaf = set()
+    mind.go_on(8.0)
+    mind.say("(SET_MODE GUIDED)")
+    mind.go_on(1.0)
+    assert rig.vehicle.mode == GUIDED["copter"]
+
+
+# ---- somebody else
+
+
+def test_a_pilot_who_takes_over_is_left_alone_and_nothing_old_resumes() -> None:
+    rig = MavlinkRig("copter").ready()
+    rig.robot.act(Setpoint(1.0))
+    rig.wait(2.0)
+    rig.vehicle.change_mode(COPTER["ALT_HOLD"])
+    rig.wait(1.2)
+    assert rig.body.complaints() == [
+        "somebody else wants it in ALT_HOLD, armed: it is left alone until (SET_MODE GUIDED)"
+    ]
+    rig.vehicle.heard.clear()
+    rig.wait(5.0)
+    assert set(rig.vehicle.heard) == {"HEARTBEAT"}
+    rig.vehicle.change_mode(COPTER["GUIDED"])
+    rig.wait(2.0)
+    assert rig.body.complaints() == ["somebody else wants it in GUIDED, armed: it is at rest until a command moves it"]
+    assert rig.vehicle.forward == 0.0
+    rig.robot.act(Setpoint(1.0))
+    rig.wait(2.0)
+    assert rig.sensed()["speed"] == pytest.approx(1.0)
+
+
+def test_a_pilot_who_takes_over_under_stop_is_left_alone() -> None:
+    rig = MavlinkRig("copter").ready()
+    rig.vehicle_body.set_mode(COPTER["RTL"])
+    rig.wait(0.5)
+    rig.body.stop()
+    rig.wait(1.2)
+    assert rig.vehicle.mode == COPTER["LOITER"]
+    rig.vehicle.change_mode(COPTER["STABILIZE"])
+    rig.wait(3.0)
+    assert rig.vehicle.mode == COPTER["STABILIZE"]
+    assert rig.body.complaints() == ["somebody else wants it in STABILIZE, armed: STOP does not hold it there"]
+    rig.body.stop()
+    rig.wait(1.0)
+    assert rig.vehicle.mode == COPTER["STABILIZE"], "the same STOP, said again to others"
+    rig.body.release()
+    rig.wait(0.2)
+    rig.body.stop()
+    rig.wait(1.0)
+    assert rig.vehicle.mode == COPTER["LOITER"], "another STOP"
+
+
+@pytest.mark.parametrize("end", ["lease", "mind", "node"])
+def test_a_failsafe_leaves_what_somebody_else_flies_alone(end: str) -> None:
+    rig = MavlinkRig("copter", failsafe="RTL").ready()
+    rig.vehicle.change_mode(COPTER["STABILIZE"])
+    rig.wait(1.2)
+    rig.body.complaints()
+    if end == "lease":
+        rig.body.let_go()
+        rig.wait(3.0)
+    elif end == "mind":
+        rig.look_away(3.0)
+    else:
+        rig.body.close()
+    assert rig.vehicle.mode == COPTER["STABILIZE"]
+    said = "nobody drives it any more; it stays in STABILIZE, armed, as somebody else wants it"
+    assert rig.body.complaints() == ([said] if end != "node" else [])
+
+
+def test_a_failsafe_is_not_repeated_against_a_pilot() -> None:
+    rig = MavlinkRig("copter", failsafe="RTL").ready()
+    rig.body.let_go()
+    rig.wait(1.5)
+    assert rig.vehicle.mode == COPTER["RTL"]
+    rig.vehicle.change_mode(COPTER["LOITER"])
+    rig.wait(3.0)
+    assert rig.vehicle.mode == COPTER["LOITER"]
+
+
+def test_stop_and_failsafe_are_ordered_until_they_have_taken_effect() -> None:
+    for begin, mode in ((BridgedBody.let_go, "RTL"), (BridgedBody.stop, "LOITER")):
+        rig = MavlinkRig("copter", failsafe="RTL").ready()
+        rig.vehicle_body.set_mode(COPTER["AUTO"])
+        rig.wait(0.5)
+        rig.vehicle.deaf, rig.vehicle.refuse = {176}, {176}
+        begin(rig.body)
+        rig.wait(4.0)
+        rig.vehicle.deaf = set()
+        rig.wait(4.0)
+        assert rig.vehicle.mode == COPTER["AUTO"]
+        rig.vehicle.refuse = set()
+        rig.wait(2.0)
+        assert rig.vehicle.mode == COPTER[mode]
+        assert rig.body.complaints()[:2] == [
+            "it has not answered the order about the mode",
+            "the order about the mode was answered: denied",
+        ]
+
+
+def test_a_failsafe_that_the_link_has_cut_off_takes_effect_when_it_is_back() -> None:
+    rig = MavlinkRig("copter", failsafe="RTL").ready()
+    rig.robot.act(Setpoint(1.0))
+    rig.wait(1.0)
+    rig.cut()
+    rig.body.let_go()
+    rig.wait(4.0)
+    assert rig.body.lost
+    rig.mend()
+    rig.wait(12.0)
+    assert rig.body.lost == ""
+    assert rig.vehicle.mode == COPTER["RTL"]
+
+
+def test_a_mode_that_comes_after_the_stop_that_was_to_prevent_it_does_not_last() -> None:
+    rig = MavlinkRig("copter").ready()
+    rig.vehicle_body.set_mode(COPTER["AUTO"])
+    rig.vehicle.deaf = {176}  # it has got it, but is slow
+    rig.wait(0.1)
+    rig.body.stop()
+    rig.wait(0.1)
+    rig.vehicle.deaf = set()
+    rig.vehicle.change_mode(COPTER["AUTO"])
+    rig.wait(2.0)
+    assert rig.vehicle.mode == COPTER["LOITER"]
+    assert rig.body.complaints() == []
+
+
+def test_motors_that_somebody_else_switches_off_and_on_again_move_nothing() -> None:
+    rig = MavlinkRig().ready()
+    rig.robot.act(Setpoint(1.0))
+    rig.wait(1.0)
+    rig.vehicle.armed, rig.vehicle.forward = False, 0.0
+    rig.wait(1.2)
+    assert rig.body.complaints() == ["its motors are off; it is at rest until it is armed and a command moves it"]
+    rig.vehicle.armed = True
+    rig.wait(2.0)
+    assert rig.vehicle.forward == 0.0
+
+
+def test_answers_to_another_ground_station_are_not_ours() -> None:
+    rig = MavlinkRig("copter").ready()
+    rig.vehicle.deaf = {176}
+    rig.vehicle_body.set_mode(COPTER["RTL"])
+    rig.wait(0.1)
+    theirs = rig.vehicle.mav.command_ack_encode(176, 0, target_system=255, target_component=230)
+    rig.loop.waiting.append(rig.vehicle.pack(theirs))
+    rig.wait(0.1)
+    rig.vehicle.deaf = set()
+    rig.wait(0.5)
+    assert rig.vehicle.mode == COPTER["RTL"], "it was ordered again"
 
 
 def test_a_failsafe_leaves_what_is_not_armed_alone() -> None:

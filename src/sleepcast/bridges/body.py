@@ -27,7 +27,7 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from math import isfinite, isnan, nan
+from math import inf, isfinite, isnan, nan
 from threading import Event, Lock, Thread
 from types import TracebackType
 from typing import ClassVar, Self
@@ -50,6 +50,8 @@ MAX_ERRANDS = 64
 """Things to be done that wait for the courier; what finds no room is refused, and the language counts a fault."""
 MAX_COMPLAINTS = 100
 """Sentences that wait to be read; the oldest go."""
+TELL_AGAIN = 5.0
+"""Seconds for which what has brought it to rest again and again is told once."""
 LAG = 0.25
 """Seconds from a look at what is ahead to when what follows from it is done: two rounds, and ticks of the robot."""
 FRESH = 1.0
@@ -101,6 +103,8 @@ class BridgedBody(ABC):
         self._lock = Lock()
         """Held to change what follows; never while anybody waits for the robot."""
         self._motion = self.failsafe = REST
+        self._current = REST
+        """What is wanted in this round, before its speed is paced."""
         self._told: Motion | None = None
         """What the robot was last told, the very object."""
         self._stopped = self._held = False
@@ -115,6 +119,8 @@ class BridgedBody(ABC):
         """Seconds between the mind's last two looks."""
         self._speed, self._paced = 0.0, nan
         """The speed that the robot was last told, m/s, and when."""
+        self._kept_back, self._kept_at = "", -inf
+        """Why the limits last brought it to rest, and when."""
         self._wake, self._ending, self._given_up = Event(), False, in_step
         self._courier = Thread(target=self._go_round, name="courier", daemon=True)
 
@@ -324,9 +330,9 @@ class BridgedBody(ABC):
         with self._lock:
             if not self._in_step and self._clock.now() - self._attended > UNATTENDED:
                 self._motion = self.failsafe
-            if self.model.limits.are_watched and not self._may_go_on(self._motion):
-                self._motion = REST
-            motion = REST if self._stopped or self._held else self._motion
+            if self.model.limits.are_watched:
+                self._keep_back(self._why_not(self._motion))
+            motion = self._current = REST if self._stopped or self._held else self._motion
             errands, self._errands = list(self._errands), deque()
         motion = self._paced_motion(motion)
         todo: list[Callable[[], object]] = list(errands)
@@ -362,20 +368,34 @@ class BridgedBody(ABC):
             return REST
         return Motion("speeds", (self._speed, turn))
 
-    def _may_go_on(self, motion: Motion) -> bool:
-        """Whether this motion keeps the body within its fence and off what is in its way."""
+    def _keep_back(self, why: str) -> None:
+        """Bring the body to rest if there is a reason, and say so: a rule may ask for it again in every tick."""
+        now = self._clock.now()
+        if why:
+            self._motion = REST
+            if why != self._kept_back or now - self._kept_at > TELL_AGAIN:
+                self.complain(f"it is at rest: {why}")
+            self._kept_back, self._kept_at = why, now
+
+    def _why_not(self, motion: Motion) -> str:
+        """Why this motion would not keep the body within its fence and off what is in its way; "" if it does."""
         course = self.course(motion)
         if course is None:
-            return True
+            return ""
         names, values = (sensor.name for sensor in self.model.sensors), self.reading().values
         known = dict(zip(names, values, strict=True)) if self._in_step or not self.stale else {}
         x, y, heading, speed, turning = (known.get(n, nan) for n in ("x", "y", "heading", "speed", "turn_rate"))
         wanted, turn = course
         if self.model.limits.fence is not None and isnan(x + y + heading):
-            return wanted == 0.0
+            return "it does not know where it is, and has a fence" if wanted else ""
         turn = max(abs(turn), 0.0 if isnan(turning) else abs(turning))
         going = self.model.limits.speed if isnan(speed) else speed
-        return self.model.limits.may_go_on((x, y, heading), going, wanted, turn, LAG, self.nearest)
+        ahead = (x, y, heading), going, wanted, turn, LAG, self.nearest
+        if self.model.limits.may_go_on(*ahead):
+            return ""
+        if not replace(self.model.limits, fence=None).may_go_on(*ahead):
+            return f"less than its least range of {self.model.limits.least_range:g} m is known to be free ahead"
+        return "its fence is ahead"
 
     def _lose(self, why: Exception) -> None:
         """The robot is gone: nothing that is wanted of it now will be wanted when it is back."""

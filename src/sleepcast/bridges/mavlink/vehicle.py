@@ -4,24 +4,43 @@ The vehicle flies itself; a mind gives it setpoints while it is in the mode GUID
 places. Positions come by GPS, and are metres around an origin. `body` has what this shares with other bridges, watchdog
 and limits among them.
 
+A mode, and arming, come before what moves it: `orders` has them answered one after the other, and setpoints wait for
+that. What it does not follow then, because it is in another mode or not armed, is forgotten and told.
+
 STOP, and a hold, send zero velocities; where the vehicle follows none, because it is in a mode of its own such as RTL,
 they change its mode to the one in which it stands. When the mind is gone, or the operator's lease is over, the vehicle
-changes to the mode of the setting `failsafe`. Orders (a mode, arming) are sent again until they are answered, for
-`ORDER_SECONDS` s at most, so that none takes effect late.
+changes to the mode of the setting `failsafe`, unless somebody else has chosen the one that it is in.
+
+Somebody else is its pilot with a remote control, another ground station, or the vehicle's own failsafe. They come
+first: a mode that they choose ends what was asked of the vehicle, and is changed by a later command or STOP alone.
 """
 
 from __future__ import annotations
 
 import time
 from contextlib import suppress
-from dataclasses import dataclass
+from functools import partial
 from math import cos, hypot, inf, isfinite, nan, pi, remainder, sin
 from typing import Any
 
 from sleepcast.bridges import Opening
 from sleepcast.bridges.address import BodyError, read_body_address
-from sleepcast.bridges.body import FRESH, PATIENCE, BridgedBody, FencedError, Motion, OutOfReachError, clamped
+from sleepcast.bridges.body import FRESH, PATIENCE, REST, BridgedBody, FencedError, Motion, OutOfReachError, clamped
 from sleepcast.bridges.mavlink.link import LINK, Link, open_link, system_of
+from sleepcast.bridges.mavlink.orders import (
+    ARM_DISARM,
+    ASKED,
+    AT_ONCE,
+    CHANGE_SPEED,
+    INTERVAL,
+    MESSAGES,
+    ORDER_SECONDS,
+    RESULTS,
+    SET_MODE,
+    TAKEOFF,
+    Order,
+    Orders,
+)
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, printable
 from sleepcast.core.geodesy import LocalMap, Origin
@@ -47,16 +66,18 @@ SILENT = 2.0
 """Seconds without a message after which the vehicle is out of reach: two of its heartbeats."""
 BEAT = 1.0
 """Seconds between two heartbeats of ours: the vehicle's own failsafe waits for several of them."""
-ORDER_AGAIN, ORDER_SECONDS = 0.3, 1.5
-"""Seconds after which an unanswered order is sent again, and after which it is given up."""
+SETTLES = 0.5
+"""Seconds after the answer to an order in which a heartbeat may still tell what was before."""
 PARTING = 0.5
 """Seconds for the last order at the end."""
 TELL_AGAIN = 5.0
-"""Seconds between two reports of refused messages, and of setpoints that the vehicle does not follow."""
+"""Seconds between two reports of refused messages, and between two times of the same sentence."""
 RESTARTED = 1.0
 """Seconds by which the vehicle's own time goes back only if it has restarted."""
 MAX_SAID = 60
 """Characters of what a vehicle says."""
+MAX_SENTENCES = 100
+"""Whose times are remembered: a vehicle may say anything."""
 HIGHEST_CLIMB = 1.0
 """m/s."""
 FARTHEST = 1e5
@@ -70,9 +91,6 @@ MODES = {**dict.fromkeys((2, 3, 4, 13, 14, 15, 29, 35), COPTER), **dict.fromkeys
 """Of each type of vehicle that MAVLink has a number for, and that is known here."""
 FAILSAFES = ("loiter", "rtl", "land")
 
-SET_MODE, ARM_DISARM, TAKEOFF, CHANGE_SPEED, INTERVAL = 176, 400, 22, 178, 511
-NAMES = {SET_MODE: "the mode", ARM_DISARM: "arming or disarming", TAKEOFF: "taking off", CHANGE_SPEED: "its speed"}
-RESULTS = ("accepted", "refused for now", "denied", "not supported", "failed", "in progress", "cancelled")
 RATES = {33: 10.0, 30: 10.0, 1: 1.0, 24: 1.0}
 """Messages that we need, by number (GLOBAL_POSITION_INT, ATTITUDE, SYS_STATUS, GPS_RAW_INT), and how often, 1/s."""
 BODY_FRAME, EARTH_FRAME = 8, 6
@@ -154,20 +172,10 @@ def model_of(modes: dict[str, int], limits: Limits) -> RobotModel:
     )
 
 
-@dataclass(slots=True)
-class Order:
-    """A command that waits for its answer: sent how often, again when, and given up when."""
-
-    parameters: tuple[float, ...]
-    sent: int = 0
-    again: float = 0.0
-    end: float = inf
-
-
 class MavlinkVehicle(BridgedBody):
     """See the module. link: to the vehicle; system: its number. modes: its own. failsafe: the name of one of them.
-    origin: of x and y; None for the first place at which it is. ceiling: m. Its motions besides "speeds" are "mode"
-    (its number), "goto" (x, y, height; m), "takeoff" (height) and "climb" (m/s)."""
+    origin: of x and y; None for the first place at which it is. ceiling: m. Its motions besides "speeds" are "goto" (x,
+    y, height; m), "takeoff" (height), "climb" (m/s), and "mode" (its number), which only its failsafe is."""
 
     def __init__(
         self,
@@ -191,14 +199,30 @@ class MavlinkVehicle(BridgedBody):
         self._fixed = -inf
         """When the vehicle last said where it is, s."""
         self._met, self._beat, self._told_again = now, -inf, -inf
-        self._boot, self._last_text = -inf, ""
+        self._boot = -inf
         self._said: dict[str, float] = {}
         """When each sentence of ours was said last."""
         self._mode, self._armed = -1, False
+        """The number of its mode, -1 while that is unknown."""
+        self._told_state: tuple[int, bool] | None = None
+        """Mode, and whether it is armed, by its last heartbeat, until that has been looked at."""
+        self._ordered = self._mode_before = -1
+        """The last mode that we have sent, and the one of before the last that was answered."""
+        self._mode_settled = self._arming_settled = -inf
+        """Until when a heartbeat may still tell what was before an answer."""
+        self._reason, self._claimed, self._claim_again = "", (-1, -1), -inf
+        """Why it is to be in a mode that nobody has asked for ("stop", "failsafe" or ""); which one, -1 if it need not
+        be, and the one in which it was then; when that is ordered again."""
+        self._tick = 0
+        """Of the mind."""
+        self._before = self._motion
+        """The motion when this tick began."""
+        self._unfollowed: Motion | None = None
+        """What it does not follow."""
         self._place = (nan,) * 4  # x, y, heading, height
         self._pace = (nan,) * 3  # speed, turn rate, climb rate
         self._state = (nan,) * 4  # battery, volts, GPS fix, satellites
-        self._orders: dict[tuple[int, float], Order] = {}
+        self._orders = Orders(self._send_command)
         self._begun: Motion | None = None
         self._ask_for_messages()
 
@@ -216,24 +240,81 @@ class MavlinkVehicle(BridgedBody):
         pairs = zip(values, self.model.sensors, strict=True)
         return Reading(max(self._fixed, 0.0), tuple(v if s.low <= v <= s.high else nan for v, s in pairs))
 
+    def sense(self) -> Reading:
+        with self._lock:
+            self._tick += 1
+            unfollowed, self._unfollowed = self._unfollowed, None
+            waits = bool(self._errands) or self._orders.waits(ASKED)
+            lost = unfollowed is not None and self._motion is unfollowed and not waits
+            if lost:
+                self._motion = REST
+            self._before = self._motion
+        if lost:
+            self._say_once(f"it does not follow: it is {self._condition()}; (SET_MODE GUIDED) and (ARM) come first")
+        return super().sense()
+
     def carry_out(self, motion: Motion) -> None:
+        self._unfollowed = None
+        self._claim_mode(motion)
+        if self._orders.waits(ASKED):
+            return
         anew, self._begun = motion is not self._begun, motion
-        if self._stopped:
-            self._forget_orders()
-        if motion.sort == "mode" and self._mode != motion.values[0]:
-            if self._armed or motion is not self.failsafe:  # what stands on the ground with its motors off is safe
-                self._order(SET_MODE, 1.0, motion.values[0])
+        if self._mode != self._modes[GUIDED] or not self._armed:
+            if self._current is not REST and motion is not self.failsafe:
+                self._unfollowed = self._current
         elif motion.sort == "takeoff":
             if anew:
-                self._order(TAKEOFF, *(0.0,) * 6, motion.values[0])
-        elif motion.sort == "rest" and (self._stopped or self._held) and self._is_on_its_own():
-            self._order(SET_MODE, 1.0, float(self._standing))
-        elif self._mode == self._modes[GUIDED] and self._armed:
+                self._order(TAKEOFF, *(0.0,) * 6, motion.values[0], queue=ASKED, tick=self._tick)
+        else:
             if motion.sort == "goto" and anew:  # else it would go as fast as its own settings allow
-                self._order(CHANGE_SPEED, 1.0, self.model.limits.speed, -1.0)
+                self._order(CHANGE_SPEED, 1.0, self.model.limits.speed, -1.0, queue=ASKED, tick=self._tick)
             self._set_point(motion)
-        elif motion.sort not in ("rest", "mode"):
-            self._say_once(f"it does not follow: it is {self._condition()}; (SET_MODE GUIDED) and (ARM) come first")
+
+    def _claim_mode(self, motion: Motion) -> None:
+        """Bring it, by STOP, a hold or the failsafe, into the mode in which it stands or is safe: until it is there, or
+        somebody else has chosen another one."""
+        stands = self._stopped or self._held
+        reason = "stop" if stands else "failsafe" if motion is self.failsafe else ""
+        if stands or reason != self._reason:
+            self._orders.forget(self._could_move if reason else self._is_claim)
+        if reason != self._reason and self._mode >= 0:
+            self._reason = reason
+            self._claimed = self._claim_for(reason), self._mode
+        claimed, was = self._claimed
+        if claimed < 0:
+            return
+        if not self._armed or self._mode != was:
+            self._claimed = -1, -1
+        elif (now := self._clock.now()) >= self._claim_again:
+            self._claim_again = now + ORDER_SECONDS
+            self._order(SET_MODE, 1.0, float(claimed))
+
+    def _claim_for(self, reason: str) -> int:
+        """The mode that it is to be in for this reason, -1 if it stays as it is."""
+        self._claim_again = -inf
+        wanted = {"stop": self._standing, "failsafe": int(self.failsafe.values[0])}.get(reason, -1)
+        if wanted in (-1, self._mode) or not self._armed:  # what stands on the ground with its motors off is safe
+            return -1
+        if reason == "stop":
+            return -1 if self._mode == self._modes[GUIDED] else wanted
+        if not self._is_ours():
+            self._say_once(f"nobody drives it any more; it stays {self._condition()}, as somebody else wants it")
+            return -1
+        return wanted
+
+    def _is_ours(self) -> bool:
+        """Whether we have chosen its mode, or drive it there."""
+        return self._mode in (self._modes[GUIDED], self._ordered)
+
+    def _could_move(self, order: Order) -> bool:
+        """Whether an order may set it in motion, or is not that of a STOP."""
+        if order.command == ARM_DISARM:
+            return order.parameters[0] == 1.0
+        return order.queue != MESSAGES and order.mode != self._standing
+
+    @staticmethod
+    def _is_claim(order: Order) -> bool:
+        return order.queue == AT_ONCE and order.mode is not None
 
     def measure(self) -> None:
         now = self._clock.now()
@@ -241,12 +322,12 @@ class MavlinkVehicle(BridgedBody):
             if message.get_srcSystem() == self._system:
                 self._met = now
                 self.take(message)
+        self._take_state()
         if now - self._beat >= BEAT:
             self._beat = now
             self._link.send(self._link.mav.heartbeat_encode(6, 8, 0, 0, 4))  # a ground station, active
-        for (command, _), order in list(self._orders.items()):
-            if now >= order.again:
-                self._send_order(command, order)
+        for order in self._orders.tend(now):
+            self._fail(order, "it has not answered the order about {}")
         if now - self._told_again > TELL_AGAIN and self._link.refused:
             self._told_again = now
             for sentence in self._link.complaints():
@@ -254,28 +335,37 @@ class MavlinkVehicle(BridgedBody):
         if now - self._met > SILENT:
             raise OutOfReachError(f"vehicle {self._system} has not been heard for {SILENT:g} s{self._refusals()}")
 
+    def rest(self) -> None:
+        is_let_go = self._motion is self.failsafe
+        super().rest()
+        if is_let_go:  # nothing old, but what is safe
+            self._motion = self.failsafe
+
     def seek(self) -> None:
-        self._orders.clear()
+        self._orders.forget(lambda order: True)
         self._link.send(self._link.mav.heartbeat_encode(6, 8, 0, 0, 4))
         found = [m for m in self._link.receive() if m.get_srcSystem() == self._system]
         if not any(m.get_type() == "HEARTBEAT" for m in found):
             raise OutOfReachError(f"vehicle {self._system} is not heard{self._refusals()}")
         self._met = self._clock.now()
+        self._mode = -1
         for message in found:
             self.take(message)
+        self._take_state()
         self._ask_for_messages()
 
     def leave(self) -> None:
         mode = self._standing if self._stopped else int(self.failsafe.values[0])
         with suppress(*self.FAILURES):
-            self._orders.clear()
-            if self._armed and self._lost is None:
+            self._orders.forget(lambda order: True)
+            ours = self._is_ours() or self._claimed[0] >= 0
+            if self._armed and ours and mode != self._mode and self._lost is None:
                 self._order(SET_MODE, 1.0, float(mode))
                 end = time.monotonic() + PARTING
-                while self._orders and time.monotonic() < end:
+                while self._orders.waits(AT_ONCE) and time.monotonic() < end:
                     self.measure()
                     time.sleep(0.01)
-                if self._orders:
+                if self._orders.waits(AT_ONCE):
                     self._lost = OutOfReachError("it has not answered the last order")
         self._link.close()
 
@@ -283,16 +373,19 @@ class MavlinkVehicle(BridgedBody):
 
     def arm(self) -> None:
         self._check_free()
-        self.send(self._arm)
+        self.send(partial(self._ask_to_arm, self._tick))
 
     def disarm(self) -> None:
-        self.send(lambda: self._order(ARM_DISARM, 0.0))
+        self.send(self._ask_to_disarm)
 
     def set_mode(self, mode: float) -> None:
         self._check_free()
         if mode not in self._names:
             raise MisuseError(f"there is no mode {mode:g} here; there are {', '.join(self._modes)}")
-        self.move(Motion("mode", (mode,)))
+        self.send(partial(self._ask_for_mode, int(mode), self._tick))
+        with self._lock:
+            if mode != self._mode and self._motion is self._before:  # what this tick asks for comes after the mode
+                self._motion = REST
 
     def go_to(self, x: float, y: float, height: float = nan) -> None:
         fence = self.model.limits.fence
@@ -311,9 +404,20 @@ class MavlinkVehicle(BridgedBody):
     def climb(self, speed: float) -> None:
         self.move(Motion("climb", (clamped(speed, HIGHEST_CLIMB),)))
 
-    def _arm(self) -> None:
+    def _ask_for_mode(self, mode: int, tick: int) -> None:
+        last = self._orders.last(SET_MODE, ASKED)
+        if self._stopped or mode == (self._mode if last is None else last.mode):  # a rule says it in every tick
+            return
+        self._orders.forget(lambda order: order.queue == ASKED and order.tick < tick)
+        self._order(SET_MODE, 1.0, float(mode), queue=ASKED, tick=tick)
+
+    def _ask_to_arm(self, tick: int) -> None:
         if not self._stopped:  # it may have been stopped since
-            self._order(ARM_DISARM, 1.0)
+            self._order(ARM_DISARM, 1.0, queue=AT_ONCE if self._armed else ASKED, tick=tick)
+
+    def _ask_to_disarm(self) -> None:
+        self._orders.forget(lambda order: order.queue == ASKED and order.command in (ARM_DISARM, TAKEOFF))
+        self._order(ARM_DISARM, 0.0)
 
     def _check_free(self) -> None:
         if self._stopped:
@@ -323,38 +427,29 @@ class MavlinkVehicle(BridgedBody):
 
     def _ask_for_messages(self) -> None:
         for number, rate in RATES.items():
-            self._order(INTERVAL, float(number), 1e6 / rate)
+            self._order(INTERVAL, float(number), 1e6 / rate, queue=MESSAGES)
 
-    def _order(self, command: int, *parameters: float) -> None:
-        """Send a command, and again until it is answered; one that waits already goes on waiting."""
-        key = command, parameters[0] if command == INTERVAL else 0.0
+    def _order(self, command: int, *parameters: float, queue: str = AT_ONCE, tick: int = 0) -> None:
+        """Send a command, and again until it is answered. tick: of the mind that wants it."""
         filled = (*parameters, *(0.0,) * (7 - len(parameters)))
-        waiting = self._orders.get(key)
-        if waiting is None or waiting.parameters != filled:
-            self._orders[key] = order = Order(filled, end=self._clock.now() + ORDER_SECONDS)
-            self._send_order(command, order)
+        order = Order(command, filled, queue, tick)
+        if not self._orders.add(self._clock.now(), order):
+            self._fail(order, "too many orders wait for an answer: it was not sent the one about {}")
 
-    def _forget_orders(self) -> None:
-        """A STOP has come: send nothing again that could set the vehicle in motion."""
-        safe = ((SET_MODE, float(self._standing)), (ARM_DISARM, 0.0))
-        for key, order in list(self._orders.items()):
-            what = order.parameters[1 if key[0] == SET_MODE else 0]
-            if key[0] != INTERVAL and (key[0], what) not in safe:
-                del self._orders[key]
+    def _send_command(self, command: int, again: int, parameters: tuple[float, ...]) -> None:
+        if command == SET_MODE:
+            self._ordered = int(parameters[1])
+        self._link.send(self._link.mav.command_long_encode(self._system, 1, command, again % 256, *parameters))
 
-    def _send_order(self, command: int, order: Order) -> None:
-        now = self._clock.now()
-        if now >= order.end:
-            self._orders = {key: each for key, each in self._orders.items() if each is not order}
-            if command != INTERVAL:
-                self._say_once(f"it has not answered the order about {NAMES[command]}")
-            return
-        encode = self._link.mav.command_long_encode
-        self._link.send(encode(self._system, 1, command, order.sent % 256, *order.parameters))
-        order.sent, order.again = order.sent + 1, now + ORDER_AGAIN
+    def _fail(self, order: Order, sentence: str) -> None:
+        """An order has come to nothing. sentence: with a place for its name."""
+        others = [other.name for other in self._orders.end(order)]
+        if order.command != INTERVAL:
+            after = f"; {' and '.join(others)}, asked for with it, {'is' if len(others) == 1 else 'are'} left out"
+            self._say_once(sentence.format(order.name) + (after if others else ""))
 
     def _set_point(self, motion: Motion) -> None:
-        """Of velocity for all motions but "goto"."""
+        """Of velocity for all motions but "goto"; zero for those that have none."""
         stamp = int(self._clock.now() * 1000.0) & 0xFFFFFFFF
         if motion.sort == "goto" and self._map is not None:
             x, y, height = motion.values
@@ -377,7 +472,7 @@ class MavlinkVehicle(BridgedBody):
         """A message of this vehicle."""
         match message.get_type():
             case "HEARTBEAT" if message.get_srcComponent() == 1:
-                self._mode, self._armed = message.custom_mode, bool(message.base_mode & 128)
+                self._told_state = message.custom_mode, bool(message.base_mode & 128)
             case "GLOBAL_POSITION_INT":
                 self._take_position(message)
             case "ATTITUDE":
@@ -391,12 +486,11 @@ class MavlinkVehicle(BridgedBody):
                 seen = message.satellites_visible
                 self._state = (*self._state[:2], float(message.fix_type), nan if seen == 255 else float(seen))
             case "COMMAND_ACK":
-                self._hear_answer(message.command, message.result)
+                if message.target_system in (0, WE) and message.target_component in (0, OUR_COMPONENT):
+                    self._hear_answer(message.command, message.result)
             case "STATUSTEXT" if message.severity <= 4:  # a warning, or worse
                 text = printable(message.text.strip("\0 "))[:MAX_SAID]
-                if text != self._last_text:
-                    self._last_text = text
-                    self.complain(f"the vehicle says: {text}")
+                self._say_once(f"the vehicle says: {text}")
 
     def _take_position(self, message: Any) -> None:
         self._check_boot(message.time_boot_ms / 1000.0)
@@ -416,27 +510,64 @@ class MavlinkVehicle(BridgedBody):
         """seconds: since the vehicle started, by its own clock."""
         if seconds < self._boot - RESTARTED:
             self.rest()
-            self._orders.clear()
+            self._mode, self._armed = -1, False
+            self._orders.forget(lambda order: True)
             self._ask_for_messages()
             self.complain("the vehicle has restarted; it is at rest until a command moves it")
             self._boot = seconds
         self._boot = max(self._boot, seconds)
 
     def _hear_answer(self, command: int, result: int) -> None:
-        waiting = [key for key in self._orders if key[0] == command]
-        if result == 5 or not waiting:  # in progress
+        order = self._orders.answered(command, result)
+        if order is None:
             return
-        for key in waiting:
-            order = self._orders.pop(key)
-            if command == SET_MODE and not result:  # its next heartbeat, which says so, may be a second away
-                self._mode = int(order.parameters[1])
-        if result and command != INTERVAL:
+        if result:
             why = RESULTS[result] if result < len(RESULTS) else f"result {result}"
-            self._say_once(f"the order about {NAMES[command]} was answered: {why}")
+            self._fail(order, f"the order about {{}} was answered: {why}")
+            return
+        settled = self._clock.now() + SETTLES  # the next heartbeat, which says so, may be a second away
+        if order.mode is not None:
+            self._mode_before, self._mode, self._mode_settled = self._mode, order.mode, settled
+        elif order.command == ARM_DISARM and order.parameters[0] == 1.0:
+            self._armed, self._arming_settled = True, settled
 
-    def _is_on_its_own(self) -> bool:
-        """Whether it moves by itself, and follows no setpoint."""
-        return self._armed and self._mode not in (self._modes[GUIDED], self._standing)
+    def _take_state(self) -> None:
+        """Look at its last heartbeat: whether somebody else has changed its mode, or switched its motors off."""
+        if self._told_state is None:
+            return
+        (mode, armed), self._told_state = self._told_state, None
+        now = self._clock.now()
+        if mode == self._mode_before and now < self._mode_settled:
+            mode = self._mode
+        armed = armed or now < self._arming_settled
+        before, was_armed = self._mode, self._armed
+        self._mode, self._armed = mode, armed
+        if before < 0:
+            return
+        if mode != before:
+            if mode == self._ordered:
+                self._reason = ""  # it may have come after a STOP that was to prevent it
+            else:
+                self._ordered = -1
+                self._yield(f"somebody else wants it {self._condition()}: {self._what_holds()}")
+        elif was_armed and not armed:
+            self._yield("its motors are off; it is at rest until it is armed and a command moves it")
+
+    def _yield(self, why: str) -> None:
+        """Forget what was asked of it: somebody else, or the vehicle itself, has decided otherwise."""
+        self._orders.forget(lambda order: order.queue == ASKED)
+        with self._lock:
+            if self._motion is not self.failsafe:
+                self._motion = REST
+            self._told, self._speed = None, 0.0
+        self._say_once(why)
+
+    def _what_holds(self) -> str:
+        if self._mode == self._modes[GUIDED]:
+            return "it is at rest until a command moves it"
+        if self._stopped and self._mode != self._standing:
+            return "STOP does not hold it there"
+        return "it is left alone until (SET_MODE GUIDED)"
 
     def _condition(self) -> str:
         mode = "an unknown mode" if self._mode < 0 else self._names.get(self._mode, f"mode {self._mode}")
@@ -446,6 +577,8 @@ class MavlinkVehicle(BridgedBody):
         """Say it at the node, but not twenty times a second."""
         now = self._clock.now()
         if now - self._said.get(sentence, -inf) > TELL_AGAIN:
+            if len(self._said) >= MAX_SENTENCES:
+                self._said.clear()
             self._said[sentence] = now
             self.complain(sentence)
 

@@ -5,7 +5,8 @@ It runs in the test's own process, where its time passes only when it is told to
     python mavlink_vehicle.py PORT PHRASE [rover|copter]      sends to 127.0.0.1:PORT, as vehicles do to ground stations
 
 A line "reboot" on its standard input starts it anew, "mute" takes its voice, "speak" gives it back, "mode NUMBER" is
-its pilot's switch, "text WORDS" has it say these, and after "refuse" it lets nobody arm it.
+its pilot's switch, "text WORDS" has it say these, and from "refuse" to "allow" it lets nobody arm it. It prints its
+modes.
 """
 
 from __future__ import annotations
@@ -157,7 +158,11 @@ def main() -> None:
     wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     wire.connect(("127.0.0.1", port))
     began, mute, inputs = time.monotonic(), False, [wire, sys.stdin]
+    shown = -1
     while True:
+        if vehicle.mode != shown:
+            shown = vehicle.mode
+            print(f"mode {shown}", flush=True)
         ready, _, _ = select.select(inputs, [], [], 0.02)
         if sys.stdin in ready:
             match sys.stdin.readline().strip():
@@ -173,6 +178,8 @@ def main() -> None:
                     wire.send(vehicle.pack(said_so))
                 case "refuse":
                     vehicle.refuse.add(400)
+                case "allow":
+                    vehicle.refuse.clear()
                 case _:
                     return
         said = vehicle.advance(time.monotonic() - began - vehicle.time)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import socket
-import subprocess
-import sys
 from collections.abc import Callable
 from contextlib import closing
 from math import inf, isnan, pi
@@ -19,7 +17,7 @@ pytest.importorskip("pymavlink")
 pytest.importorskip("pyproj")
 
 from bridges.mavlink_vehicle import EARTH, GUIDED, HOME, LATE, Vehicle
-from bridges.mind import Mind
+from bridges.mind import Mind, Talking
 from channel.test_udp import free_port
 from cli.terminal import terminal
 from processes import live_in
@@ -704,27 +702,19 @@ def test_a_flight_controller_that_only_sends_telemetry_is_named(monkeypatch: pyt
 # ---- with a vehicle in another process
 
 
-class Process:
-    """A vehicle in a process of its own, and a file with the phrase of its key."""
+class Process(Talking):
+    """A vehicle in a process of its own, which prints its modes, and a file with the phrase of its key."""
 
-    def __init__(self, folder: Path, kind: str = "rover") -> None:
+    def __init__(self, folder: Path, kind: str = "copter") -> None:
         (folder / "vehicle.key").write_text("fleet key\n")
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.bind(("127.0.0.1", 0))
             self.port = probe.getsockname()[1]
         self.uri = f"mavlink://127.0.0.1:{self.port}?listen=yes&key={folder / 'vehicle.key'}&failsafe=rtl#1"
-        self._running = subprocess.Popen(
-            [sys.executable, VEHICLE, str(self.port), "fleet key", kind], stdin=subprocess.PIPE, text=True
-        )
-
-    def tell(self, word: str) -> None:
-        assert self._running.stdin is not None
-        self._running.stdin.write(f"{word}\n")
-        self._running.stdin.flush()
+        super().__init__(folder / "vehicle", VEHICLE, self.port, "fleet key", kind)
 
     def close(self) -> None:
-        self._running.kill()
-        self._running.communicate()
+        self.kill()
 
 
 def test_a_node_commands_a_vehicle_in_another_process_and_finds_it_again(
@@ -736,7 +726,7 @@ def test_a_node_commands_a_vehicle_in_another_process_and_finds_it_again(
     ready = ("(SET_MODE GUIDED)", "(ARM)")
     air = f"udp://239.255.83.85:{free_port()}?interface=lo"
     with (
-        closing(Process(tmp_path)) as vehicle,
+        closing(Process(tmp_path, "rover")) as vehicle,
         closing(Mind(vehicle.uri, tmp_path, "--channel", air)) as mind,
         terminal(("desk", "--channel", air), tmp_path, size=(160, 40)) as desk,
     ):
@@ -744,16 +734,61 @@ def test_a_node_commands_a_vehicle_in_another_process_and_finds_it_again(
         desk.wait_to_see("o  v1")
         mind.say(*ready, drive, tell)
         mind.wait_for("rolling")
-        vehicle.tell("mute")
+        vehicle.say("mute")
         mind.wait_for("the body is out of reach: vehicle 1 has not been heard for 2 s")
         desk.wait_to_see("the body is out of reach: vehicle 1 has not been heard for 2 s")
-        vehicle.tell("speak")
+        vehicle.say("speak")
         mind.wait_for("the body is within reach again, and at rest until a command moves it")
         desk.wait_to_see("the body is within reach again")
-        vehicle.tell("reboot")
+        vehicle.say("reboot")
         mind.wait_for("the vehicle has restarted; it is at rest until a command moves it")
         desk.wait_to_see("the vehicle has restarted; it is at rest until a command moves it")
         mind.say(*ready)
         mind.wait_for("rolling")
         mind.say("STOP")
         mind.wait_for("stopped, and at rest until RELEASE")
+
+
+def test_what_a_pilot_and_the_vehicle_itself_decide_is_told_at_node_and_desk_and_its_end_is_safe(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    live_in(tmp_path, monkeypatch)
+    air = f"udp://239.255.83.85:{free_port()}?interface=lo"
+    with (
+        closing(Process(tmp_path)) as vehicle,
+        closing(Mind(vehicle.uri, tmp_path, "--channel", air)) as mind,
+        terminal(("desk", "--channel", air), tmp_path, size=(160, 40)) as desk,
+    ):
+
+        def told(sentence: str) -> None:
+            mind.wait_for(sentence)
+            desk.wait_to_see(sentence)
+
+        mind.wait_for("v1 is up")
+        desk.wait_to_see("o  v1")
+        mind.say('(RULE say (ONCE (> speed 0.5m/s) (REPORT "flying")))')
+        vehicle.say("refuse")
+        up = "(WHEN 1 (SET_MODE GUIDED) (ARM) (TAKEOFF 3m))"
+        mind.say(up)
+        vehicle.wait_for("mode 4")
+        vehicle.say("text PreArm: Compass not calibrated")
+        told("the vehicle says: PreArm: Compass not calibrated")
+        told("the order about arming or disarming was answered: denied")
+        told("it does not follow: it is in GUIDED, not armed")
+        vehicle.say("allow")
+        mind.say(up, '(RULE high (ONCE (> height 2m) (REPORT "high")))')
+        mind.wait_for("high")
+        mind.say("(SETQ drive_speed 1m/s)")
+        mind.wait_for("flying")
+        vehicle.say("mode 2")
+        told("somebody else wants it in ALT_HOLD, armed: it is left alone until (SET_MODE GUIDED)")
+        mind.say("(SET_MODE GUIDED)")
+        vehicle.wait_for("mode 4")
+        vehicle.say("text Battery 1 is low 10.5V")
+        told("the vehicle says: Battery 1 is low 10.5V")
+        vehicle.say("mode 9")
+        told("somebody else wants it in LAND, armed: it is left alone until (SET_MODE GUIDED)")
+        mind.say("(SET_MODE GUIDED)", "(SETQ drive_speed 1m/s)")
+        mind.wait_for("flying")
+        mind.close()
+        vehicle.wait_for("mode 6")

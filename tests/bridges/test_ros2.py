@@ -336,8 +336,10 @@ def test_without_a_scanner_it_keeps_no_range(robot: FakeRobot) -> None:
 def test_at_its_end_it_is_told_to_stand(robot: FakeRobot) -> None:
     rig = rig_of(robot)
     drive(rig)
+    robot.said.clear()
     rig.body.close()
-    assert robot.said[-4:] == [("/scout3/cmd_vel", (0.0, 0.0))] * 3 + [("closed", ())]
+    rest = ("/scout3/cmd_vel", (0.0, 0.0))
+    assert robot.said == [rest, ("/scout3/stop", (1.0,)), rest, rest, ("closed", ())], "others who drive it let go, too"
 
 
 @pytest.mark.parametrize(

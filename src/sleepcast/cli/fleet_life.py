@@ -230,7 +230,7 @@ class FleetProcess:
         """A mind cannot go on."""
         name = mind.node.name
         complain(f"{name}: {error}; its mind ends, and the others go on")
-        mind.robot.stop()
+        mind.end()
         self._minds.remove(mind)
         self._members.pop(name).stack.close()
 

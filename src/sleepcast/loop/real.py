@@ -32,7 +32,7 @@ from sleepcast.channel.session import GATHER_FOR, ChannelSession, Multiplexer, R
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.node.node import Node
-from sleepcast.robot import Robot, Setpoint
+from sleepcast.robot import Failsafe, Robot, Setpoint
 
 if TYPE_CHECKING:
     from sleepcast.simulator import SafetyLimits, Simulator
@@ -108,6 +108,13 @@ class EmbodiedMind:
         self.node.outbox.clear()
         self.node.pings.clear()  # there is nothing here that could send them
 
+    def end(self) -> None:
+        """Stop the body, or have it do what it does when nobody drives it any more."""
+        if isinstance(self.robot, Failsafe):
+            self.robot.let_go()
+        else:
+            self.robot.stop()
+
 
 WRITERS = 16
 """Stores that are written at a time: each mostly waits for its disk."""
@@ -144,7 +151,7 @@ def run_robots(
                 _step(minds, pool, fails)
     finally:
         for mind in minds:
-            mind.robot.stop()
+            mind.end()
 
 
 def _step(

@@ -177,6 +177,7 @@ class Ros2Body(BridgedBody):
                 self._tell(0.0, 0.0)
 
     def leave(self) -> None:
+        self._stopped = True  # so that others who drive it let go, too
         try:
             for _ in range(LAST_WORDS):
                 self._tell(0.0, 0.0)

@@ -24,7 +24,7 @@ from processes import live_in
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.body import BridgedBody, FencedError
 from sleepcast.bridges.mavlink.link import Link
-from sleepcast.bridges.mavlink.vehicle import COPTER, ROVER, MavlinkVehicle
+from sleepcast.bridges.mavlink.vehicle import COPTER, OTHERS, ROVER, MavlinkVehicle
 from sleepcast.channel import Kind, Message
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError
@@ -491,15 +491,13 @@ def test_a_pilot_who_takes_over_is_left_alone_and_nothing_old_resumes() -> None:
     rig.wait(2.0)
     rig.vehicle.change_mode(COPTER["ALT_HOLD"])
     rig.wait(1.2)
-    assert rig.body.complaints() == [
-        "somebody else wants it in ALT_HOLD, armed: it is left alone until (SET_MODE GUIDED)"
-    ]
+    assert rig.body.complaints() == [f"{OTHERS} has put it into ALT_HOLD: it is left alone"]
     rig.vehicle.heard.clear()
     rig.wait(5.0)
     assert set(rig.vehicle.heard) == {"HEARTBEAT"}
     rig.vehicle.change_mode(COPTER["GUIDED"])
     rig.wait(2.0)
-    assert rig.body.complaints() == ["somebody else wants it in GUIDED, armed: it is at rest until a command moves it"]
+    assert rig.body.complaints() == [f"{OTHERS} has put it into GUIDED: it is at rest"]
     assert rig.vehicle.forward == 0.0
     rig.robot.act(Setpoint(1.0))
     rig.wait(2.0)
@@ -516,7 +514,7 @@ def test_a_pilot_who_takes_over_under_stop_is_left_alone() -> None:
     rig.vehicle.change_mode(COPTER["STABILIZE"])
     rig.wait(3.0)
     assert rig.vehicle.mode == COPTER["STABILIZE"]
-    assert rig.body.complaints() == ["somebody else wants it in STABILIZE, armed: STOP does not hold it there"]
+    assert rig.body.complaints() == [f"{OTHERS} has put it into STABILIZE: STOP does not hold it there"]
     rig.body.stop()
     rig.wait(1.0)
     assert rig.vehicle.mode == COPTER["STABILIZE"], "the same STOP, said again to others"
@@ -541,7 +539,7 @@ def test_a_failsafe_leaves_what_somebody_else_flies_alone(end: str) -> None:
     else:
         rig.body.close()
     assert rig.vehicle.mode == COPTER["STABILIZE"]
-    said = "nobody drives it any more; it stays in STABILIZE, armed, as somebody else wants it"
+    said = "nobody drives it any more; it stays in STABILIZE, into which somebody else has put it"
     assert rig.body.complaints() == ([said] if end != "node" else [])
 
 
@@ -587,6 +585,45 @@ def test_a_failsafe_that_the_link_has_cut_off_takes_effect_when_it_is_back() -> 
     rig.wait(12.0)
     assert rig.body.lost == ""
     assert rig.vehicle.mode == COPTER["RTL"]
+
+
+@pytest.mark.parametrize("stopped", [False, True])
+def test_what_the_vehicle_has_decided_without_a_link_is_told_and_a_stop_holds(stopped: bool) -> None:
+    rig = MavlinkRig("copter", failsafe="LOITER").ready()
+    rig.robot.act(Setpoint(1.0))
+    rig.wait(1.0)
+    rig.cut()
+    rig.wait(3.0)
+    if stopped:
+        rig.body.stop()
+    rig.vehicle.change_mode(COPTER["RTL"])  # its failsafe for a lost ground station
+    rig.mend()
+    rig.wait(12.0)
+    assert rig.body.lost == ""
+    holds = "STOP ends that" if stopped else "it is left alone"
+    assert f"{OTHERS} has put it into RTL: {holds}" in rig.body.complaints()
+    assert rig.vehicle.mode == COPTER["LOITER" if stopped else "RTL"]
+    rig.vehicle.change_mode(COPTER["ALT_HOLD"])
+    rig.wait(3.0)
+    rig.cut()
+    rig.wait(4.0)
+    rig.mend()
+    rig.wait(12.0)
+    assert rig.vehicle.mode == COPTER["ALT_HOLD"], "a pilot who had it before is left alone"
+
+
+def test_what_is_held_still_takes_orders_and_does_not_leave_its_place() -> None:
+    rig = MavlinkRig("copter").ready()
+    rig.body.hold(True)
+    rig.wait(0.2)
+    rig.vehicle_body.set_mode(COPTER["AUTO"])
+    rig.wait(2.0)
+    assert rig.vehicle.mode == COPTER["LOITER"]
+    rig.body.hold(False)
+    rig.vehicle_body.set_mode(COPTER["AUTO"])
+    rig.wait(2.0)
+    assert rig.vehicle.mode == COPTER["AUTO"]
+    assert rig.body.complaints() == []
 
 
 def test_a_mode_that_comes_after_the_stop_that_was_to_prevent_it_does_not_last() -> None:
@@ -781,13 +818,13 @@ def test_what_a_pilot_and_the_vehicle_itself_decide_is_told_at_node_and_desk_and
         mind.say("(SETQ drive_speed 1m/s)")
         mind.wait_for("flying")
         vehicle.say("mode 2")
-        told("somebody else wants it in ALT_HOLD, armed: it is left alone until (SET_MODE GUIDED)")
+        told(f"{OTHERS} has put it into ALT_HOLD: it is left alone")
         mind.say("(SET_MODE GUIDED)")
         vehicle.wait_for("mode 4")
         vehicle.say("text Battery 1 is low 10.5V")
         told("the vehicle says: Battery 1 is low 10.5V")
         vehicle.say("mode 9")
-        told("somebody else wants it in LAND, armed: it is left alone until (SET_MODE GUIDED)")
+        told(f"{OTHERS} has put it into LAND: it is left alone")
         mind.say("(SET_MODE GUIDED)", "(SETQ drive_speed 1m/s)")
         mind.wait_for("flying")
         mind.close()

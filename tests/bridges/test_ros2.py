@@ -189,9 +189,13 @@ def test_in_a_simulation_time_is_what_its_clock_says(robot: FakeRobot, clock: Ma
     assert isclose(rig.body.now() - before, 1.0)
     assert not rig.body.complaints()
     before = rig.body.now()
+    drive(rig)
+    before = rig.body.now()
     robot.simulated = 0.0  # it begins anew
     rig.wait(1.0)
     assert before < rig.body.now() < before + 1.0
+    assert rig.body.complaints() == ["the simulation has begun anew; the robot is at rest until a command moves it"]
+    assert rig.sensed()["speed"] == 0.0
     rig._advance = lambda seconds: None
     rig.wait(SILENT + 0.2)
     assert rig.body.lost in (

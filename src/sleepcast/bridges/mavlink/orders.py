@@ -101,8 +101,7 @@ class Orders:
         if result == IN_PROGRESS:
             return None
         found = next((order for order in self._waiting if order.command == command and order.sent), None)
-        if found is not None:
-            self._waiting.remove(found)
+        self.forget(lambda order: order is found)
         return found
 
     def end(self, failed: Order) -> list[Order]:

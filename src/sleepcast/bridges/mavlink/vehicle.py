@@ -66,6 +66,7 @@ SILENT = 2.0
 """Seconds without a message after which the vehicle is out of reach: two of its heartbeats."""
 BEAT = 1.0
 """Seconds between two heartbeats of ours: the vehicle's own failsafe waits for several of them."""
+OTHERS = "its failsafe or somebody else"
 SETTLES = 0.5
 """Seconds after the answer to an order in which a heartbeat may still tell what was before."""
 PARTING = 0.5
@@ -211,8 +212,8 @@ class MavlinkVehicle(BridgedBody):
         self._mode_settled = self._arming_settled = -inf
         """Until when a heartbeat may still tell what was before an answer."""
         self._reason, self._claimed, self._claim_again = "", (-1, -1), -inf
-        """Why it is to be in a mode that nobody has asked for ("stop", "failsafe" or ""); which one, -1 if it need not
-        be, and the one in which it was then; when that is ordered again."""
+        """Why it was last looked at whether it must be in another mode than it is ("stop", "failsafe" or "" for not
+        yet); which one, -1 if it need not, and the one in which it was then; when that is ordered again."""
         self._tick = 0
         """Of the mind."""
         self._before = self._motion
@@ -250,7 +251,10 @@ class MavlinkVehicle(BridgedBody):
                 self._motion = REST
             self._before = self._motion
         if lost:
-            self._say_once(f"it does not follow: it is {self._condition()}; (SET_MODE GUIDED) and (ARM) come first")
+            self._say_once(
+                f"it does not follow: it is in {self._mode_name()}, {'armed' if self._armed else 'not armed'}; "
+                "(SET_MODE GUIDED) and (ARM) come first"
+            )
         return super().sense()
 
     def carry_out(self, motion: Motion) -> None:
@@ -273,9 +277,8 @@ class MavlinkVehicle(BridgedBody):
     def _claim_mode(self, motion: Motion) -> None:
         """Bring it, by STOP, a hold or the failsafe, into the mode in which it stands or is safe: until it is there, or
         somebody else has chosen another one."""
-        stands = self._stopped or self._held
-        reason = "stop" if stands else "failsafe" if motion is self.failsafe else ""
-        if stands or reason != self._reason:
+        reason = "stop" if self._stopped or self._held else "failsafe" if motion is self.failsafe else ""
+        if self._stopped or reason != self._reason:
             self._orders.forget(self._could_move if reason else self._is_claim)
         if reason != self._reason and self._mode >= 0:
             self._reason = reason
@@ -298,7 +301,9 @@ class MavlinkVehicle(BridgedBody):
         if reason == "stop":
             return -1 if self._mode == self._modes[GUIDED] else wanted
         if not self._is_ours():
-            self._say_once(f"nobody drives it any more; it stays {self._condition()}, as somebody else wants it")
+            self._say_once(
+                f"nobody drives it any more; it stays in {self._mode_name()}, into which somebody else has put it"
+            )
             return -1
         return wanted
 
@@ -348,10 +353,9 @@ class MavlinkVehicle(BridgedBody):
         if not any(m.get_type() == "HEARTBEAT" for m in found):
             raise OutOfReachError(f"vehicle {self._system} is not heard{self._refusals()}")
         self._met = self._clock.now()
-        self._mode = -1
         for message in found:
             self.take(message)
-        self._take_state()
+        self._take_state(back=True)
         self._ask_for_messages()
 
     def leave(self) -> None:
@@ -510,7 +514,7 @@ class MavlinkVehicle(BridgedBody):
         """seconds: since the vehicle started, by its own clock."""
         if seconds < self._boot - RESTARTED:
             self.rest()
-            self._mode, self._armed = -1, False
+            self._mode, self._armed, self._reason = -1, False, ""
             self._orders.forget(lambda order: True)
             self._ask_for_messages()
             self.complain("the vehicle has restarted; it is at rest until a command moves it")
@@ -528,11 +532,13 @@ class MavlinkVehicle(BridgedBody):
         settled = self._clock.now() + SETTLES  # the next heartbeat, which says so, may be a second away
         if order.mode is not None:
             self._mode_before, self._mode, self._mode_settled = self._mode, order.mode, settled
+            self._reason = ""
         elif order.command == ARM_DISARM and order.parameters[0] == 1.0:
             self._armed, self._arming_settled = True, settled
 
-    def _take_state(self) -> None:
-        """Look at its last heartbeat: whether somebody else has changed its mode, or switched its motors off."""
+    def _take_state(self, *, back: bool = False) -> None:
+        """Look at its last heartbeat: whether somebody else has changed its mode, or switched its motors off. back:
+        whether that may have been before a STOP."""
         if self._told_state is None:
             return
         (mode, armed), self._told_state = self._told_state, None
@@ -549,7 +555,9 @@ class MavlinkVehicle(BridgedBody):
                 self._reason = ""  # it may have come after a STOP that was to prevent it
             else:
                 self._ordered = -1
-                self._yield(f"somebody else wants it {self._condition()}: {self._what_holds()}")
+                if back:
+                    self._reason = ""
+                self._yield(f"{OTHERS} has put it into {self._mode_name()}: {self._what_holds(back)}")
         elif was_armed and not armed:
             self._yield("its motors are off; it is at rest until it is armed and a command moves it")
 
@@ -562,16 +570,15 @@ class MavlinkVehicle(BridgedBody):
             self._told, self._speed = None, 0.0
         self._say_once(why)
 
-    def _what_holds(self) -> str:
+    def _what_holds(self, back: bool) -> str:
         if self._mode == self._modes[GUIDED]:
-            return "it is at rest until a command moves it"
+            return "it is at rest"
         if self._stopped and self._mode != self._standing:
-            return "STOP does not hold it there"
-        return "it is left alone until (SET_MODE GUIDED)"
+            return "STOP ends that" if back else "STOP does not hold it there"
+        return "it is left alone"
 
-    def _condition(self) -> str:
-        mode = "an unknown mode" if self._mode < 0 else self._names.get(self._mode, f"mode {self._mode}")
-        return f"in {mode}, {'armed' if self._armed else 'not armed'}"
+    def _mode_name(self) -> str:
+        return "an unknown mode" if self._mode < 0 else self._names.get(self._mode, f"mode {self._mode}")
 
     def _say_once(self, sentence: str) -> None:
         """Say it at the node, but not twenty times a second."""

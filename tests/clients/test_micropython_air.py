@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -56,14 +57,16 @@ def channel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 @contextmanager
-def tiny(folder: Path, channel: str, at: Path, key: str = "tiny", **config: object) -> Iterator[board.Process]:
+def tiny(
+    folder: Path, channel: str, at: Path, key: str = "tiny", program: str = "main", **config: object
+) -> Iterator[board.Process]:
     """A robot with MicroPython. key: the owner of its key."""
     address, _, port = channel.removeprefix("udp://").partition("?")[0].partition(":")
     usual = {"address": address, "port": int(port), "interface": "127.0.0.1", "fleet": "sleepcast", "id": 9}
     (at / "config.json").write_text(json.dumps({**usual, "fuel": 0.8, "lease": 1.0, **config}), encoding="utf-8")
     shutil.copy(key_file(keys_folder(), key), at / "robot.key")
     shutil.copy(keys_folder() / "trust.json", at / "trust.json")
-    with board.start(folder, "main", at=at) as process:
+    with board.start(folder, program, at=at) as process:
         try:
             assert process.stdout is not None
             assert " is up" in process.stdout.readline()
@@ -155,6 +158,13 @@ class Desk:
     def _send(self, message: Message, *, wrong: bool = False) -> None:
         for datagram in encode(message, "sleepcast", self._key):
             self._air.send(datagram[:-1] + bytes([datagram[-1] ^ wrong]))
+
+
+def test_an_interrupt_brings_the_body_to_rest(folder: Path, channel: str, tmp_path: Path) -> None:
+    with tiny(folder, channel, tmp_path, program="ending") as process:
+        process.send_signal(signal.SIGINT)
+        assert process.stdout is not None
+        assert process.stdout.read() == "at rest\nended\n"
 
 
 RULE = "(RULE rule{} (WHEN (AND (> fuel 50%) (NOT (< speed -0.3m/s))) (SETQ lamp (+ lamp 0.1))))"

@@ -128,20 +128,23 @@ class Node:
         gc.threshold(-1)
 
     def run(self):
-        """Go on for ever."""
-        while True:
-            try:
-                if not self.step():
-                    self.radio.wait(self._leisure())
-            except MemoryError:  # what was being done is lost, as on the air; the sender repeats it
-                self.job = self._signing = None
-                if self.stop:  # goes before everything else
-                    self.stop[1], self._jobs, self.pieces = None, [], {}
-                gc.collect()
-                self._drop(_NO_MEMORY)
-            except Exception:  # whatever a message says, the node goes on
-                self.job = self.stop = None
-                self._drop(_MALFORMED)
+        """Go on until interrupted, which brings the body to rest."""
+        try:
+            while True:
+                try:
+                    if not self.step():
+                        self.radio.wait(self._leisure())
+                except MemoryError:  # what was being done is lost, as on the air; the sender repeats it
+                    self.job = self._signing = None
+                    if self.stop:  # goes before everything else
+                        self.stop[1], self._jobs, self.pieces = None, [], {}
+                    gc.collect()
+                    self._drop(_NO_MEMORY)
+                except Exception:  # whatever a message says, the node goes on
+                    self.job = self.stop = None
+                    self._drop(_MALFORMED)
+        finally:
+            self.body.stop()
 
     def step(self):
         """One slice of what there is to do; whether there was anything."""

@@ -188,7 +188,7 @@ def new(owner: str, role: str, folder: Path | None, file: Path | None, as_json: 
         return 0
     put(f"{role} {owner}: key {pair.id.hex()}")
     put(f"secret half: {secret} (keep it to yourself)")
-    put("To let others believe it, run on their machines:")
+    put("To let others trust it, run on their machines:")
     put(f"  sleepcast keys trust {pair.public.public.hex()} --owner '{owner}' --role {role}")
     return 0
 

@@ -162,6 +162,7 @@ class Desk:
 
 def test_an_interrupt_brings_the_body_to_rest(folder: Path, channel: str, tmp_path: Path) -> None:
     with tiny(folder, channel, tmp_path, program="ending") as process:
+        until(lambda: value(channel, "5") == 5.0)  # it runs
         process.send_signal(signal.SIGINT)
         assert process.stdout is not None
         assert process.stdout.read() == "at rest\nended\n"

@@ -75,7 +75,7 @@ SLOW = {
     "loop/test_many.py": 7,
     "cli/test_demo.py": 12,
     "bridges/test_nomad.py": 9,
-    "bridges/test_mavlink.py": 11,
+    "bridges/test_mavlink.py": 20,
     "bridges/test_ground_station.py": 4,
     "cli/test_desk.py": 6,
     "cli/test_node.py": 10,

@@ -171,7 +171,7 @@ class TestReading:
 
     @pytest.mark.parametrize(
         ("text", "complaint"),
-        [("idd", "did you mean id"), ("(", "missing"), ("(JOIN a)", "without doing it"), ("(FOO)", "FOO")],
+        [("idd", "did you mean id"), ("(", "is not closed"), ("(JOIN a)", "without doing it"), ("(FOO)", "FOO")],
     )
     def test_what_cannot_be_read_is_refused(self, fleet: sc.ConnectedFleet, text: str, complaint: str) -> None:
         with pytest.raises(sc.errors.SleepcastError, match=complaint):

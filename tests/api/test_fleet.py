@@ -136,7 +136,7 @@ class TestReading:
         ("text", "complaint"),
         [
             ("fule", "fuel"),
-            ("(", "missing"),
+            ("(", "is not closed"),
             ("(JOIN a)", "without doing it"),
             ("(RANDOM 0 1)", "without doing it"),
         ],

@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from math import degrees, isclose, isnan
 from pathlib import Path
+from threading import Thread
+from threading import enumerate as enumerate_threads
 
 import pytest
 
@@ -371,6 +373,27 @@ def test_a_link_that_dies_in_flight_is_told_at_node_and_desk_and_comes_back_by_i
             mind.wait_for("in the air")
             assert again.stdout is not None
             assert [again.stdout.readline().strip() for _ in range(2)] == ["is armed", "takes off"]
+
+
+def test_a_link_that_goes_while_something_is_sent_keeps_nobody_waiting(
+    port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As it does where another thread lets go of it in the middle."""
+    from sleepcast.bridges.crazyflie.link import CflibQuadcopter
+
+    def gone(packet: object) -> None:
+        raise AttributeError("'NoneType' object has no attribute 'send_packet'")
+
+    with running(sys.executable, Path(__file__).with_name("crazyflie_peer.py"), port, up="is at port"):
+        copter = CflibQuadcopter(f"udp://127.0.0.1:{port}", LOGGED)
+        assert "ping_thread" not in [thread.name for thread in enumerate_threads()], "it may wait for whoever sends"
+        monkeypatch.setattr(copter._copter.link, "send_packet", gone)
+        sending = [Thread(target=copter.hover, args=(0.0, 0.0, 0.4), daemon=True) for _ in range(2)]
+        for each in sending:
+            each.start()
+            each.join(PATIENCE)
+        assert not any(each.is_alive() for each in sending)
+        copter.close()
 
 
 def test_nobody_there_is_told(port: int, monkeypatch: pytest.MonkeyPatch) -> None:

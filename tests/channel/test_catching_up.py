@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from sleepcast.channel.catching_up import OLD, PATIENCE, QUIET, CatchingUp
-from sleepcast.channel.sequencer import MAX_STREAMS
+from sleepcast.channel.sequencer import MAX_STREAMS, OLD, PATIENCE, QUIET, CatchingUp
 
 NOW = 1_000.0
 DESK = (b"desk", 1)

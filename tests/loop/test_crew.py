@@ -11,12 +11,12 @@ import pytest
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import ROBOT_KINDS, Admission
-from sleepcast.channel.catching_up import OLD, QUIET
 from sleepcast.channel.drops import DropCounter
 from sleepcast.channel.envelope import kind_of
 from sleepcast.channel.keys import KeyPair, PublicKey, Trust
 from sleepcast.channel.message import Role
 from sleepcast.channel.reliable import BATCH, ReliableDelivery
+from sleepcast.channel.sequencer import OLD, QUIET
 from sleepcast.channel.session import ChannelSession, Multiplexer, Receiver
 from sleepcast.channel.transports import open_transport
 from sleepcast.channel.transports.transport import Transport

@@ -28,7 +28,6 @@ from typing import NamedTuple, TypeVar
 import msgspec
 
 from sleepcast.channel.admission import Admission, RateLimit, TokenBucket
-from sleepcast.channel.catching_up import CatchingUp
 from sleepcast.channel.clock_sync import MAX_TRIP, NONCE_BYTES, TimeRequest
 from sleepcast.channel.envelope import MAX_PARTS, Fragment, encode
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal
@@ -36,6 +35,7 @@ from sleepcast.channel.message import KEYS, TIME, Kind, Message, Role, age_of
 from sleepcast.channel.repair_timer import RepairTimer
 from sleepcast.channel.sequencer import (
     MAX_STREAMS,
+    CatchingUp,
     DeliveryState,
     DigestTimer,
     MessageStore,
@@ -237,7 +237,7 @@ class ReliableDelivery:
             self._digest_timer.restart(now)
 
     def is_catching_up(self, now: float) -> bool:
-        """Whether a robot misses standing commands of a past in which it did not hear them: see `catching_up`."""
+        """Whether a robot misses standing commands of a past in which it did not hear them: see `CatchingUp`."""
         return self._catching_up.lasts(self.sequencer.standing(), now)
 
     def seek_time(self, set_clock: Callable[[float, str], None]) -> None:

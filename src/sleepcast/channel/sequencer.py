@@ -305,6 +305,50 @@ class DigestTimer:
         self._speaks = now + interval * (1.0 + mostly_late(self._chance)) / 2.0
 
 
+# ---- whether a robot catches up: it was off or out of reach, and takes standing commands that are old. Each was right
+# in its time, and one that is still to come may have replaced it. So the robot rests until it has all of them
+
+
+OLD = 60.0
+"""Seconds after its issue from which a standing command is old. Whoever was out of reach for less need not rest, and
+interrupt what it does: commands of one minute hardly contradict each other."""
+QUIET = 2.0
+"""Seconds after the latest old command for which there may be more of which nobody has told yet: the digests of others
+come sooner, unless several are lost."""
+PATIENCE = 30.0
+"""Seconds after the latest old command for which a robot waits for others that it has been told of. Whoever told of
+them may be gone, or may have lied."""
+
+
+class CatchingUp:
+    """One receiver's judgement. Times are s of Unix time."""
+
+    def __init__(self) -> None:
+        self._latest = -inf
+        """When the latest old command was taken."""
+        self._told: dict[StreamId, int] = {}
+        """The number of the latest standing command of each stream, as others have told in their digests."""
+
+    def hear(self, told: Mapping[StreamId, int]) -> None:
+        """Somebody's digest: the number of the latest standing command of each stream."""
+        for name, number in told.items():
+            self._told[name] = max(number, self._told.pop(name, 0))
+        while len(self._told) > MAX_STREAMS:
+            del self._told[next(iter(self._told))]
+
+    def take(self, issued: float, now: float) -> None:
+        """A standing command, issued at that time, is taken at `now`."""
+        if now - issued > OLD:
+            self._latest = now
+
+    def lasts(self, have: Mapping[StreamId, int], now: float) -> bool:
+        """Whether it lasts at `now`. have: the latest standing command of each stream that was taken here."""
+        since = now - self._latest
+        if since >= PATIENCE:
+            return False
+        return since < QUIET or any(number > have.get(name, 0) for name, number in self._told.items())
+
+
 # ---- stored commands for parties that have missed them, and the state of reliable delivery that outlasts its process:
 # delivery reports changes as `DeliveryState`s; together they restore it
 

@@ -168,7 +168,7 @@ class ChannelSession:
 
     @property
     def is_catching_up(self) -> bool:
-        """Whether a robot misses standing commands of others: see `channel.catching_up`."""
+        """Whether a robot misses standing commands of others: see `sequencer.CatchingUp`."""
         return self.delivery.is_catching_up(self._clock.now())
 
     def pump_due(self) -> float:

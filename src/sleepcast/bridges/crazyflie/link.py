@@ -39,7 +39,7 @@ class CflibQuadcopter:
         self._lock = Lock()
         self._values: dict[str, float] = {}
         self._why = ""
-        self._copter: Any = Crazyflie()
+        self._copter: Any = _without_deadlocks(Crazyflie)()
         heard, done = Event(), Event()
 
         def failed(uri: str, why: str) -> None:
@@ -118,9 +118,42 @@ class CflibQuadcopter:
         return found or None
 
     def close(self) -> None:
+        """Let go of it."""
         link, self._copter.link = self._copter.link, None  # else cflib ends with a setpoint that ends a landing
         if link is not None:
             link.close()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             self._copter.close_link()
+
+
+def _without_deadlocks(of_cflib: Any) -> Any:
+    """A class as cflib's Crazyflie, without two waits that may never end, so that a node whose link dies neither comes
+    back nor ends (cflib 0.1.34).
+
+    Whoever sends holds a lock. If sending fails, cflib ends its thread of pings, which may wait for that very lock. And
+    if another thread lets go of the link in the middle of sending, the lock is never released.
+    """
+
+    class Crazyflie(of_cflib):  # type: ignore[misc]
+        def __init__(self) -> None:
+            super().__init__()
+            self.link_statistics.latency = _NoPings()
+
+        def send_packet(self, *packet: Any, **how: Any) -> None:
+            try:
+                super().send_packet(*packet, **how)
+            except AttributeError:  # there is no link any more
+                self._send_lock.release()
+
+    return Crazyflie
+
+
+class _NoPings:
+    """In the place of cflib's measurement of a link's latency, which nobody here asks for."""
+
+    def start(self) -> None:
+        """Measure nothing."""
+
+    def stop(self) -> None:
+        """There is nothing to wait for."""

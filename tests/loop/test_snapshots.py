@@ -267,7 +267,7 @@ def test_other_bytes_are_refused_in_a_sentence() -> None:
     for data in (b"", b"\x80", b"no snapshot", whole()[:1000], whole()[:-1], whole()[1:], b"\x91" * 100_000):
         assert "is not a sleepcast snapshot, or is incomplete" in refused(data)
     of_another = msgspec.msgpack.encode({"kind": "cake", "format": 1, "version": "1"})
-    assert "is no snapshot" in refused(of_another)
+    assert "is not a sleepcast snapshot" in refused(of_another)
 
 
 def test_a_newer_format_is_refused_whatever_else_is_in_it() -> None:

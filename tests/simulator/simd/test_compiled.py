@@ -91,7 +91,7 @@ print(adding(1)(2), adding(2)(2), kept_in())
 
 
 def test_what_is_no_kernel_of_ours_is_not_kept_so_that_nobody_gets_it_for_another(tmp_path: Path) -> None:
-    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "TMPDIR": str(tmp_path)}
     (tmp_path / "others.py").write_text(OTHERS)
     for _ in range(2):
         command = [sys.executable, str(tmp_path / "others.py")]

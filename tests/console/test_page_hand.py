@@ -42,7 +42,7 @@ def count(page: Page) -> int:
 def test_a_number_is_dragged_and_the_counts_follow(rovers: Page) -> None:
     type_in(rovers, "(WHEN (> battery 60%) (MARK))")
     before = count(rovers)
-    box = rovers.locator("#backdrop .number").bounding_box()
+    box = until(rovers, lambda: rovers.locator("#backdrop .number").bounding_box())  # none while it is drawn anew
     assert box is not None
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     rovers.mouse.move(x, y)

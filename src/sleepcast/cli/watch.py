@@ -134,10 +134,10 @@ class Window:
         if mind is None:
             return found | {"told": None}
         values = {key: None if value != value else value for key, value in _values(mind, columns).items()}
-        groups = sorted(mind.telemetry.groups)
-        found |= {"told": now - mind.reported_at, "stopped": mind.stopped, "driven": mind.telemetry.driven}
-        found["catching_up"] = mind.telemetry.catching_up
-        found |= {"doubt": mind.doubt, "flags": _flags(mind), "groups": groups}
+        said = mind.telemetry
+        found |= {"told": now - mind.reported_at, "stopped": mind.stopped, "driven": said.driven}
+        found |= {"catching_up": said.catching_up, "doubt": mind.doubt}
+        found |= {"flags": _flags(mind), "groups": sorted(said.groups)}
         return found | {"rules": len(mind.rules()), "values": values}
 
     def table(self, most: int) -> Table:
@@ -192,7 +192,7 @@ class Window:
             name,
             _age(age),
             f"{late}{state}",
-            ", ".join(sorted(mind.telemetry.groups)),
+            ", ".join(sorted(said.groups)),
             *map(self._shown, columns, values.values()),
         ]
 

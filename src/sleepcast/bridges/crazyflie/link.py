@@ -128,8 +128,8 @@ class CflibQuadcopter:
 
 
 def _without_deadlocks(of_cflib: Any) -> Any:
-    """A class as cflib's Crazyflie, without two waits that may never end, so that a node whose link dies neither comes
-    back nor ends (cflib 0.1.34).
+    """A class as cflib's Crazyflie, without two waits of cflib 0.1.34 that may never end when a link dies: the node
+    could then neither come back nor end.
 
     Whoever sends holds a lock. If sending fails, cflib ends its thread of pings, which may wait for that very lock. And
     if another thread lets go of the link in the middle of sending, the lock is never released.

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import stat
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from threading import Barrier, BrokenBarrierError
 
 import pytest
 from tests.cli.calling import Called, called
@@ -13,6 +16,7 @@ from tests.cli.calling import Called, called
 from sleepcast.api.connection import AirOptions
 from sleepcast.api.connection import chosen_keys as keys_of
 from sleepcast.channel.keyring import development_keys, find_key, keys_folder, load_key, load_trust
+from sleepcast.channel.keys import KeyPair
 from sleepcast.channel.message import Role
 from sleepcast.cli.keys import commander
 
@@ -132,6 +136,24 @@ def test_a_key_that_is_in_use_is_taken_where_no_other_is_named(tmp_path: Path, m
     (folder / "in-use.json").write_text('{"format": 2, "desk": "anna"}')
     refused = called("ask", "1", "--channel", "udp://127.0.0.1:1")
     assert (refused.status, "of format 2, and this sleepcast reads 1" in refused.err) == (2, True)
+
+
+def test_programs_that_start_together_make_the_same_development_keys(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, both, usual = [], Barrier(2), KeyPair.new
+
+    def slow(owner: str, role: Role) -> KeyPair:
+        made.append(owner)
+        with suppress(BrokenBarrierError):
+            both.wait(0.5)  # for another one that makes it, too
+        return usual(owner, role)
+
+    monkeypatch.setattr(KeyPair, "new", slow)
+    with ThreadPoolExecutor(2) as pool:
+        first, second = pool.map(development_keys, [tmp_path] * 2)
+    assert made == ["desk", "*"]
+    assert [key.id for key in first] == [key.id for key in second]
 
 
 def test_development_keys_are_made_once(tmp_path: Path) -> None:

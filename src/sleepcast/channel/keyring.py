@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from stat import S_IMODE
 from typing import TypeVar
@@ -128,13 +128,15 @@ def add_trust(trust: Trust, file: Path) -> None:
 
 @contextmanager
 def _alone(file: Path) -> Iterator[None]:
-    """Lock a file for writing: several robots of one machine may receive the same change."""
-    import fcntl
-
+    """Lock a file for writing: several programs of one machine may write it at once. Without locks where the system has
+    none."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         with file.with_name(f".{file.name}.lock").open("ab") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
+            with suppress(ImportError):
+                import fcntl
+
+                fcntl.flock(lock, fcntl.LOCK_EX)
             yield
     except OSError as error:
         raise KeyFileLostError(f"cannot write {file}: {error.strerror or error}. Nothing was replaced") from None
@@ -216,7 +218,9 @@ def development_keys(folder: Path) -> tuple[KeyPair, KeyPair]:
 
 def _made(file: Path, owner: str, role: Role) -> KeyPair:
     if not file.exists():
-        save_key(KeyPair.new(owner, role), file)
+        with _alone(file):  # of programs that start together, one makes it
+            if not file.exists():
+                save_key(KeyPair.new(owner, role), file)
     return load_key(file)
 
 

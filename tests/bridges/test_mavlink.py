@@ -802,9 +802,10 @@ def test_what_a_pilot_and_the_vehicle_itself_decide_is_told_at_node_and_desk_and
         terminal(("desk", "--channel", air), tmp_path, size=(160, 40)) as desk,
     ):
 
-        def told(sentence: str) -> None:
-            mind.wait_for(sentence)
-            desk.wait_to_see(sentence)
+        def told(*sentences: str) -> None:
+            mind.wait_for(*sentences)
+            for sentence in sentences:
+                desk.wait_to_see(sentence)
 
         mind.wait_for("v1 is up")
         desk.wait_to_see("o  v1")
@@ -814,9 +815,11 @@ def test_what_a_pilot_and_the_vehicle_itself_decide_is_told_at_node_and_desk_and
         mind.say(up)
         vehicle.wait_for("mode 4")
         vehicle.say("text PreArm: Compass not calibrated")
-        told("the vehicle says: PreArm: Compass not calibrated")
-        told("the order about arming or disarming was answered: denied")
-        told("it does not follow: it is in GUIDED, not armed")
+        told(
+            "the vehicle says: PreArm: Compass not calibrated",
+            "the order about arming or disarming was answered: denied",
+            "it does not follow: it is in GUIDED, not armed",
+        )
         vehicle.say("allow")
         mind.say(up, '(RULE high (ONCE (> height 2m) (REPORT "high")))')
         mind.wait_for("high")

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import select
+import socket
 import struct
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing
+from contextlib import closing, contextmanager
 from math import degrees, isclose, isnan
 from pathlib import Path
-from threading import Thread
+from random import Random
+from threading import Event, Thread
 from threading import enumerate as enumerate_threads
 
 import pytest
@@ -394,6 +397,47 @@ def test_a_link_that_goes_while_something_is_sent_keeps_nobody_waiting(
             each.join(PATIENCE)
         assert not any(each.is_alive() for each in sending)
         copter.close()
+
+
+@contextmanager
+def losing_a_third(port: int, seed: int) -> Iterator[int]:
+    """A port whose datagrams go on to this one, and answers back, but for a third of them."""
+    near, far = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+    ended, chance, nodes = Event(), Random(seed), [("", 0)]
+    near.bind(("127.0.0.1", 0))
+    far.connect(("127.0.0.1", port))
+
+    def carry() -> None:
+        while not ended.is_set():
+            for line in select.select([near, far], [], [], 0.1)[0]:
+                data, sender = line.recvfrom(64)
+                if line is near:
+                    nodes[:] = [sender]
+                if chance.random() > 1.0 / 3.0:
+                    far.send(data) if line is near else near.sendto(data, nodes[0])
+
+    carrying = Thread(target=carry)
+    carrying.start()
+    with near, far:
+        try:
+            yield near.getsockname()[1]
+        finally:
+            ended.set()
+            carrying.join(PATIENCE)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_over_a_link_that_loses_datagrams_it_is_met(port: int, seed: int) -> None:
+    """Of cflib, only radios ask again."""
+    from sleepcast.bridges.crazyflie.link import CflibQuadcopter
+
+    peer = sys.executable, Path(__file__).with_name("crazyflie_peer.py"), port
+    with (
+        running(*peer, up="is at port"),
+        losing_a_third(port, seed) as way,
+        closing(CflibQuadcopter(f"udp://127.0.0.1:{way}", LOGGED)) as copter,
+    ):
+        until(lambda: copter.logged() is not None)
 
 
 def test_nobody_there_is_told(port: int, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,13 +7,14 @@ import warnings
 from collections.abc import Iterable, Mapping
 from math import degrees
 from threading import Event, Lock
+from time import monotonic
 from typing import Any
 
 from sleepcast.bridges.body import OutOfReachError
 from sleepcast.core.errors import MisuseError, printable
 
-SOON, TRIES = 2.0, 3
-"""Seconds for a quadcopter to answer at all, and how often it is asked: over UDP, cflib does not ask again."""
+SOON, AGAIN = 6.0, 0.2
+"""Seconds for a quadcopter to answer at all, and after which it is asked again."""
 PATIENCE = 10.0
 """Seconds for it to tell what it can log."""
 PERIOD = 50
@@ -39,26 +40,24 @@ class CflibQuadcopter:
         self._lock = Lock()
         self._values: dict[str, float] = {}
         self._why = ""
-        self._copter: Any = _without_deadlocks(Crazyflie)()
-        heard, done = Event(), Event()
+        self._copter: Any = _mended(Crazyflie)()
+        answered, done = self._copter.answered, Event()
 
         def failed(uri: str, why: str) -> None:
             told = printable(why.splitlines()[0]) if why else "the link is lost"
             self._why = f"{uri} does not answer: {told}"
-            heard.set()
+            answered.set()
             done.set()
 
-        self._copter.link_established.add_callback(lambda uri: heard.set())
         self._copter.connected.add_callback(lambda uri: done.set())
         self._copter.connection_failed.add_callback(failed)
         self._copter.connection_lost.add_callback(failed)
         try:
-            for _ in range(TRIES):
-                self._copter.open_link(uri)
-                if heard.wait(SOON):
-                    break
-                self.close()
-            if not (heard.is_set() and done.wait(PATIENCE)):
+            self._copter.open_link(uri)
+            end = monotonic() + SOON
+            while not answered.wait(AGAIN) and monotonic() < end:
+                self._copter.platform._request_protocol_version()
+            if not (answered.is_set() and done.wait(PATIENCE)):
                 self._why = f"{uri} does not answer"
             self._check()
             self._begin_log(list(logged))
@@ -127,23 +126,34 @@ class CflibQuadcopter:
             self._copter.close_link()
 
 
-def _without_deadlocks(of_cflib: Any) -> Any:
-    """A class as cflib's Crazyflie, without two waits of cflib 0.1.34 that may never end when a link dies: the node
-    could then neither come back nor end.
+def _mended(of_cflib: Any) -> Any:
+    """A class as cflib's Crazyflie, without waits of cflib 0.1.34 that may never end: the node could then neither come
+    back nor end.
 
     Whoever sends holds a lock. If sending fails, cflib ends its thread of pings, which may wait for that very lock. And
-    if another thread lets go of the link in the middle of sending, the lock is never released.
+    if another thread lets go of the link in the middle of sending, or an answer comes then, the lock is never released.
+    Over UDP, cflib asks everything once, as if no datagram were ever lost: here it asks again. What it asks first, it
+    asks once over every link; `answered` says that the answers have come, and those that come again begin nothing anew.
     """
 
     class Crazyflie(of_cflib):  # type: ignore[misc]
         def __init__(self) -> None:
             super().__init__()
+            self.answered = Event()
             self.link_statistics.latency = _NoPings()
+
+        def _platform_info_fetched(self) -> None:
+            if self.answered.is_set():
+                return
+            self.answered.set()
+            if self.link_uri.startswith("udp:") and self.link is not None:
+                self.link.needs_resending = True
+            super()._platform_info_fetched()
 
         def send_packet(self, *packet: Any, **how: Any) -> None:
             try:
                 super().send_packet(*packet, **how)
-            except AttributeError:  # there is no link any more
+            except (AttributeError, KeyError):  # there is no link any more, or nothing to ask again for
                 self._send_lock.release()
 
     return Crazyflie

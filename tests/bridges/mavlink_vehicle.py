@@ -17,6 +17,7 @@ import socket
 import sys
 import time
 from contextlib import suppress
+from io import FileIO
 from math import cos, degrees, pi, radians, sin
 from typing import Any
 
@@ -157,15 +158,16 @@ def main() -> None:
     vehicle = Vehicle(sys.argv[3] if len(sys.argv) > 3 else "rover", hashlib.sha256(phrase.encode()).digest())
     wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     wire.connect(("127.0.0.1", port))
-    began, mute, inputs = time.monotonic(), False, [wire, sys.stdin]
+    typed = FileIO(sys.stdin.fileno())  # so that no line waits where `select` does not see it
+    began, mute, inputs = time.monotonic(), False, [wire, typed]
     shown = -1
     while True:
         if vehicle.mode != shown:
             shown = vehicle.mode
             print(f"mode {shown}", flush=True)
         ready, _, _ = select.select(inputs, [], [], 0.02)
-        if sys.stdin in ready:
-            match sys.stdin.readline().strip():
+        if typed in ready:
+            match typed.readline().decode().strip():
                 case "reboot":
                     vehicle.reboot()
                     began = time.monotonic()

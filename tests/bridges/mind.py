@@ -7,10 +7,13 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 PATIENCE = 60.0
 """Seconds that a busy machine may take."""
+TIMES = 6
+"""How often somebody says the same before he gives up."""
 
 
 class Talking:
@@ -37,13 +40,27 @@ class Talking:
 
     def wait_for(self, *sentences: str) -> None:
         """Until all are printed, in any order, after what was waited for before."""
-        end = time.monotonic() + PATIENCE
-        while not all(sentence in self._screen.read_text()[self._read :] for sentence in sentences):
-            assert self._running.poll() is None, self._screen.read_text()
-            assert time.monotonic() < end, f"waited for {sentences}\n{self._screen.read_text()}"
-            time.sleep(0.02)
-        text = self._screen.read_text()
+        assert self._sees(sentences, PATIENCE), f"waited for {sentences}\n{self.printed()}"
+        text = self.printed()
         self._read = max(text.index(sentence, self._read) + len(sentence) for sentence in sentences)
+
+    def insist(self, sentence: str, *lines: str) -> None:
+        """Say these, again and again, until it is printed: a node that stood still for a second has lost its body."""
+        for _ in range(TIMES):
+            self.say(*lines)
+            if self._sees((sentence,), PATIENCE / TIMES):
+                break
+        self.wait_for(sentence)
+
+    def _sees(self, sentences: Iterable[str], seconds: float) -> bool:
+        """Wait so long at most; gives whether all were printed."""
+        end = time.monotonic() + seconds
+        while not all(sentence in self.printed()[self._read :] for sentence in sentences):
+            assert self._running.poll() is None, self.printed()
+            if time.monotonic() > end:
+                return False
+            time.sleep(0.02)
+        return True
 
     def printed(self) -> str:
         return self._screen.read_text()

@@ -25,12 +25,16 @@ class Pilot:
         self.goal = (0.0, 0.0)
         self.ranges: list[float] = []
         self.heard = 0
+        self.began = self.ended = 0.0
+        """When it was heard first, and last, by the robot's clock, s."""
         self.arrived = -1.0
-        """When, by the robot's clock, s."""
+        """When, by that clock."""
 
     def odometry(self, now: float, x: float, y: float, heading: float) -> None:
         if self.pose is None:
             self.goal = (x * self.away, y * self.away) if hypot(x, y) > NEAR else (x - 0.5, y)
+            self.began = now
+        self.ended = now
         self.pose = x, y, heading
         self.heard += 1
         if self.left() < NEAR and self.arrived < 0.0:
@@ -64,14 +68,13 @@ class Pilot:
         return every[half // 4 : half - half // 4], every[half + half // 4 : -half // 4]
 
 
-def report(pilots: list[Pilot], lags: list[float], began: float, ended: float) -> str:
-    """What came of it, as a line. lags: s from when each message of odometry was sent. began, ended: by the robots'
-    clock, s."""
+def report(pilots: list[Pilot], lags: list[float]) -> str:
+    """What came of it, as a line. lags: s from when each message of odometry was sent."""
     lags.sort()
     share = {f"p{part}": 1e3 * lags[min(len(lags) - 1, len(lags) * part // 100)] for part in (50, 99)} if lags else {}
-    heard = [pilot.heard for pilot in pilots]
-    rates = {"least_rate": min(heard) / (ended - began), "most_rate": max(heard) / (ended - began)}
+    began = min(pilot.began for pilot in pilots)
+    rates = [(pilot.heard - 1) / (pilot.ended - pilot.began) for pilot in pilots if pilot.ended > pilot.began]
+    most = {"least_rate": min(rates, default=0.0), "most_rate": max(rates, default=0.0)}
     arrived = [pilot.arrived - began for pilot in pilots if pilot.arrived >= 0.0]
-    return json.dumps(
-        {"arrived": len(arrived), "latest": max(arrived, default=-1.0), **rates, **share, "heard": sum(heard)}
-    )
+    heard = sum(pilot.heard for pilot in pilots)
+    return json.dumps({"arrived": len(arrived), "latest": max(arrived, default=-1.0), **most, **share, "heard": heard})

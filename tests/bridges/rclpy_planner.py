@@ -24,7 +24,6 @@ class Planner(Node):  # type: ignore[misc]
         super().__init__("planner", parameter_overrides=[Parameter("use_sim_time", value=True)])
         self.pilots = [Pilot(away) for _ in names]
         self.lags: list[float] = []
-        self.times: list[float] = []
         self.speaking = []
         for number, (pilot, name) in enumerate(zip(self.pilots, names, strict=True)):
             self.create_subscription(Odometry, f"{name}/odom", self.heard_by(pilot), DEPTH)
@@ -37,7 +36,6 @@ class Planner(Node):  # type: ignore[misc]
         def heard(odometry, info) -> None:  # type: ignore[no-untyped-def]
             self.lags.append(time.time() - info["source_timestamp"] * 1e-9)
             pose, now = odometry.pose.pose, odometry.header.stamp.sec + odometry.header.stamp.nanosec * 1e-9
-            self.times.append(now)
             turned = 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
             pilot.odometry(now, pose.position.x, pose.position.y, turned)
 
@@ -64,4 +62,4 @@ executor.add_node(planner)
 ends = time.monotonic() + float(sys.argv[1])
 while time.monotonic() < ends and any(pilot.arrived < 0.0 for pilot in planner.pilots):
     executor.spin_once(timeout_sec=0.1)
-print(report(planner.pilots, planner.lags, min(planner.times), max(planner.times)), flush=True)
+print(report(planner.pilots, planner.lags), flush=True)

@@ -27,7 +27,7 @@ def main(patience: str, away: str, *names: str) -> None:
         writer = network.writer(f"{name}/cmd_vel", sort, "reliable")
         odom = network.reader(f"{name}/odom", Odometry, "reliable", DEPTH)
         robots.append((Pilot(float(away)), odom, network.reader(f"{name}/scan", LaserScan, "sensor"), sort, writer))
-    pilots, lags, times, now, told = [robot[0] for robot in robots], list[float](), list[float](), 0.0, -1.0
+    pilots, lags, now, told = [robot[0] for robot in robots], list[float](), 0.0, -1.0
     ends = time.monotonic() + float(patience)
     while time.monotonic() < ends and any(pilot.arrived < 0.0 for pilot in pilots):
         time.sleep(GLANCE)
@@ -37,7 +37,6 @@ def main(patience: str, away: str, *names: str) -> None:
             for message in odom.take(DEPTH):
                 pose, stamp = message.pose.pose, seconds(message.header.stamp)
                 lags.append(time.time() - message.sample_info.source_timestamp * 1e-9)
-                times.append(stamp)
                 turned = 2.0 * atan2(pose.orientation.z, pose.orientation.w)
                 pilot.odometry(stamp, pose.position.x, pose.position.y, turned)
             for message in lidar.take(1):
@@ -46,7 +45,7 @@ def main(patience: str, away: str, *names: str) -> None:
                 speed, turn = pilot.velocity()
                 writer.write(made(sort.__name__, {"speed": speed, "turn_rate": turn}, now))
         told = now if now - told >= PERIOD else told
-    print(report(pilots, lags, min(times, default=0.0), max(times, default=1.0)), flush=True)
+    print(report(pilots, lags), flush=True)
 
 
 if __name__ == "__main__":

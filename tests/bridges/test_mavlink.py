@@ -22,7 +22,7 @@ from channel.test_udp import free_port
 from cli.terminal import terminal
 from processes import live_in
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
-from sleepcast.bridges.body import BridgedBody, FencedError
+from sleepcast.bridges.body import ROUND, UNATTENDED, BridgedBody, FencedError
 from sleepcast.bridges.mavlink.link import Link
 from sleepcast.bridges.mavlink.vehicle import COPTER, OTHERS, ROVER, MavlinkVehicle
 from sleepcast.channel import Kind, Message
@@ -41,15 +41,18 @@ LIMITS = Limits(speed=2.0, turn_rate=1.0, acceleration=2.0)
 
 
 class Loop:
-    """A wire to a vehicle in this process, which can be cut."""
+    """A wire to a vehicle in this process, which can be cut, and on which what is sent may take some seconds."""
 
     def __init__(self, vehicle: Vehicle) -> None:
-        self.vehicle, self.whole = vehicle, True
+        self.vehicle, self.whole, self.slow, self.time = vehicle, True, 0.0, 0.0
         self.waiting: list[bytes] = []
+        self.going: list[tuple[float, bytes]] = []
+        """What is on its way to the vehicle, and when it is there."""
 
     def send(self, data: bytes) -> None:
         if self.whole:
-            self.waiting += self.vehicle.hear(data)
+            self.going.append((self.time + self.slow, data))
+            self.arrive()
 
     def receive(self) -> list[tuple[bytes, object]]:
         found, self.waiting = [(each, "vehicle") for each in self.waiting if self.whole], []
@@ -62,7 +65,13 @@ class Loop:
         pass
 
     def advance(self, seconds: float) -> None:
+        self.time += seconds
         self.waiting += self.vehicle.advance(seconds)
+        self.arrive()
+
+    def arrive(self) -> None:
+        while self.going and self.going[0][0] <= self.time:
+            self.waiting += self.vehicle.hear(self.going.pop(0)[1])
 
 
 class MavlinkRig(BridgeRig):
@@ -553,6 +562,27 @@ def test_a_failsafe_is_not_repeated_against_a_pilot() -> None:
     assert rig.vehicle.mode == COPTER["LOITER"]
 
 
+def test_its_own_failsafe_on_a_slow_link_is_not_taken_for_somebody_else() -> None:
+    """The computer stood still for a moment, and meanwhile the vehicle has restarted."""
+    rig = MavlinkRig("copter", failsafe="RTL").ready()
+    rig.wait(2.0)
+    rig.vehicle.reboot()
+    rig.loop.slow = 0.5
+    for stand_still in (rig.time.advance, rig.loop.advance):
+        stand_still(UNATTENDED + 0.1)
+    rig.body.round()
+    rig.sensed()
+    rig.vehicle_body.set_mode(COPTER["GUIDED"])
+    rig.vehicle_body.arm()
+    for _ in range(20):
+        rig.wait(ROUND)
+        if rig.vehicle.mode == COPTER["RTL"]:
+            rig.vehicle.due["heartbeat"] = 0.0
+    rig.wait(3.0)
+    assert (rig.vehicle.mode, rig.vehicle.armed) == (COPTER["GUIDED"], True)
+    assert not [said for said in rig.body.complaints() if OTHERS in said]
+
+
 def test_stop_and_failsafe_are_ordered_until_they_have_taken_effect() -> None:
     for begin, mode in ((BridgedBody.let_go, "RTL"), (BridgedBody.stop, "LOITER")):
         rig = MavlinkRig("copter", failsafe="RTL").ready()
@@ -722,7 +752,7 @@ def test_a_flight_controller_that_only_sends_telemetry_is_named(monkeypatch: pyt
     """As Betaflight 4.6 does: in MAVLink 1, from system 0."""
     from pymavlink.dialects.v10 import common
 
-    monkeypatch.setattr("sleepcast.bridges.mavlink.vehicle.PATIENCE", 1.0)
+    monkeypatch.setattr("sleepcast.bridges.mavlink.vehicle.PATIENCE", 2.0)
     port, stranger, ended = free_port(), common.MAVLink(None, 0, 200), Event()
     beat = stranger.heartbeat_encode(2, 0, 64, 1, 3).pack(stranger)
 
@@ -734,7 +764,7 @@ def test_a_flight_controller_that_only_sends_telemetry_is_named(monkeypatch: pyt
     thread = Thread(target=tell)
     thread.start()
     try:
-        with pytest.raises(OutOfReachError, match=r"in 1 s; heard were 0 \(its component 200\)$"):
+        with pytest.raises(OutOfReachError, match=r"in 2 s; heard were 0 \(its component 200\)$"):
             open_robot(f"mavlink://127.0.0.1:{port}?unsigned=yes&listen=yes#1")
     finally:
         ended.set()
@@ -774,8 +804,8 @@ def test_a_node_commands_a_vehicle_in_another_process_and_finds_it_again(
     ):
         mind.wait_for("v1 is up")
         desk.wait_to_see("o  v1")
-        mind.say(*ready, drive, tell)
-        mind.wait_for("rolling")
+        mind.say(drive, tell)
+        mind.insist("rolling", *ready)
         vehicle.say("mute")
         mind.wait_for("the body is out of reach: vehicle 1 has not been heard for 2 s")
         desk.wait_to_see("the body is out of reach: vehicle 1 has not been heard for 2 s")
@@ -785,8 +815,7 @@ def test_a_node_commands_a_vehicle_in_another_process_and_finds_it_again(
         vehicle.say("reboot")
         mind.wait_for("the vehicle has restarted; it is at rest until a command moves it")
         desk.wait_to_see("the vehicle has restarted; it is at rest until a command moves it")
-        mind.say(*ready)
-        mind.wait_for("rolling")
+        mind.insist("rolling", *ready)
         mind.say("STOP")
         mind.wait_for("stopped, and at rest until RELEASE")
 
@@ -811,7 +840,7 @@ def test_what_a_pilot_and_the_vehicle_itself_decide_is_told_at_node_and_desk_and
         desk.wait_to_see("o  v1")
         mind.say('(RULE say (ONCE (> speed 0.5m/s) (REPORT "flying")))')
         vehicle.say("refuse")
-        up = "(WHEN 1 (SET_MODE GUIDED) (ARM) (TAKEOFF 3m))"
+        up, drive = "(WHEN 1 (SET_MODE GUIDED) (ARM) (TAKEOFF 3m))", ("(SET_MODE GUIDED)", "(SETQ drive_speed 1m/s)")
         mind.say(up)
         vehicle.wait_for("mode 4")
         vehicle.say("text PreArm: Compass not calibrated")
@@ -821,10 +850,9 @@ def test_what_a_pilot_and_the_vehicle_itself_decide_is_told_at_node_and_desk_and
             "it does not follow: it is in GUIDED, not armed",
         )
         vehicle.say("allow")
-        mind.say(up, '(RULE high (ONCE (> height 2m) (REPORT "high")))')
-        mind.wait_for("high")
-        mind.say("(SETQ drive_speed 1m/s)")
-        mind.wait_for("flying")
+        mind.say('(RULE high (ONCE (> height 2m) (REPORT "high")))')
+        mind.insist("high", up)
+        mind.insist("flying", *drive)
         vehicle.say("mode 2")
         told(f"{OTHERS} has put it into ALT_HOLD: it is left alone")
         mind.say("(SET_MODE GUIDED)")
@@ -833,7 +861,6 @@ def test_what_a_pilot_and_the_vehicle_itself_decide_is_told_at_node_and_desk_and
         told("the vehicle says: Battery 1 is low 10.5V")
         vehicle.say("mode 9")
         told(f"{OTHERS} has put it into LAND: it is left alone")
-        mind.say("(SET_MODE GUIDED)", "(SETQ drive_speed 1m/s)")
-        mind.wait_for("flying")
+        mind.insist("flying", *drive)
         mind.close()
         vehicle.wait_for("mode 6")

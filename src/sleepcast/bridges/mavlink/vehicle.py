@@ -209,6 +209,8 @@ class MavlinkVehicle(BridgedBody):
         """Mode, and whether it is armed, by its last heartbeat, until that has been looked at."""
         self._ordered = self._mode_before = -1
         """The last mode that we have sent, and the one of before the last that was answered."""
+        self._sent: dict[int, float] = {}
+        """When we have last sent each mode: one that another took the place of may still be on its way."""
         self._mode_settled = self._arming_settled = -inf
         """Until when a heartbeat may still tell what was before an answer."""
         self._reason, self._claimed, self._claim_again = "", (-1, -1), -inf
@@ -444,6 +446,7 @@ class MavlinkVehicle(BridgedBody):
     def _send_command(self, command: int, again: int, parameters: tuple[float, ...]) -> None:
         if command == SET_MODE:
             self._ordered = int(parameters[1])
+            self._sent[self._ordered] = self._clock.now()
         self._link.send(self._link.mav.command_long_encode(self._system, 1, command, again % 256, *parameters))
 
     def _fail(self, order: Order, sentence: str) -> None:
@@ -552,7 +555,7 @@ class MavlinkVehicle(BridgedBody):
         if before < 0:
             return
         if mode != before:
-            if mode == self._ordered:
+            if mode == self._ordered or now - self._sent.get(mode, -inf) < ORDER_SECONDS:
                 self._reason = ""  # it may have come after a STOP that was to prevent it
             else:
                 self._ordered = -1

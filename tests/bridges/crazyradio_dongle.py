@@ -3,8 +3,8 @@
     python tests/bridges/crazyradio_dongle.py ADDRESS[,ADDRESS...] COMMAND ...
 
 runs `sleepcast COMMAND ...` with such a radio plugged in. It prints what happens to each quadcopter. A line
-"away ADDRESS" on standard input takes one out of reach, "back ADDRESS" brings it back; "unplug" and "plug" do so with
-the radio.
+"away ADDRESS" on standard input takes one out of reach, "back ADDRESS" brings it back while a link begins; "unplug" and
+"plug" do so with the radio.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ CHANNEL, ADDRESS = 1, 2
 """Requests of the USB device that set these."""
 EVERYBODY = bytes((0xFF, 0xE7, 0xE7, 0xE7, 0xE7))
 SAFE_LINK = bytes((0xFF, 0x05, 0x01))
+TRIES = 10
+"""How often cflib asks for a safe link when one begins."""
 ROOM = 8
 """Packets that wait to be taken along, beyond which a quadcopter logs nothing: a busy machine takes few along."""
 
@@ -44,6 +46,8 @@ class Ear:
         self.peer, self.near = Neighbour(), True
         self.peer.name = name
         self.up = self.down = 1
+        self.misses = 0
+        """Requests for a safe link that it does not hear."""
         self.waiting: deque[bytes] = deque(maxlen=100)
         self.answer = b"\xf3"
         self.last, self.logged = time.monotonic(), 0.0
@@ -56,7 +60,10 @@ class Ear:
             self.logged = now
             self.waiting.extend(self.peer.logs())
 
-    def hear(self, packet: bytes) -> bytes:
+    def hear(self, packet: bytes) -> bytes | None:
+        if packet == SAFE_LINK and self.misses:
+            self.misses -= 1
+            return None
         if packet == SAFE_LINK:
             self.up = self.down = 1
             return packet
@@ -131,7 +138,8 @@ def main() -> None:
         for line in sys.stdin:
             word, _, address = line.strip().partition(" ")
             if address:
-                dongle.ears[bytes.fromhex(address)].near = word == "back"
+                ear = dongle.ears[bytes.fromhex(address)]
+                ear.near, ear.misses = word == "back", TRIES
             else:
                 dongle.plugged = word == "plug"
 

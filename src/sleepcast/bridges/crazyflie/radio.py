@@ -149,7 +149,9 @@ class Relay:
                 driver.send_packet(CRTPPacket(data[0], list(data[1:])))
 
     def _down(self) -> None:
-        """From the quadcopter to the node. A link that has died is made anew, again and again."""
+        """From the quadcopter to the node. A link that has died is made anew, again and again, and so is one that began
+        while the quadcopter was away: it would stay without the numbers of cflib's "safelink", by which nothing is lost
+        on the air, and a quadcopter that still goes by those of the link before takes what comes for repeats."""
         from cflib.crtp.radiodriver import RadioDriver
 
         was_lost = False
@@ -164,6 +166,8 @@ class Relay:
             self._driver = driver
             while not failed.is_set() and not self._ending.is_set():
                 packet = driver.receive_packet(LOOK)
+                if packet is not None and driver.needs_resending:
+                    break
                 if packet is not None and was_lost:
                     was_lost = False
                     self._say(f"{self._name} is within reach again")

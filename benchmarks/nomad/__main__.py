@@ -138,24 +138,24 @@ def crowd(robots: int, seconds: float) -> Crowd:
         port = stack.enter_context(server("nserver", str(robots)))
         choose = stack.enter_context(selectors.DefaultSelector())
         clients = [stack.enter_context(connected(port, robot + 1)) for robot in range(robots)]
+        begin = end = time.perf_counter()
         for place, client in enumerate(clients):
             choose.register(client, selectors.EVENT_READ, place)
             client.sendall(GS)
         asked, seen = [0] * robots, clock(clients[0])
+        now = seen
         clients[0].sendall(GS)
-        begin, last = time.perf_counter(), (time.perf_counter(), seen)
-        while time.perf_counter() - begin < seconds:
+        while end - begin < seconds or not all(asked):
             for key, _ in choose.select(1.0):
                 client = clients[key.data]
                 if key.data == 0:
-                    last = time.perf_counter(), clock(client)
+                    end, now = time.perf_counter(), clock(client)
                 else:
                     read(client, len(STATE))
                 asked[key.data] += 1
                 client.sendall(GS)
-        wall = time.perf_counter() - begin
-    rates = [count / wall for count in asked]
-    return Crowd(robots, sum(rates), min(rates), max(rates), (last[1] - seen) / (last[0] - begin))
+    rates = [count / (end - begin) for count in asked]
+    return Crowd(robots, sum(rates), min(rates), max(rates), (now - seen) / (end - begin))
 
 
 def clock(client: socket.socket) -> float:

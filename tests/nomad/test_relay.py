@@ -127,9 +127,10 @@ def test_a_server_that_ends_stops_its_real_robots() -> None:
         async with pair() as (ours, theirs, client):
             await client.ask(Kind.REAL_ROBOT)
             await client.state(Kind.VM, 50, -50, 0)
+            await eventually(lambda: theirs.world.observe(1).speeds.first > 0.1)
             await ours.nserver.close()
+            await eventually(lambda: theirs.nserver.windows.robots[1].client == "")
             await eventually(lambda: theirs.world.observe(1).speeds.first == 0.0)
-            assert theirs.nserver.windows.robots[1].client == ""
 
     play(scene)
 

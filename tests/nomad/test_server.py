@@ -161,7 +161,8 @@ def test_a_new_program_begins_without_the_timeout_of_the_one_before() -> None:
             await first.state(Kind.CONF_TM, 1)
             second = await made.caller()  # while the first is there its timeout holds
             await second.state(Kind.VM, 10, 10, 0)
-            await eventually(lambda: made.world.observe(0).speeds.first > 0.0)
+            commands = made.nserver.windows.robots[0].commands
+            await eventually(lambda: commands[-1][1] == "stopped: nothing came in time")
             await eventually(lambda: made.world.observe(0).speeds.first == 0.0)
             await first.close()
             await eventually(lambda: len(made.nserver.lines) == 1)  # and the second goes on looking
@@ -176,7 +177,7 @@ def test_a_new_program_begins_without_the_timeout_of_the_one_before() -> None:
 
 def test_two_programs_that_drive_one_robot_are_told_of_once() -> None:
     async def scene() -> None:
-        async with served(speed=20.0) as made:
+        async with served(speed=0.0) as made:  # nobody is forgotten meanwhile
             one, two = await made.caller(), await made.caller()
             window, simulated_robot = made.nserver.windows.robots[0], made.nserver.service.simulated_robots[0]
             await one.state(Kind.VM, 10, 10, 0)
@@ -191,6 +192,7 @@ def test_two_programs_that_drive_one_robot_are_told_of_once() -> None:
             assert window.rivals == " and ".join(sorted(names))
             said = [line for line in made.said if "driven by" in line]
             assert said == [f"robot 1 is driven by {window.rivals}: each replaces what the other asks"]
+            made.pace.speed = 20.0
             await eventually(lambda: window.rivals == "")  # the windows look again now and then
 
     play(scene)
@@ -447,11 +449,11 @@ def test_in_lockstep_each_tick_comes_when_everybody_waits(monkeypatch: pytest.Mo
 def test_in_lockstep_nobody_waits_for_long_for_who_does_not_ask() -> None:
     async def scene() -> None:
         async with served(2, lockstep=True) as made:
-            idle, busy = await made.caller(1), await made.caller(2)
             began = time.monotonic()
+            idle, busy = await made.caller(1), await made.caller(2)
             for _ in range(20):
                 await busy.state(Kind.GS)
-            assert 0.3 < time.monotonic() - began < LONGEST
+            assert nomad_server.PATIENCE <= time.monotonic() - began < LONGEST
             assert made.world.time == pytest.approx(0.4)
             await asyncio.sleep(0.05)
             assert made.world.time == pytest.approx(0.4)  # nobody asks, and time stands still

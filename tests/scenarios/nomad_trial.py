@@ -38,6 +38,16 @@ ORIGIN = SCENARIO.width / 2, SCENARIO.height / 2
 """Where a Nomad's 0, 0 lies in the scenario's frame."""
 ROBOTS = 2
 
+PATIENT = f"""
+import sys
+from sleepcast.cli import main
+from sleepcast.nomad import server
+
+server.PATIENCE = {LONGEST}
+sys.exit(main(sys.argv[1:]))
+"""
+"""`sleepcast` on a busy machine, where a program may be slow to ask."""
+
 Program = Sequence[str | Path]
 
 
@@ -66,13 +76,23 @@ def started(program: Program) -> Iterator[subprocess.Popen[str]]:
 
 @contextmanager
 def server(*options: str) -> Iterator[int]:
-    """`sleepcast nserver` with the scenario's world; gives its port."""
-    command = [sys.executable, "-m", "sleepcast", "nserver", SCENARIO.path, "--robots", str(ROBOTS)]
+    """`sleepcast nserver` with the scenario's world, patient with whoever does not ask; gives its port."""
+    command = [sys.executable, "-c", PATIENT, "nserver", SCENARIO.path, "--robots", str(ROBOTS)]
     with started([*command, "--headless", "--lockstep", "--port", "0", "--json", *options]) as process:
         assert process.stdout is not None
         line = process.stdout.readline()
         assert line, f"nserver ended with {process.wait(LONGEST)}"
         yield int(json.loads(line)["port"])
+
+
+def place(port: int, seed: int) -> None:
+    """Put the robots where this seed wants them: in the scenario's strip, not too near to each other."""
+    chance, (low, high), (bottom, top) = random.Random(seed), SCENARIO.robots.x, SCENARIO.robots.y
+    heights = chance.sample([bottom, (bottom + top) / 2, top], ROBOTS)
+    for robot, y in enumerate(heights, 1):
+        x, heading = chance.uniform(low, high), chance.uniform(-pi, pi)
+        with Nomad.connect(port=port, robot=robot) as nomad:  # one after the other, since each waits for all others
+            nomad.place(Place(x - ORIGIN[0], y - ORIGIN[1], heading, heading))
 
 
 class Watcher:
@@ -83,14 +103,6 @@ class Watcher:
         self._deadline = time.monotonic() + LONGEST_TRIAL
         self.time = 0.0
         """Simulated s since it began to watch."""
-
-    def place(self, nomads: Sequence[Nomad], seed: int) -> None:
-        """Put the robots where this seed wants them: in the scenario's strip, not too near to each other."""
-        chance, (low, high), (bottom, top) = random.Random(seed), SCENARIO.robots.x, SCENARIO.robots.y
-        heights = chance.sample([bottom, (bottom + top) / 2, top], ROBOTS)
-        for nomad, y in zip(nomads, heights, strict=True):
-            x, heading = chance.uniform(low, high), chance.uniform(-pi, pi)
-            nomad.place(Place(x - ORIGIN[0], y - ORIGIN[1], heading, heading))
 
     def look(self) -> list[Pose]:
         """Where all robots are after the next tick."""
@@ -124,12 +136,11 @@ def standing(before: Pose, now: Pose) -> bool:
 def trial(port: int, seed: int, programs: Sequence[Program], broadcast: Program) -> Outcome:
     """Let these programs, one for each robot, run at the server, and order them to stop when the way is clear."""
     with ExitStack() as stack:
-        nomads = [Nomad.connect(port=port, robot=robot) for robot in range(1, ROBOTS + 1)]
-        watcher = Watcher(nomads[0])
-        watcher.place(nomads, seed)
-        nomads[1].close()
-        stack.callback(nomads[0].close)
+        place(port, seed)
+        nomad = Nomad.connect(port=port)
+        watcher = Watcher(nomad)
         running = [stack.enter_context(started(program)) for program in programs]
+        stack.callback(nomad.close)  # before them: they may ask once more, and would wait for it
         stood = 0
         before, poses = watcher.look(), watcher.after(LOOK)
         while any(map(standing, before, poses)):  # not all programs drive yet

@@ -19,7 +19,8 @@ def test_a_notebook_runs_and_shows_pictures(file: Path, tmp_path: Path) -> None:
     notebook = nbformat.read(file, as_version=4)
     cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
     assert not any(cell.outputs for cell in cells), "it is kept without results"
-    found = nbclient.NotebookClient(notebook, timeout=LONGEST, resources={"metadata": {"path": tmp_path}}).execute()
+    patience = {"timeout": LONGEST, "startup_timeout": LONGEST, "iopub_timeout": LONGEST}
+    found = nbclient.NotebookClient(notebook, **patience, resources={"metadata": {"path": tmp_path}}).execute()
     shown = [output.get("data", {}) for cell in found.cells if cell.cell_type == "code" for output in cell.outputs]
     assert any("<svg" in data.get("text/html", "") for data in shown), "a fleet shows itself"
     assert any("image/png" in data for data in shown), "and a plot is drawn"

@@ -212,10 +212,12 @@ class TestManyRuns:
 
     def test_after_kill_9_nothing_is_lost_or_done_twice(self, tmp_path: Path, measures: Path) -> None:
         measures.write_text(
-            "import pathlib\n\n\n"
+            "import pathlib, time\n\n\n"
             "def noted(fleet):\n"
             f"    with open({str(tmp_path / 'noted')!r}, 'a') as noted:\n"
             "        noted.write(f'{fleet.swarm.simulator.seed}\\n')\n"
+            f"    while fleet.swarm.simulator.seed > 20 and not pathlib.Path({str(tmp_path / 'killed')!r}).exists():\n"
+            "        time.sleep(0.01)\n"
             "    return 1.0\n"
         )
         command = [
@@ -232,6 +234,7 @@ class TestManyRuns:
             process.wait()
         kept = {each.run.seed for each in outcomes_in(tmp_path / "results")}
         before = (tmp_path / "noted").read_text().split()
+        (tmp_path / "killed").touch()
         again = subprocess.run(command, cwd=measures.parent, capture_output=True, text=True, check=True)
         assert "30 of 30 runs done" in again.stdout
         after = (tmp_path / "noted").read_text().split()[len(before) :]

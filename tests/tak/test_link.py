@@ -164,6 +164,8 @@ def test_a_lost_server_is_told_once_and_found_again(monkeypatch: pytest.MonkeyPa
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         seen.append(await reader.readuntil(END))
+        writer.write_eof()
+        await reader.read()  # one who leaves with something unread breaks the connection
 
     async def job() -> None:
         async def server_comes() -> None:

@@ -101,6 +101,14 @@ class Page:
             if found is not None and found.get("serial") == self.serial:
                 return found
 
+    def ask_until(self, when: Callable[[dict[str, Any]], object], kind: str, /, **fields: object) -> dict[str, Any]:
+        """The answer to a question as soon as it is as wanted; asked no more often than a page may."""
+        ends = time.monotonic() + PATIENCE
+        while not when(found := self.ask(kind, **fields)):
+            assert time.monotonic() < ends, found
+            time.sleep(0.05)
+        return found
+
     def receive(self, timeout: float = PATIENCE) -> dict[str, Any] | None:
         """The next message, None if it was a frame. Raises TimeoutError."""
         data = self.socket.recv(timeout)

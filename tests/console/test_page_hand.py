@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from console.running import PATIENCE, Program
-from console.test_page import number, opened, pixels_seen, send, type_in, until
+from console.test_page import number, opened, pause, pixels_seen, send, type_in, until
 
 pytestmark = pytest.mark.browser
 
@@ -167,11 +167,13 @@ def test_lights_get_a_meaning_and_a_robot_winks(rovers: Page) -> None:
     rovers.locator("#map").focus()
     rovers.keyboard.press("ArrowRight")
     name = rovers.locator("#robot-name").inner_text()
+    pause(rovers)  # or it may have blinked to the end before it is asked once more
     rovers.locator("#wink").click()
     row = rovers.locator("#commands tr").first
     expect(row.locator("code")).to_contain_text("RULE wink")
+    rovers.locator("#wink").click()
+    expect(rovers.locator("#refused-text")).to_have_text(f"{name} blinks already.")
+    rovers.locator("#run").click()
     expect(row.locator(".matched")).to_contain_text("1")
     rovers.locator("#tab-rules").click()
     expect(rovers.locator("#pane-rules")).to_contain_text("wink")
-    rovers.locator("#wink").click()
-    expect(rovers.locator("#refused-text")).to_have_text(f"{name} blinks already.")

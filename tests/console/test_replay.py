@@ -297,17 +297,25 @@ def test_alerts_watch_a_recording(page: Page) -> None:
     page.ask("removealert", alert=said["alerts"][0]["alert"])
 
 
+def plotted(page: Page, number: int) -> dict[str, Any]:
+    """A plot that has come whole; some of it is there at once."""
+
+    def whole(found: dict[str, Any]) -> bool:
+        assert found["columns"][0]
+        return not found["more"]
+
+    return page.ask_until(whole, "plotted", number=number)
+
+
 def test_a_plot_of_a_recording_shows_all_of_it(page: Page) -> None:
     at(page, 30.0)
     number = page.ask("plot", kind="time", x="battery", what="mean")["number"]
-    while (found := page.ask("plotted", number=number))["more"]:
-        assert found["columns"][0]
+    found = plotted(page, number)
     times, mean = found["columns"]
     assert (times[0], times[-1], times) == (0.0, SECONDS, sorted(times))
     assert mean[0] > mean[-1] > 0.0  # rovers drive, which takes charge
     counted = page.ask("plot", kind="time", x="(IN full)", what="count")["number"]
-    while (found := page.ask("plotted", number=counted))["more"]:
-        pass
+    found = plotted(page, counted)
     members = dict(zip(*found["columns"], strict=True))
     assert {count for time, count in members.items() if time < 4.9} == {0.0}
     assert {count for time, count in members.items() if time > 6.0} == {max(members.values())} != {0.0}
@@ -321,8 +329,14 @@ def test_a_plot_of_a_recording_shows_all_of_it(page: Page) -> None:
 def test_what_was_not_recorded_is_plotted_by_running_again(page: Page) -> None:
     page.until("span", lambda found: bool(found["kept"].startswith("Kept")))
     number = page.ask("plot", kind="time", x="(+ Plan 1)", what="max", where="(IN full)")["number"]
-    while len((found := page.ask("plotted", number=number))["columns"][0]) < 9:  # all 64 take some seconds
-        assert found["more"]
+
+    def enough(found: dict[str, Any]) -> bool:
+        """All 64 moments take some seconds."""
+        known = len(found["columns"][0]) >= 9
+        assert known or found["more"]
+        return known
+
+    found = page.ask_until(enough, "plotted", number=number)
     assert (found["told"], found["problem"]) == (f"{len(found['columns'][0])} moments, run again", "")
     planned = dict(zip(*found["columns"], strict=True))
     assert {value for time, value in planned.items() if time < 9.9} == {None}

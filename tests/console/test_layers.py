@@ -375,6 +375,7 @@ def test_the_map_is_saved_as_a_picture_and_as_a_film(page: Page, tmp_path: Path)
 def test_fingers_find_what_they_press_and_read_where_they_touch(scouts: Program, chromium: Browser) -> None:
     phone = {"width": 390, "height": 844}
     with chromium.new_context(viewport=phone, has_touch=True, is_mobile=True) as context:
+        context.set_default_timeout(1000 * PATIENCE)
         page = context.new_page()
         page.goto(scouts.address)
         await_picture(page)

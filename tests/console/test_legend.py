@@ -69,6 +69,7 @@ def test_a_line_lights_its_robots_and_follows_them(page: Page, chromium: Browser
 
     # Another visitor, with a phone: one line until it is tapped, and robots beside it.
     with chromium.new_context(viewport={"width": 390, "height": 844}, has_touch=True, color_scheme="dark") as small:
+        small.set_default_timeout(1000 * PATIENCE)
         phone = small.new_page()
         phone.goto(flock.address)
         fold = phone.locator("#legend-fold")

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -268,17 +269,21 @@ def test_two_pages_keep_one_history(rovers: Page, context: BrowserContext, progr
     other = context.new_page()
     other.goto(program.address)
     expect(other.locator("#commands tr").first).to_be_visible()
-    for page, level in ((rovers, 41), (rovers, 42), (other, 43)):
-        type_in(page, f"(WHEN (> battery {level}%) (JOIN crew))")
-        send(page)
 
-    def kept() -> list[str]:
-        """The levels of the last three; what one page keeps the browser brings to the other some time later."""
-        texts = json.loads(rovers.evaluate("localStorage.getItem('sleepcast.history')"))
+    def kept(page: Page) -> list[str]:
+        """The levels of the last three, as this page reads them."""
+        texts = json.loads(page.evaluate("localStorage.getItem('sleepcast.history') ?? '[]'"))
         return [re.findall(r"\d+", text)[0] for text in texts[-3:]]
 
-    until(rovers, lambda: kept()[-1] == "43")
-    assert kept() == ["41", "42", "43"]
+    def told(level: str) -> bool:
+        """Whether the browser has brought it to both."""
+        return kept(rovers)[-1:] == kept(other)[-1:] == [level]
+
+    for page, level in ((rovers, "41"), (rovers, "42"), (other, "43")):
+        type_in(page, f"(WHEN (> battery {level}%) (JOIN crew))")
+        send(page)
+        until(page, partial(told, level))
+    assert kept(rovers) == kept(other) == ["41", "42", "43"]
 
 
 def test_a_stop_that_nobody_answers_says_so_and_goes_out_again(program: Program, blank: Page) -> None:

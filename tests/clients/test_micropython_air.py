@@ -216,6 +216,9 @@ def test_a_stop_holds_after_a_restart_and_so_does_one_that_may_be_lost(
             assert "stopped" in str(desk.ask("(DRIVE 0.3m/s)")["fault"])
             assert desk.ask("", Kind.RELEASE)["outcome"] == "released"
             assert desk.ask("(DRIVE 0.3m/s)")["outcome"] == "matched"
+        stops.write_text('{"holding": []}')
+        with tiny(folder, alone, tmp_path):
+            assert "stopped" in str(desk.ask("(DRIVE 0.3m/s)")["fault"])
         stops.write_text("[[")
         with tiny(folder, alone, tmp_path):
             assert "stopped" in str(desk.ask("(DRIVE 0.3m/s)")["fault"])

@@ -14,8 +14,10 @@ class Latch:
         self.holding, self.ended = [], []
 
     def restore(self, rows):
-        """The STOPs that held before a restart."""
+        """The STOPs that held before a restart. Raises ValueError if these are none."""
         self.holding = [each[:3] for each in _rows(rows)]
+        if rows != self.holding:
+            raise ValueError
 
     def stop(self, mark, body):
         """Whether to obey a STOP with this mark, [sender, epoch, number]: always, unless a RELEASE has ended it."""

@@ -3,8 +3,9 @@ own, and some of it twice.
 
     python -m benchmarks.channel.relay --delay S --twice SHARE --seed N PORT...
 
-It takes whole frames from the cables' ends by packet sockets, says `ready`, and ends with its standard input. Then it
-says as JSON how many frames came, how many it gave out, and how many times one overtook another.
+It takes whole frames from the cables' ends by packet sockets, says `ready`, and ends with its standard input, once it
+has given out all that came until then. Then it says as JSON how many frames came, how many it gave out, and how many
+times one overtook another.
 """
 
 from __future__ import annotations
@@ -39,18 +40,25 @@ class Relay:
         self.taken = self.given = self.overtaken = self.refused = 0
 
     def run(self) -> None:
-        """Until standard input ends."""
+        """Until standard input ends, and all that came before is given out."""
         places = {each.fileno(): place for place, each in enumerate(self._sockets)}
         poll = select.poll()
         for descriptor in (sys.stdin.fileno(), *places):
             poll.register(descriptor, select.POLLIN)
-        while True:
-            wait = self._flying[0][0] - time.monotonic() if self._flying else 1.0
-            for descriptor, _ in poll.poll(max(0.0, 1e3 * wait)):
-                if descriptor not in places:
-                    return
+        going = True
+        while going:
+            ready = [descriptor for descriptor, _ in poll.poll(1e3 * self._due(1.0))]
+            going = sys.stdin.fileno() not in ready
+            for descriptor in ready if going else places:
                 self._take(places[descriptor])
             self._give()
+        while self._flying:
+            time.sleep(self._due(0.0))
+            self._give()
+
+    def _due(self, otherwise: float) -> float:
+        """Seconds until something is to be given out."""
+        return max(0.0, self._flying[0][0] - time.monotonic()) if self._flying else otherwise
 
     def _take(self, place: int) -> None:
         for _ in range(AT_ONCE):

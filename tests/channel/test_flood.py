@@ -10,12 +10,14 @@ from benchmarks.channel.flood import tried
 
 RATE = 20_000
 """Forgeries a second: what a busy machine can send beside the robots."""
+SLACK = 60.0
+"""s for answers, which robots may be slow to give on a busy machine; how fast they are is for the large one to say."""
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such filters")
 @pytest.mark.parametrize("words", [["swarm", "5"], ["node"]])
 def test_stop_and_commands_come_through_a_flood_of_forged_stops(words: list[str]) -> None:
-    found = tried(words, 5 if words[0] == "swarm" else 1, "stop", RATE, 1)
+    found = tried(words, 5 if words[0] == "swarm" else 1, "stop", RATE, 1, SLACK)
     assert max(found.stops) < inf
     assert found.silent == 0
     assert found.through == found.pairs
@@ -23,6 +25,6 @@ def test_stop_and_commands_come_through_a_flood_of_forged_stops(words: list[str]
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such filters")
 def test_stop_and_its_account_come_through_a_flood_of_anything_else() -> None:
-    found = tried(["swarm", "5"], 5, "command", RATE, 1)
+    found = tried(["swarm", "5"], 5, "command", RATE, 1, SLACK)
     assert max(found.stops) < inf
     assert found.silent == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 
 from cli.calling import Called, called
 from cli.terminal import terminal
-from cli.test_swarm import channel, swarm
+from cli.test_swarm import account, channel, swarm
 from sleepcast.cli import main
 
 __all__ = ["channel"]
@@ -71,6 +72,14 @@ def test_a_dozen_robots_are_commanded_with_care(channel: str, tmp_path: Path) ->
         process.wait()
         stopped = on_air("stop", "--seconds", "1", "--json")
         assert (stopped.status, told(stopped)["n_silent"], told(stopped)["matched"]) == (1, ROBOTS, [])
+
+
+def test_what_robots_told_before_a_command_does_not_foresee_who_obeys_the_next(channel: str) -> None:
+    with swarm(3, channel) as process:
+        assert account(channel, "send", "--all", "(JOIN bravo)")["n_matched"] == 3
+        process.send_signal(signal.SIGSTOP)  # they say nothing new
+        found = called("who", "(WHEN (IN bravo) (MARK))", "--channel", channel)
+        assert "would not 0\n  unknown 3: r1 (its last news is too old)" in found.out
 
 
 def test_a_name_that_no_robot_has_is_told_before_anything_is_sent(channel: str, tmp_path: Path) -> None:

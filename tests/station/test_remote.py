@@ -6,6 +6,7 @@ import json
 import struct
 from collections import Counter
 from io import StringIO
+from pathlib import Path
 from random import Random
 
 import pytest
@@ -26,6 +27,7 @@ from sleepcast.language import Vocabulary
 from sleepcast.mind.telemetry import TelemetryError, digest, read_why
 from sleepcast.node.node import Node
 from sleepcast.station import Station
+from sleepcast.station.cache import TelemetryCache
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import MAX_TYPES, RemoteMinds, TelemetryClient
 from sleepcast.station.validation import TEST_UNKNOWN
@@ -119,6 +121,23 @@ def test_news_has_its_age() -> None:
     assert found.yes == ("s7",)
     assert found.oldest == 2.0
     assert set(found.unknown.values()) == {"its last news is too old"}
+
+
+def test_news_of_before_the_last_command_is_too_old(tmp_path: Path) -> None:
+    text = "(WHEN (> fuel 10%) (SETQ speed 1))"
+    far, cache = Far(Fleet().minds), TelemetryCache(tmp_path / "seen")
+    far.look()
+    cache.save(far.minds, far.clock.now(), commanded=far.clock.now() + 1.0)
+    far.clock.advance(2.0)
+    later = Far(far.nodes, far.clock)
+    commanded = cache.restore(later.minds, later.clock.now())
+    station = later.station()
+    assert len(station.preview(text).yes) == 8
+    station.changed = commanded
+    assert set(station.preview(text).unknown.values()) == {"its last news is too old"}
+    later.look(["s7"])
+    station.observe(later.clock.now(), [later.minds["s7"]])
+    assert station.preview(text).yes == ("s7",)
 
 
 # ---- several types

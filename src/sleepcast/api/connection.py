@@ -74,6 +74,7 @@ def observing_station(
     air: AirOptions, say: Callable[[str], None], *, strict: bool = False, expected: Expectation | None = None
 ) -> Iterator[tuple[NetworkStation, TelemetryClient]]:
     """The same, with a client that requests telemetry and keeps it."""
+    from sleepcast.channel.message import Kind
     from sleepcast.core.clock import UnixClock
     from sleepcast.core.errors import printable
     from sleepcast.station.cache import CacheError, PeerCache, TelemetryCache
@@ -91,7 +92,7 @@ def observing_station(
             expected = NOBODY_SAID
             say(f"{error}. Until then silence is counted among robots heard so far")
     contacts, minds, seen = PeerCache.of(air.fleet), RemoteMinds(), TelemetryCache.of(air.fleet)
-    seen.restore(minds, UnixClock().now())
+    commanded = seen.restore(minds, UnixClock().now())
     with (
         closing(session_for(air, None, robot=False, say=say)) as session,
         closing(open_journal(air.journal, air.fleet)) as journal,
@@ -107,6 +108,7 @@ def observing_station(
             within=air.within,
             expected=expected,
         )
+        station.changed = commanded
         telemetry = TelemetryClient(station, minds)
         station.listeners.append(telemetry.hear)
         try:
@@ -117,7 +119,8 @@ def observing_station(
                 say(printable(sentence))
             try:
                 contacts.save({name: at for name, at in station.roster.items() if at is not None})
-                seen.save(minds, station.now)
+                sent = (each.message.issued for each in station.commands() if each.kind is Kind.COMMAND)
+                seen.save(minds, station.now, max(sent, default=commanded))
             except CacheError as error:
                 say(str(error))
 

@@ -83,11 +83,13 @@ MAX_AGE = 3_600.0
 
 
 class CachedTelemetry(msgspec.Struct):
-    """texts: of types and minds. tellers: name, time (s of Unix time) and telemetry of each robot."""
+    """texts: of types and minds. tellers: name, time (s of Unix time) and telemetry of each robot. commanded: when
+    robots were last commanded, which may have changed them (s of Unix time)."""
 
     version: int
     texts: list[str]
     tellers: list[tuple[str, float, TelemetryRecord]]
+    commanded: float = -inf
 
 
 class TelemetryCache:
@@ -101,23 +103,26 @@ class TelemetryCache:
         """That of a fleet, in this user's data."""
         return cls(data_folder() / "seen" / fleet.encode().hex())
 
-    def restore(self, minds: RemoteMinds, now: float) -> None:
-        """Read the telemetry that another desk has stored. now: s of Unix time."""
+    def restore(self, minds: RemoteMinds, now: float) -> float:
+        """Read the telemetry that another desk has stored, and give when that desk last commanded robots, -inf for
+        never. now: s of Unix time."""
         try:
             with self.file.open("rb") as opened:
                 state = unpack(CachedTelemetry, opened.read(MAX_SEEN), MAX_SEEN, "telemetry")
         except (OSError, SerialError):
-            return
+            return -inf
         if state.version != VERSION:
-            return
+            return -inf
         for name, at, telemetry in state.tellers[:MAX_TELLERS]:
             if 0 < len(name) <= MAX_NAME and isfinite(at) and now - at <= MAX_AGE:
                 minds.take(_answer(name, msgspec.to_builtins(telemetry, builtin_types=(bytes,))), min(at, now))
         for text in state.texts[: MAX_TYPES + MAX_MINDS]:
             minds.take(_answer("desk", text), now)
+        return state.commanded if state.commanded <= now else now
 
-    def save(self, minds: RemoteMinds, now: float) -> None:
-        """Keep recent telemetry. Raises ContactsLostError; the file is then as it was."""
+    def save(self, minds: RemoteMinds, now: float, commanded: float) -> None:
+        """Keep recent telemetry, and when robots were last commanded. Raises ContactsLostError; the file is then as it
+        was."""
         tellers = [
             (mind.name, mind.reported_at, mind.telemetry)
             for mind in minds.values()
@@ -125,7 +130,7 @@ class TelemetryCache:
         ]
         try:
             self.file.parent.mkdir(parents=True, exist_ok=True)
-            replace_file(self.file, pack(CachedTelemetry(VERSION, minds.texts(), tellers), MAX_SEEN))
+            replace_file(self.file, pack(CachedTelemetry(VERSION, minds.texts(), tellers, commanded), MAX_SEEN))
         except (OSError, SerialError) as error:
             raise CacheError(f"cannot save telemetry ({self.file}: {error})") from None
 

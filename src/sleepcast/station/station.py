@@ -116,6 +116,8 @@ class Station:
         self._sent = SentCommands()
         self._lock = RLock()
         self.epoch, self.stale_after = epoch, stale_after
+        self.changed = -inf
+        """When robots were last commanded by an earlier desk, s: what they told before does not foresee who obeys."""
         self.caution = SendPolicy() if caution is None else caution
         self.vocabulary, self._outbox = vocabulary, outbox
         self._sequence = 0
@@ -199,7 +201,7 @@ class Station:
         return self._preview(self._program(text))
 
     def _preview(self, program: Program) -> Preview:
-        return preview(program, self._roster, self._table, self._clock.now(), self.stale_after)
+        return preview(program, self._roster, self._table, self._clock.now(), self.stale_after, self.changed)
 
     @property
     def _table(self) -> TelemetryTable:

@@ -547,12 +547,14 @@ class TelemetryRows:
         return values, reason, list(reasons)
 
 
-def preview(program: Program, roster: Roster, table: TelemetryTable, now: float, stale_after: float) -> Preview:
+def preview(
+    program: Program, roster: Roster, table: TelemetryTable, now: float, stale_after: float, since: float = -inf
+) -> Preview:
     """Who would obey `program`. table: telemetry by place on the roster, which decides nothing where it is older than
-    `stale_after` s at `now`."""
+    `stale_after` s at `now`, or from before `since`."""
     count = len(roster)
     times = roster.reported[:count].copy()
-    fresh = now - times <= stale_after
+    fresh = (now - times <= stale_after) & (times >= since)
     codes, reason = np.full(count, UNKNOWN, np.uint8), np.where(np.isfinite(times), np.uint8(2), np.uint8(1))
     listed, oldest = [NEVER_HEARD, STALE], now
     obstacle, test = _obstacle(program), program.test

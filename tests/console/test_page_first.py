@@ -12,11 +12,13 @@ import pytest
 from playwright.sync_api import BrowserContext, FloatRect, Page, expect
 
 from console.running import PATIENCE, Program
-from console.test_page import SENTENCE, opened, pixels, previewed, send, settle, type_in, until
+from console.test_page import FIND_PIXELS, SENTENCE, opened, pixels, previewed, send, settle, type_in, until
 
 pytestmark = pytest.mark.browser
 
 WIDTH = "bar => bar.style.width"
+LOWEST = f"(where) => ({FIND_PIXELS})(where).reduce((most, [, y]) => Math.max(most, y), 0)"
+"""Looked for by the page: they are too many to be handed over."""
 
 expect.set_options(timeout=1000 * PATIENCE)
 
@@ -35,7 +37,9 @@ def box(page: Page, selector: str) -> FloatRect:
 
 def lowest_ground(page: Page) -> float:
     """How far down the screen the world reaches."""
-    return max((y for _, y in pixels(page, "--map-area", "ground")), default=0.0)
+    settle(page)
+    found: float = page.evaluate(LOWEST, ["--map-area", "ground"])
+    return found
 
 
 def test_a_long_command_is_folded_and_nothing_has_to_be_scrolled(crowd: Page) -> None:

@@ -21,7 +21,7 @@ SLOW = {
     "experiments/test_run.py": 50,
     "cli/test_snapshots.py": 30,
     "console/test_renewal.py": 8,
-    "console/test_page_first.py": 15,
+    "console/test_page_first.py": 10,
     "loop/test_snapshots.py": 30,
     "cli/test_air.py": 28,
     "bridges/test_crazyflie.py": 12,

@@ -200,6 +200,18 @@ def test_delays_wake_who_waits_in_another_thread() -> None:
         assert heard == [b"wake up"]
 
 
+def test_who_was_woken_early_is_woken_again(local: Callable[..., list[MemoryTransport]], clock: ManualClock) -> None:
+    """The clock that says what is due may have been set back meanwhile."""
+    speaker, hearer = local("memory:early?delay=0.05")
+    hearer.fileno()
+    speaker.send(b"wake up")
+    assert select.select([hearer], [], [], PATIENCE)[0]
+    assert hearer.receive() == []
+    assert select.select([hearer], [], [], PATIENCE)[0]
+    clock.advance(0.05)
+    assert hearer.receive() == [b"wake up"]
+
+
 def test_nobody_is_woken_for_what_is_received_already() -> None:
     """A datagram that comes just when somebody begins to receive."""
     with closing(open_transport("memory:just-then")) as hearer, closing(open_transport("memory:just-then")) as speaker:

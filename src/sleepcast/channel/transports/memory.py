@@ -193,5 +193,6 @@ class MemoryTransport:
     def _wake_at(self, due: float) -> None:
         """Become readable, unless the datagram that was due has been received meanwhile."""
         with MemoryTransport._lock:
+            self._timer = None  # by the clock it may be early: then there is another one, once that was seen
             if self._waiting and self._waiting[0][0] <= due:
                 self._wakeup.set()

@@ -81,8 +81,17 @@ def flood(robots: int, nodes: int, trials: int, rate: int = RATE) -> Proof:
     return Proof("flood", heads, rows, bars, f"{trials} trials each; wanted of the attacker: {rate:,} a second")
 
 
-def tried(words: Sequence[str], count: int, kind: str, rate: int, trials: int, slack: float = 0.0) -> Tried:
-    """So many trials with these processes of robots, during a flood of this kind. slack: s more for answers."""
+def tried(
+    words: Sequence[str],
+    count: int,
+    kind: str,
+    rate: int,
+    trials: int,
+    commands: int = COMMANDS,
+    slack: float = 0.0,
+) -> Tried:
+    """So many trials with these processes of robots, during a flood of this kind. commands: in each trial; slack: s
+    more for answers."""
     found, began = Tried(), []
     with TemporaryDirectory(prefix="sleepcast-flood-") as place:
         folder = Path(place)
@@ -92,14 +101,14 @@ def tried(words: Sequence[str], count: int, kind: str, rate: int, trials: int, s
                     break
             with air.flooded(kind, rate) as sent:
                 for _ in steps(trials, f"flood of {kind or 'nothing'}", quiet=False):
-                    for _ in range(COMMANDS):
+                    for _ in range(commands):
                         told = air.desk.order("send", text="(SETQQ e1 1)", patience=2.0 + slack)
                         found.through += int(str(told["answers"]))
                         found.pairs += count
                     told = air.desk.order("stop", patience=AT_LAST + slack)
                     found.silent += int(str(told["n_silent"]))
                     began.append((float(str(told["began"])), float(str(told["ended"]))))
-                    air.desk.order("release", patience=AT_LAST + slack)
+                    air.desk.order("release", patience=AT_LAST)
             found.rate = sent[0] if sent else 0.0
         notes = [json.loads(file.read_text()) for file in folder.glob("*.json")]
     stopped: dict[str, list[float]] = {}

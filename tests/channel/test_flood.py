@@ -17,7 +17,7 @@ SLACK = 60.0
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such filters")
 @pytest.mark.parametrize("words", [["swarm", "5"], ["node"]])
 def test_stop_and_commands_come_through_a_flood_of_forged_stops(words: list[str]) -> None:
-    found = tried(words, 5 if words[0] == "swarm" else 1, "stop", RATE, 1, SLACK)
+    found = tried(words, 5 if words[0] == "swarm" else 1, "stop", RATE, 1, slack=SLACK)
     assert max(found.stops) < inf
     assert found.silent == 0
     assert found.through == found.pairs
@@ -25,6 +25,6 @@ def test_stop_and_commands_come_through_a_flood_of_forged_stops(words: list[str]
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such filters")
 def test_stop_and_its_account_come_through_a_flood_of_anything_else() -> None:
-    found = tried(["swarm", "5"], 5, "command", RATE, 1, SLACK)
+    found = tried(["swarm", "5"], 5, "command", RATE, 1, commands=0, slack=SLACK)
     assert max(found.stops) < inf
     assert found.silent == 0

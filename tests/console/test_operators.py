@@ -5,8 +5,12 @@ from __future__ import annotations
 import pytest
 
 from safety.scene import START, Scene
+from sleepcast.console.adapters.channel import EMPTY, FleetAdapter
+from sleepcast.console.network import NetworkDriver
 from sleepcast.console.operators import GRACE, OperatorsDesk
+from sleepcast.console.view import Scene as Ground
 from sleepcast.station.journal.journal import JournalError
+from sleepcast.station.remote import RemoteMinds, TelemetryClient
 from sleepcast.station.validation import Draft
 
 DRAFT = Draft("(WHEN (> x 3) (JOIN crew))", count=20)
@@ -57,3 +61,15 @@ def test_a_person_who_stops_it_is_told_so() -> None:
         "In stages: ended with stage 2 (you stopped it); the other robots were sent nothing."
     )
     assert len(scene.desk().commands()) == 2
+
+
+def test_answers_that_came_in_time_count_though_the_desk_was_held_up() -> None:
+    """They were called silent: the time for answers was over before the desk had heard them."""
+    scene = Scene(robots=20)
+    desk = begun(scene)
+    ground = Ground("air", "", "robots", (), EMPTY, "m", ())
+    fleet = FleetAdapter(scene.desk(), TelemetryClient(scene.desk(), RemoteMinds()), ground, 1.0, START)
+    driver = NetworkDriver(fleet, scene.clock, desk.attend)
+    scene.run(5.0 * GRACE, busy=("chief",))
+    driver.advance(0.0)
+    assert desk.shown().staging.startswith("In stages: stage 2 is sent")

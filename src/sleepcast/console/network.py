@@ -141,9 +141,10 @@ class NetworkDriver(Driver):
         return ""
 
     def advance(self, budget: float) -> bool:
-        """Hear what has come."""
+        """Hear what has come, then attend: after a hold-up, answers may have come in time that are heard late."""
+        news = self._fleet.hear()
         self._attend()
-        return self._fleet.hear()
+        return news
 
     def hurry(self) -> None:
         """Draw at once: what robots tell of a STOP comes when it comes."""

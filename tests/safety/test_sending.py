@@ -317,3 +317,13 @@ def test_a_lone_command_that_somebody_missed_reaches_him_while_it_is_good() -> N
     scene.run(3.0)
     assert desk.accounting(sent.id).matched == ("r0", "r1", "r2")
     assert [robot.node.evaluate("n").value for robot in scene.fleet.values()] == [1.0, 1.0, 1.0]
+
+
+def test_answers_that_came_in_time_count_though_nobody_listened_meanwhile() -> None:
+    """A process that stood still after it had sent said that all robots were silent."""
+    scene = Scene(robots=3)
+    desk = scene.desk()
+    sent = desk.send("(WHEN (> x 0) (DRIVE 1))")
+    scene.run(5.0, busy=("chief",))
+    desk.gather(sent, 1.0)
+    assert desk.accounting(sent.id).matched == ("r1", "r2")

@@ -465,10 +465,13 @@ class NetworkStation(Station):
 
     def gather(self, command: Command, patience: float) -> None:
         """Wait until all robots have answered, or the time for answers and `patience` s more are over, or that time is
-        over and the roster is empty."""
+        over and the roster is empty. What came in time counts, though this process was held up and hears it later."""
         until = self.answered(command) + patience
-        while (now := self._clock.now()) < until and self.awaits(command):
-            self.wait(min(LEAST_WITHIN, until - now))
+        while self.awaits(command):
+            left = until - self._clock.now()
+            self.wait(max(0.0, min(LEAST_WITHIN, left)))
+            if left <= 0.0:
+                return
 
     def awaits(self, command: Command) -> bool:
         """Whether a robot may still answer: one is silent, or the roster is empty."""

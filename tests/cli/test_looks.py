@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from channel.test_udp import free_port
-from cli.calling import called
+from cli.calling import LONGEST, called
 from cli.terminal import terminal
-from cli.test_swarm import channel, swarm
+from cli.test_swarm import channel, swarm, too_late
 from processes import live_in
 from sleepcast.station.validation import TEST_UNKNOWN
 
@@ -39,7 +39,9 @@ def taught(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 def told(channel: str, *arguments: str) -> dict[str, object]:
-    found = called(*arguments, "--channel", channel, "--json")
+    end = time.monotonic() + LONGEST
+    while too_late((found := called(*arguments, "--channel", channel, "--json")).out, found.err):
+        assert time.monotonic() < end, found.err
     assert found.status == 0, found.err
     said: dict[str, object] = json.loads(found.out.splitlines()[0])
     return said

@@ -6,13 +6,13 @@ import json
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
 from benchmarks.channel.flooder import forged
 
-from cli.calling import LONGEST, called
+from cli.calling import LONGEST, Called, called
 from cli.terminal import terminal
 from cli.test_swarm import channel, swarm
 from sleepcast.channel.keyring import development_keys, keys_folder
@@ -45,12 +45,22 @@ def attacked(uri: str) -> Iterator[str]:
         thread.join()
 
 
+def until(told: Callable[[], bool]) -> None:
+    """Ask until it is told: on a busy machine there may be fewer forgeries in the moment at which somebody looks."""
+    end = time.monotonic() + LONGEST
+    while not told():
+        assert time.monotonic() < end
+
+
 def test_forgeries_are_told_at_the_robots_and_at_every_desk(channel: str) -> None:
+    def on_air(*arguments: str) -> Called:
+        return called(*arguments, "--channel", channel)
+
     with swarm(3, channel) as robots, attacked(channel) as key:
-        table = called("watch", "--once", "--json", "--channel", channel)
-        assert any(f"{FORGED} {key} (desk)" in each for each in json.loads(table.out)["notices"])
-        assert f"{FORGED} {key} (desk)" in called("watch", "--once", "--channel", channel).out.replace("\n", " ")
-        assert f"{FORGED} {key} (desk)" in called("who", "(> id 1)", "--channel", channel).err
+        wanted = f"{FORGED} {key} (desk)"
+        until(lambda: any(wanted in each for each in json.loads(on_air("watch", "--once", "--json").out)["notices"]))
+        until(lambda: wanted in on_air("watch", "--once").out.replace("\n", " "))
+        until(lambda: wanted in on_air("who", "(> id 1)").err)
         with terminal(["desk", "--channel", channel], Path.home()) as live:
             live.wait_for(f"{FORGED} {key}")
         robots.send_signal(signal.SIGINT)

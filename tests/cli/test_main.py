@@ -84,7 +84,8 @@ def work(*command: str) -> float:
     call = f"subprocess.run({command!r}, stdout=subprocess.DEVNULL, check=True)"
     used = "resource.getrusage(resource.RUSAGE_CHILDREN)"
     code = f"import resource, subprocess; {call}; used = {used}; print(used.ru_utime + used.ru_stime)"
-    return float(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout)
+    usual = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    return float(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True, env=usual).stdout)
 
 
 @pytest.mark.parametrize(

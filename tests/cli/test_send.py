@@ -38,6 +38,9 @@ def test_a_dozen_robots_are_commanded_with_care(channel: str, tmp_path: Path) ->
         return found
 
     with swarm(ROBOTS, channel) as process:
+        end = time.monotonic() + LONGEST
+        while (found := account(channel, "ask", "id"))["n"] != ROBOTS:  # so that a desk knows whom to count
+            assert time.monotonic() < end, found
         refused = on_air("send", MARK, "--json")
         assert (refused.status, refused.out) == (2, "")
         assert "12 may obey, say how many are meant" in refused.err

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
+
+Found = TypeVar("Found")
 
 LONGEST = 120.0
 """Seconds that a call may take before it counts as hanging."""
@@ -31,3 +36,11 @@ def called(*arguments: str | bytes, typed: str | bytes = b"", folder: Path | Non
         check=False,
     )
     return Called(done.returncode, done.stdout.decode(), done.stderr.decode())
+
+
+def again_until(wanted: Callable[[Found], object], call: Callable[[], Found]) -> Found:
+    """What a call gives, made again until it is as wanted: robots of a busy machine may be too late for one."""
+    end = time.monotonic() + LONGEST
+    while not wanted(found := call()):
+        assert time.monotonic() < end, found
+    return found

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from channel.test_udp import free_port
-from cli.calling import LONGEST, called
+from cli.calling import called
 from cli.terminal import terminal
-from cli.test_swarm import channel, swarm, too_late
+from cli.test_swarm import channel, in_time, swarm
 from processes import live_in
 from sleepcast.station.validation import TEST_UNKNOWN
 
@@ -39,9 +39,7 @@ def taught(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 def told(channel: str, *arguments: str) -> dict[str, object]:
-    end = time.monotonic() + LONGEST
-    while too_late((found := called(*arguments, "--channel", channel, "--json")).out, found.err):
-        assert time.monotonic() < end, found.err
+    found = in_time(channel, *arguments)
     assert found.status == 0, found.err
     said: dict[str, object] = json.loads(found.out.splitlines()[0])
     return said

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from cli.calling import LONGEST, Called, called
+from cli.calling import Called, again_until, called
 from cli.terminal import terminal
 from cli.test_swarm import account, channel, swarm
 from sleepcast.cli import main
@@ -32,15 +32,11 @@ def test_a_dozen_robots_are_commanded_with_care(channel: str, tmp_path: Path) ->
 
     def foreseen(count: int, *arguments: str) -> dict[str, Any]:
         """What becomes of a command that so many were to obey; said again where some were too late to tell of it."""
-        end = time.monotonic() + LONGEST
-        while (found := account(channel, "send", *arguments))["n_predicted"] != count:
-            assert time.monotonic() < end, found
-        return found
+        return again_until(lambda found: found["n_predicted"] == count, lambda: account(channel, "send", *arguments))
 
     with swarm(ROBOTS, channel) as process:
-        end = time.monotonic() + LONGEST
-        while (found := account(channel, "ask", "id"))["n"] != ROBOTS:  # so that a desk knows whom to count
-            assert time.monotonic() < end, found
+        # So that a desk knows whom to count.
+        again_until(lambda asked: asked["n"] == ROBOTS, lambda: account(channel, "ask", "id"))
         refused = on_air("send", MARK, "--json")
         assert (refused.status, refused.out) == (2, "")
         assert "12 may obey, say how many are meant" in refused.err
@@ -97,12 +93,10 @@ def test_a_name_that_no_robot_has_is_told_before_anything_is_sent(channel: str, 
     def on_air(*arguments: str) -> Called:
         return called(*arguments, "--channel", channel)
 
-    wrong = "(WHEN (> feul 50%) (MARK))"
+    wrong, nobody = "(WHEN (> feul 50%) (MARK))", "none of the 3 robots that have sent telemetry has "
     with swarm(3, channel):
         for asked in (("ask", "feul"), ("send", wrong), ("send", wrong, "--json"), ("ask", "(TUMBEL)")):
-            end = time.monotonic() + LONGEST
-            while "none of the 3 robots that have sent telemetry has " not in (refused := on_air(*asked)).err:
-                assert time.monotonic() < end, refused.err  # some were too late to tell
+            refused = again_until(lambda found: nobody in found.err, partial(on_air, *asked))
             assert (refused.status, refused.out) == (2, ""), asked
             assert "did you mean" in refused.err
             assert "nothing was sent. Send it as it is with --anyway" in refused.err
@@ -116,10 +110,8 @@ def test_a_name_that_no_robot_has_is_told_before_anything_is_sent(channel: str, 
                 person.wait_for(said)
         assert on_air("ask", "fuel").status == 0
         assert on_air("send", "(DEFVAR feul 1)", "--all").status == 0
-        end = time.monotonic() + LONGEST
-        while not (found := on_air("ask", "feul", "--json")).out:
-            assert time.monotonic() < end, found.err  # some were too late to tell that now they have
-        assert told(found)["n"] == 3
+        now_they_have = again_until(lambda found: found.out, lambda: on_air("ask", "feul", "--json"))
+        assert told(now_they_have)["n"] == 3
 
 
 def test_what_does_not_go_together(channel: str, capsys: pytest.CaptureFixture[str]) -> None:

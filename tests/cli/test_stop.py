@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
-import time
 from pathlib import Path
 
-from cli.calling import LONGEST, Called, called
+from cli.calling import LONGEST, Called, again_until, called
 from cli.terminal import terminal
 from cli.test_swarm import channel, swarm
 from processes import SLEEPCAST, running
@@ -34,10 +33,7 @@ def test_it_goes_on_until_each_expected_robot_has_confirmed(channel: str, tmp_pa
 
     def given_up(said: str, *arguments: str) -> Called:
         """STOP, given up after a moment; once more where robots of a busy machine did not confirm it within that."""
-        end = time.monotonic() + LONGEST
-        while said not in (found := on_air("stop", *arguments)).out:
-            assert time.monotonic() < end, found
-        return found
+        return again_until(lambda found: said in found.out, lambda: on_air("stop", *arguments))
 
     fleet = tmp_path / "fleet.txt"
     fleet.write_text("r1 r2 r3\nr4 # in the workshop\n")

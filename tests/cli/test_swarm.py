@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
-import time
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from typing import Any
 import pytest
 
 from channel.test_udp import free_port
-from cli.calling import LONGEST, called
+from cli.calling import LONGEST, Called, again_until, called
 from processes import SLEEPCAST, live_in, running
 
 
@@ -29,12 +28,17 @@ def swarm(count: int, channel: str, *options: str) -> AbstractContextManager[sub
     return running(*SLEEPCAST, "swarm", count, "--channel", channel, *options, up=f"are up: {count} robots")
 
 
+def in_time(channel: str, *arguments: str) -> Called:
+    """A call with `--json`. On a busy machine robots may be late to tell what they are; what cannot be foreseen is not
+    sent then, and is said again."""
+    return again_until(
+        lambda found: not too_late(found.out, found.err), lambda: called(*arguments, "--channel", channel, "--json")
+    )
+
+
 def account(channel: str, *arguments: str) -> dict[str, Any]:
-    """What becomes of a command. On a busy machine robots may be late to tell what they are; what cannot be foreseen
-    is not sent then, and is said again."""
-    end = time.monotonic() + LONGEST
-    while too_late((found := called(*arguments, "--channel", channel, "--json")).out, found.err):
-        assert time.monotonic() < end, found.err
+    """What becomes of a command that is said in time."""
+    found = in_time(channel, *arguments)
     assert found.out, found.err
     told: dict[str, Any] = json.loads(found.out)
     return told

@@ -99,6 +99,15 @@ class TestCommands:
         assert fleet.why("scout1").reason == sent.why("scout1").reason
         assert "needed > 101 %" in sent.why("scout1").reason
 
+    def test_it_says_that_stop_held_it(self) -> None:
+        fleet = bravo()
+        fleet.stop()
+        sent = fleet.send("(GOTO vessel_x vessel_y)", everybody=True)
+        assert sent.why("scout1").verdict == "held by STOP, so it did not move"
+        fleet.release()
+        sent = fleet.send("(GOTO vessel_x vessel_y)", everybody=True)
+        assert sent.why("scout1").verdict == "obeyed"
+
     def test_the_outcome_is_a_table(self) -> None:
         table = bravo().send("(JOIN a)", everybody=True).table()
         assert len(table) == 100

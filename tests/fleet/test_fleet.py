@@ -238,11 +238,31 @@ def test_who_was_to_move_under_stop_is_told() -> None:
     both.send(f"(WHEN (< x 3) (SETQ {ACTUATORS[0].name} 1))")
     both.think()
     assert said(both).count("held") == 2
+    both.compare_reasons()
     both.compare()
+    assert [view.why().verdict for view in both.views][:2] == ["held by STOP, so it did not move"] * 2
     both.send("(MARK)")
     both.think()
     assert "held" not in said(both)
+    both.compare_reasons()
     both.compare()
+    assert not any(view.why().held for view in both.views), "what moves nothing is done"
+
+
+def test_what_a_stopped_robot_enters_is_held_too() -> None:
+    both = twins()
+    both.hear(Message("desk", 9, 1, Kind.STOP, 0.0), [0, 1])
+    for text in (
+        f"(DEFUN go (v) (SETQ {ACTUATORS[0].name} v))",
+        "(go 1)",
+        "(go nothing)",
+        "(WHEN (> nothing 1) (go 1))",
+    ):
+        both.do(text)
+        both.compare_reasons()
+        assert [view.why().held for view in both.views][:3] == [text == "(go 1)", text == "(go 1)", False], text
+    both.do("(RULE keep (go 1))")
+    assert [mind.why("keep").held for mind in (both.views[0], both.nodes[0], both.views[2])] == [True, True, False]
 
 
 def test_why_a_stopped_robot_did_nothing_can_be_asked() -> None:

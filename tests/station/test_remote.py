@@ -24,7 +24,8 @@ from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import Constant, HostFunction, Quantity
 from sleepcast.language import Vocabulary
-from sleepcast.mind.telemetry import TelemetryError, digest, read_why
+from sleepcast.language.explain import Explanation, Step
+from sleepcast.mind.telemetry import TelemetryError, digest, read_why, why_text
 from sleepcast.node.node import Node
 from sleepcast.station import Station
 from sleepcast.station.cache import TelemetryCache
@@ -440,6 +441,39 @@ def test_why_over_a_bad_radio() -> None:
     assert (found.matched, found.reason) == (False, "fuel = 50 %, needed > 80 %")
     with pytest.raises(SleepcastError, match="remembers no command"):
         telemetry.explanation(lost, "r1")
+
+
+def test_why_says_that_stop_held_it() -> None:
+    scene = Scene(robots=2)
+    desk, telemetry = looking(scene)
+    desk.stop()
+    scene.run(1.0)
+    sent = desk.send("(SETQ throttle 1)", count=2, everybody=True)
+    scene.run(1.0)
+    assert desk.accounting(sent.id).n_held == 2
+    asked = telemetry.ask_why("r1", sent.id)
+    scene.run(1.0)
+    found = telemetry.explanation(asked, "r1")
+    assert found is not None
+    assert (found.matched, found.held, found.verdict) == (True, True, "held by STOP, so it did not move")
+    assert found.render().endswith("held by STOP, so it did not move")
+    assert found.to_dict()["held"] is True
+
+
+def test_one_of_an_older_version_has_said_so_in_its_answer() -> None:
+    scene = Scene(robots=2)
+    desk, telemetry = looking(scene)
+    sent = desk.send("(SETQ throttle 1)", count=2, everybody=True)
+    old = Explanation("(DRIVE 1)", 1.0, True, "", Step("(DRIVE 1)", 1.0, 0, 9), command=sent.id)
+    desk.hear(Message("r1", 0, 1, Kind.ANSWER, 0.0, body={"command": sent.id, "outcome": "matched", "held": True}))
+    for robot in ("r0", "r1"):
+        asked = telemetry.ask_why(robot, sent.id)
+        body = {"command": asked.id, "outcome": "answer", TELEMETRY: why_text(old)}
+        assert '"held"' not in body[TELEMETRY], "older desks read what they always did"
+        telemetry.hear([Message(robot, 0, 2, Kind.ANSWER, 0.0, body=body)])
+        found = telemetry.explanation(asked, robot)
+        assert found is not None
+        assert found.held is (robot == "r1")
 
 
 def poses(fleet: FleetAdapter) -> dict[str, tuple[float, float, float]]:

@@ -166,10 +166,6 @@ def why(robot: str, command: str | None, air: AirOptions, as_json: bool) -> int:
     if as_json:
         put(json.dumps({"robot": robot, **found.to_dict()}))
     else:
-        put(
-            printable(
-                f"{robot}, {found.command or 'the last command'}: {'obeyed' if found.matched else 'did not obey'}"
-            )
-        )
+        put(printable(f"{robot}, {found.command or 'the last command'}: {found.verdict}"))
         put(printable(found.render()))
     return 0

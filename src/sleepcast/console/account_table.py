@@ -8,7 +8,7 @@ from sleepcast.console.driver import AT_START
 from sleepcast.console.failing import FailingRules, ShownFailing
 from sleepcast.console.view import SwarmView
 from sleepcast.station import Account, Command, Station
-from sleepcast.station.account import HELD_BY_STOP, values_in_words
+from sleepcast.station.account import values_in_words
 
 MOST_ROWS = 50
 """Commands that a page shows, the latest; the journal has them all."""
@@ -96,11 +96,6 @@ class AccountTable:
         """For each robot, in the order of the scene's names, what its answer was, as `station.SILENT` and
         the others. Raises NoSuchCommandError."""
         return self._station.accounting(command).codes[: len(self._swarm.scene.names)].tobytes()
-
-    def held(self, command: str, robot: int) -> bool:
-        """Whether this robot was to move by a command, and STOP held it. Raises NoSuchCommandError."""
-        codes = self._station.accounting(command).codes
-        return robot < len(codes) and bool(codes[robot] == HELD_BY_STOP)
 
     def stop(self) -> Command | None:
         """The STOP that holds, None if none does."""

@@ -238,10 +238,10 @@ class Backend:
             if self.past is None:
                 raise
             return self.past.why(self.past.tick_of(self._swarm.now()), incoming.Why(serial, robot, command))
-        return outgoing.Explained(serial, self._shown_why(explanation, robot, command))
+        return outgoing.Explained(serial, self._shown_why(explanation))
 
-    def _shown_why(self, explanation: Explanation, robot: int, command: str) -> ShownWhy:
-        return show_why(explanation, self._swarm.vocabulary, held=self._ledger.held(command, robot))
+    def _shown_why(self, explanation: Explanation) -> ShownWhy:
+        return show_why(explanation, self._swarm.vocabulary)
 
     def outcomes(self, serial: int, command: str) -> outgoing.Answered:
         """What became of a command on each robot."""

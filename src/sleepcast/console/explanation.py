@@ -31,7 +31,7 @@ class ShownStep(msgspec.Struct, frozen=True):
 
 
 class ShownWhy(msgspec.Struct, frozen=True):
-    """Why a robot obeyed a command or did not; `reason` is "" if it did. held: it was to move, and STOP held it."""
+    """Why a robot obeyed a command or did not, see `Explanation`."""
 
     text: str
     matched: bool
@@ -41,11 +41,11 @@ class ShownWhy(msgspec.Struct, frozen=True):
     held: bool = False
 
 
-def show_why(explanation: Explanation, vocabulary: Vocabulary, *, held: bool = False) -> ShownWhy:
-    """`explanation` for the page; the vocabulary says in which units values are read. held: see `ShownWhy`."""
+def show_why(explanation: Explanation, vocabulary: Vocabulary) -> ShownWhy:
+    """`explanation` for the page; the vocabulary says in which units values are read."""
     root = _show(explanation.root, "", vocabulary)
     about = (explanation.text, explanation.matched, explanation.reason, explanation.faults)
-    return ShownWhy(*about, root, held)
+    return ShownWhy(*about, root, explanation.held)
 
 
 def _show(step: Step, unit: str, vocabulary: Vocabulary) -> ShownStep:

@@ -212,7 +212,7 @@ class NetworkBackend(Backend):
             if self._clock.now() > until:
                 raise SleepcastError("The robot has not answered the question why.")
             await asyncio.sleep(LISTEN)
-        return outgoing.Explained(serial, self._shown_why(found, robot, command))
+        return outgoing.Explained(serial, self._shown_why(found))
 
     def _safety(self) -> outgoing.Safety:
         """The account of our own STOP; for a STOP of other operators, the telemetry since."""

@@ -248,7 +248,8 @@ class RobotView:
             return explain(self.recollection(entry))
         kept = self._mind.rules.get((command or "").casefold())
         if kept is not None:
-            return rehearse(kept.program, rehearsal(self._fleet.memory, self.place), command=kept.name)
+            memory, stopped = rehearsal(self._fleet.memory, self.place), self.stopped
+            return rehearse(kept.program, memory, command=kept.name, stopped=stopped)
         what = "no command" if command is None else f"no command or rule {command}"
         raise SleepcastError(f"{self.name} remembers {what}: {self._fleet.evaluation_log.limits()}")
 

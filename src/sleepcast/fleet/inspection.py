@@ -335,7 +335,8 @@ ENTRY_BYTES = 2_048
 class LogEntry:
     """The inputs of one command on the robots `rows`. minds: by number, as they were then.
 
-    proven, unproven_since: stored only if it may roll back. held: robots held then, stored only if there were any.
+    proven, unproven_since: stored only if it may roll back. held: robots whose functions were refused then;
+    stopped: those that were stopped; each stored only if there were any.
     """
 
     program: Program
@@ -349,6 +350,7 @@ class LogEntry:
     draws: NDArray[np.int32]
     columns: dict[int, Column | float]
     groups: dict[str, Mask]
+    stopped: Mask | None
     hosts: list[Given] = field(default_factory=list)
 
     @property
@@ -360,6 +362,7 @@ class LogEntry:
             self.proven,
             self.unproven_since,
             self.held,
+            self.stopped,
             self.draws,
         )
         kept = (*arrays, *self.columns.values(), *self.groups.values())
@@ -415,11 +418,12 @@ class EvaluationLog:
             mind,
             proven,
             unproven_since,
-            state.held[rows.index].copy() if state.held.any() else None,
+            _marked(state.held, rows),
             there,
             state.draws[rows.index].copy(),
             columns,
             {key: state.groups[key][rows.index].copy() for key in groups if key in state.groups},
+            _marked(state.stopped, rows),
         )
         self._bytes += entry.bytes
         if len(self._entries) == MAX_ENTRIES:
@@ -454,6 +458,11 @@ class EvaluationLog:
         return f"this run goes on from a snapshot taken at {self.since:g} s, which keeps no explanations of before"
 
 
+def _marked(marks: Mask, rows: Rows) -> Mask | None:
+    """The marks of these robots, None if no robot at all is marked."""
+    return marks[rows.index].copy() if marks.any() else None
+
+
 def _alike(given: Column | list[float | str]) -> bool:
     """Whether one number stands for all."""
     return isinstance(given, np.ndarray) and given.strides == (0,)
@@ -485,7 +494,8 @@ def recollect(entry: LogEntry, robot: int, vocabulary: Vocabulary, keys: NDArray
     before, groups = state.row(0), state.groups_of(0)
     evaluate(memory, entry.program, alone)
     time, tick = before[TIME_SLOT], int(before[TICK])
-    return Recollection(entry.program, before, groups, memory.answers, time, tick, entry.command)
+    stopped = entry.stopped is not None and bool(entry.stopped[place])
+    return Recollection(entry.program, before, groups, memory.answers, time, tick, entry.command, stopped)
 
 
 def rehearsal(memory: FleetMemory, robot: int) -> Rehearsal:

@@ -12,16 +12,20 @@ from math import isnan, nan
 
 from sleepcast.core.units import shown
 from sleepcast.language.evaluate import Entered, Memory, Walker, is_true, too_deep
-from sleepcast.language.parts import Part, deciding
+from sleepcast.language.parts import Part, deciding, host_of, walk
 from sleepcast.language.program import MAX_STEPS, OutOfSteps, Program
 from sleepcast.language.reader import List, Number, format_value, show
 from sleepcast.language.rehearsal import Answer, Rehearsal, Replay
-from sleepcast.language.vocabulary import Variable
+from sleepcast.language.vocabulary import Variable, VariableKind
+
+HELD_VERDICT = "held by STOP, so it did not move"
+"""What a robot did about a command that matched and would have moved it, while STOP held it."""
 
 
 @dataclass(slots=True)
 class Recollection:
-    """What went into one evaluation. answers: what the memory gave back, in order. command: the message's id."""
+    """What went into one evaluation. answers: what the memory gave back, in order. command: the message's id.
+    stopped: whether STOP held the body."""
 
     program: Program
     values: list[float]
@@ -30,6 +34,7 @@ class Recollection:
     time: float = 0.0
     tick: int = 0
     command: str = ""
+    stopped: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +69,8 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """Why an evaluation gave what it gave. reason: the first test that did not hold and by how much, "" if all did."""
+    """Why an evaluation gave what it gave. reason: the first test that did not hold and by how much, "" if all did.
+    held: the robot obeyed and was to move, and STOP held it."""
 
     text: str
     value: float
@@ -74,6 +80,12 @@ class Explanation:
     faults: tuple[str, ...] = ()
     command: str = ""
     time: float = 0.0
+    held: bool = False
+
+    @property
+    def verdict(self) -> str:
+        """What the robot did about it, in words."""
+        return (HELD_VERDICT if self.held else "obeyed") if self.matched else "did not obey"
 
     def to_dict(self) -> dict[str, object]:
         """The explanation for JSON."""
@@ -81,6 +93,7 @@ class Explanation:
             "text": self.text,
             "value": "UNKNOWN" if isnan(self.value) else self.value,
             "matched": self.matched,
+            "held": self.held,
             "reason": self.reason,
             "faults": list(self.faults),
             "command": self.command,
@@ -89,12 +102,15 @@ class Explanation:
         }
 
     def render(self) -> str:
-        """An indented tree, one part a line: its value (`.` if it was skipped), its text, and what is to be noted."""
+        """An indented tree, one part a line: its value (`.` if it was skipped), its text, and what is to be noted; and
+        why it did not do what the text asks for."""
         lines = list(_lines(self.root, 0))
         width = max(len(value) for value, _, _ in lines)
         shown_lines = [f"{value:>{width}}  {text}{note}" for value, text, note in lines]
         if self.reason:
             shown_lines.append(f"not for this robot: {self.reason}")
+        if self.held:
+            shown_lines.append(HELD_VERDICT)
         return "\n".join(shown_lines)
 
 
@@ -112,9 +128,10 @@ def explain(recollection: Recollection) -> Explanation:
     return _explained(recollection, Replay(recollection.values, recollection.groups, recollection.answers))
 
 
-def rehearse(program: Program, memory: Rehearsal, *, command: str = "") -> Explanation:
-    """What `program` would do now: walked with nothing done, nothing said and nothing kept."""
-    recollection = Recollection(program, list(memory.values), memory.groups, [], command=command)
+def rehearse(program: Program, memory: Rehearsal, *, command: str = "", stopped: bool = False) -> Explanation:
+    """What `program` would do now: walked with nothing done, nothing said and nothing kept. stopped: whether STOP holds
+    the body."""
+    recollection = Recollection(program, list(memory.values), memory.groups, [], command=command, stopped=stopped)
     return _explained(recollection, memory)
 
 
@@ -143,7 +160,15 @@ def _explained(recollection: Recollection, memory: Rehearsal) -> Explanation:
     root = _step(program.root, program.text, course, tracer, None if memory.matched else culprit(program, tracer))
     faults = tuple(f"{reason} in {show(part.form)}" for part, reason in memory.faults)
     return Explanation(
-        program.text, value, memory.matched, reason, root, faults, recollection.command, recollection.time
+        program.text,
+        value,
+        memory.matched,
+        reason,
+        root,
+        faults,
+        recollection.command,
+        recollection.time,
+        recollection.stopped and memory.matched and not faults and _moved(tracer),
     )
 
 
@@ -199,6 +224,22 @@ class Tracer(Walker):
             memory.depth -= 1
             memory.levels -= program.height
             memory.matched, memory.undecided = matched, undecided
+
+
+def _moved(tracer: Tracer) -> bool:
+    """Whether a part that was evaluated asked the body to move, also in what the program entered."""
+    evaluated = (part for part in walk(tracer.program.root) if part.index in tracer.found)
+    return any(_moves(part, tracer) for part in evaluated) or any(map(_moved, tracer.inner.values()))
+
+
+def _moves(part: Part, tracer: Tracer) -> bool:
+    """Whether an evaluated part itself asks the body to move: what is unknown is not passed on to it."""
+    if part.op == "write" and isinstance(part.data, Variable):
+        return part.data.kind is VariableKind.ACTUATOR and not isnan(tracer.found[part.index])
+    if part.op != "host":
+        return False
+    function = host_of(part)
+    return function.acts and function.moves and not any(isnan(tracer.found.get(p.index, nan)) for p in part.parts)
 
 
 # ---- why a test was not true

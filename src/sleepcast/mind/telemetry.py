@@ -259,7 +259,7 @@ class StepRecord(msgspec.Struct, array_like=True):
         return Step(self.text, value, self.start, self.end, None, self.note, children)
 
 
-class ExplanationRecord(msgspec.Struct):
+class ExplanationRecord(msgspec.Struct, omit_defaults=True):
     """See `Explanation`."""
 
     text: Text
@@ -270,6 +270,7 @@ class ExplanationRecord(msgspec.Struct):
     command: Words
     time: float
     root: StepRecord
+    held: bool = False
 
     @classmethod
     def of(cls, found: Explanation, most: int) -> ExplanationRecord:
@@ -283,10 +284,11 @@ class ExplanationRecord(msgspec.Struct):
             found.command,
             found.time,
             StepRecord.of(found.root, most),
+            found.held,
         )
 
     def made(self) -> Explanation:
-        about = (tuple(self.faults), self.command, self.time)
+        about = (tuple(self.faults), self.command, self.time, self.held)
         return Explanation(self.text, _value(self.value), self.matched, self.reason, self.root.made(), *about)
 
 

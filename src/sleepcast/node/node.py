@@ -70,7 +70,7 @@ the window of a sender's numbers. One tick still evaluates no more messages than
 MAX_EVALUATED = 256
 """Messages whose outcome waits to be stored: those of one tick, and STOPs between two ticks."""
 
-Recollected = tuple[Program, list[float], frozenset[str], list[Answer], float, int, str]
+Recollected = tuple[Program, list[float], frozenset[str], list[Answer], float, int, str, bool]
 
 
 class Node:
@@ -311,7 +311,7 @@ class Node:
                 return explain(recollection)
         rule = self._memory.base.rules.get((command or "").casefold())
         if rule is not None:
-            return rehearse(rule.program, self._memory.rehearsal(), command=rule.name)
+            return rehearse(rule.program, self._memory.rehearsal(), command=rule.name, stopped=self.stopped)
         what = "no command" if command is None else f"no command or rule {command}"
         raise SleepcastError(f"{self.name} remembers {what}: it keeps the last {MAX_RECOLLECTIONS} commands")
 
@@ -412,7 +412,7 @@ class Node:
         memory = self._memory
         answers: list[Answer] = []
         self._recollections.append(
-            (program, memory.values.copy(), memory.groups, answers, memory.time, memory.tick, command)
+            (program, memory.values.copy(), memory.groups, answers, memory.time, memory.tick, command, self.stopped)
         )
         memory.answers, memory.faults = answers, []
         memory.undecided = False

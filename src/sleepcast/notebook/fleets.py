@@ -60,7 +60,7 @@ class PatientBackend(NetworkBackend):
 
     def why(self, serial: int, robot: int, command: str) -> outgoing.Explained:
         found = ask_why(self._asked, self._telemetry, self._name(robot), command)
-        return outgoing.Explained(serial, self._shown_why(found, robot, command))
+        return outgoing.Explained(serial, self._shown_why(found))
 
 
 def connected_desk(

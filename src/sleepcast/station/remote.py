@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from math import inf, nan
 from typing import NamedTuple, Protocol
@@ -468,6 +468,8 @@ class Requester(Protocol):
 
     def observe(self, now: float, rows: Iterable[Telemetry]) -> None: ...
 
+    def is_held(self, robot: str, command: str) -> bool: ...
+
 
 class TelemetryClient:
     """Requests telemetry from robots on the air. minds: where it is stored."""
@@ -495,10 +497,12 @@ class TelemetryClient:
 
     def explanation(self, asked: Command, robot: str) -> Explanation | None:
         """What the robot said to that question; None while nothing has come. Raises SleepcastError for what it said it
-        cannot tell."""
+        cannot tell. One of version 0.2.0 does not say here that STOP held it; its answer to the command did."""
         found = self._whys.get((asked.id, robot))
         if isinstance(found, SleepcastError):
             raise found
+        if found is not None and not found.held and self._station.is_held(robot, found.command):
+            found = replace(found, held=True)
         return found
 
     def hear(self, heard: Iterable[Message]) -> None:

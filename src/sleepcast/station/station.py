@@ -30,7 +30,7 @@ from sleepcast.language import Checked, CheckError, Explanation, check
 from sleepcast.language.parts import acts
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
-from sleepcast.station.account import Account, Command, SentCommands, account, answer_from
+from sleepcast.station.account import Account, Command, Outcome, SentCommands, account, answer_from
 from sleepcast.station.failures import RuleFailures
 from sleepcast.station.journal.journal import Journal, JournalEvent, MemoryJournal, PendingEntry, Report, WriteBatch
 from sleepcast.station.journal.snapshot import dump_journal, restore_journal
@@ -507,6 +507,13 @@ class Station:
         """The account of the command with this id. Raises NoSuchCommandError."""
         with self._lock:
             return account(self._sent.get(command), self._clock.now(), self._roster.heard)
+
+    def is_held(self, robot: str, command: str) -> bool:
+        """Whether this robot has answered a command by saying that STOP held it."""
+        with self._lock:
+            sent = self._sent.find(command)
+            answer = None if sent is None else sent.answers.get(robot)
+        return answer is not None and answer.outcome is Outcome.HELD
 
     def why(self, robot: str, command: str | None = None) -> Explanation:
         """How `robot` evaluated a command (None: its last one): the tree of values and the first test that failed.

@@ -15,8 +15,6 @@ from time import perf_counter, thread_time
 
 import msgspec
 
-from sleepcast.channel.message import HELD, Message
-from sleepcast.channel.message_batch import Answers, MessageBatch
 from sleepcast.console import incoming, outgoing
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
@@ -57,33 +55,6 @@ class _StillClock:
         return 0.0
 
 
-class _Held:
-    """Sees which robots answered that a STOP held them, as one of a swarm's witnesses."""
-
-    def __init__(self) -> None:
-        self._robots: dict[str, set[int]] = {}
-
-    def by(self, command: str, robot: int) -> bool:
-        """Whether this robot said so of a command."""
-        return robot in self._robots.get(command, ())
-
-    def ticking(self) -> None:
-        """Nothing."""
-
-    def posted(self, message: Message) -> None:
-        """Nothing."""
-
-    def said(self, batch: MessageBatch) -> None:
-        """Robots answer."""
-        said = batch.words
-        if isinstance(said, Answers) and HELD in said.sorts:
-            held = said.sort[batch.places] == said.sorts.index(HELD)
-            self._robots.setdefault(said.command, set()).update(batch.robots[held].tolist())
-
-    def ticked(self) -> None:
-        """Nothing."""
-
-
 class _Again:
     """A swarm that is run again. began: the tick in which it did. differs: the first tick in which it was not as it
     was seen."""
@@ -94,8 +65,6 @@ class _Again:
         self.swarm = swarm
         station = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm)
         swarm.desk = station
-        self.held = _Held()
-        swarm.witnesses.append(self.held)
         self.rerun = Rerun(swarm, moment.inputs)
         self.view = SwarmAdapter(swarm)
         clock = _StillClock()
@@ -279,8 +248,7 @@ class Past:
         if fleet.evaluation_log.find(asked.robot, asked.command) is None:
             until = min(moment.tick * again.swarm.simulator.scenario.tick, last)
             raise RerunError(f"{name} has not evaluated this command up to {clock_time(until)}: it did not receive it.")
-        held = again.held.by(asked.command, asked.robot)
-        why = show_why(fleet.at(asked.robot).why(asked.command), again.swarm.vocabulary, held=held)
+        why = show_why(fleet.at(asked.robot).why(asked.command), again.swarm.vocabulary)
         return Found(again.rerun.tick, said=encode(outgoing.Explained(asked.serial, why)), differs=again.differs)
 
     def _forgot(self, again: _Again, asked: incoming.Why) -> bool:

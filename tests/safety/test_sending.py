@@ -16,8 +16,10 @@ from sleepcast.station import (
     NotConfirmedError,
     UnknownRobotError,
 )
+from sleepcast.station.asking import ask_why, look_around
 from sleepcast.station.network import ABOVE, NetworkStation
-from sleepcast.station.staging import Stage, staged
+from sleepcast.station.remote import RemoteMinds, TelemetryClient
+from sleepcast.station.staging import Stage, StagedSending, staged
 from sleepcast.station.validation import MAX_LISTED, AudienceError, Draft, SendPolicy
 
 
@@ -327,3 +329,76 @@ def test_answers_that_came_in_time_count_though_nobody_listened_meanwhile() -> N
     scene.run(5.0, busy=("chief",))
     desk.gather(sent, 1.0)
     assert desk.accounting(sent.id).matched == ("r1", "r2")
+
+
+# ---- waiting, though the desk stood still
+
+
+def test_a_wait_ends_when_all_was_heard_that_came_in_time() -> None:
+    """Whatever waits, waits by the desk's one rule: by what it has heard, never by the clock alone."""
+    scene = Scene(robots=3)
+    desk = scene.desk()
+    heard: list[str] = []
+    desk.listeners.append(lambda messages: heard.extend(message.sender for message in messages))
+    until = scene.clock.now() + 1.0
+    desk.send("(WHEN (> x 0) (DRIVE 1))")
+    scene.run(5.0, busy=("chief",))
+    desk.wait_until(lambda: {"r0", "r1", "r2"} <= set(heard), until)
+    assert {"r0", "r1", "r2"} <= set(heard)
+
+
+def test_a_wait_whose_time_was_listened_to_already_hears_no_more() -> None:
+    scene = Scene(robots=1)
+    desk = scene.desk()
+    desk.pump()
+    until = scene.clock.now()
+    looked: list[float] = []
+
+    def done() -> bool:
+        looked.append(scene.clock.now())
+        return False
+
+    desk.wait_until(done, until)
+    assert looked == [until]
+
+
+def test_what_robots_tell_counts_though_nobody_listened_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`look_around` and `ask_why` ended without having listened once, and said that the robots were silent."""
+    scene = Scene(robots=2)
+    minds = RemoteMinds()
+    desk = scene.desk(minds=minds)
+    telemetry = TelemetryClient(desk, minds)
+    desk.listeners.append(telemetry.hear)
+    monkeypatch.setattr(desk.session, "wait", scene.run)
+
+    def stand_still_after(name: str) -> None:
+        """The desk's process stands still for 3 s after its first call of this."""
+        whole, left = getattr(telemetry, name), [3.0]
+
+        def slow(*given: object) -> object:
+            found = whole(*given)
+            if left:
+                scene.run(left.pop(), busy=("chief",))
+            return found
+
+        monkeypatch.setattr(telemetry, name, slow)
+
+    stand_still_after("learning")
+    look_around(desk, telemetry)
+    assert set(minds) == {"r0", "r1"}  # their names were heard, too
+    sent = desk.send("(WHEN (> x 0) (DRIVE 1))")
+    scene.run(1.0)
+    stand_still_after("explanation")
+    assert ask_why(desk, telemetry, "r1", sent.id).matched
+
+
+def test_a_stage_is_judged_by_answers_that_came_in_time_though_nobody_listened_meanwhile() -> None:
+    scene = Scene(robots=12)
+    desk = scene.desk()
+    staged = StagedSending(desk, Draft("(DRIVE 1)", everybody=True, count=12), 1.0)
+    scene.run(5.0, busy=("chief",))
+    staged.attend()
+    assert (staged.done, staged.current) == ([], staged.first)
+    desk.pump()
+    staged.attend()
+    assert [stage.good for stage in staged.done] == [True]

@@ -30,6 +30,13 @@ WAIT = 2.0
 _GONE: ContextVar[Event | None] = ContextVar("gone", default=None)
 """Set on a thread whose caller has been cancelled: it takes no further turn."""
 
+
+def _refuse_cancelled() -> None:
+    """Raises MisuseError on a thread whose caller has been cancelled."""
+    if (gone := _GONE.get()) is not None and gone.is_set():
+        raise MisuseError("this was cancelled")
+
+
 Given = TypeVar("Given", bound=np.generic)
 Result = TypeVar("Result")
 Arguments = ParamSpec("Arguments")
@@ -195,9 +202,13 @@ class Fleet(ABC):
     def _turn(self) -> Iterator[None]:
         """See `Turns.turn`; raises MisuseError for a call that was cancelled, too."""
         with self._turns.turn():
-            if (gone := _GONE.get()) is not None and gone.is_set():
-                raise MisuseError("this was cancelled")
+            _refuse_cancelled()
             yield
+
+    def _pass_on(self) -> None:
+        """See `Turns.pass_on`; raises MisuseError for a call that was cancelled, too."""
+        self._turns.pass_on()
+        _refuse_cancelled()
 
     # ---- time
 

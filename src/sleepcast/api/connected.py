@@ -47,7 +47,7 @@ class ConnectedFleet(Fleet):
 
     def __init__(self, station: NetworkStation, telemetry: TelemetryClient, channel: str, ends: ExitStack) -> None:
         super().__init__(station)
-        station.holding, station.between = True, self._turns.pass_on  # a STOP waits for no other thread's question
+        station.holding, station.between = True, self._pass_on  # a STOP waits for no other thread's question
         self.telemetry, self.channel = telemetry, channel
         self._began, self._looked, self._asked = station.now, -inf, -inf
         self._end = finalize(self, ends.close)
@@ -82,10 +82,9 @@ class ConnectedFleet(Fleet):
 
     def _until(self, sent: Command, seconds: float) -> CommandResult:
         self._looked = -inf  # robots may have changed
-        until = self.station.answered(sent) + seconds if seconds else -inf
-        while (now := self.station.now) < until and self.station.awaits(sent):
+        if seconds:
             with self._turn():
-                self.station.wait(min(TURN / 2.0, until - now))
+                self.station.gather(sent, seconds)
         self._changed()
         return CommandResult(self, sent)
 

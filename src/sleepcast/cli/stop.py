@@ -99,8 +99,9 @@ def _insist(station: NetworkStation, sent: Command, until: float, check: Callabl
     until = min(until, station.answered(sent) + GRACE) if nobody else until
     reasons = sent.message.issued + PATIENCE
     with Status() as status:
-        while station.now < until and (sent.n_silent or nobody):
-            station.wait(min(PAUSE, until - station.now))
+
+        def confirmed() -> bool:
+            nonlocal reasons
             check()
             found = station.accounting(sent.id)
             names = printable(", ".join(found.first_silent(NAMED)))
@@ -108,6 +109,9 @@ def _insist(station: NetworkStation, sent: Command, until: float, check: Callabl
             if not found.n_matched and station.now >= reasons:
                 reasons = inf
                 _tell_reasons(station, status.clear)
+            return not (sent.n_silent or nobody)
+
+        station.wait_until(confirmed, until, PAUSE)
         if not sent.answers and reasons < inf:
             _tell_reasons(station, status.clear)
 

@@ -42,6 +42,9 @@ class AskedWhy(Protocol):
     def answer(self) -> Explanation | None:
         """What it said, None while it has said nothing. Raises SleepcastError for what it cannot say."""
 
+    def waited(self, seconds: float) -> bool:
+        """Whether everything has been heard that came within so many seconds."""
+
 
 class SafetyOrder(NamedTuple):
     """A STOP (or a RELEASE) of another operator. issued: when, s of the station's clock."""
@@ -207,9 +210,8 @@ class NetworkBackend(Backend):
         return self._why(serial, robot, command, self._fleet.ask_why(self._name(robot), command))
 
     async def _why(self, serial: int, robot: int, command: str, asked: AskedWhy) -> outgoing.Explained:
-        until = self._clock.now() + LONGEST_WHY
         while (found := asked.answer()) is None:
-            if self._clock.now() > until:
+            if asked.waited(LONGEST_WHY):
                 raise SleepcastError("The robot has not answered the question why.")
             await asyncio.sleep(LISTEN)
         return outgoing.Explained(serial, self._shown_why(found))

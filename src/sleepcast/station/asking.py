@@ -17,8 +17,6 @@ PATIENCE = 1.0
 """Seconds after the time for answers for which they are still taken: they are asked for again where they were lost."""
 AHEAD = 0.3
 """Refuse before anything is sent: a silent robot then counts as one that may obey."""
-PAUSE = 0.02
-"""Seconds between two checks for answers."""
 
 
 class SilentError(SleepcastError):
@@ -32,9 +30,7 @@ def look_around(
     answers are waited for beyond their time, and what is missing as long again."""
     began = station.now
     station.gather(telemetry.look(robots), patience)
-    until = station.now + patience
-    while telemetry.learning(began) and station.now < until:
-        station.wait(PAUSE)
+    station.wait_until(lambda: not telemetry.learning(began), station.now + patience)
 
 
 def ask_first(station: NetworkStation, telemetry: TelemetryClient, text: str) -> None:
@@ -60,9 +56,7 @@ def ask_why(station: NetworkStation, telemetry: TelemetryClient, robot: str, com
     if robot not in station.roster:  # it may be there all the same: all robots are asked for telemetry
         look_around(station, telemetry)
     asked = telemetry.ask_why(robot, command)
-    until = station.now + PATIENCE
-    while (found := telemetry.explanation(asked, robot)) is None and station.now < until:
-        station.wait(PAUSE)
-    if found is None:
+    station.wait_until(lambda: telemetry.explanation(asked, robot) is not None, asked.message.issued + PATIENCE)
+    if (found := telemetry.explanation(asked, robot)) is None:
         raise SilentError(f"{robot} does not answer ({station.accounting(asked.id).ago(robot)})")
     return found

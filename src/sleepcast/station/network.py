@@ -290,6 +290,9 @@ class NetworkStation(Station):
         self.between: Callable[[], None] = _nothing
         """Called while it waits, each time something may have come: other threads may use the desk then."""
         self.news: deque[Message] = deque(maxlen=MAX_NEWS)
+        self.listened = -inf
+        """Everything that came up to this time (s of Unix time) has been heard. A wait is over when this reaches its
+        end, not when the clock does: a process that stood still meanwhile has not heard yet what came in time."""
         self._polled = Poll()
         self._retransmission = Retransmission(
             delivery, self._sent, self._roster, self._within, self._note_again, self._note_account
@@ -352,8 +355,10 @@ class NetworkStation(Station):
         self._program(text)
         asked = self.post(Kind.ASK, text=text, body={WOULD: True}, only=only)
         self.listeners.append(listen)
-        self.gather(asked, patience)
-        self.listeners.remove(listen)
+        try:
+            self.gather(asked, patience)
+        finally:
+            self.listeners.remove(listen)
         self._polled = Poll(text, self.now, said)
         return asked, self._polled
 
@@ -436,8 +441,8 @@ class NetworkStation(Station):
     def pump(self) -> list[Message]:
         """Receive, and do what is due. Returns the robots' messages; an answer to a repeated message names the first
         one."""
-        heard = []
-        with self._lock, self.notes.together(self._clock.now()):
+        heard, began = [], self._clock.now()
+        with self._lock, self.notes.together(began):
             for message in self.session.receive():
                 if message.kind in TO_OPERATOR:
                     if not self._is_new(message):
@@ -448,6 +453,7 @@ class NetworkStation(Station):
                     self._learn_time(heard[-1])
                 elif message.role != Role.ROBOT or message.kind is Kind.STOP:
                     self._overhear(message)
+        self.listened = began
         if heard:
             self._pass_on(heard)
         self.attend()
@@ -463,15 +469,16 @@ class NetworkStation(Station):
             self.between()
         return heard
 
+    def wait_until(self, done: Callable[[], bool], until: float, every: float = LEAST_WITHIN) -> None:
+        """Wait until something is so, looking every so many seconds, or until everything has been heard that came up to
+        a time (s of Unix time)."""
+        while not done() and self.listened < until:
+            self.wait(max(0.0, min(every, until - self._clock.now())))
+
     def gather(self, command: Command, patience: float) -> None:
         """Wait until all robots have answered, or the time for answers and `patience` s more are over, or that time is
-        over and the roster is empty. What came in time counts, though this process was held up and hears it later."""
-        until = self.answered(command) + patience
-        while self.awaits(command):
-            left = until - self._clock.now()
-            self.wait(max(0.0, min(LEAST_WITHIN, left)))
-            if left <= 0.0:
-                return
+        over and the roster is empty."""
+        self.wait_until(lambda: not self.awaits(command), self.answered(command) + patience)
 
     def awaits(self, command: Command) -> bool:
         """Whether a robot may still answer: one is silent, or the roster is empty."""

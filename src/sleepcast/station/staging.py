@@ -83,7 +83,7 @@ class StagedSending:
         sent, station = self.current, self._station
         if sent is None:
             return
-        if station.awaits(sent) and station.now < station.answered(sent) + self._patience:
+        if station.awaits(sent) and station.listened < station.answered(sent) + self._patience:
             return
         self.halt()
         if self.done[-1].good and not self.done[-1].last:

@@ -380,7 +380,7 @@ class Session:
         if found is not None:
             self._asked_why, self.said = None, ""
             self.page = found.render().split("\n")
-        elif self.station.now - asked.message.issued > WHY_PATIENCE:
+        elif self.station.listened > asked.message.issued + WHY_PATIENCE:
             self._asked_why = None
             self.complain(f"{robot} does not answer")
 
@@ -456,5 +456,5 @@ class StagedCommand:
             self.said = f"all {self._number} stages went well"
         elif found.complete:
             self._send()
-        elif self._station.now > self._until:
+        elif self._station.listened > self._until:
             raise HaltedError(f"halted after stage {self._number}: {found.silence(FEW)}")

@@ -152,6 +152,7 @@ class FleetMinds:
 class AskedWhy:
     """A question to a robot why it did what it did."""
 
+    station: NetworkStation
     telemetry: TelemetryClient
     asked: Command
     robot: str
@@ -159,6 +160,10 @@ class AskedWhy:
     def answer(self) -> Explanation | None:
         """What it said, None while it has said nothing. Raises SleepcastError for what it cannot say."""
         return self.telemetry.explanation(self.asked, self.robot)
+
+    def waited(self, seconds: float) -> bool:
+        """Whether everything has been heard that came within so many seconds."""
+        return self.station.listened >= self.asked.message.issued + seconds
 
 
 class FleetAdapter:
@@ -329,7 +334,7 @@ class FleetAdapter:
 
     def ask_why(self, robot: str, command: str) -> AskedWhy:
         """Ask a robot how it evaluated a command."""
-        return AskedWhy(self._telemetry, self._telemetry.ask_why(robot, command), robot)
+        return AskedWhy(self._station, self._telemetry, self._telemetry.ask_why(robot, command), robot)
 
     def _ask(self) -> None:
         self._telemetry.look()

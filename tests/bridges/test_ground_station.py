@@ -160,10 +160,12 @@ def test_places_become_variables_of_its_rules(ground: GroundStation, desk: Desk)
         desk.pack(desk.mav.set_position_target_global_int_encode(0, ROBOT, 1, 6, PLACE, *to, *(0.0,) * 8))
     )
     (wish,) = ground.wishes()
-    assert wish.values == pytest.approx((30.0, 40.0), abs=0.02)
+    assert wish.values == pytest.approx((30.0, 40.0, 0.0), abs=0.02)
     text = wished(Wish("goal", (30.0, -4.0)), ["drive_speed", "drive_turn"])
     assert "(SETQ goal_x 30.000)" in text
     assert "(SETQ goal_y -4.000)" in text
+    assert "height" not in text, "it has said none"
+    assert "(SETQ goal_height 7.500)" in wished(Wish("goal", (30.0, -4.0, 7.5)), ["drive_speed", "drive_turn"])
     far = desk.mav.set_position_target_local_ned_encode(0, ROBOT, 1, 1, PLACE, nan, 1e9, *(0.0,) * 9)
     desk.waiting.append(desk.pack(far))
     assert ground.wishes() == []
@@ -173,9 +175,9 @@ def test_places_that_ground_stations_send_in_other_ways(ground: GroundStation, d
     """Relative to the robot, and as what a click on the map becomes in MAVProxy and in QGroundControl."""
     ground.tell({"x": 10.0, "y": 20.0, "heading": pi / 2.0}, stopped=False)
 
-    def goals(message: Any) -> list[tuple[float, float]]:
+    def goals(message: Any) -> list[tuple[float, ...]]:
         desk.waiting.append(desk.pack(message))
-        return [each.values for each in ground.wishes()]
+        return [each.values[:2] for each in ground.wishes()]
 
     def near(frame: int) -> Any:
         return desk.mav.set_position_target_local_ned_encode(0, ROBOT, 1, frame, PLACE, 3.0, 1.0, *(0.0,) * 9)
@@ -221,6 +223,154 @@ def test_nobody_without_the_key_is_heard(ground: GroundStation, desk: Desk) -> N
 def test_an_address_of_no_ground_station() -> None:
     with pytest.raises(BodyError, match="did you mean origin"):
         open_ground_station("mavlink://127.0.0.1?orign=1,2", 1, (1.0, 1.0))
+
+
+def test_a_mode_does_not_end_a_stop_by_disarming_but_arming_does(ground: GroundStation, desk: Desk) -> None:
+    """Programs choose GUIDED before they say where to go, also after they have switched off the motors."""
+    for off in ((400, 0.0, 21196.0), (185, 1.0)):
+        ground.tell({}, stopped=False)
+        desk.order(*off)
+        assert ground.wishes() == [Wish("stop")]
+        ground.tell({}, stopped=True)
+        desk.order(176, 1.0, 15.0)
+        assert ground.wishes() == [], "it stays stopped"
+        ground.tell({}, stopped=True)
+        beat = desk.seen["HEARTBEAT"]
+        assert (desk.seen["COMMAND_ACK"].result, beat.custom_mode, beat.base_mode) == (0, 15, 1), "not armed, in GUIDED"
+        desk.order(192, 0.0, 1.0, 0.0, 0.0, 36.6003604, -121.8996646)
+        assert (ground.wishes(), desk.seen["COMMAND_ACK"].result) == ([], 2)
+        assert desk.seen["STATUSTEXT"].text == "it is stopped, so it goes nowhere"
+        desk.order(400, 1.0)
+        assert ground.wishes() == [Wish("release")]
+    desk.order(176, 1.0, 4.0)
+    ground.wishes()
+    ground.tell({}, stopped=True)
+    desk.order(176, 1.0, 15.0)
+    assert ground.wishes() == [Wish("release")], "a STOP by a mode ends by one"
+
+
+def test_what_programs_wait_for_before_they_command_anything(
+    ground: GroundStation, desk: Desk, clock: ManualClock
+) -> None:
+    """That it knows its place and its heading, and where its home is, unasked and when they ask."""
+    ground.tell({}, stopped=False)
+    assert desk.seen["SYS_STATUS"].onboard_control_sensors_health == 0x1000_0000, "it does not know where it is"
+    clock.advance(1.1)
+    ground.tell({"x": 30.0, "y": 40.0, "heading": 0.0, "height": 2.5, "climb_rate": 0.5}, stopped=False)
+    state, home, place = (desk.seen[each] for each in ("SYS_STATUS", "HOME_POSITION", "GLOBAL_POSITION_INT"))
+    assert state.onboard_control_sensors_health == state.onboard_control_sensors_present == 0x1000_0027
+    assert (home.latitude, home.longitude, home.altitude) == (366_000_000, -1_219_000_000, 0)
+    assert (place.alt, place.relative_alt, place.vz, desk.seen["LOCAL_POSITION_NED"].z) == (2_500, 2_500, -50, -2.5)
+    del desk.seen["HOME_POSITION"]
+    for number, name, result in (
+        (242.0, "HOME_POSITION", 0),
+        (148.0, "AUTOPILOT_VERSION", 0),
+        (30.0, "", 3),
+        (nan, "", 3),
+    ):
+        desk.order(512, number)
+        assert ground.wishes() == []
+        assert (not name or name in desk.seen, desk.seen["COMMAND_ACK"].result) == (True, result)
+    assert desk.seen["AUTOPILOT_VERSION"].capabilities & 0x2008 == 0x2008, "MAVLink 2, and exact places"
+    nowhere = Desk()
+    lost = GroundStation(Link(nowhere, ROBOT, 1, KEY), None, (1.0, 2.0), clock=clock)
+    lost.tell({"x": 30.0, "y": 40.0, "heading": 0.0}, stopped=False)
+    assert "HOME_POSITION" not in nowhere.seen
+    assert nowhere.seen["SYS_STATUS"].onboard_control_sensors_health == 0x1000_0007
+
+
+def setpoint(desk: Desk, frame: int, mask: int, *, place: tuple[float, ...], pace: tuple[float, ...]) -> bytes:
+    rest = (*place, *pace, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return desk.pack(desk.mav.set_position_target_local_ned_encode(0, ROBOT, 1, frame, mask, *rest))
+
+
+def test_a_velocity_to_north_and_east_is_driven_by_turning_there(
+    ground: GroundStation, desk: Desk, clock: ManualClock
+) -> None:
+    north = setpoint(desk, 1, VELOCITY, place=(0.0, 0.0, 0.0), pace=(0.5, 0.0, 0.0))
+
+    def driven(heading: float) -> tuple[float, ...]:
+        ground.tell({"x": 0.0, "y": 0.0, "heading": heading}, stopped=False)
+        desk.waiting.append(desk.mav and setpoint(desk, 1, VELOCITY, place=(0.0, 0.0, 0.0), pace=(0.5, 0.0, 0.0)))
+        return next((each.values for each in ground.wishes()), ())
+
+    ground.tell({}, stopped=False)
+    desk.waiting.append(north)
+    assert ground.wishes() == []
+    assert desk.seen["STATUSTEXT"].text == "it does not know its heading"
+    assert driven(0.0) == pytest.approx((0.0, 2.0)), "to its left, as fast as it may"
+    assert driven(pi) == pytest.approx((0.0, -2.0)), "to its right"
+    assert driven(pi / 2.0 - 0.1) == pytest.approx((0.5, 0.2), abs=0.01)
+    clock.advance(1.1 * QUIET)
+    assert ground.wishes() == [Wish("drive", (0.0, 0.0))], "nobody goes on driving it"
+    assert ground.complaints() == ["the ground station no longer drives it: it comes to rest"]
+    assert ground.complaints() == []
+
+
+@pytest.mark.parametrize(
+    ("frame", "mask", "pace", "said"),
+    [
+        (8, VELOCITY, (0.1, 0.2, 0.0), "it moves along its heading only"),
+        (8, VELOCITY, (0.1, 0.0, -0.2), "it moves along its heading only"),
+        (1, VELOCITY, (0.1, 0.0, -0.2), "it has no velocity up or down"),
+        (12, VELOCITY, (0.1, 0.0, 0.0), "it takes no setpoints in frame 12"),
+        (1, 0xFFF, (0.1, 0.0, 0.0), "it takes setpoints with a place or a velocity"),
+    ],
+)
+def test_a_setpoint_that_it_cannot_follow_is_refused_with_a_text_and_ends_the_one_before(
+    ground: GroundStation, desk: Desk, frame: int, mask: int, pace: tuple[float, ...], said: str
+) -> None:
+    ground.tell({"x": 0.0, "y": 0.0, "heading": 0.0}, stopped=False)
+    desk.waiting.append(desk.velocity(0.5, 0.0))
+    ground.wishes()
+    desk.waiting += [setpoint(desk, frame, mask, place=(1.0, 1.0, 0.0), pace=pace)] * 1
+    assert ground.wishes() == [Wish("drive", (0.0, 0.0))]
+    assert desk.seen.pop("STATUSTEXT").text == said
+    desk.waiting.append(setpoint(desk, frame, mask, place=(1.0, 1.0, 0.0), pace=pace))
+    ground.wishes()
+    assert "STATUSTEXT" not in desk.seen, "it is not said twenty times a second"
+
+
+@pytest.mark.parametrize("frame", [0, 3, 5, 6, 10, 11])
+def test_places_on_the_earth_have_a_height_in_every_frame(ground: GroundStation, desk: Desk, frame: int) -> None:
+    there = (366_003_604, -1_218_996_646, 12.5)
+    desk.waiting.append(desk.pack(desk.mav.command_int_encode(ROBOT, 1, frame, 192, 0, 0, -1, 1, 0, 0, *there)))
+    (wish,) = ground.wishes()
+    assert wish.values == pytest.approx((30.0, 40.0, 12.5), abs=0.5)
+
+
+def test_a_place_in_another_frame_or_without_an_origin_is_refused_with_a_text(
+    ground: GroundStation, desk: Desk, clock: ManualClock
+) -> None:
+    """Metres are not taken for degrees."""
+    desk.waiting.append(
+        desk.pack(desk.mav.command_int_encode(ROBOT, 1, 1, 192, 0, 0, -1, 1, 0, 0, 300_000, 20_000, 0.0))
+    )
+    assert (ground.wishes(), desk.seen["COMMAND_ACK"].result) == ([], 2)
+    assert desk.seen["STATUSTEXT"].text == "it goes to no place in frame 1"
+    other = Desk()
+    lost = GroundStation(Link(other, ROBOT, 1, KEY), None, (1.0, 2.0), clock=clock)
+    other.order(192, 0.0, 1.0, 0.0, 0.0, 36.6003604, -121.8996646)
+    assert (lost.wishes(), other.seen["COMMAND_ACK"].result) == ([], 2)
+    assert other.seen["STATUSTEXT"].text == "it has no origin, so no place on the Earth"
+
+
+def test_one_whose_clock_is_ahead_is_named_and_makes_nobody_else_look_old(ground: GroundStation, desk: Desk) -> None:
+    ahead = Desk()
+    ahead.mav.srcSystem = 254
+    ahead.mav.signing.timestamp += 3_600 * 100_000
+    ahead.order(176, 1.0, 4.0)
+    desk.waiting += ahead.waiting
+    desk.order(176, 1.0, 15.0)
+    assert [each.sort for each in ground.wishes()] == ["stop", "release"], "both are heard"
+    (said,) = ground.complaints()
+    assert said.startswith("the clock of the ground station (system 254) is 3,600 s ahead of ours")
+    desk.waiting += ahead.waiting
+    ground.wishes()
+    assert ground._link.complaints("the ground station") == [
+        "1 messages from the ground station were refused: their timestamps are old: they are repeated, or the clock of "
+        "the ground station is behind ours by more than a minute (system 254)"
+    ]
 
 
 # ---- a node with a body in the simulator

@@ -41,11 +41,11 @@ def heard(numbers: Numbers) -> str:
 
 def wished(wish: Wish, actuators: Sequence[str]) -> str:
     """What a ground station wants, as an expression, STOP or RELEASE. actuators: the names of speed and turn rate. A
-    place becomes two variables, which the robot's own rules may drive to."""
+    place becomes variables, which the robot's own rules may drive to."""
     if wish.sort == "drive":
         return f"(PROGN {' '.join(f'(SETQ {n} {v:.4f})' for n, v in zip(actuators, wish.values, strict=False))})"
     if wish.sort == "goal":
-        pairs = zip(("goal_x", "goal_y"), wish.values, strict=True)
+        pairs = zip(("goal_x", "goal_y", "goal_height"), wish.values, strict=False)
         return f"(PROGN {' '.join(f'(DEFVAR {n} {v:.3f}) (SETQ {n} {v:.3f})' for n, v in pairs)})"
     return wish.sort.upper()
 
@@ -186,5 +186,7 @@ class LocalInput:
             announce(f"{self._name}: {outcome}, {said}")
             if fault:
                 complain(printable(f"{self._name}: {fault}"))
+                if self._ground is not None and whose.startswith(f"{GROUND}-"):
+                    self._ground.say(printable(str(fault)))
         elif message.kind is Kind.COMMAND:
             announce(f"{self._name} tells others, whom nobody reaches from here: {printable(message.text)}")

@@ -3,9 +3,11 @@
 To the ground station it is a rover of ArduPilot's with two modes: HOLD while it is stopped, and GUIDED. What is asked
 there becomes a `Wish`, which the node brings to its mind like a command that is typed: so limits, STOP and rules hold
 for it as for everybody. HOLD, and disarming, is STOP; GUIDED, and arming, is RELEASE, which ends only the STOP that the
-ground station itself has sent.
+ground station itself has sent. A STOP by disarming is ended by arming alone: programs choose GUIDED on their way to
+anything, also after they have switched off the motors.
 
-A ground station that drives must go on doing so: `QUIET` s after its last setpoint the robot is to come to rest.
+A ground station that drives must go on doing so: `QUIET` s after its last setpoint the robot is to come to rest. What
+the robot cannot do is refused with a text to the ground station.
 """
 
 from __future__ import annotations
@@ -13,11 +15,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from math import cos, degrees, inf, isfinite, nan, pi, sin
+from math import atan2, cos, hypot, inf, isfinite, nan, pi, remainder, sin
 from typing import Any, Literal
 
 from sleepcast.bridges.address import read_body_address
 from sleepcast.bridges.mavlink.link import LINK, Link, open_link, system_of
+from sleepcast.bridges.mavlink.self_portrait import AUTOPILOT_VERSION, GUIDED, HOLD, SelfPortrait
 from sleepcast.core.clock import Clock, WallClock
 from sleepcast.core.geodesy import LocalMap, Origin
 
@@ -27,35 +30,48 @@ SETTINGS = {**LINK, "origin": ""}
 QUIET = 1.0
 """Seconds after the last setpoint: a dead man's switch, as for every driven robot."""
 TELL_AGAIN = 5.0
-"""Seconds between two reports of refused messages."""
+"""Seconds between two reports of refused messages, and between two texts to the ground station that are the same."""
 EVERY = {"heartbeat": 1.0, "place": 0.2, "state": 1.0}
 """Seconds between two messages of each kind."""
-HOLD, GUIDED = 4, 15
 SET_MODE, ARM_DISARM, TERMINATE, GO_TO, WAYPOINT = 176, 400, 185, 192, 16
+SEND_ONE, TELL_ABILITIES = 512, 520
 STOPPING_MODES = frozenset((HOLD, 5))
 """HOLD and LOITER: a rover stands in both."""
 ACCEPTED, DENIED, UNSUPPORTED = 0, 2, 3
+EARTH_FRAMES = frozenset((0, 3, 5, 6, 10, 11))
+"""Degrees, and a height above the sea, above home, or above the ground, which are one here."""
+LOCAL_FRAMES = frozenset((1, 7))
+"""To north and east, from the origin and from where the robot is."""
 BODY_FRAMES, OFFSET_FRAME = frozenset((8, 9)), 7
 """Along the heading from where the robot is, and to north and east from there."""
 GO_THERE, MISSION_DENIED = 2, 14
 """What `current` is in a waypoint that is no part of a mission, and the answer to every other one."""
 NO_VELOCITY, NO_PLACE, NO_YAW_RATE = 0x38, 0x7, 0x800
 """Flags of a setpoint that lacks these."""
+STILL = 0.005
+"""m/s: a slower velocity is none."""
+HOMING = 2.0
+"""How fast a robot turns to where it is to drive, rad/s for each rad that it heads elsewhere."""
 MAX_TEXT = 50
 """Characters of a text to the ground station."""
+INFORMATION, WARNING = 6, 4
+"""How serious texts are."""
 FARTHEST = 1e6
 """m: a place farther away is none."""
 
 Sort = Literal["stop", "release", "drive", "goal"]
+Place = tuple[float, float, float]
+"""x, y and height in m; NaN where there is none."""
+NOWHERE = (nan, nan, nan)
 
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """What the ground station wants. values: of "drive", speed in m/s and turn rate in rad/s; of "goal", x and y in
-    m."""
+    """What the ground station wants. values: of "drive", speed in m/s and turn rate in rad/s; of "goal", x and y in m,
+    and a height above the origin, if it has said one."""
 
     sort: Sort
-    values: tuple[float, float] = (0.0, 0.0)
+    values: tuple[float, ...] = ()
 
 
 class GroundStation:
@@ -67,13 +83,20 @@ class GroundStation:
     ) -> None:
         self._link, self._clock, self._most = link, clock or WallClock(), most
         self._map = None if origin is None else LocalMap(origin)
+        self._portrait = SelfPortrait(link.mav, self._map)
         self._began = self._clock.now()
         self._due = dict.fromkeys(EVERY, -inf)
-        self._stopped = False
+        self._stopped, self._disarmed, self._mode = False, False, GUIDED
+        """Whether any STOP holds; whether the ground station's own is one by disarming; and the mode it has chosen."""
         self._here = (nan, nan, nan)
         """x, y in m and heading in rad."""
+        self._height = nan
         self._driven, self._last = (0.0, 0.0), -inf
+        self._course: tuple[float, float] | None = None
+        """A velocity to the east and to the north, m/s, by which it is driven."""
         self._told_again = -inf
+        self._said: dict[str, float] = {}
+        """When each text about what cannot be done was last said."""
         self._complaints: list[str] = []
 
     # ---- what it wants
@@ -85,8 +108,10 @@ class GroundStation:
         with suppress(OSError):
             for message in self._link.receive():
                 found += self._wish(message, now)
-        if any(self._driven) and now - self._last > QUIET:
-            self._driven = (0.0, 0.0)
+        if self._course is not None:
+            self._driven = self._towards(*self._course)
+        if (self._course or any(self._driven)) and now - self._last > QUIET:
+            self._rest()
             self._complaints.append("the ground station no longer drives it: it comes to rest")
         if self._driven != before:
             found.append(Wish("drive", self._driven))
@@ -108,18 +133,16 @@ class GroundStation:
         if kind in ("COMMAND_LONG", "COMMAND_INT"):
             return self._command(message, exact=kind == "COMMAND_INT")
         if kind == "MISSION_ITEM_INT":
-            there = (message.command, message.current) == (WAYPOINT, GO_THERE)
-            found = self._goal(self._on_map(message.x / 1e7, message.y / 1e7)) if there else []
-            asker = message.get_srcSystem(), message.get_srcComponent()
-            self._send(self._link.mav.mission_ack_encode(*asker, ACCEPTED if found else MISSION_DENIED))
-            return found
+            return self._waypoint(message)
         if kind == "SET_MODE":
-            return self._mode(message.custom_mode)
+            return self._choose(message.custom_mode)
         if kind == "MANUAL_CONTROL" and message.target == self._link.mav.srcSystem:
             ahead, aside = (0 if each == 32_767 else each / 1000.0 for each in (message.x, message.r))
             self._drive(ahead * self._most[0], -aside * self._most[1], now)
         elif kind in ("SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT"):
             return self._set_point(message, now, earth=kind.endswith("GLOBAL_INT"))
+        elif kind == "SET_ATTITUDE_TARGET":
+            self._refuse("it cannot be driven by its attitude")
         elif kind == "PARAM_REQUEST_LIST":
             self._send(self._link.mav.param_value_encode(b"SYSID_THISMAV", self._link.mav.srcSystem, 9, 1, 0))
         return []
@@ -128,110 +151,186 @@ class GroundStation:
         """exact: whether a place in it is in whole ten-millionths of a degree."""
         found, result = [], ACCEPTED
         if message.command == SET_MODE:
-            found = self._mode(message.param2)
-            result = ACCEPTED if found else DENIED
+            found = self._choose(message.param2)
+            result = ACCEPTED if found or (self._disarmed and message.param2 == GUIDED) else DENIED
         elif message.command == ARM_DISARM:
-            found = [Wish("release" if message.param1 == 1.0 else "stop")]
+            found = self._arm() if message.param1 == 1.0 else self._disarm()
         elif message.command == TERMINATE:
-            found = [Wish("stop")] if message.param1 == 1.0 else []
-        elif message.command == GO_TO:
-            place = (message.x / 1e7, message.y / 1e7) if exact else (message.param5, message.param6)
-            found = self._goal(self._on_map(*place))
+            found = self._disarm() if message.param1 == 1.0 else []
             result = ACCEPTED if found else DENIED
+        elif message.command == GO_TO:
+            found = self._goal(self._named_place(message, exact=exact))
+            result = ACCEPTED if found else DENIED
+        elif message.command in (SEND_ONE, TELL_ABILITIES):
+            asked = self._portrait.one(message.param1 if message.command == SEND_ONE else AUTOPILOT_VERSION)
+            for each in asked:
+                self._send(each)
+            result = ACCEPTED if asked else UNSUPPORTED
         else:
             result = UNSUPPORTED
-        self._send(self._link.mav.command_ack_encode(message.command, result))
+        asker = message.get_srcSystem(), message.get_srcComponent()
+        self._send(self._link.mav.command_ack_encode(message.command, result, 0, 0, *asker))
         return found
 
-    def _mode(self, mode: float) -> list[Wish]:
+    # ---- STOP and RELEASE
+
+    def _choose(self, mode: float) -> list[Wish]:
+        """A mode is chosen. GUIDED does not end a STOP by disarming."""
         if mode in STOPPING_MODES:
+            self._mode = HOLD
             return [Wish("stop")]
-        return [Wish("release")] if mode == GUIDED else []
+        if mode != GUIDED:
+            return []
+        self._mode = GUIDED
+        self._due["heartbeat"] = -inf
+        return [] if self._disarmed else [Wish("release")]
+
+    def _arm(self) -> list[Wish]:
+        self._disarmed, self._mode = False, GUIDED
+        return [Wish("release")]
+
+    def _disarm(self) -> list[Wish]:
+        self._disarmed = True
+        return [Wish("stop")]
+
+    # ---- places
+
+    def _waypoint(self, message: Any) -> list[Wish]:
+        """A waypoint that is to be gone to at once; there are no missions."""
+        there = (message.command, message.current) == (WAYPOINT, GO_THERE)
+        found = self._goal(self._named_place(message, exact=True)) if there else []
+        asker = message.get_srcSystem(), message.get_srcComponent()
+        self._send(self._link.mav.mission_ack_encode(*asker, ACCEPTED if found else MISSION_DENIED))
+        return found
+
+    def _named_place(self, message: Any, *, exact: bool) -> Place:
+        """The place in a command or waypoint. Only what is exact says in which frame it is."""
+        if not exact:
+            return self._on_map(message.param5, message.param6, message.param7)
+        if message.frame in EARTH_FRAMES:
+            return self._on_map(message.x / 1e7, message.y / 1e7, message.z)
+        self._say(f"it goes to no place in frame {message.frame}", WARNING)
+        return NOWHERE
+
+    def _on_map(self, latitude: float, longitude: float, height: float) -> Place:
+        """A place in degrees; NaN if that is nowhere here."""
+        if self._map is None:
+            self._say("it has no origin, so no place on the Earth", WARNING)
+            return NOWHERE
+        x, y = self._map.metres(latitude, longitude) or (nan, nan)
+        return x, y, height
+
+    def _goal(self, place: Place) -> list[Wish]:
+        """Nothing for what is no place, nor under a STOP: what is asked then may not set it in motion later."""
+        if not all(abs(each) <= FARTHEST for each in place[:2]):
+            return []
+        if self._stopped or self._disarmed:
+            self._say("it is stopped, so it goes nowhere", WARNING)
+            return []
+        return [Wish("goal", place if abs(place[2]) <= FARTHEST else place[:2])]
+
+    # ---- setpoints
 
     def _set_point(self, message: Any, now: float, *, earth: bool) -> list[Wish]:
-        mask = message.type_mask
-        if not earth and message.coordinate_frame in BODY_FRAMES and not mask & NO_VELOCITY:
-            self._drive(message.vx, 0.0 if mask & NO_YAW_RATE else -message.yaw_rate, now)
-        elif not mask & NO_PLACE:
-            return self._goal(
-                self._on_map(message.lat_int / 1e7, message.lon_int / 1e7) if earth else self._at(message)
-            )
+        """What a setpoint holds is obeyed, or refused with a text: a place comes before a velocity, except along the
+        heading."""
+        has_place, has_velocity = not message.type_mask & NO_PLACE, not message.type_mask & NO_VELOCITY
+        frame = message.coordinate_frame
+        if frame not in (EARTH_FRAMES if earth else LOCAL_FRAMES | BODY_FRAMES):
+            self._refuse(f"it takes no setpoints in frame {frame}")
+        elif has_velocity and frame in BODY_FRAMES:
+            self._follow_heading(message, now)
+        elif has_place:
+            place = (message.lat_int / 1e7, message.lon_int / 1e7, message.alt) if earth else ()
+            return self._goal(self._on_map(*place) if place else self._at(message))
+        elif has_velocity:
+            self._follow_course(message, now)
+        else:
+            self._refuse("it takes setpoints with a place or a velocity")
         return []
 
-    def _goal(self, place: tuple[float, float]) -> list[Wish]:
-        """Nothing for what is no place, nor under a STOP: what is asked then may not set it in motion later."""
-        is_one = all(abs(each) <= FARTHEST for each in place)
-        return [Wish("goal", place)] if is_one and not self._stopped else []
-
-    def _on_map(self, latitude: float, longitude: float) -> tuple[float, float]:
-        """In degrees; NaN if that is nowhere here."""
-        return (self._map and self._map.metres(latitude, longitude)) or (nan, nan)
-
-    def _at(self, message: Any) -> tuple[float, float]:
+    def _at(self, message: Any) -> Place:
         """A place in metres, from the origin or from the robot."""
         x, y, heading = self._here
         if message.coordinate_frame in BODY_FRAMES:
             ahead, right = message.x, message.y
-            return x + ahead * cos(heading) + right * sin(heading), y + ahead * sin(heading) - right * cos(heading)
+            there = ahead * cos(heading) + right * sin(heading), ahead * sin(heading) - right * cos(heading)
+            return x + there[0], y + there[1], self._height - message.z
         if message.coordinate_frame == OFFSET_FRAME:
-            return x + message.y, y + message.x
-        return message.y, message.x  # north comes first
+            return x + message.y, y + message.x, self._height - message.z
+        return message.y, message.x, -message.z  # north comes first, and down last
+
+    def _follow_heading(self, message: Any, now: float) -> None:
+        turn_rate = 0.0 if message.type_mask & NO_YAW_RATE else -message.yaw_rate
+        if abs(message.vy) > STILL or abs(message.vz) > STILL:
+            self._refuse("it moves along its heading only")
+        else:
+            self._drive(message.vx, turn_rate, now)
+
+    def _follow_course(self, message: Any, now: float) -> None:
+        """A velocity to north and east. A robot that cannot move sideways turns to where it is to drive."""
+        if abs(message.vz) > STILL:
+            self._refuse("it has no velocity up or down")
+        elif not isfinite(self._here[2]):
+            self._refuse("it does not know its heading")
+        elif isfinite(message.vx) and isfinite(message.vy):
+            self._course, self._last = (message.vy, message.vx), now
+
+    def _towards(self, east: float, north: float) -> tuple[float, float]:
+        """Speed and turn rate by which it comes to drive so, within the limits."""
+        speed, heading = hypot(east, north), self._here[2]
+        if speed <= STILL or not isfinite(heading):
+            return 0.0, 0.0
+        off, fastest = remainder(atan2(north, east) - heading, 2.0 * pi), self._most[1]
+        return speed * max(cos(off), 0.0), min(max(HOMING * off, -fastest), fastest)
 
     def _drive(self, speed: float, turn_rate: float, now: float) -> None:
         if isfinite(speed) and isfinite(turn_rate):
-            self._driven, self._last = (speed, turn_rate), now
+            self._driven, self._course, self._last = (speed, turn_rate), None, now
+
+    def _rest(self) -> None:
+        self._driven, self._course = (0.0, 0.0), None
+
+    def _refuse(self, why: str) -> None:
+        """Take no setpoint, nor go on by the one before."""
+        self._rest()
+        self._say(why, WARNING)
 
     # ---- what it is told
 
     def tell(self, values: Mapping[str, float], *, stopped: bool) -> None:
         """Show it the robot, if that is due. values: of its sensors, by name."""
         if stopped:
-            self._driven = (0.0, 0.0)
+            self._rest()
+        else:
+            self._disarmed, self._mode = False, GUIDED
         self._here = values.get("x", nan), values.get("y", nan), values.get("heading", nan)
+        self._height = values.get("height", nan)
         if stopped != self._stopped:
             self._due["heartbeat"] = -inf
         self._stopped, now = stopped, self._clock.now()
         for kind, every in EVERY.items():
             if now >= self._due[kind]:
                 self._due[kind] = now + every
-                for message in getattr(self, f"_{kind}")(values, int((now - self._began) * 1000.0) & 0xFFFFFFFF):
+                for message in self._shown(kind, values, int((now - self._began) * 1000.0) & 0xFFFFFFFF):
                     self._send(message)
+
+    def _shown(self, kind: str, values: Mapping[str, float], now: int) -> list[Any]:
+        if kind == "heartbeat":
+            mode = self._mode if self._disarmed or not self._stopped else HOLD
+            return self._portrait.heartbeat(mode, moves=not self._stopped)
+        return self._portrait.place(values, now) if kind == "place" else self._portrait.state(values, now)
 
     def say(self, text: str) -> None:
         """Show it a text."""
-        self._send(self._link.mav.statustext_encode(6, text[:MAX_TEXT].encode("ascii", "replace")))
+        self._send(self._link.mav.statustext_encode(INFORMATION, _short_text(text)))
 
-    def _heartbeat(self, _: Mapping[str, float], __: int) -> list[Any]:
-        armed, mode = (0, HOLD) if self._stopped else (128, GUIDED)
-        return [self._link.mav.heartbeat_encode(10, 3, 1 | armed, mode, 4)]
-
-    def _place(self, values: Mapping[str, float], now: int) -> list[Any]:
-        x, y, heading, speed = (values.get(name, nan) for name in ("x", "y", "heading", "speed"))
-        if not all(map(isfinite, (x, y, heading))):
-            return []
-        turn = values.get("turn_rate", 0.0)
-        speed, turn = (each if isfinite(each) else 0.0 for each in (speed, turn))
-        north, east, azimuth = speed * sin(heading), speed * cos(heading), (pi / 2.0 - heading) % (2.0 * pi)
-        mav, signed = self._link.mav, azimuth - 2.0 * pi if azimuth > pi else azimuth
-        found = [
-            mav.attitude_encode(now, 0.0, 0.0, signed, 0.0, 0.0, -turn),
-            mav.local_position_ned_encode(now, y, x, 0.0, north, east, 0.0),
-        ]
-        if self._map is not None:
-            ((latitude, longitude),) = self._map.degrees([x], [y])
-            if isfinite(latitude):
-                pace = (_short(100.0 * north), _short(100.0 * east), 0, int(100.0 * degrees(azimuth)) % 36_000)
-                place = (round(latitude * 1e7), round(longitude * 1e7), 0, 0)
-                found.append(mav.global_position_int_encode(now, *place, *pace))
-                found.append(mav.gps_raw_int_encode(now * 1000, 3, *place[:3], 65_535, 65_535, 65_535, 65_535, 255))
-        return found
-
-    def _state(self, values: Mapping[str, float], _: int) -> list[Any]:
-        left = next((values[name] for name in ("battery", "fuel") if isfinite(values.get(name, nan))), nan)
-        volts = next((values[name] for name in ("volts", "motor_volts") if isfinite(values.get(name, nan))), nan)
-        millivolts = min(max(round(1000.0 * volts), 0), 65_534) if isfinite(volts) else 65_535
-        percent = round(100.0 * min(max(left, 0.0), 1.0)) if isfinite(left) else -1
-        return [self._link.mav.sys_status_encode(0, 0, 0, 0, millivolts, -1, percent, 0, 0, 0, 0, 0, 0)]
+    def _say(self, text: str, severity: int) -> None:
+        """Show it why something is not done, at most once in `TELL_AGAIN` s."""
+        now = self._clock.now()
+        if now - self._said.get(text, -inf) > TELL_AGAIN:
+            self._said[text] = now
+            self._send(self._link.mav.statustext_encode(severity, _short_text(text)))
 
     def _send(self, message: Any) -> None:
         with suppress(OSError):  # a ground station that cannot be reached sees nothing, and asks for nothing
@@ -241,8 +340,8 @@ class GroundStation:
         self._link.close()
 
 
-def _short(value: float) -> int:
-    return min(max(round(value), -32_768), 32_767)
+def _short_text(text: str) -> bytes:
+    return text[:MAX_TEXT].encode("ascii", "replace")
 
 
 def open_ground_station(uri: str, number: int, most: tuple[float, float]) -> GroundStation:

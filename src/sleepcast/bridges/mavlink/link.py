@@ -1,8 +1,10 @@
 """One end of a MAVLink 2 link: datagrams in, messages out, and signatures that are checked before anything else.
 
-What is not signed with the link's key is refused, unless the link has no key. Two things differ from pymavlink: a
+What is not signed with the link's key is refused, unless the link has no key. Three things differ from pymavlink: a
 signature is checked before its timestamp is noted, so that nobody without the key can make a vehicle's own messages
-look old; and a timestamp of ours is never behind the clock, so that a vehicle which has restarted accepts it.
+look old; a timestamp of ours is never behind the clock, so that a vehicle which has restarted accepts it; and our
+clock alone decides whether a newcomer's timestamp is old, so that one party whose clock is ahead makes no other look
+old.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import socket
 from collections import Counter
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -32,6 +35,12 @@ MAX_KEY = 4_096
 """Bytes of a file with a phrase."""
 SIGNED = 1
 """The flag of a signed message, in its third byte."""
+SYSTEM = 5
+"""Which byte of a message is the number of the system that sends it."""
+AHEAD = 60.0
+"""Seconds by which a clock may be ahead of ours before that is told, as many as a newcomer's may be behind."""
+MOST_NAMED = 4
+"""Systems that a sentence names; more are counted."""
 
 
 LINK = {"listen": "no", "key": "", "unsigned": "no"}
@@ -136,18 +145,72 @@ def system_of(address: BodyAddress, otherwise: int = 1) -> int:
     return int(text)
 
 
-class Link:
-    """See the module. system, component: who we are. key: None to take and send unsigned messages. clock: Unix time.
+REASONS = {
+    "not signed": "they are not signed; give {} the key, or add unsigned=yes to the address",
+    "wrong key": "they are signed with another key than ours",
+    "old": "their timestamps are old: they are repeated, or the clock of {} is behind ours by more than a minute",
+    "damaged": "they are damaged, or no MAVLink",
+}
 
-    refused: how many messages were not let in, by the reason.
-    """
+
+class Refusals:
+    """What was not let in, and whose clocks are ahead, since somebody last asked for the sentences about it."""
+
+    def __init__(self) -> None:
+        self._counts: Counter[str] = Counter()
+        self._systems: dict[str, set[int]] = {}
+        self._ahead: dict[int, float] = {}
+        self._known_ahead: set[int] = set()
+
+    def __bool__(self) -> bool:
+        return bool(self._counts or self._ahead)
+
+    def add(self, reason: str, system: int | None) -> None:
+        """Count a message that was refused for one of `REASONS`. system: who has sent it, None if that is unknown."""
+        self._counts[reason] += 1
+        if system is not None:
+            self._systems.setdefault(reason, set()).add(system)
+
+    def compare(self, system: int, ahead: float) -> None:
+        """Note by how many seconds the clock of a party with the key is ahead of ours; this is said once."""
+        if ahead <= AHEAD:
+            self._known_ahead.discard(system)
+        elif system not in self._known_ahead:
+            self._known_ahead.add(system)
+            self._ahead[system] = ahead
+
+    def take(self, whose: str) -> list[str]:
+        """The sentences. whose: who is at the other end."""
+        said = [
+            f"{count} messages from {whose} were refused: {REASONS[why].format(whose)}{self._senders(why)}"
+            for why, count in self._counts.items()
+        ]
+        said += [
+            f"the clock of {whose} (system {system}) is {ahead:,.0f} s ahead of ours; it is heard all the same"
+            for system, ahead in sorted(self._ahead.items())
+        ]
+        self._counts.clear()
+        self._systems.clear()
+        self._ahead.clear()
+        return said
+
+    def _senders(self, reason: str) -> str:
+        systems = sorted(self._systems.get(reason, ()))
+        if not systems:
+            return ""
+        more = f" and {len(systems) - MOST_NAMED} more" if len(systems) > MOST_NAMED else ""
+        return f" (system {', '.join(map(str, systems[:MOST_NAMED]))}{more})"
+
+
+class Link:
+    """See the module. system, component: who we are. key: None to take and send unsigned messages. clock: Unix time."""
 
     def __init__(
         self, wire: Wire, system: int, component: int, key: bytes | None, *, clock: Clock | None = None
     ) -> None:
-        self.refused: Counter[str] = Counter()
+        self.refused = Refusals()
         self._wire, self._clock = wire, clock or UnixClock()
-        self.mav: MAVLink = _codec(self.refused, system, component)
+        self.mav: MAVLink = _codec(self.refused, self._stamp, system, component)
         if key is not None:
             self.mav.signing.secret_key = key
             self.mav.signing.sign_outgoing = True
@@ -166,8 +229,6 @@ class Link:
     def receive(self) -> list[Any]:
         """The messages that have come since the last call, of all systems. Raises OSError."""
         found: list[Any] = []
-        signing = self.mav.signing
-        signing.timestamp = max(signing.timestamp, self._stamp())
         for data, sender in self._wire.receive():
             self.mav.buf, self.mav.buf_index = bytearray(), 0  # no message goes on in the next datagram
             for message in self.mav.parse_buffer(bytearray(data)) or ():
@@ -181,31 +242,20 @@ class Link:
     def _count(self, data: bytes, reason: str) -> None:
         """Note a message that was not let in. One with a signature was noted when that was checked."""
         if "signature" not in reason:
-            self.refused["damaged"] += 1
+            self.refused.add("damaged", None)
         elif not data[2] & SIGNED:
-            self.refused["not signed"] += 1
+            self.refused.add("not signed", data[SYSTEM])
 
     def complaints(self, whose: str = "the vehicle") -> list[str]:
         """Why messages have been refused since the last call, in sentences. whose: who is at the other end."""
-        counts = self.refused.items()
-        said = [f"{count} messages from {whose} were refused: {REFUSED[why].format(whose)}" for why, count in counts]
-        self.refused.clear()
-        return said
+        return self.refused.take(whose)
 
     def close(self) -> None:
         self._wire.close()
 
 
-REFUSED = {
-    "not signed": "they are not signed; give {} the key, or add unsigned=yes to the address",
-    "wrong key": "they are signed with another key than ours",
-    "old": "their timestamps are old: they are repeated, or the clock of {} is behind ours by more than a minute",
-    "damaged": "they are damaged, or no MAVLink",
-}
-
-
-def _codec(refused: Counter[str], system: int, component: int) -> MAVLink:
-    """pymavlink's, with the check of the module."""
+def _codec(refused: Refusals, stamp: Callable[[], int], system: int, component: int) -> MAVLink:
+    """pymavlink's, with the check of the module. stamp: the time of our clock, in steps."""
     try:
         from pymavlink.dialects.v20.common import MAVLink as Codec
     except ImportError:
@@ -215,11 +265,17 @@ def _codec(refused: Counter[str], system: int, component: int) -> MAVLink:
         def check_signature(self, msgbuf: bytearray, srcSystem: int, srcComponent: int) -> bool:
             expected = hashlib.sha256(bytes(self.signing.secret_key) + bytes(msgbuf[:-6])).digest()[:6]
             if bytes(msgbuf[-6:]) != expected:
-                refused["wrong key"] += 1
+                refused.add("wrong key", srcSystem)
                 return False
-            if not super().check_signature(msgbuf, srcSystem, srcComponent):
-                refused["old"] += 1
+            ours, followed = stamp(), self.signing.timestamp
+            self.signing.timestamp = ours
+            fresh = bool(super().check_signature(msgbuf, srcSystem, srcComponent))
+            # What we send must not look old to anybody, so it follows the clock that is furthest ahead.
+            self.signing.timestamp = max(followed, self.signing.timestamp)
+            if not fresh:
+                refused.add("old", srcSystem)
                 return False
+            refused.compare(srcSystem, (int.from_bytes(msgbuf[-12:-6], "little") - ours) * STEP)
             return True
 
     found = Checked(None, system, component)

@@ -13,7 +13,7 @@ import pytest
 
 from cli.calling import LONGEST, called
 from cli.test_swarm import account, channel, swarm
-from sleepcast.api.connection import FLEET, AirOptions, session_for
+from sleepcast.api.connection import FLEET, AirOptions, keeper_for, session_for
 from sleepcast.channel.keyring import KeyFileLostError, add_trust, key_file, load_trust, save_key, save_trust
 from sleepcast.channel.keys import KeyChange, KeyPair, Trust
 from sleepcast.channel.message import Kind, Role
@@ -157,6 +157,11 @@ def test_what_cannot_be_written_down_is_said_and_counts_all_the_same(channel: st
         trust = session.delivery.admission.trust
         trust.take(KeyChange(revoke=frozenset((trust.keys[0].id,))))
         assert trust.keys[0].revoked
+        keeper = keeper_for([], session.delivery, None)
+        assert keeper is not None
+        assert keeper.before()
+        keeper.write()
+        assert not keeper.before(), "it is tried again, but not at once"
     assert len(said) == 1
     assert "trust.json" in said[0]
 

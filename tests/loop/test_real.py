@@ -40,6 +40,9 @@ class Desk:
         kind = Kind(text) if text in ("stop", "release") else Kind.COMMAND
         return [Message("desk", 0, self.asked, kind, 0.0, text="" if kind is not Kind.COMMAND else text)]
 
+    def stops(self) -> list[Message]:
+        return []
+
 
 class Run:
     """One robot of a simulator, its time moved on as the loop sleeps."""

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from sleepcast.channel.keys import KeyPair, Trust
     from sleepcast.channel.reliable import ReliableDelivery
     from sleepcast.channel.session import ChannelSession, Multiplexer, Receiver
+    from sleepcast.loop.durable import Keeper
+    from sleepcast.node.node import Node
     from sleepcast.node.store import Store
     from sleepcast.station.journal.file import DeferredJournal
     from sleepcast.station.network import NetworkStation
@@ -231,6 +233,7 @@ def chosen_keys(air: AirOptions, robot: bool, say: Callable[[str], None]) -> tup
     from sleepcast.channel.keyring import (
         DEVELOPMENT_TRUST,
         TRUST_FILE,
+        TrustKeeper,
         add_trust,
         development_keys,
         find_key,
@@ -239,6 +242,7 @@ def chosen_keys(air: AirOptions, robot: bool, say: Callable[[str], None]) -> tup
         used_keys,
     )
     from sleepcast.channel.keys import Trust
+    from sleepcast.core.clock import UnixClock
     from sleepcast.core.errors import SleepcastError
 
     folder = air.folder or keys_folder()
@@ -260,8 +264,21 @@ def chosen_keys(air: AirOptions, robot: bool, say: Callable[[str], None]) -> tup
         except SleepcastError as error:  # it counts all the same, until we end
             say(str(error))
 
-    trust.keep = keep
+    trust.keep = TrustKeeper(trust, file, UnixClock(), say) if robot else keep
     return pair, trust
+
+
+def keeper_for(nodes: Sequence[Node], delivery: ReliableDelivery, store: Store | None) -> Keeper | None:
+    """What stores what these robots know and whom they trust. delivery: what receives for them."""
+    from sleepcast.channel.keyring import TrustKeeper
+    from sleepcast.loop.durable import KeysFirst
+
+    keys = delivery.admission.trust.keep
+    if not isinstance(keys, TrustKeeper):
+        return store
+    for node in nodes:
+        node.keys_last = lambda: keys.lasts
+    return KeysFirst(keys, store)
 
 
 LONGEST = 200

@@ -10,8 +10,9 @@ All are JSON, so that people and other programs can read and write them. A secre
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from math import inf
 from pathlib import Path
 from stat import S_IMODE
 from typing import TypeVar
@@ -20,6 +21,7 @@ import msgspec
 
 from sleepcast.channel.keys import FINGERPRINT_BYTES, ID_BYTES, KeyChange, KeyPair, KeyRefusal, PublicKey, Trust
 from sleepcast.channel.message import Role
+from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.core.files import config_folder, replace_file
 
@@ -32,6 +34,8 @@ DEVELOPMENT_TRUST = "development-trust.json"
 """Changes of trust that were received while the development keys were in use."""
 DEVELOPMENT_DESK, _DEVELOPMENT_ROBOTS = "development-desk", "development-robots"
 """Names of the default keys, which programs of one machine use among themselves."""
+TRY_AGAIN = 5.0
+"""Seconds after which a failed write of a robot's trust is tried again."""
 _SAFE = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.")
 
 
@@ -121,9 +125,10 @@ def add_trust(trust: Trust, file: Path) -> None:
     """Add all of `trust` to a trust file, keeping what others have written meanwhile. Raises KeyFileError and
     KeyFileLostError."""
     with _alone(file):
-        there = load_trust(file) if file.exists() else Trust()
-        there.merge(trust)
-        save_trust(there, file)
+        known = file.exists()
+        there = load_trust(file) if known else Trust()
+        if there.merge(trust) or not known:
+            save_trust(there, file)
 
 
 @contextmanager
@@ -140,6 +145,42 @@ def _alone(file: Path) -> Iterator[None]:
             yield
     except OSError as error:
         raise KeyFileLostError(f"cannot write {file}: {error.strerror or error}. Nothing was replaced") from None
+
+
+class TrustKeeper:
+    """Writes the changes of a robot's trust into its trust file, in any thread; see `loop.durable`. A failed write is
+    told once, and tried again later. clock: s."""
+
+    def __init__(self, trust: Trust, file: Path, clock: Clock, say: Callable[[str], None]) -> None:
+        self._trust, self._file, self._clock, self._say = trust, file, clock, say
+        self._waits, self._try_at, self._said = False, -inf, ""
+
+    def __call__(self, trust: Trust) -> None:
+        """The trust has changed."""
+        self._waits, self._try_at = True, -inf
+
+    @property
+    def lasts(self) -> bool:
+        """Whether every change is written."""
+        return not self._waits
+
+    @property
+    def due(self) -> bool:
+        """Whether there is something to be written now."""
+        return self._waits and self._clock.now() >= self._try_at
+
+    def write(self) -> bool:
+        """Write, and return whether every change is written."""
+        try:
+            add_trust(self._trust, self._file)
+        except SleepcastError as error:  # it counts all the same, until we end
+            self._try_at = self._clock.now() + TRY_AGAIN
+            if str(error) != self._said:
+                self._said = str(error)
+                self._say(self._said)
+        else:
+            self._waits, self._said = False, ""
+        return self.lasts
 
 
 def load_key(file: Path) -> KeyPair:

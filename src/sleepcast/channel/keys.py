@@ -148,6 +148,15 @@ class KeyChange:
             f"a change of keys has the lists trust, vouch and revoke, of at most {MAX_CHANGES} entries each"
         )
 
+    @staticmethod
+    def refusal(message: Message) -> str:
+        """Why the change of keys in a message was not made, "" if it was."""
+        try:
+            KeyChange.of(message)
+        except KeyRefusal as error:
+            return str(error)
+        return ""
+
 
 def _trusted(written: object) -> PublicKey:
     match written:
@@ -223,9 +232,9 @@ class Trust:
         self.take(KeyChange(revoke=frozenset(key.id for key in found)))
         return found
 
-    def take(self, change: KeyChange) -> None:
-        """Apply a commander's change. A known key keeps its owner and its role. What exceeds a bound is left out; the
-        revocation of a known key never is."""
+    def take(self, change: KeyChange) -> bool:
+        """Apply a commander's change; returns whether it changed anything. A known key keeps its owner and its role.
+        What exceeds a bound is left out; the revocation of a known key never is."""
         before = self._state()
         for print_ in sorted(change.vouch - self._vouched.keys())[: MAX_VOUCHED - len(self._vouched)]:
             self._vouched[print_] = None
@@ -238,13 +247,15 @@ class Trust:
                 self._keys[gone] = replace(known, revoked=True)
             elif len(self._gone) < MAX_KEYS:
                 self._gone.add(gone)
-        if self.keep is not None and self._state() != before:
+        changed = self._state() != before
+        if self.keep is not None and changed:
             self.keep(self)
+        return changed
 
-    def merge(self, other: Trust) -> None:
-        """Add everything that `other` trusts or has revoked."""
+    def merge(self, other: Trust) -> bool:
+        """Add everything that `other` trusts or has revoked; returns whether that was news."""
         revoked = frozenset(key.id for key in other.keys if key.revoked) | other.gone
-        self.take(KeyChange(other.keys, frozenset(other.vouched), revoked))
+        return self.take(KeyChange(other.keys, frozenset(other.vouched), revoked))
 
     def _state(self) -> tuple[int, int, int, int]:
         """Sizes by which a change shows: trust only grows."""

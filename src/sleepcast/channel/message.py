@@ -179,6 +179,8 @@ UNKNOWN = "unknown"
 """In an answer with the outcome `not matched`, and in one to an ASK with `matched`: the test was unknown."""
 HELD = "held"
 """In an answer with the outcome `matched`: the body was asked to move, and STOP holds it still."""
+NOT_STORED = "not stored"
+"""At the end of an answer's fault: it was done, but could not be written, so a restart may forget it."""
 REFINED = {UNKNOWN: "not matched", HELD: "matched"}
 """Outcomes that are sent as one that every receiver knows, and a field that has their own name."""
 RULE = "rule"
@@ -235,6 +237,19 @@ def outcome_of(body: Mapping[str, object]) -> object:
     """The outcome in an answer's body, whatever its sender has put there."""
     said = body.get("outcome")
     return next((refined for refined, known in REFINED.items() if said == known and body.get(refined) is True), said)
+
+
+def not_stored(message: Message) -> Message:
+    """The same message; but an answer that claims something which a restart must not forget says that it may."""
+    body = message.body
+    if message.kind is not Kind.ANSWER or body.get("outcome") not in _CLAIMS:
+        return message
+    fault = f"{body['fault']}; {NOT_STORED}" if body.get("fault") else NOT_STORED
+    return msgspec.structs.replace(message, body={**body, "fault": fault})
+
+
+_CLAIMS = frozenset({"stopped", "released", "matched", "not matched"})
+"""Outcomes that a robot stores before it answers; the others claim nothing that must last."""
 
 
 def hops_left(body: Mapping[str, object], role: str, most: int) -> int:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import select
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import count
@@ -28,9 +28,8 @@ import msgspec
 from sleepcast.channel.admission import Admission
 from sleepcast.channel.drops import DropCounter, DropReason
 from sleepcast.channel.envelope import kind_of
-from sleepcast.channel.keys import KeyChange, KeyRefusal
-from sleepcast.channel.message import AGAIN, FOR, KEYS, MAX_NAME, MISSED, NOT, WITHIN, Kind, Message, message_id
-from sleepcast.channel.reliable import LIFE, ReliableDelivery
+from sleepcast.channel.message import AGAIN, FOR, MAX_NAME, MISSED, NOT, WITHIN, Kind, Message, message_id
+from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.sequencer import Skipped
 from sleepcast.channel.transports.transport import Transport, listen_for
 from sleepcast.core.clock import Clock
@@ -79,6 +78,7 @@ class ChannelSession:
         self.transport, self.delivery, self.zero = transport, delivery, zero
         self._clock, self._chance = clock, chance
         self.ends: list[Callable[[], None]] = []
+        self._unread: deque[bytes] = deque(maxlen=MAX_QUEUE)
         self._heard: list[Message] = []
         self._missed: list[Skipped] = []
         self._report_at = -inf
@@ -108,12 +108,25 @@ class ChannelSession:
 
     def pump(self) -> bool:
         """Receive, repair, and send what is due; whether anything came."""
-        came = self.transport.receive()
-        for datagram in came:
-            now = self._clock.now()
-            self._hear(self.delivery.take(datagram, now), now)
+        came = [*self._unread, *self.transport.receive()]
+        self._unread.clear()
+        self._read(came)
         self.tend()
         return bool(came)
+
+    def stops(self) -> list[Message]:
+        """The STOPs received since the last call of this or `receive`. All else waits, unread."""
+        came = self.transport.receive()
+        self._unread += (datagram for datagram in came if kind_of(datagram) is not Kind.STOP)
+        self._read([datagram for datagram in came if kind_of(datagram) is Kind.STOP])
+        found = [message for message in self._heard if message.kind is Kind.STOP]
+        self._heard = [message for message in self._heard if message.kind is not Kind.STOP]
+        return found
+
+    def _read(self, datagrams: Iterable[bytes]) -> None:
+        for datagram in datagrams:
+            now = self._clock.now()
+            self._hear(self.delivery.take(datagram, now), now)
 
     def hear(self, messages: Iterable[Message]) -> None:
         """Take in received messages, with the times of our mind."""
@@ -126,10 +139,7 @@ class ChannelSession:
                 self._asked[message.id] = within
                 if len(self._asked) > _MAX_ASKED:
                     self._asked.popitem(last=False)
-            if message.kind is Kind.COMMAND and KEYS in message.body and not message.ahead:
-                self._answer_for_keys(message)
-            else:
-                self._heard.append(message)
+            self._heard.append(message)
 
     def miss(self, skipped: Iterable[Skipped]) -> None:
         """Note commands that never arrived, and are now too late."""
@@ -173,7 +183,7 @@ class ChannelSession:
 
     def pump_due(self) -> float:
         """When to call `pump` next even if nothing comes, s of Unix time."""
-        due = self.delivery.due()
+        due = -inf if self._unread else self.delivery.due()
         return min(due, self._delayed[0].time) if self._delayed else due
 
     def _delay(self, answer: Message, within: float) -> None:
@@ -195,18 +205,6 @@ class ChannelSession:
             return
         if all(held.message is not answer for held in self._delayed):  # otherwise it is about to be sent anyway
             self._delay(answer, _within(asked))
-
-    def _answer_for_keys(self, message: Message) -> None:
-        """Answer a change of keys for the robot: its mind knows nothing of keys."""
-        if not self.delivery.admission.robot:
-            return
-        body: dict[str, object] = {"command": message.id, "outcome": "matched", "value": None, "fault": None}
-        try:
-            KeyChange.of(message)
-        except KeyRefusal as error:
-            body |= {"outcome": "fault", "fault": str(error)}
-        now = self._clock.now() - self.zero
-        self.send(Message(self.delivery.name, self.delivery.epoch, 0, Kind.ANSWER, now, now + LIFE, body=body))
 
     def _post(self, message: Message) -> None:
         deadline = None if isinf(message.deadline) else message.deadline + self.zero
@@ -302,17 +300,17 @@ class Receiver:
         """Whether datagrams wait to be taken."""
         return bool(self._port.waiting)
 
+    def stops(self) -> list[Message]:
+        """The STOPs among them, in the time of the minds. All else waits, unread."""
+        return self._read(self._port.drain(frozenset({Kind.STOP})))
+
     def due(self) -> float:
         """When to call `tend` next even if nothing comes, s of Unix time."""
         return self.delivery.due()
 
     def take(self) -> list[Message]:
         """The received messages that can be handled now, in the time of the minds."""
-        found: list[Message] = []
-        for datagram in self._port.drain():
-            now = self._clock.now()
-            found += self._in_time(self.delivery.take(datagram, now), now)
-        return found
+        return self._read(self._port.drain())
 
     def tend(self) -> list[Message]:
         """Repair, and send what is due; returns the messages that need not wait any longer."""
@@ -334,6 +332,13 @@ class Receiver:
     def close(self) -> None:
         """Leave the multiplexer."""
         self._port.close()
+
+    def _read(self, datagrams: Iterable[bytes]) -> list[Message]:
+        found: list[Message] = []
+        for datagram in datagrams:
+            now = self._clock.now()
+            found += self._in_time(self.delivery.take(datagram, now), now)
+        return found
 
     def _in_time(self, messages: Iterable[Message], now: float) -> list[Message]:
         return [to_mind_time(message, self.zero, self.delivery.admission, now) for message in messages]
@@ -430,11 +435,14 @@ class Port:
         self._multiplexer.gather()
         return self.drain()
 
-    def drain(self) -> list[bytes]:
-        """The datagrams that wait here, without reading from the network."""
-        found = list(self.waiting)
+    def drain(self, kinds: Collection[Kind] = frozenset(Kind)) -> list[bytes]:
+        """The datagrams that wait here, of these kinds, without reading from the network."""
+        waiting = list(self.waiting)
         self.waiting.clear()
-        return found
+        if len(kinds) == len(Kind):
+            return waiting
+        self.waiting += (datagram for datagram in waiting if kind_of(datagram) not in kinds)
+        return [datagram for datagram in waiting if kind_of(datagram) in kinds]
 
     def close(self) -> None:
         """See `Transport.close`."""

@@ -12,9 +12,10 @@ from collections.abc import Callable, Iterator, Sequence
 from math import nan
 
 from sleepcast.bridges.mavlink.ground_station import GroundStation, Wish
-from sleepcast.channel import Channel, Kind, Message
+from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import ENDS, MAX_TEXT
 from sleepcast.channel.plain_datagrams import Datagrams, Numbers
+from sleepcast.channel.session import ChannelSession
 from sleepcast.cli.standard_memory import reported_body
 from sleepcast.cli.streams import announce, complain, still_open
 from sleepcast.core.clock import Clock
@@ -119,7 +120,7 @@ class LocalInput:
         orders: Sequence[Order],
         typed: TypedLines | None,
         listener: Datagrams | None,
-        session: Channel | None = None,
+        session: ChannelSession | None = None,
         epoch: int = 0,
         stops: Callable[[], Sequence[object]] = tuple,
         ground: GroundStation | None = None,
@@ -129,13 +130,14 @@ class LocalInput:
         self._name, self._clock, self._start = name, clock, clock.now()
         self._orders, self._typed, self._listener, self._session = deque(orders), typed, listener, session
         self._waiting: deque[Numbers] = deque()
+        self._read: list[Message] = []
         self._epoch, self._sequence, self._stops = epoch, 0, stops
         self.lost = 0
         """Datagrams that found no room."""
 
     def receive(self) -> list[Message]:
         """What has come since the last call."""
-        found: list[Message] = []
+        found, self._read = self._read, []
         while self._orders and self._orders[0].time <= self._clock.now() - self._start:
             found.append(self._message(self._orders.popleft().text))
         if self._typed is not None:
@@ -147,6 +149,17 @@ class LocalInput:
         if self._session is not None:
             found += self._session.receive()
         return found
+
+    def stops(self) -> list[Message]:
+        """The STOPs that have come since the last call of this or `receive`, from wherever a person may send one; what
+        is typed with them waits."""
+        if self._typed is not None:
+            self._read += map(self._message, self._typed.texts())
+        if self._ground is not None:
+            self._read += [self._message(wished(wish, self._actuators), GROUND) for wish in self._ground.wishes()]
+        found = [message for message in self._read if message.kind is Kind.STOP]
+        self._read = [message for message in self._read if message.kind is not Kind.STOP]
+        return found if self._session is None else found + self._session.stops()
 
     def _next_datagram(self, listener: Datagrams) -> Iterator[Message]:
         for numbers in listener.receive():

@@ -9,6 +9,7 @@ from math import inf
 from pathlib import Path
 from typing import Protocol
 
+from sleepcast.api.connection import keeper_for
 from sleepcast.bridges import RealRobot
 from sleepcast.bridges.mavlink.ground_station import GroundStation
 from sleepcast.channel import Kind
@@ -160,8 +161,9 @@ class NodeProcess:
         )
         start = clock.now() if in_step else 0.0
         session = self.session
+        keeper = self.store if session is None else keeper_for([self.node], session.delivery, self.store)
         return EmbodiedMind(
-            *(self.node, self.robot, clock, self._desk, self.watch, self.store, start),
+            *(self.node, self.robot, clock, self._desk, self.watch, keeper, start),
             is_catching_up=lambda: session is not None and session.is_catching_up,
         )
 

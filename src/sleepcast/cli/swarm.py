@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.api.connection import AirOptions, open_store, sessions_for
+from sleepcast.api.connection import AirOptions, keeper_for, open_store, sessions_for
 from sleepcast.cli.air import options, store_option
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.options import NumberRange, each_rules_option, restraints
@@ -171,7 +171,8 @@ def _crew(stack: ExitStack, air: AirOptions, wanted: Wanted, store: Store | None
     everybody = [each for member in members for each in (member.node, member.session)]
     seek_time(receiver.delivery, sessions[0], [receiver, *everybody], complain)
     guard = None if limits is None else SafetyLimits(simulator, limits)
-    return NetworkSwarm(simulator, members, multiplexer, receiver, WallClock(), UnixClock(), guard=guard, keeper=store)
+    keeper = keeper_for([member.node for member in members], receiver.delivery, store)
+    return NetworkSwarm(simulator, members, multiplexer, receiver, WallClock(), UnixClock(), guard=guard, keeper=keeper)
 
 
 def _begin(crew: NetworkSwarm, beginning: StartScript, store: Store | None) -> None:

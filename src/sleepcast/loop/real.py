@@ -2,13 +2,13 @@
 process (`NetworkSwarm`). The order of a tick is the same for both:
 
     sense    the body's last measurements are read; simulated bodies first advance by a tick
-    deliver  messages from the channel are received, and stored if there is a store
+    deliver  messages from the channel are received, and stored if there is a store; STOPs halt bodies
     think    they are evaluated, and the active rules after them
     act      assigned actuators go to the body
-    report   results are stored, and the mind's messages are sent
+    report   results are stored, then the mind's messages are sent
 
-Each mind of a swarm has its own session; all share one receiver. Between two ticks the swarm listens: messages are
-received at once, so that STOP never waits.
+What is stored, and that it is stored before it is answered, is in `durable`. Each mind of a swarm has its own session;
+all share one receiver. Between two ticks the swarm listens: messages are received at once, so that STOP never waits.
 
 Ticks that begin late are counted; missed ticks are not made up for. If a body fails, the run ends, unless its owner
 goes on without it; however it ends, all bodies are stopped first.
@@ -20,8 +20,8 @@ import gc
 import select
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from math import inf, nan
 from typing import TYPE_CHECKING, Protocol, Self
 
@@ -31,6 +31,7 @@ from sleepcast.channel.sequencer import Skipped
 from sleepcast.channel.session import GATHER_FOR, ChannelSession, Multiplexer, Receiver
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
+from sleepcast.loop.durable import Durability, Keeper
 from sleepcast.node.node import Node
 from sleepcast.robot import Failsafe, Robot, Setpoint
 
@@ -38,17 +39,11 @@ if TYPE_CHECKING:
     from sleepcast.simulator import SafetyLimits, Simulator
 
 
-class Keeper(Protocol):
-    """Stores what minds know, so that it survives this process."""
+class MindChannel(Channel, Protocol):
+    """A channel of which STOPs can be received before everything else."""
 
-    def before(self) -> bool:
-        """Messages were received, and are about to be evaluated; returns whether to `write` first."""
-
-    def after(self) -> bool:
-        """They have been evaluated; returns whether to `write` now."""
-
-    def write(self) -> None:
-        """Write what was collected."""
+    def stops(self) -> list[Message]:
+        """The STOPs received since the last call of this or `receive`."""
 
 
 @dataclass(slots=True)
@@ -80,7 +75,7 @@ class EmbodiedMind:
     node: Node
     robot: Robot
     clock: Clock
-    channel: Channel
+    channel: MindChannel
     watch: Watch
     keeper: Keeper | None
     start: float
@@ -95,18 +90,22 @@ class EmbodiedMind:
         for message in self.channel.receive():
             self.node.receive(message)
 
+    def hear_stops(self) -> None:
+        """Receive STOPs only, which stop the body here. Raises what the channel raises."""
+        for message in self.channel.stops():
+            self.node.receive(message)
+
     def think(self) -> None:
         """Evaluate, and act."""
         self.node.catch_up(self.is_catching_up())
         self.node.think(self.watch.ticks, self.clock.now() - self.start)  # which is after storing
         act(self.node, self.robot)
-
-    def report(self) -> None:
-        """Send what the mind says. Raises what the channel raises."""
-        for message in self.node.outbox:
-            self.channel.send(message)
-        self.node.outbox.clear()
         self.node.pings.clear()  # there is nothing here that could send them
+
+    def say(self, messages: Sequence[Message]) -> None:
+        """Send what the mind says. Raises what the channel raises."""
+        for message in messages:
+            self.channel.send(message)
 
     def end(self) -> None:
         """Stop the body, or have it do what it does when nobody drives it any more."""
@@ -114,10 +113,6 @@ class EmbodiedMind:
             self.robot.let_go()
         else:
             self.robot.stop()
-
-
-WRITERS = 16
-"""Stores that are written at a time: each mostly waits for its disk."""
 
 
 def run_robots(
@@ -137,52 +132,60 @@ def run_robots(
     SleepcastError, which then ends alone; without it the run ends. Raises whatever robots and channels raise, once the
     bodies are stopped.
     """
-    due = clock.now()
+    due, running = clock.now(), RunningMinds(minds, fails)
     try:
-        with ThreadPoolExecutor(WRITERS, "store") as pool:
-            while going():
+        while going():
+            now = clock.now()
+            if now < due:
+                sleep(due - now)
                 now = clock.now()
-                if now < due:
-                    sleep(due - now)
-                    now = clock.now()
-                late, due = now - due, max(due + tick, now)
-                for mind in minds:
-                    mind.watch.begin(late, tick)
-                _step(minds, pool, fails)
+            late, due = now - due, max(due + tick, now)
+            for mind in minds:
+                mind.watch.begin(late, tick)
+            running.step()
     finally:
         for mind in minds:
             mind.end()
+        running.durability.close()
 
 
-def _step(
-    minds: Sequence[EmbodiedMind], pool: Executor, fails: Callable[[EmbodiedMind, SleepcastError], None] | None
-) -> None:
-    """One tick, of all minds together: no STOP waits until another mind has thought, or its disk has written."""
-    running = list(minds)
+class RunningMinds:
+    """The minds of `run_robots`, all together: no STOP waits until another mind has thought, or its disk has
+    written."""
 
-    def each(part: Callable[[EmbodiedMind], None]) -> None:
-        for mind in tuple(running):
-            try:
-                part(mind)
-            except SleepcastError as error:
-                if fails is None:
-                    raise
-                running.remove(mind)
-                fails(mind, error)
+    def __init__(
+        self, minds: Sequence[EmbodiedMind], fails: Callable[[EmbodiedMind, SleepcastError], None] | None
+    ) -> None:
+        self.durability = Durability(self._hear_stops)
+        self._minds, self._fails = minds, fails
+        self._running: list[EmbodiedMind] = []
 
-    each(EmbodiedMind.deliver)
-    _store(running, pool, lambda keeper: keeper.before())
-    each(EmbodiedMind.think)
-    _store(running, pool, lambda keeper: keeper.after())
-    each(EmbodiedMind.report)
+    def step(self) -> None:
+        """One tick. A mind that fails takes no further part in it."""
+        self._running = list(self._minds)
+        for mind in tuple(self._running):
+            self._try(mind, mind.deliver)
+        self.durability.before(self._keepers())
+        for mind in tuple(self._running):
+            self._try(mind, mind.think)
+        for mind, messages in self.durability.after(self._keepers(), self._running):
+            self._try(mind, partial(mind.say, messages))
 
+    def _hear_stops(self) -> None:
+        for mind in tuple(self._running):
+            self._try(mind, mind.hear_stops)
 
-def _store(minds: Sequence[EmbodiedMind], pool: Executor, part: Callable[[Keeper], bool]) -> None:
-    writers = [mind.keeper for mind in minds if mind.keeper is not None and part(mind.keeper)]
-    if len(writers) > 1:
-        list(pool.map(lambda keeper: keeper.write(), writers))
-    elif writers:
-        writers[0].write()
+    def _keepers(self) -> list[Keeper]:
+        return [mind.keeper for mind in self._running if mind.keeper is not None]
+
+    def _try(self, mind: EmbodiedMind, part: Callable[[], None]) -> None:
+        try:
+            part()
+        except SleepcastError as error:
+            if self._fails is None:
+                raise
+            self._running.remove(mind)
+            self._fails(mind, error)
 
 
 def act(node: Node, robot: Robot) -> None:
@@ -197,12 +200,13 @@ def act(node: Node, robot: Robot) -> None:
 
 @dataclass(slots=True)
 class Member:
-    """A mind, the index of its body in the simulator, and its session. due: when the session must be tended even if
-    nothing arrives, s of Unix time."""
+    """A mind, the index of its body in the simulator, and its session. keeper: stores what it knows. due: when the
+    session must be tended even if nothing arrives, s of Unix time."""
 
     node: Node
     number: int
     session: ChannelSession
+    keeper: Keeper | None = None
     due: float = -inf
 
 
@@ -210,7 +214,7 @@ class Member:
 class NetworkSwarm:
     """See the module. multiplexer: has the ports of the receiver and of all sessions. clock: for the pace of the ticks;
     air: Unix time, for sessions. watch: timing of the run. guard: of the bodies' limits. keeper: stores what the minds
-    know. time: of the minds, which began when their nodes say, s."""
+    know, and is that of each member. time: of the minds, which began when their nodes say, s."""
 
     simulator: Simulator
     members: Sequence[Member]
@@ -222,6 +226,12 @@ class NetworkSwarm:
     guard: SafetyLimits | None = None
     keeper: Keeper | None = None
     time: float = 0.0
+    durability: Durability = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.durability = Durability(self.hear_stops)
+        for member in self.members:
+            member.keeper = self.keeper
 
     def run(self, going: Callable[[], bool]) -> None:
         """Run while `going`, called before each tick, returns true; then stop every body. Raises what the channel
@@ -240,6 +250,7 @@ class NetworkSwarm:
         finally:
             for member in self.members:
                 self.simulator.robots[member.number].stop()
+            self.durability.close()
 
     def step(self) -> None:
         """One tick."""
@@ -251,19 +262,14 @@ class NetworkSwarm:
         for member in self.members:
             member.node.catch_up(catching_up)
         awake = [member for member in self.members if member.node.awake]
-        if self.keeper is not None and self.keeper.before():
-            self.keeper.write()
+        self.durability.before(self._keepers())
         now = self._time()
         if awake:
             readings = self.simulator.readings([member.number for member in awake])
             for member, values in zip(awake, readings, strict=True):
                 member.node.sense(values, now)
                 self._think(member, now)
-        if self.keeper is not None and self.keeper.after():
-            self.keeper.write()
-        for member in awake:
-            if member.node.outbox:
-                self._report(member)
+        self._speak()
 
     def listen(self, until: float) -> None:
         """Receive messages until that time of `clock`."""
@@ -289,12 +295,14 @@ class NetworkSwarm:
         skipped = self.receiver.skipped()
         for member in self.members:
             self._tend(member, now, skipped, news=bool(heard))
-        speaking = [member for member in self.members if member.node.outbox]
-        if self.keeper is not None and speaking:
-            self.keeper.after()
-        for member in speaking:
-            self._report(member)
+        if any(member.node.outbox for member in self.members):
+            self._speak()
         return came
+
+    def hear_stops(self) -> None:
+        """Receive STOPs only, which halt bodies here; their answers wait. All else waits, unread."""
+        self.multiplexer.gather()
+        self._give(self.receiver.stops())
 
     def _give(self, messages: Sequence[Message]) -> None:
         """Pass these messages to every mind except their sender."""
@@ -335,12 +343,14 @@ class NetworkSwarm:
             self.simulator.ping(member.number, caste)
         node.pings.clear()
 
-    @staticmethod
-    def _report(member: Member) -> None:
-        for message in member.node.outbox:
-            member.session.send(message)
-        member.node.outbox.clear()
-        member.due = member.session.due()
+    def _keepers(self) -> list[Keeper]:
+        return [] if self.keeper is None else [self.keeper]
+
+    def _speak(self) -> None:
+        for member, messages in self.durability.after(self._keepers(), self.members):
+            for message in messages:
+                member.session.send(message)
+            member.due = member.session.due()
 
 
 THOROUGH = 600

@@ -9,7 +9,7 @@ they are received.
 from __future__ import annotations
 
 from collections import OrderedDict, deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from math import inf, isnan, nan
 
@@ -17,9 +17,11 @@ from sleepcast.channel.clock_sync import differs
 from sleepcast.channel.message import (
     HELD,
     HOPS,
+    KEYS,
     LEASE,
     LOOK,
     MATCHED,
+    NOT_STORED,
     RULE,
     UNKNOWN,
     Kind,
@@ -80,7 +82,7 @@ class Node:
     whose orders count; catching_up: see `catch_up`. lost: messages lost because a queue or the outbox was full.
     evaluated: the latest messages that it answered, their outcomes, and the robot's time; its owner stores them and
     empties the list. zero: start of its time, s of Unix time, where that matters; clock: gives that time, None if the
-    tick's time will do.
+    tick's time will do. keys_last: whether the keys that its channel trusts are stored, as far as they must be.
 
     number: its `id` in expressions and random streams. seed: of the run. body: target of its vocabulary's functions
     (default: the linked object); if it is a `Robot` it is also stopped, released and held still. variables: linked
@@ -112,6 +114,7 @@ class Node:
         self.evaluated: deque[tuple[Message, str, float]] = deque(maxlen=MAX_EVALUATED)
         self.zero = 0.0
         self.clock: Clock | None = None
+        self.keys_last: Callable[[], bool] = lambda: True
         self._memory = RobotMemory(
             table,
             Voice(self._report, self._may_tell, self._tell, self._ping),
@@ -253,6 +256,11 @@ class Node:
                 enqueue(self._queue, message, self.zero)
             else:
                 self._queue.append(message)
+
+    def take_outbox(self) -> list[Message]:
+        """What it has said since the last call."""
+        found, self.outbox = self.outbox, []
+        return found
 
     def recall(self, ids: Iterable[str]) -> None:
         """Messages with these ids were already handled before a restart."""
@@ -460,6 +468,9 @@ class Node:
             granted = "matched" if group in self.groups else "not matched"
             self._answer(message, "fault" if refusal else granted, fault=refusal)
             return
+        if message.kind is Kind.COMMAND and KEYS in message.body:
+            self._answer_for_keys(message)
+            return
         try:
             program = memory.library.program(message.text, lambda: [read(message.text)], memory.base)
         except SleepcastError as error:
@@ -492,6 +503,14 @@ class Node:
             self._answer(message, HELD if answered and memory.moved and self.stopped else "matched", value)
         else:
             self._answer(message, UNKNOWN if answered and memory.undecided else "not matched", value)
+
+    def _answer_for_keys(self, message: Message) -> None:
+        """The channel has made a change of keys already, or refused it."""
+        from sleepcast.channel.keys import KeyChange  # which loads the library of signatures
+
+        refusal = KeyChange.refusal(message)
+        lost = "" if self.keys_last() else NOT_STORED
+        self._answer(message, "fault" if refusal else "matched", fault=refusal or lost)
 
     def interrupted(self, message: Message) -> None:
         """Answer a message whose evaluation began before a restart: it is not repeated."""

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import os
 import sqlite3
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import inf
@@ -105,6 +106,8 @@ class Store:
         self._marker, self._marked, self._mark_at = Marker(self.file, FORMAT), 0, -inf
         self._unwritten = WriteBatch()
         self._failing = False
+        self._remarks: deque[str] = deque()
+        """Written by whichever thread writes the file."""
         self._decided: set[Kind] = set()
         """Whether a STOP or RELEASE waits to be written."""
         self._try_at = self._look_at = -inf
@@ -236,6 +239,7 @@ class Store:
 
     def before(self) -> bool:
         """All robots have received their messages, and are about to evaluate them; returns whether to `write` first."""
+        self._report()
         begins = bool(self._unwritten.lives)
         if self._listening is not None:
             kept, delivery = self._listening
@@ -261,6 +265,7 @@ class Store:
 
     def after(self) -> bool:
         """All robots have finished the tick; returns whether to `write` now."""
+        self._report()
         now = self._clock.now()
         look = now >= self._look_at
         if look:
@@ -277,9 +282,10 @@ class Store:
                 self._look(robot, now)
         return urgent and bool(self._unwritten)
 
-    def write(self) -> None:
-        """Write what was collected. May be called in another thread, while nothing else is."""
-        self._write(self._clock.now())
+    def write(self) -> bool:
+        """Write what was collected; returns whether it is stored. May be called in another thread, while nothing else
+        is."""
+        return self._write(self._clock.now())
 
     def close(self) -> None:
         """Write what is left, and release the file. Messages received but not evaluated are not stored: they are
@@ -383,16 +389,18 @@ class Store:
                 kept.mind = msgspec.structs.replace(kept.mind, stopped=True, doubt=self.doubt)
                 self._unwritten.minds[kept.number] = kept.saved, pack(kept.mind, MAX_MIND)
 
-    def _write(self, now: float) -> None:
-        """Write what waits, and update the marker. If a STOP waits and the disk refuses, the next life is in doubt."""
-        if self._connection is None or not self._committed(self._connection, now):
-            if Kind.STOP in self._decided:
-                self._withdraw()
-        else:
+    def _write(self, now: float) -> bool:
+        """Write what waits, and update the marker; returns whether it is stored. If a STOP waits and the disk refuses,
+        the next life is in doubt."""
+        stored = self._connection is not None and self._committed(self._connection, now)
+        if stored:
             self._mark(now, at_once=bool(self._decided))
             self._decided.clear()
+        elif Kind.STOP in self._decided:
+            self._withdraw()
         if self._connection is None:
             self._unwritten = WriteBatch()
+        return stored
 
     def _committed(self, connection: sqlite3.Connection, now: float) -> bool:
         if now < self._try_at:
@@ -408,13 +416,13 @@ class Store:
                     f"{self.file} cannot be written: {_reason(error)}. The robot goes on; after a restart it would "
                     f"have forgotten what comes now. It is tried again every {TRY_AGAIN:g} s"
                 )
-                self._remark("store cannot be written")
+                self._remarks.append("store cannot be written")
             return False
         self._unwritten = WriteBatch()
         if self._failing:
             self._failing = False
             self._say(f"{self.file} is written again, with everything that had to wait")
-            self._remark("store is written again")
+            self._remarks.append("store is written again")
         return True
 
     def _mark(self, now: float, *, at_once: bool) -> None:
@@ -440,13 +448,15 @@ class Store:
         except OSError as error:
             said = f"a restart would forget this STOP: {self._marker.file} cannot be removed: {_reason(error)}"
             self._say(said)
-            self._remark("a restart would forget this STOP: its store is read-only")
+            self._remarks.append("a restart would forget this STOP: its store is read-only")
 
-    def _remark(self, said: str) -> None:
-        """Report something to the operators, through one robot of the process."""
-        for robot in self._robots.values():
-            robot.node.remark(said)
-            break
+    def _report(self) -> None:
+        """Report to the operators what has been remarked, through one robot of the process."""
+        while self._remarks:
+            said = self._remarks.popleft()
+            for robot in self._robots.values():
+                robot.node.remark(said)
+                break
 
 
 def _shifted(message: Message, seconds: float) -> Message:

@@ -19,6 +19,7 @@ from sleepcast.channel.session import ChannelSession
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.model import Quantity
 from sleepcast.language import HostFunction, Vocabulary
+from sleepcast.mind.authority import Tells
 from sleepcast.node.node import Node
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.roster import NOBODY_SAID, Expectation
@@ -108,7 +109,8 @@ class Robot:
 class Scene:
     """Robots `r0`, `r1`, ... and operators, who join when they are first asked for. loss: share of what each receiver
     loses of everything; twice: what he hears twice; delay: s at most, which also changes the order. lease: the dead
-    man's, s. deaf: pairs of speaker and hearer between whom nothing goes."""
+    man's, s. tells: what robots have each other do. on_air: see `Node`. deaf: pairs of speaker and hearer between whom
+    nothing goes."""
 
     robots: int = 3
     loss: float = 0.0
@@ -117,6 +119,8 @@ class Scene:
     seed: int = 1
     caution: SendPolicy | None = None
     lease: float = inf
+    tells: Tells = Tells.ALL
+    on_air: bool = False
     clock: ManualClock = field(default_factory=lambda: ManualClock(START))
     sent: list[bytes] = field(default_factory=list)
     deaf: set[tuple[str, str]] = field(default_factory=set)
@@ -142,7 +146,7 @@ class Scene:
     def _robot(self, name: str, number: int) -> Robot:
         body = Body()
         session, wire = self._session(name, KEYS["r*"], robot=True, zero=self.clock.now())
-        node = Node(name, VOCABULARY, number=number, body=body, lease=self.lease)
+        node = Node(name, VOCABULARY, number=number, body=body, lease=self.lease, tells=self.tells, on_air=self.on_air)
         node.sense((float(number), 0.5), 0.0)
         return Robot(node, session, wire, body)
 

@@ -193,6 +193,8 @@ TELEMETRY = "told"
 """What a robot tells about itself, in the answer to an inspection."""
 HOPS = "hops"
 """In what a robot tells other robots: hops that it may still go, this one included."""
+DRIVER = "driver"
+"""In what a robot tells other robots: the operator who drives it, if one does."""
 MISSED = "missed"
 """Ids of commands that never reached a robot in time."""
 

@@ -78,6 +78,7 @@ def ros2(
     forgetful: bool,
     lease: str,
     limits: Path | None,
+    tells: str,
     fleet: str,
     key: str | None,
     trust: Path | None,
@@ -113,7 +114,7 @@ def ros2(
         from sleepcast.bridges.ros2.robot import LOCALHOST, join_network, ros_place
         from sleepcast.cli.fleet_life import FleetProcess, MindOptions
         from sleepcast.cli.node_life import StartScript, read_start_script
-        from sleepcast.mind.authority import read_lease
+        from sleepcast.mind.authority import Tells, read_lease
         from sleepcast.simulator import read_limits
 
         beginning, built_in = (StartScript() if each is None else read_start_script(each) for each in (rules, golden))
@@ -126,6 +127,7 @@ def ros2(
             forgetful,
             UNLIMITED if limits is None else read_limits(limits),
             read_lease(lease),
+            Tells(tells),
             tick,
             seed,
         )

@@ -25,6 +25,7 @@ from sleepcast.cli.streams import announce, complain
 from sleepcast.core.clock import UnixClock, WallClock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop.real import EmbodiedMind, run_robots
+from sleepcast.mind.authority import Tells
 from sleepcast.node.store import StoreError
 from sleepcast.robot import Limits
 
@@ -46,7 +47,7 @@ class RefusedError(SleepcastError):
 class MindOptions:
     """What all minds have in common. golden: rules that are built in; beginning: what they begin with. store: the
     folder of their stores, None for the one in the user's data; forgetful: whether there are none. limits: of the
-    bodies, besides their own. lease, tick: s."""
+    bodies, besides their own. lease, tick: s. tells: see `Node`."""
 
     golden: StartScript
     beginning: StartScript
@@ -54,6 +55,7 @@ class MindOptions:
     forgetful: bool
     limits: Limits
     lease: float
+    tells: Tells
     tick: float
     seed: int
 
@@ -210,6 +212,7 @@ class FleetProcess:
             number=number_in(name),
             seed=options.seed,
             lease=options.lease,
+            tells=options.tells,
             typed=False,
         )
         node.begin(options.golden, options.beginning, seeks_time=False)

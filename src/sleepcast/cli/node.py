@@ -73,6 +73,7 @@ def node(
     forgetful: bool,
     lease: str,
     limits: Path | None,
+    tells: str,
     fleet: str,
     key: str | None,
     trust: Path | None,
@@ -111,7 +112,7 @@ def node(
         from sleepcast.bridges import UNLIMITED, Opening, open_robot
         from sleepcast.channel.plain_datagrams import Datagrams
         from sleepcast.cli.node_life import NodeProcess, StartScript, number_in, read_start_script
-        from sleepcast.mind.authority import read_lease
+        from sleepcast.mind.authority import Tells, read_lease
         from sleepcast.simulator import read_limits
 
         beginning, built_in = (StartScript() if each is None else read_start_script(each) for each in (rules, golden))
@@ -150,6 +151,7 @@ def node(
             number=number,
             seed=seed,
             lease=seconds_unattended,
+            tells=Tells(tells),
             ground=station,
         )
         life.begin(built_in, beginning)

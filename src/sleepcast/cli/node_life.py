@@ -26,6 +26,7 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language import List, Symbol, read, read_all, show
 from sleepcast.loop import vocabulary_of
 from sleepcast.loop.real import EmbodiedMind, Watch, run_robots
+from sleepcast.mind.authority import Tells
 from sleepcast.node.node import Node
 from sleepcast.node.store import Store
 from sleepcast.nomad.vocabulary import nomad_vocabulary
@@ -95,8 +96,8 @@ def install(node: Node, golden: StartScript) -> None:
 class NodeProcess:
     """A mind in a body. listener: where plain datagrams come in, if they do. session: the radio, if there is one.
     store: what outlives this life, if anything does. nomad: whether functions with Nclient's names take its units.
-    lease: s for which a body that is driven goes on while no operator is heard. ground: the ground station that sees
-    it, if one does. typed: whether lines of standard input are for it."""
+    lease: s for which a body that is driven goes on while no operator is heard. tells: see `Node`. ground: the ground
+    station that sees it, if one does. typed: whether lines of standard input are for it."""
 
     def __init__(
         self,
@@ -110,13 +111,15 @@ class NodeProcess:
         number: int,
         seed: int,
         lease: float,
+        tells: Tells = Tells.ALL,
         ground: GroundStation | None = None,
         typed: bool = True,
     ) -> None:
         self.robot, self.listener, self.session, self.store, self.watch = robot, listener, session, store, Watch()
         self.ground, self._typed = ground, typed
         names = vocabulary_of(nomad_vocabulary(robot.model) if nomad else robot.model)
-        self.node = Node(name, names, number=number, seed=seed, body=robot, lease=lease, on_air=session is not None)
+        air = session is not None
+        self.node = Node(name, names, number=number, seed=seed, body=robot, lease=lease, tells=tells, on_air=air)
         self._orders: tuple[Order, ...] = ()
 
     def begin(self, golden: StartScript, beginning: StartScript, *, seeks_time: bool = True) -> None:

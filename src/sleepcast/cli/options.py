@@ -126,7 +126,8 @@ def every_option(what: str) -> Callable[[Command], Command]:
 
 
 def restraints(command: Command) -> Command:
-    """The options of a lease on being driven, and of limits: the command gets `lease` and `limits`."""
+    """The options of a lease on being driven, of limits, and of what robots have each other do: the command gets
+    `lease`, `limits` and `tells`."""
     limits = click.option(
         "--limits", metavar="FILE", type=click.Path(path_type=Path), help="Safety limits of the bodies."
     )
@@ -137,4 +138,11 @@ def restraints(command: Command) -> Command:
         show_default=True,
         help="How long a driven body keeps moving without hearing an operator.",
     )
-    return lease(limits(command))
+    tells = click.option(
+        "--tells",
+        type=click.Choice(["none", "marks", "all"]),
+        default="all",
+        show_default=True,
+        help="What other robots may have it do by TELL: nothing; set marks, variables and groups; all.",
+    )
+    return lease(limits(tells(command)))

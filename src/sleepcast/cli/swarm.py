@@ -19,6 +19,7 @@ from sleepcast.core.errors import MisuseError
 if TYPE_CHECKING:
     from sleepcast.cli.node_life import StartScript
     from sleepcast.loop.real import NetworkSwarm
+    from sleepcast.mind.authority import Tells
     from sleepcast.node.store import Store
 
 MOST = 10_000
@@ -36,7 +37,8 @@ SCENARIO = "bravo"
 @dataclass(frozen=True, slots=True)
 class Wanted:
     """Which robots: their names, the first one's number, the scenario of their bodies, what chance depends on (None: as
-    the scenario says), and for how long a driven body goes on unattended, s; the file of the bodies' limits."""
+    the scenario says), and for how long a driven body goes on unattended, s; the file of the bodies' limits; what they
+    may have each other do."""
 
     names: list[str]
     first: int
@@ -44,6 +46,7 @@ class Wanted:
     seed: int | None
     lease: float
     limits: Path | None
+    tells: Tells
 
 
 @click.command("swarm", short_help="Run many robots on the air in one process.")
@@ -74,6 +77,7 @@ def swarm(
     file: Path | None,
     lease: str,
     limits: Path | None,
+    tells: str,
     fleet: str,
     key: str | None,
     trust: Path | None,
@@ -99,14 +103,14 @@ def swarm(
     with Interrupts() as interrupts, ExitStack() as stack:
         from sleepcast.cli.describe import notices_of
         from sleepcast.cli.node_life import StartScript, read_start_script
-        from sleepcast.mind.authority import read_lease
+        from sleepcast.mind.authority import Tells, read_lease
 
         beginning = None if rules is None else read_start_script(rules)
         if beginning is not None and beginning.orders:
             raise MisuseError(f"{rules} is a mission script: a swarm begins with expressions, without times")
         names = [f"{prefix}{first + i}" for i in range(count)]
         store = None if file is None else stack.enter_context(closing(open_store(file, complain)))
-        wanted = Wanted(names, first, scenario, seed, read_lease(lease), limits)
+        wanted = Wanted(names, first, scenario, seed, read_lease(lease), limits, Tells(tells))
         crew = _crew(stack, AirOptions(channel, fleet, key, trust, folder, skew=skew, rate=rate), wanted, store)
         interrupts.defer()
         _begin(crew, beginning or StartScript(), store)
@@ -162,7 +166,15 @@ def _crew(stack: ExitStack, air: AirOptions, wanted: Wanted, store: Store | None
     for i, (name, session) in enumerate(zip(wanted.names, sessions, strict=True)):
         stack.enter_context(closing(session))
         body = simulator.robots[i]
-        node = Node(name, vocabulary, number=first + i, seed=seed, body=body, lease=wanted.lease, on_air=True)
+        node = Node(
+            *(name, vocabulary),
+            number=first + i,
+            seed=seed,
+            body=body,
+            lease=wanted.lease,
+            tells=wanted.tells,
+            on_air=True,
+        )
         members.append(Member(node, i, session))
     receiver.zero = zero = UnixClock().now()
     for member in members:

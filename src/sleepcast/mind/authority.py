@@ -10,7 +10,10 @@ for longer than that.
 
 A robot is *driven* from the moment a person's one-time command moves its body until one of its own rules or a
 standing command moves it. Its operator must be heard all the time, or the body comes to rest (the dead man's
-switch). A robot on a mission of its own is not driven and needs no operator.
+switch). A robot on a mission of its own is not driven and needs no operator. What a driven robot tells others names
+its operator, and those that it moves are driven by that operator, too.
+
+What robots tell each other may be limited by the robot's own host: `Tells`.
 
 The STOP latch records which STOPs hold a robot, and which have ended. Sequence numbers decide that, not clocks. A
 STOP is identified by its mark: its sender, the sender's epoch, and its number; a STOP that is sent again keeps its
@@ -23,14 +26,17 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from math import inf
 from typing import NamedTuple
 
 from sleepcast.channel.message import (
     DO,
+    DRIVER,
     ENDS,
     FIRST,
     GROUP,
+    HOPS,
     LEASE,
     MAX_NAME,
     MAX_NUMBER,
@@ -165,16 +171,33 @@ OPERATORS = frozenset({Role.OPERATOR.value, Role.COMMANDER.value})
 
 
 class DeadManSwitch:
-    """The dead man's switch of one robot. lease: s, inf for none. Times are s of its mind."""
+    """The dead man's switch of one robot. lease: s, inf for none. driver: the operator on whose word the body moves, ""
+    if it is not driven. Times are s of its mind."""
 
     def __init__(self, lease: float = inf) -> None:
-        self.lease = lease
+        self.lease, self.driver = lease, ""
+        self._only = False
+        """Whether nobody but the driver keeps it going: a neighbour has told what moves it, for that operator."""
         self._heard, self._latest = False, -inf
 
     def hear(self, message: Message) -> None:
         """Note a message that counts as a sign of the operator. Standing commands may be old, and come from a
         neighbour."""
-        self._heard |= message.role in OPERATORS and not message.standing
+        counts = message.role in OPERATORS and not message.standing
+        self._heard |= counts and (not self._only or message.sender == self.driver)
+
+    def move(self, message: Message, now: float) -> None:
+        """This message has moved the body. The lease of what a neighbour has told begins with it, and so does that of
+        an operator who takes over from there."""
+        told, before = message.role == Role.ROBOT, self._only
+        self.driver = driver_of(message)
+        self._only = told and bool(self.driver)
+        if self._only or before:
+            self._latest = now
+
+    def let_go(self) -> None:
+        """Nobody drives the body any more."""
+        self.driver, self._only = "", False
 
     def is_over(self, now: float) -> bool:
         """Whether no authorized sender has been heard for longer than the lease; to be called at each tick."""
@@ -183,9 +206,16 @@ class DeadManSwitch:
         return now - self._latest > self.lease
 
 
-def drives(message: Message) -> bool:
-    """Whether a robot moved by this message is driven."""
-    return message.kind is Kind.COMMAND and message.role in OPERATORS and not message.standing
+def driver_of(message: Message) -> str:
+    """The operator who drives a robot that is moved by this message, "" if nobody does. A robot that tells it says for
+    whom it does so."""
+    if message.kind is not Kind.COMMAND or message.standing:
+        return ""
+    if message.role in OPERATORS:
+        return message.sender
+    named = message.body.get(DRIVER)
+    told = message.role == Role.ROBOT and isinstance(named, str) and len(named) <= MAX_NAME and named.isprintable()
+    return str(named) if told else ""
 
 
 def read_lease(text: str) -> float:
@@ -204,10 +234,28 @@ def read_lease(text: str) -> float:
 # ---- authority
 
 
-class Authority:
-    """The authority over one robot. Times are s of its mind."""
+class Tells(StrEnum):
+    """What robots may have this one do by TELL, as its host says."""
 
-    def __init__(self) -> None:
+    NONE = "none"
+    """Nothing: they are not obeyed."""
+    MARKS = "marks"
+    """Set marks, variables and groups; not act on its body."""
+    ALL = "all"
+    """Whatever their role allows."""
+
+
+NO_TELLS = "this robot obeys no TELL (--tells none)"
+"""Why it does nothing of what another robot tells."""
+NO_MOTION = "a TELL does not act on the body of this robot (--tells marks)"
+"""Why it does not do this part of it."""
+
+
+class Authority:
+    """The authority over one robot. tells: what others may have it do by TELL. Times are s of its mind."""
+
+    def __init__(self, tells: Tells = Tells.ALL) -> None:
+        self.tells = tells
         self.leases = Leases()
         self.latch = Latch()
         self._since: dict[Life, float] = {}
@@ -244,6 +292,8 @@ class Authority:
 
     def objection(self, message: Message, program: Program, groups: Collection[str], now: float) -> str:
         """Why a command is not to be evaluated on a robot in these groups (their keys), "" if it may be."""
+        if self.tells is Tells.NONE and _is_told(message):
+            return NO_TELLS
         if message.kind is not Kind.COMMAND or not message.role:
             return ""
         if message.role != Role.COMMANDER and rules(program.root):
@@ -251,6 +301,10 @@ class Authority:
         if message.standing or message.role not in OPERATORS:
             return ""  # standing commands are the same on all robots, whatever their leases
         return self.leases.objection(message.sender, {*groups, *_entered(program)}, now)
+
+    def bars(self, message: Message) -> str:
+        """Why a message that may be evaluated is not to act on the body, "" if it may."""
+        return NO_MOTION if self.tells is Tells.MARKS and _is_told(message) else ""
 
     def state(self, now: float) -> dict[str, object]:
         """What must survive a restart, as plain data with times as seconds from `now`."""
@@ -262,6 +316,11 @@ class Authority:
         leases = state.get("leases")
         if isinstance(leases, Mapping):
             self.leases.restore(leases, now)
+
+
+def _is_told(message: Message) -> bool:
+    """Whether another robot tells this, also where nobody signs."""
+    return message.kind is Kind.COMMAND and (message.role == Role.ROBOT or HOPS in message.body)
 
 
 def _entered(program: Program) -> set[str]:

@@ -90,8 +90,8 @@ class RobotMemory:
         """Slots of actuators assigned since this was last cleared."""
         self.moved = False
         """Whether the body was asked to move since this was last cleared."""
-        self.driven = False
-        """Whether the body was last moved by a person's one-time command."""
+        self.barred = ""
+        """Why nothing may act on the body now, "" if it may."""
         self.hops = MAX_HOPS
         """How many hops a TELL may travel: fewer while the robot evaluates what another one has told it."""
         self.held = False
@@ -163,6 +163,8 @@ class RobotMemory:
         elif value != value:
             self.dropped += 1
             return self.refuse(part, unknown_assigned(variable))
+        elif self.barred and variable.kind is VariableKind.ACTUATOR:
+            return self.refuse(part, self.barred)
         elif variable.linked:
             try:
                 self.variables.write(part.slot, value)
@@ -235,8 +237,8 @@ class RobotMemory:
                 self.dropped += 1
                 return self._answer(self.refuse(part, unknown_asked(function)))
             return self._answer(nan)
-        if function.acts and self.held:
-            return self._answer(self.refuse(part, stopped(function)))
+        if function.acts and (self.barred or self.held):
+            return self._answer(self.refuse(part, self.barred or stopped(function)))
         self.moved |= function.acts and function.moves
         label = (part.data.text,) if isinstance(part.data, Label) else ()
         try:

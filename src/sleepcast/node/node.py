@@ -15,6 +15,7 @@ from math import inf, isnan, nan
 
 from sleepcast.channel.clock_sync import differs
 from sleepcast.channel.message import (
+    DRIVER,
     HELD,
     HOPS,
     KEYS,
@@ -42,7 +43,7 @@ from sleepcast.language.reader import read, show
 from sleepcast.language.rehearsal import Answer
 from sleepcast.language.symbols import Declared, UserVariable
 from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary, buffer_number
-from sleepcast.mind.authority import ENDED, Authority, DeadManSwitch, drives
+from sleepcast.mind.authority import ENDED, Authority, DeadManSwitch, Tells, driver_of
 from sleepcast.mind.limits import (
     MAX_FAULTS_IN_ROW,
     MAX_OUTBOX,
@@ -61,7 +62,7 @@ from sleepcast.mind.views import Result, RuleView
 from sleepcast.node.linking import VariableTable
 from sleepcast.node.memory import RobotMemory, Voice
 from sleepcast.node.scheduler import RuleRecord, Scheduler
-from sleepcast.node.telemetry import NOTHING, Details, answer_inspection
+from sleepcast.node.telemetry import NOTHING, BodyState, Details, answer_inspection
 from sleepcast.robot import Failsafe, Robot
 
 MAX_RECOLLECTIONS = 64
@@ -86,9 +87,9 @@ class Node:
 
     number: its `id` in expressions and random streams. seed: of the run. body: target of its vocabulary's functions
     (default: the linked object); if it is a `Robot` it is also stopped, released and held still. variables: linked
-    variables, if any. lease: seconds for which a driven body continues while no operator is heard. on_air: whether
-    it uses a real channel instead of a simulated one: then more messages may wait, and the orders of several
-    operators are merged.
+    variables, if any. lease: seconds for which a driven body continues while no operator is heard. tells: what others
+    may have it do by TELL. on_air: whether it uses a real channel instead of a simulated one: then more messages may
+    wait, and the orders of several operators are merged.
     """
 
     def __init__(
@@ -101,12 +102,13 @@ class Node:
         body: object | None = None,
         variables: VariableTable | None = None,
         lease: float = inf,
+        tells: Tells = Tells.ALL,
         on_air: bool = False,
     ) -> None:
         table = variables or VariableTable(vocabulary.name, like=vocabulary)
         self.name, self.number, self.epoch = name, number, 0
         self.body = table.body if body is None else body
-        self.stopped, self.doubt, self.authority = False, "", Authority()
+        self.stopped, self.doubt, self.authority = False, "", Authority(tells)
         self.catching_up = False
         self.outbox: list[Message] = []
         self.pings: list[float] = []
@@ -123,6 +125,8 @@ class Node:
             body=self.body,
         )
         self._deadman = DeadManSwitch(lease)
+        self._speaks_for = ""
+        """The operator for whom the message is evaluated that is evaluated now, "" for none."""
         self._scheduler = Scheduler(self._memory.records, self._run_rule)
         self._queue: deque[Message] = deque()
         self._seen: OrderedDict[str, None] = OrderedDict()
@@ -168,12 +172,12 @@ class Node:
     @property
     def awake(self) -> bool:
         """Whether the next tick has anything to do: a message, active rules, or a driven body."""
-        return bool(self._queue) or bool(self._memory.records.running) or self._memory.driven
+        return bool(self._queue) or bool(self._memory.records.running) or self.driven
 
     @property
     def driven(self) -> bool:
         """Whether the body was last moved by a person's one-time command; see `mind.authority`."""
-        return self._memory.driven
+        return bool(self._deadman.driver)
 
     @property
     def dropped(self) -> int:
@@ -276,7 +280,7 @@ class Node:
         memory.at(tick, now)
         self._now = now
         memory.variables.refresh(memory.values, now)
-        if self._deadman.is_over(now) and memory.driven:
+        if self._deadman.is_over(now) and self.driven:
             self._let_go()
         for rule in memory.records.expire(now):
             self._report(f"lease of {rule.name} ended", ())
@@ -285,7 +289,8 @@ class Node:
         if memory.records.running and not (memory.values[SLEEPING] > 0 or memory.values[FROZEN] > 0):
             memory.moved = False
             self._scheduler.round()
-            memory.driven &= not memory.moved
+            if memory.moved:
+                self._deadman.let_go()
         self._hold()
 
     def evaluate(self, text: str) -> Result:
@@ -380,7 +385,7 @@ class Node:
     def _let_go(self) -> None:
         """The operator who drove the body is gone: bring it to rest; nothing resumes on its own."""
         memory = self._memory
-        memory.driven = False
+        self._deadman.let_go()
         memory.actuated.clear()
         if self.stopped:
             return
@@ -455,13 +460,8 @@ class Node:
         memory = self._memory
         if message.kind is Kind.ASK and LOOK in message.body:
             stops = self.authority.stops(now)
-            self._answer(
-                message,
-                "answer",
-                details=answer_inspection(
-                    message.body, memory, self.stopped, self.doubt, self.catching_up, stops, self.why
-                ),
-            )
+            state = BodyState(self.stopped, self.driven, self.doubt, self.catching_up, stops)
+            self._answer(message, "answer", details=answer_inspection(message.body, memory, state, self.why))
             return
         if message.kind is Kind.COMMAND and LEASE in message.body:
             group, refusal = self.authority.lease(message, now)
@@ -488,15 +488,10 @@ class Node:
                 details[UNKNOWN] = True
             self._answer(message, "answer", found.value, "; ".join(found.faults), details)
             return
-        memory.moved = False
-        memory.base.merging.begin(place_of(message, self.zero) if self._on_air else None)
-        memory.hops = hops_left(message.body, message.role, MAX_HOPS)
         answered = HOPS not in message.body  # nobody counts what becomes of what robots tell each other
-        value = self._run(program, message.id, answered=answered)
-        memory.hops = MAX_HOPS
-        memory.base.merging.begin(None)
+        value = self._evaluate(program, message, answered=answered)
         if memory.moved:
-            memory.driven = drives(message)
+            self._deadman.move(message, now)
         if memory.faults:
             self._answer(message, "fault", value, str(memory.faults[0]))
         elif memory.matched:
@@ -511,6 +506,17 @@ class Node:
         refusal = KeyChange.refusal(message)
         lost = "" if self.keys_last() else NOT_STORED
         self._answer(message, "fault" if refusal else "matched", fault=refusal or lost)
+
+    def _evaluate(self, program: Program, message: Message, *, answered: bool) -> float:
+        """Evaluate a command for whom it comes from."""
+        memory = self._memory
+        memory.moved, memory.barred = False, self.authority.bars(message)
+        memory.base.merging.begin(place_of(message, self.zero) if self._on_air else None)
+        memory.hops, self._speaks_for = hops_left(message.body, message.role, MAX_HOPS), driver_of(message)
+        value = self._run(program, message.id, answered=answered)
+        memory.hops, memory.barred, self._speaks_for = MAX_HOPS, "", ""
+        memory.base.merging.begin(None)
+        return value
 
     def interrupted(self, message: Message) -> None:
         """Answer a message whose evaluation began before a restart: it is not repeated."""
@@ -565,7 +571,9 @@ class Node:
         return True
 
     def _tell(self, text: str, hops: int) -> None:
-        self._say(Kind.COMMAND, text=text, deadline=self._now + TELL_SECONDS, body={HOPS: hops})
+        driver = (self._speaks_for or self._deadman.driver) if self._on_air else ""
+        body: dict[str, object] = {HOPS: hops, DRIVER: driver} if driver else {HOPS: hops}
+        self._say(Kind.COMMAND, text=text, deadline=self._now + TELL_SECONDS, body=body)
 
     def _ping(self, caste: float) -> None:
         if len(self.pings) < MAX_OUTBOX:

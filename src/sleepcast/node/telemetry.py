@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 
 from sleepcast.channel.message import LOOK, OF, STOPS, TELEMETRY, Inspection
@@ -33,22 +34,29 @@ class InspectionError(SleepcastError):
     """The robot cannot answer an inspection request."""
 
 
+@dataclass(frozen=True, slots=True)
+class BodyState:
+    """What a node knows of its body, and of who holds it: see `Node`. stops: see `Authority.stops`."""
+
+    stopped: bool
+    driven: bool
+    doubt: str
+    catching_up: bool
+    stops: Sequence[object]
+
+
 def answer_inspection(
     body: Mapping[str, object],
     memory: RobotMemory,
-    stopped: bool,
-    doubt: str,
-    catching_up: bool,
-    stops: Sequence[object],
+    state: BodyState,
     why: Callable[[str | None], Explanation],
 ) -> Details:
-    """The answer to a request with this body. stopped, doubt, catching_up: see `Node`; stops: see `Authority.stops`.
-    why: explains a command, a rule, or the last command."""
+    """The answer to a request with this body. why: explains a command, a rule, or the last command."""
     what, of = body.get(LOOK), body.get(OF)
     try:
         if what == Inspection.TELEMETRY:
-            found = telemetry(memory, stopped, doubt, catching_up).body()
-            return {TELEMETRY: found, **({STOPS: stops} if stops else {})}
+            found = telemetry(memory, state).body()
+            return {TELEMETRY: found, **({STOPS: state.stops} if state.stops else {})}
         if what == Inspection.VOCABULARY:
             return {TELEMETRY: _fitting(vocabulary_text(memory.vocabulary), "it has more names")}
         if what == Inspection.MIND:
@@ -61,7 +69,7 @@ def answer_inspection(
         return {"fault": str(error).splitlines()[0]}
 
 
-def telemetry(memory: RobotMemory, stopped: bool, doubt: str, catching_up: bool) -> TelemetryRecord:
+def telemetry(memory: RobotMemory, state: BodyState) -> TelemetryRecord:
     """A robot's current variables and flags."""
     slots = (*range(ACTIVE0 + 1), *range(ACTIVE0 + BUFFERS, memory.vocabulary.size))
     symbols = memory.base.symbols
@@ -73,10 +81,10 @@ def telemetry(memory: RobotMemory, stopped: bool, doubt: str, catching_up: bool)
         bits([rule.active for rule in in_order(memory.base.rules)]),
         {found.name: memory.values[found.slot] for found in symbols.values() if isinstance(found, UserVariable)},
         [found.name for key, found in symbols.items() if key in memory.groups],
-        stopped,
-        memory.driven,
-        doubt,
-        catching_up,
+        state.stopped,
+        state.driven,
+        state.doubt,
+        state.catching_up,
     )
 
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
+import sys
 from pathlib import Path
+
+import pytest
 
 from cli.calling import LONGEST, Called, again_until, called
 from cli.terminal import terminal
@@ -125,3 +128,29 @@ def test_another_fleet_is_no_radio_silence(channel: str) -> None:
         refused = called("stop", "--channel", channel, "--timeout", "3")
     assert refused.status == 1
     assert "is of the fleet 'sleepcast'" in refused.err
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits the files of another process")
+def test_a_stop_that_no_disk_holds_is_no_success_and_the_next_life_begins_stopped(channel: str, tmp_path: Path) -> None:
+    import resource
+
+    store = tmp_path / "two.store"
+    with swarm(2, channel, "--store", str(store)) as process:
+        soft, hard = resource.prlimit(process.pid, resource.RLIMIT_FSIZE)
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (1, hard))
+        stopped = called("stop", "--expect", "2", "--channel", channel)
+        assert stopped.status == 1
+        assert "not stored, so a restart may forget it 2: r1, r2" in stopped.out
+        assert "STOP could not be stored everywhere, so a restart may forget it" in stopped.err
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (soft, hard))
+        told = again_until(
+            lambda found: json.loads(found.out)["n_not_stored"] == 0,
+            lambda: called("release", "--json", "--channel", channel),
+        )
+        assert json.loads(told.out)["matched"] == ["r1", "r2"]
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (1, hard))
+        assert json.loads(called("stop", "--json", "--channel", channel).out)["not_stored"] == ["r1", "r2"]
+        process.kill()
+    with swarm(2, channel, "--store", str(store)):
+        robots = json.loads(called("watch", "--once", "--json", "--channel", channel).out)["robots"]
+        assert [(robot["stopped"], robot["doubt"]) for robot in robots] == [(True, "its store has lost its marker")] * 2

@@ -9,6 +9,7 @@ import pytest
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message_batch import NameIndex
+from sleepcast.cli.account import account_lines, as_dict
 from sleepcast.station import Outcome
 from sleepcast.station.account import LATE, Command, account, answer_from
 from station.fleet import Fleet
@@ -93,6 +94,28 @@ def test_a_robot_that_cannot_say_so_is_counted_by_what_it_says(fleet: Fleet) -> 
     found = fleet.station.accounting(command.id)
     assert found.not_matched == ("s0", "s1", "s2")
     assert (found.matched, found.held, found.unknown) == (("s3", "s5"), ("s5",), ("s4",))
+
+
+def test_who_could_not_store_what_it_did_has_done_it_but_is_named(fleet: Fleet) -> None:
+    sent = fleet.station.stop()
+    faults = {"s3": "not stored", "s4": "the brake is broken", "s5": "the brake is broken; not stored"}
+    for name in fleet.minds:
+        body = {"command": sent.id, "outcome": "stopped", "fault": faults.get(name)}
+        fleet.station.hear(Message(name, 0, 1, Kind.ANSWER, 0.0, body=body))
+    found = fleet.station.accounting(sent.id)
+    assert (found.n_matched, found.n_fault, found.complete) == (10, 0, True)
+    assert found.not_stored == ("s3", "s5")
+    assert found.flawed == {"s4": faults["s4"], "s5": faults["s5"]}
+    assert found.sentence() == "matched 10, did not match 0, not stored 2, fault 0, silent 0"
+    lines = [line.strip() for line in account_lines(sent, found)]
+    assert lines[1:] == [
+        "not stored, so a restart may forget it 2: s3, s5",
+        "fault on s4, which stopped all the same: the brake is broken",
+        "fault on s5, which stopped all the same: the brake is broken; not stored",
+        "silent 0",
+    ]
+    told = as_dict(sent, found)
+    assert (told["not_stored"], told["n_not_stored"]) == (["s3", "s5"], 2)
 
 
 def test_a_robot_that_enrols_later_is_not_silent_but_counts_if_it_answers(fleet: Fleet) -> None:

@@ -89,6 +89,11 @@ class CommandResult:
         return self.account.fault
 
     @property
+    def not_stored(self) -> tuple[str, ...]:
+        """The robots that have done it, but could not store it: a restart may forget it."""
+        return self.account.not_stored
+
+    @property
     def silent(self) -> tuple[str, ...]:
         """The robots that were never heard to answer."""
         return self.account.silent

@@ -250,6 +250,11 @@ def not_stored(message: Message) -> Message:
     return msgspec.structs.replace(message, body={**body, "fault": fault})
 
 
+def lasts(fault: str) -> bool:
+    """Whether an answer with this fault, "" for none, does not say that a restart may forget what it claims."""
+    return not fault.endswith(NOT_STORED)
+
+
 _CLAIMS = frozenset({"stopped", "released", "matched", "not matched"})
 """Outcomes that a robot stores before it answers; the others claim nothing that must last."""
 

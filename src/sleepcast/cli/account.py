@@ -21,7 +21,7 @@ WORDS = {ASK: "answered", STOP: "stopped", RELEASE: "released"}
 """What robots have done that obeyed."""
 
 
-SORTS = ("matched", "held", "not_matched", "unknown", "fault", "silent")
+SORTS = ("matched", "held", "not_matched", "unknown", "not_stored", "fault", "silent")
 
 
 def as_dict(command: Command, found: Account) -> dict[str, object]:
@@ -100,6 +100,10 @@ def account_lines(command: Command, found: Account) -> Iterator[str]:
             yield f"  {listed('test unknown', found.unknown)}"
         if found.n_held:
             yield f"  {listed('held by STOP, so they did not move', found.held)}"
+    if found.n_not_stored:
+        yield f"  {listed('not stored, so a restart may forget it', found.not_stored)}"
+    for name in _sorted(tuple(found.flawed))[:FEW]:
+        yield f"  fault on {name}, which {verb} all the same: {printable(found.flawed[name])}"
     for name in _sorted(found.fault)[:FEW]:
         yield f"  fault on {name}: {printable(found.answers[name].fault or '')}"
     if len(found.fault) > FEW:

@@ -20,13 +20,14 @@ SHOWN = 5
 COUNTED = {
     "matched": "matched",
     "held": "held by STOP",
+    "not_stored": "not stored",
     "not_matched": "did not match",
     "unknown": "unknown",
     "fault": "fault",
     "silent": "silent",
 }
 """What is counted of a command, and how it is said."""
-RARE = frozenset({"held", "unknown"})
+RARE = frozenset({"held", "unknown", "not_stored"})
 """What is only said where it happened."""
 
 

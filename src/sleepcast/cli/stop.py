@@ -35,6 +35,7 @@ PAUSE = 0.05
 """Seconds between two looks at what has come, and whether a person wants to end it."""
 STRANGERS = 4
 """Unknown keys on the air that are printed, those with the most messages."""
+NOT_LASTING = "STOP could not be stored everywhere, so a restart may forget it"
 NAMED = 3
 """Silent robots that are named while it goes on; the account at the end names more."""
 
@@ -54,7 +55,7 @@ def stop(air: AirOptions, seconds: float | None, as_json: bool) -> int:
 
     STOP is repeated until every robot that is expected (--expect, `sleepcast roster --expect`) or was ever heard has
     confirmed it, or until Ctrl-C. Without a terminal, and without a list of expected robots, it gives up after ten
-    seconds. The exit status is 0 only if all robots confirm they have stopped.
+    seconds. The exit status is 0 only if all robots confirm that they have stopped, and stay so over a restart.
 
     \b
     Examples:
@@ -78,7 +79,14 @@ def stop(air: AirOptions, seconds: float | None, as_json: bool) -> int:
             _show(sent, found, as_json)
             if not found.complete:
                 complain(f"not confirmed by {found.n_silent} {found.scope}")
-        return 0 if sure and found.complete and found.n_matched else 1
+            if found.n_not_stored:
+                complain(f"{NOT_LASTING}: keep {_robots(found.n_not_stored)} powered, or in sight, until RELEASE")
+        sound = found.complete and found.n_matched and not found.n_not_stored and not found.flawed
+        return 0 if sure and sound else 1
+
+
+def _robots(count: int) -> str:
+    return "1 robot" if count == 1 else f"{count} robots"
 
 
 def _expected(air: AirOptions) -> tuple[Expectation, bool]:

@@ -7,6 +7,7 @@ import msgspec
 from sleepcast.console.driver import AT_START
 from sleepcast.console.failing import FailingRules, ShownFailing
 from sleepcast.console.view import SwarmView
+from sleepcast.core.errors import printable
 from sleepcast.station import Account, Command, Station
 from sleepcast.station.account import values_in_words
 
@@ -22,7 +23,8 @@ class CommandRow(msgspec.Struct, frozen=True):
     """One command. at: when it was sent, in simulated s. kind: command, ask, stop or release. Then counts of robots.
     standing: whether it has no deadline. values: what was answered to a question, in words. scope: among whom silence
     was counted, in words. unknown: those whose test was neither true nor false. held: those among the matched that were
-    to move, and did not because STOP holds them. waiting: why the silent ones could not answer yet, "" if they
+    to move, and did not because STOP holds them. not_stored: those that have done it, but may forget it over a restart.
+    waiting: why the silent ones could not answer yet, "" if they
     could. failing: rules that it brought and that fail now."""
 
     id: str
@@ -39,6 +41,7 @@ class CommandRow(msgspec.Struct, frozen=True):
     scope: str = ""
     unknown: int = 0
     held: int = 0
+    not_stored: int = 0
     waiting: str = ""
     failing: tuple[ShownFailing, ...] = ()
 
@@ -88,6 +91,7 @@ class AccountTable:
             found.scope,
             found.n_unknown,
             found.n_held,
+            found.n_not_stored,
             waiting,
             failing,
         )
@@ -116,11 +120,19 @@ class AccountTable:
         if not total:
             return "STOP was sent, but no robot has been heard yet: none has confirmed it."
         if found.complete:
-            return f"STOP: all {found.scope.removeprefix('of ')} report stopped."
+            return f"STOP: all {found.scope.removeprefix('of ')} report stopped{_not_stored(found)}."
         if held_up:
             return (
                 f"STOP is on its way: {found.n_matched:,} of {total:,} robots report stopped. Time stands "
                 "still, so nothing moves; the others hear it with the next tick."
             )
         said = f"{found.n_matched:,} {found.scope} report stopped"
-        return f"STOP: {said}; silent: {found.missing(NAMED)}."
+        return f"STOP: {said}{_not_stored(found)}; silent: {found.missing(NAMED)}."
+
+
+def _not_stored(found: Account) -> str:
+    """Who may forget it, as the end of a sentence."""
+    if not found.n_not_stored:
+        return ""
+    names = printable(", ".join(found.not_stored[:NAMED])) + (", ..." if found.n_not_stored > NAMED else "")
+    return f", but {found.n_not_stored:,} could not store it, so a restart may forget it there: {names}"

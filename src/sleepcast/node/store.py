@@ -321,6 +321,7 @@ class Store:
         waits, which = self._unwritten, (robot.number, message.id)
         if message.kind in DECISIVE:
             self._decided.add(message.kind)
+            self._try_at = -inf  # it is worth a try, however lately the last one failed
         robot.begun.discard(message.id)
         if robot.known.pop(message.id, None) is not None and waits.taken.pop(which, None) is None:
             waits.finished.add(which)

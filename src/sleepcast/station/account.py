@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.message import HELD, LOOK, UNKNOWN, outcome_of
+from sleepcast.channel.message import HELD, LOOK, NOT_STORED, UNKNOWN, lasts, outcome_of
 from sleepcast.channel.message_batch import Answers as Said
 from sleepcast.channel.message_batch import NameIndex, ascending, natural_order
 from sleepcast.core.errors import MisuseError, did_you_mean, printable
@@ -179,6 +179,17 @@ class Answers(Mapping[str, Answer]):
         """The error of the robot at a place."""
         number = 0 if self._fault is None else int(self._fault[place])
         return self._faults[number - 1] if number else None
+
+    @property
+    def faulted(self) -> NDArray[np.bool_]:
+        """Which robots have told a fault, whatever their outcome, by place."""
+        return np.zeros(len(self._outcome), np.bool_) if self._fault is None else self._fault > 0
+
+    @property
+    def not_stored(self) -> NDArray[np.bool_]:
+        """Which robots have said that a restart may forget what they answered, by place."""
+        numbers = [number for number, fault in enumerate(self._faults, 1) if not lasts(fault)]
+        return self.faulted if self._fault is None else np.isin(self._fault, numbers)
 
     def state(self) -> CommandAnswersState:
         fault = None if self._fault is None else Array.of(self._fault)
@@ -342,6 +353,7 @@ class Account:
     """What became of one command, names in the order of the roster. For a STOP, matched means that the robot says it
     is stopped; for a RELEASE, that it is not stopped any more; for a question, that it has answered. held: those among
     the matched that were to move, and did not, because STOP holds them. unknown: their test was neither true nor false.
+    not_stored: those that a restart may make forget what they answered, wherever else they are counted.
 
     codes: by place, as in `Answers.codes`; addressed: so many of them, from the first on, count as silent.
     heard: when each was last heard (s of the desk's clock, -inf: never). only, size: see `Command`.
@@ -434,6 +446,24 @@ class Account:
         return self._named(FAULT)
 
     @cached_property
+    def not_stored(self) -> tuple[str, ...]:
+        """The robots that have done what they answered, but could not store it: a restart may forget it."""
+        return tuple(self.answers.names[place] for place in np.flatnonzero(self.answers.not_stored).tolist())
+
+    @property
+    def n_not_stored(self) -> int:
+        return len(self.not_stored)
+
+    @cached_property
+    def flawed(self) -> dict[str, str]:
+        """What went wrong on robots that count as matched, besides that: a body that did not rest, for instance."""
+        obeyed = np.isin(self.codes, (MATCHED, HELD_BY_STOP)) & self.answers.faulted[: len(self.codes)]
+        faults = {
+            self.answers.names[place]: self.answers.fault(place) or "" for place in np.flatnonzero(obeyed).tolist()
+        }
+        return {name: fault for name, fault in faults.items() if fault != NOT_STORED}
+
+    @cached_property
     def silent(self) -> tuple[str, ...]:
         return tuple(self.answers.names[place] for place in np.flatnonzero(self._silent).tolist())
 
@@ -491,7 +521,10 @@ class Account:
         8 s ago)`; with those that STOP holds, and those whose test was unknown, where there are any."""
         held = f" (held by STOP: {self.n_held})" if self.n_held else ""
         unknown = f", unknown {self.n_unknown}" if self.n_unknown else ""
-        counts = f"matched {self.n_matched}{held}, did not match {self.n_not_matched}{unknown}, fault {self.n_fault}"
+        lost = f", not stored {self.n_not_stored}" if self.n_not_stored else ""
+        counts = (
+            f"matched {self.n_matched}{held}, did not match {self.n_not_matched}{unknown}{lost}, fault {self.n_fault}"
+        )
         return f"{counts}, {self.silence()}"
 
     def silence(self, most: int = SHOWN) -> str:

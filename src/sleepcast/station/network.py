@@ -568,6 +568,7 @@ class NetworkStation(Station):
             found = account(command, self._clock.now(), self._roster.heard)
             silent = RobotNames(self._roster.names, np.flatnonzero(command.silent))
             details = {f"n_{sort}": getattr(found, f"n_{sort}") for sort in COUNTED} | {"silent": silent}
+            details |= {"n_not_stored": found.n_not_stored} if found.n_not_stored else {}
             self._note(JournalEvent.ACCOUNTED, subject=command.id, text=command.text, details=details)
 
     def _drives(self) -> bool:

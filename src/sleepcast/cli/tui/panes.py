@@ -72,8 +72,9 @@ def _of_all(session: Session) -> str:
 
 
 def _silence(found: Account) -> str:
+    lost = f"not stored {found.n_not_stored}, " if found.n_not_stored else ""
     fault = f"fault {found.n_fault}, " if found.n_fault else ""
-    return f"{fault}{found.silence(FEW)}"
+    return f"{lost}{fault}{found.silence(FEW)}"
 
 
 # ---- robots
@@ -168,7 +169,7 @@ def _command(session: Session, command: Command, width: int) -> Iterator[Line]:
     text = " ".join(command.message.text.split())
     yield [("class:when", f"{when} "), ("bold", clipped(printable(f"{standing}{kind}{text}"), width - 9))]
     found = session.station.accounting(command.id)
-    style = "class:warned" if found.n_fault or found.n_silent else ""
+    style = "class:warned" if found.n_fault or found.n_silent or found.n_not_stored else ""
     for line in _folded(printable(_became(command, found)), width - 2)[:MOST_LINES]:
         yield [(style, f"  {line}")]
     for name in found.fault[:1]:

@@ -60,7 +60,7 @@ export class Accounting extends EventTarget {
     this.root.querySelector("#no-commands").hidden = rows.length > 0;
     this.root.querySelector("#account").hidden = rows.length === 0;
     const now = this.get(this.chosen);
-    if (before && now && [...OUTCOMES, "held", "waiting"].some((what) => before[what] !== now[what])) this.changed("counted");
+    if (before && now && [...OUTCOMES, "held", "not_stored", "waiting"].some((what) => before[what] !== now[what])) this.changed("counted");
     if (!now && this.chosen) this.choose("");
   }
 
@@ -161,10 +161,11 @@ function sortOf(row) {
   return sort ? [Object.assign(document.createElement("span"), { className: "sort", textContent: sort })] : [];
 }
 
-// Why robots have not done what the command says, although it was for them.
+// Why robots have not done what the command says, although it was for them; or may forget that they have.
 function heldUp(row) {
   const held = row.held > 0 ? `held by STOP: ${row.held.toLocaleString("en")}` : "";
-  return [row.waiting && `waiting: ${row.waiting}`, held].filter(Boolean).join(" · ");
+  const lost = row.not_stored > 0 ? `not stored: ${row.not_stored.toLocaleString("en")}` : "";
+  return [row.waiting && `waiting: ${row.waiting}`, held, lost].filter(Boolean).join(" · ");
 }
 
 // Bytes from the base64 text that JSON carries.

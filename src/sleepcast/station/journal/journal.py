@@ -36,7 +36,7 @@ class JournalEvent(StrEnum):
     """The desk sent a message again; details: silent (how many robots were not accounted for)."""
     ACCOUNTED = "accounted"
     """The desk goes after a command no longer; details: n_matched, n_held, n_not_matched, n_unknown, n_fault, n_silent,
-    silent (names)."""
+    silent (names); n_not_stored if there are any."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,8 @@ import math
 
 from micropython import const
 
+from sleepnode.reader import general
+
 _MANY = const(100)
 
 _MAX_CORNERS = const(48)
@@ -45,7 +47,7 @@ def _divide(*a):
 
 def _power(x, y):
     if (x == 0 and y < 0) or (x < 0 and y != int(y)):
-        raise Undefined("%g to the power %g has no value" % (x, y))
+        raise Undefined("%s to the power %s has no value" % (general(x), general(y)))
     try:
         return math.pow(x, y)
     except (ValueError, OverflowError):
@@ -54,13 +56,13 @@ def _power(x, y):
 
 def _root(x):
     if x < 0:
-        raise Undefined("square root of %g" % x)
+        raise Undefined("square root of %s" % general(x))
     return math.sqrt(x)
 
 
 def _logarithm(x):
     if x <= 0:
-        raise Undefined("logarithm of %g" % x)
+        raise Undefined("logarithm of %s" % general(x))
     return math.log(x)
 
 
@@ -89,7 +91,7 @@ def _edge_distance(*a):
 
 def clamp(x, a, b):
     if a > b:
-        raise Undefined("CLAMP from %g to %g: the low end is above the high end" % (a, b))
+        raise Undefined("CLAMP from %s to %s: the low end is above the high end" % (general(a), general(b)))
     return a if x < a else b if x > b else x
 
 

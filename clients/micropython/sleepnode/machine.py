@@ -17,13 +17,12 @@ to 2. The number is a slot, a place to jump to, how many arguments, or a constan
 bytes), behind `repeat` and `next` a place of the frame (two), behind `repeat` a count as well (two).
 """
 
-import math
 import struct
 
 from micropython import const
 
 from sleepnode.functions import CALLS, Undefined
-from sleepnode.reader import format_number
+from sleepnode.reader import format_number, general
 
 _MAX_STEPS = const(10000)
 _MAX_DEPTH = const(32)
@@ -306,7 +305,7 @@ def chance(mind, on, x, y):
     from sleepnode.gauss import normal  # rarely used, so loaded when it is
 
     if y < 0:
-        return mind.fault("deviation of %g: it cannot be negative" % y)
+        return mind.fault("deviation of %s: it cannot be negative" % general(y))
     return _finite(mind, x + y * normal(mind.draw()))
 
 
@@ -315,7 +314,6 @@ def tell(mind, pieces, values, hops):
         return mind.fault("an unknown cannot be told")
     text = pieces[0]
     for at, value in enumerate(values):
-        written = format_number(value)
-        text += ("-0.0" if written == "0" and math.copysign(1.0, value) < 0 else written) + pieces[at + 1]
+        text += format_number(value) + pieces[at + 1]
     mind.tell(text, hops)
     return 1.0

@@ -182,12 +182,29 @@ def _number(data):
     unit = word[at:].lower()
     if unit and not _like_unit(data[at:]):
         raise Refused(_NUMBER_REFUSED, word)
-    value = float(word[:at])
+    value = _nearest(word[:at])
     if unit:
         value = _to_si(value, unit)
     if value - value != 0:
         raise Refused(_HUGE_REFUSED, word)
     return value, word, unit in _PLAIN
+
+
+def _nearest(word):
+    """The number nearest to a text. Few digits are a whole number, multiplied or divided by a power of ten, both exact:
+    so it is rounded once. The firmware's own `float` is now and then one unit of the last place off."""
+    word, _, power = word.lower().partition("e")
+    left, _, right = word.lstrip("+-").partition(".")
+    power, digits = int(power or 0) - len(right), left + right
+    if len(digits) <= 15 and -22 <= power <= 22:
+        value = float(int(digits))
+        value = value / float(10**-power) if power < 0 else value * float(10**power)
+    else:
+        from sleepnode.decimals import nearest
+
+        value = nearest(digits, power)
+        unload("decimals")
+    return -value if word[:1] == "-" else value
 
 
 def _to_si(value, unit):
@@ -200,7 +217,7 @@ def _to_si(value, unit):
     factor, _, part = _UNITS[at : _UNITS.find(" ", at)].partition("/")
     if not factor:
         return value / float(part)
-    return value * (float(factor) / float(part) if part else float(factor))
+    return value * (float(factor) / float(part) if part else _nearest(factor))
 
 
 def _like_unit(data):
@@ -241,6 +258,19 @@ def format_number(value):
     """The shortest text that reads back to this number, unknown as UNKNOWN."""
     if value is None:
         return "UNKNOWN"
-    if -1e16 < value < 1e16 and value == int(value):
+    if -1e16 < value < 1e16 and value == int(value) and (value or math.copysign(1.0, value) > 0):
         return str(int(value))
-    return repr(value)
+    return _written("shortest", value)
+
+
+def general(value):
+    """The first digits of a number, as a fault tells them."""
+    return _written("general", value)
+
+
+def _written(how, value):
+    from sleepnode import decimals
+
+    text = getattr(decimals, how)(value)
+    unload("decimals")
+    return text

@@ -1,9 +1,14 @@
 """Runs under MicroPython: evaluates texts that arrive as lines of JSON on one robot after another, and says what came
-of each. The robot is the one of tests/cases."""
+of each. The robot is the one of tests/cases.
+
+Numbers go both ways as the bits of a double in hexadecimal digits, since the firmware reads and writes decimals now and
+then one unit of the last place off."""
 
 import gc
 import json
+import struct
 import sys
+from binascii import hexlify, unhexlify
 
 from sleepnode.checker import Function
 from sleepnode.mind import Mind
@@ -13,12 +18,17 @@ SENSORS = ["fuel", "ordnance", "x", "y", "speed", "sonar1", "sonar2", "sonar3"]
 ACTUATORS = ["throttle", "lamp"]
 
 
+def shown(value):
+    """As people see it, to whom a zero has no sign."""
+    return format_number(value if value is None else value + 0.0)
+
+
 class Body:
     def __init__(self):
         self.done = []
 
     def do(self, name, *arguments):
-        written = ['"%s"' % x if isinstance(x, str) else format_number(x) for x in arguments]
+        written = ['"%s"' % x if isinstance(x, str) else shown(x) for x in arguments]
         self.done.append("(%s)" % " ".join([name] + written))
 
 
@@ -39,17 +49,21 @@ def robot(asked, body):
     sensors = SENSORS + asked["sensors"]
     mind = Mind(sensors, ACTUATORS, {"FRONT": 1.0, "REAR": 2.0}, functions, number=asked["number"], seed=asked["seed"])
     for name, value in asked["values"].items():
-        mind.values[mind.binding(name)] = value
+        mind.values[mind.binding(name)] = number(value)
     return mind
 
 
 def printed(label, values):
     words = ['"%s"' % label] if label else []
-    return " ".join(words + [format_number(value) for value in values])
+    return " ".join(words + [shown(value) for value in values])
 
 
-def written(value):
-    return "UNKNOWN" if value is None else repr(float(value))
+def bits(value):
+    return None if value is None else hexlify(struct.pack("<d", float(value))).decode()
+
+
+def number(text):
+    return None if text is None else struct.unpack("<d", unhexlify(text))[0]
 
 
 body, mind = Body(), None
@@ -66,8 +80,8 @@ for line in sys.stdin:
         moved = []
         for _ in range(asked["ticks"]):
             for name, value in asked["values"].items():
-                mind.values[mind.binding(name)] = value
-            mind.begin(mind.tick + 1, (mind.tick + 1) * asked["seconds"])
+                mind.values[mind.binding(name)] = number(value)
+            mind.begin(mind.tick + 1, (mind.tick + 1) * number(asked["seconds"]))
             moved.append(mind.round())
         print(json.dumps({"moved": moved, "faults": mind.faults}))
         continue
@@ -81,11 +95,11 @@ for line in sys.stdin:
     print(
         json.dumps(
             {
-                "value": written(value),
+                "value": bits(value),
                 "faults": mind.faults,
                 "prints": [printed(label, values) for label, values, _ in mind.reports],
                 "tells": [text for text, _ in mind.told],
-                "pings": mind.pings,
+                "pings": [bits(each) for each in mind.pings],
                 "does": body.done,
                 "matched": mind.matched,
             }

@@ -3,6 +3,9 @@
 The command's libraries take a moment to load. Ctrl-C ends the process on the spot meanwhile: raised as an exception in
 the middle of an import, it would come out as a traceback, or be swallowed. SIGTERM ends it as Ctrl-C does, here and
 later, so that bodies are stopped and files are closed.
+
+The folder in which it is started may be anybody's: no module is imported from there, neither here nor by the processes
+that it starts.
 """
 
 import gc
@@ -16,6 +19,7 @@ USUAL = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_D
 
 def start() -> int:
     """Load the command and run it on this process's arguments; gives the exit status."""
+    _import_nothing_from_here()
     ours = [each for each, usual in USUAL.items() if signal.getsignal(each) is usual]
     for each in ours:
         signal.signal(each, lambda number, frame: os._exit(128 + number))
@@ -27,6 +31,18 @@ def start() -> int:
     status = main()
     gc.freeze()  # nobody looks for garbage at the end: all of it goes anyway, and after a run the search takes longest
     return status
+
+
+def _import_nothing_from_here() -> None:
+    """`python -m` looks for modules in the folder in which it is started, and so do the processes that
+    `multiprocessing` starts."""
+    os.environ.setdefault("PYTHONSAFEPATH", "1")
+    try:
+        here, home = os.getcwd(), os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    except OSError:  # the folder is gone
+        return
+    if not sys.flags.safe_path and sys.path and sys.path[0] in ("", here) and here != home:
+        del sys.path[0]
 
 
 if __name__ == "__main__":

@@ -77,6 +77,7 @@ def draw(
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
+    mpl.rcdefaults()  # a matplotlibrc lies in the folder of whoever wrote it: it may start TeX, or ask for any size
     mpl.rcParams["svg.hashsalt"] = "sleepcast"  # the same figure is the same file
     mpl.rcParams["svg.fonttype"] = "none"
     figure = Figure(figsize=(6.4, 4.0), layout="constrained")

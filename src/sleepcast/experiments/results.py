@@ -15,7 +15,6 @@ import json
 import os
 import platform
 import sqlite3
-import subprocess
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -31,6 +30,7 @@ from sleepcast.core.files import lock_file, replace_file
 from sleepcast.core.settings import SettingsError
 from sleepcast.core.version import VERSION
 from sleepcast.experiments.drawing import band
+from sleepcast.experiments.git_state import git_state
 from sleepcast.experiments.plan import Experiment, Goal, Run, Value, read_experiment
 from sleepcast.experiments.search import Tried, suggest
 
@@ -390,23 +390,8 @@ def _about() -> dict[str, object]:
         "machine": platform.platform(),
         "cores": os.cpu_count(),
         "began": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "git": _git(),
+        "git": git_state(Path.cwd()),
     }
-
-
-def _git() -> str | None:
-    """The commit of the working folder, with "+" if something is changed; None where there is none."""
-    try:
-        done = subprocess.run(
-            ["git", "--no-optional-locks", "describe", "--always", "--abbrev=40", "--dirty=+", "--exclude=*"],
-            capture_output=True,
-            text=True,
-            timeout=10.0,
-            check=False,
-        )
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return done.stdout.strip() or None
 
 
 def _lost(place: Path, error: OSError | sqlite3.Error) -> ResultsLostError:

@@ -128,6 +128,10 @@ class NumPyMachine:
         work(0, count)
 
 
+NUMBA_SETTINGS = ".numba_config.yaml"
+"""What numba looks for in the folder in which a process was started, which may be anybody's."""
+
+
 def has_numba() -> bool:
     """Whether kernels can be compiled. Does not load numba, which takes longer than a small run."""
     return find_spec("numba") is not None
@@ -145,6 +149,11 @@ def choose(name: str | None = None, threads: int | None = None) -> Machine:
         raise MisuseError(f'no machine "{name}": wanted numpy or numba')
     if not there:
         raise MisuseError("""the machine "numba" needs numba: pip install 'sleepcast[fast]', or take "numpy\"""")
+    if os.path.isfile(NUMBA_SETTINGS):
+        raise MisuseError(
+            f"{NUMBA_SETTINGS} lies in this folder, and numba would obey it: kernels would be compiled otherwise than "
+            "everywhere else, and kept. Take it away, or start in another folder"
+        )
     from sleepcast.simulator.fast import NumbaMachine
 
     return NumbaMachine(threads or cores())

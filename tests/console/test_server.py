@@ -16,8 +16,9 @@ import pytest
 
 from console.running import Program, open_page
 from sleepcast.console import server
-from sleepcast.console.server import DEFAULT_PORT, PortError, is_loopback, listen
+from sleepcast.console.server import DEFAULT_PORT, PortError, listen
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.hosts import is_loopback
 from small_worlds import write
 
 

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tracemalloc
+import warnings
 import zipfile
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -81,6 +85,76 @@ def test_a_zip_file_is_read_as_well(tmp_path: Path) -> None:
         archive.writestr("a", "b")
     with pytest.raises(MisuseError, match=r"has no test\.toml"):
         read_test(tmp_path / "none.zip")
+
+
+TEST = 'format = 1\nscenario = "bravo"\nseed = 1\nseconds = 1\nmission = "mission.sleep"\n'
+
+
+def test_a_goal_of_a_saved_test_runs_no_python(tmp_path: Path) -> None:
+    """Wherever it comes from, and though the module lies where Python finds it."""
+    (tmp_path / "test.toml").write_text(f'{TEST}[[goals]]\nholds = "os.getpid >= 0"\n')
+    (tmp_path / "mission.sleep").touch()
+    with zipfile.ZipFile(tmp_path / "sent.zip", "w") as archive:
+        for name in ("test.toml", "mission.sleep"):
+            archive.write(tmp_path / name, name)
+    for place in (tmp_path, tmp_path / "sent.zip"):
+        with pytest.raises(MisuseError, match=r"test.toml:7: goals\[0\].holds: .*what comes from others is not run"):
+            read_test(place)
+
+
+def packed(file: Path, members: list[tuple[str, bytes]], how: int = zipfile.ZIP_DEFLATED) -> Path:
+    """A zip file with these members, some perhaps of one name."""
+    with warnings.catch_warnings(action="ignore"), zipfile.ZipFile(file, "w", how) as archive:
+        for name, data in members:
+            archive.writestr(name, data)
+    return file
+
+
+def belittled(file: Path) -> Path:
+    """The same zip file, whose directory says that each member unpacks to a hundred bytes."""
+    data = bytearray(file.read_bytes())
+    for mark, offset in ((b"PK\x01\x02", 24), (b"PK\x03\x04", 22)):
+        at = -1
+        while (at := data.find(mark, at + 1)) >= 0:
+            data[at + offset : at + offset + 4] = (100).to_bytes(4, "little")
+    file.write_bytes(data)
+    return file
+
+
+LARGE = bytes(64 * 1024**2)
+
+
+@pytest.mark.parametrize(
+    ("make", "why"),
+    [
+        (lambda file: belittled(packed(file, [("test.toml", LARGE)])), "cannot be read"),
+        (lambda file: packed(file, [("test.toml", LARGE)]), "too long: at most"),
+        (lambda file: packed(file, [("test.toml", LARGE)], zipfile.ZIP_BZIP2), "packed in another way"),
+        (lambda file: packed(file, [("test.toml", LARGE)], zipfile.ZIP_LZMA), "packed in another way"),
+        (lambda file: packed(file, [("test.toml", LARGE[: 1024**2])] * 200), "holds 200 files"),
+        (lambda file: packed(file, [(f"{number}", b"") for number in range(50_000)]), "too large"),
+    ],
+    ids=["a lying directory", "long", "bzip2", "lzma", "many", "a long directory"],
+)
+def test_a_zip_bomb_costs_no_more_than_a_test_may(tmp_path: Path, make: Callable[[Path], Path], why: str) -> None:
+    file = make(tmp_path / "sent.zip")
+    tracemalloc.start()
+    try:
+        with pytest.raises(MisuseError, match=why):
+            read_test(file)
+        assert tracemalloc.get_traced_memory()[1] < 24 * 1024**2
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("cut", [0, 1, 21, 60, 100])
+def test_a_damaged_zip_file_is_refused_with_a_sentence(tmp_path: Path, cut: int) -> None:
+    file = packed(tmp_path / "sent.zip", [("test.toml", TEST.encode()), ("mission.sleep", b"@1s (ST)\n")])
+    data = file.read_bytes()
+    for damaged in (data[:cut], data[cut:], data[:cut] + b"\xff" * 30 + data[cut + 30 :]):
+        file.write_bytes(damaged)
+        with suppress(MisuseError):  # nothing else may come out, and some of it does not matter
+            read_test(file)
 
 
 def test_what_cannot_be_repeated_is_refused(tmp_path: Path) -> None:

@@ -83,6 +83,8 @@ def test_goals_hold_at_their_times(tmp_path: Path) -> None:
     [
         (("[[goals]]", "[[goal]]"), r"drive.toml:\d+: goals: an exercise has at least one goal|unknown key"),
         (('"max speed > 0.1"', '"max speed"'), "wanted a measure and a bound"),
+        (('"max speed > 0.1"', '"max speed > 0.1.2"'), "wanted a measure and a bound"),
+        (('"max speed > 0.1"', '"os.getpid > 0.1"'), "what comes from others is not run"),
         (('"once"', '"often"'), "when"),
         (('"crowd"', '"crowed"'), "no scenario"),
         (('"3s"', '"3h"'), "seconds"),

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from math import isnan
 from multiprocessing import active_children
 from pathlib import Path
+from threading import Thread
 
 import msgspec
 import numpy as np
@@ -19,10 +23,11 @@ import pytest
 
 import sleepcast as sc
 from sleepcast.cli import main
+from sleepcast.experiments import run
 from sleepcast.experiments.drawing import band
 from sleepcast.experiments.plan import Experiment, Precision, experiment_of
-from sleepcast.experiments.results import Results, ResultsError, export, outcomes_in, summary_of, table_of
-from sleepcast.experiments.run import ENDED, do, run_all, verify
+from sleepcast.experiments.results import Outcome, Results, ResultsError, export, outcomes_in, summary_of, table_of
+from sleepcast.experiments.run import ENDED, ClusterError, checked_cluster, do, outcome_in, run_all, verify
 
 FEW = ("robots.count=10",)
 THOUSAND = ",".join(f"0.{number:03d}" for number in range(1000))
@@ -193,7 +198,9 @@ class TestManyRuns:
             check=False,
         )
         assert done.returncode == 2
-        assert done.stderr == "the trial of the measures took longer than 2 s: does one never come to its end?\n"
+        first, second = done.stderr.splitlines()
+        assert first == f"this sweep runs programs: own_measures.odd of {measures}"
+        assert second == "the trial of the measures took longer than 2 s: does one never come to its end?"
 
     def test_a_worker_that_the_system_ends_costs_one_run(self, tmp_path: Path, measures: Path) -> None:
         measures.write_text(
@@ -566,6 +573,67 @@ class TestCluster:
         assert "8 of 8 runs done" in done.stdout
         here, there = (list(outcomes_in(tmp_path / name)) for name in ("here", "there"))
         assert all(each.same_as(other) for each, other in zip(here, there, strict=True))
+
+    @pytest.mark.parametrize(
+        ("address", "why"),
+        [
+            ("tcp://192.0.2.1:8786", "nothing shows who it is. Use tls://.* or add --insecure"),
+            ("192.0.2.1:8786", "nothing shows who it is"),
+            ("tcp://127.0.0.1.example.org:8786", "nothing shows who it is"),
+            ("inproc://192.0.2.1/1/1", "is no address of a dask scheduler"),
+            ("tcp://127.0.0.1", "is no address of a dask scheduler"),
+            ("tcp://127.0.0.1:port", "is no address of a dask scheduler"),
+        ],
+    )
+    def test_whoever_answers_elsewhere_shows_who_it_is(self, address: str, why: str) -> None:
+        with pytest.raises(ClusterError, match=why):
+            checked_cluster(address, insecure=False)
+        for trusted in ("tls://192.0.2.1:8786", "tcp://127.0.0.1:8786", "tcp://[::1]:8786", "localhost:8786"):
+            assert checked_cluster(trusted, insecure=False) == trusted
+        assert checked_cluster("tcp://192.0.2.1:8786", insecure=True)
+
+    def test_what_a_worker_answers_is_an_outcome_of_this_run_or_a_failure(self) -> None:
+        wanted = experiment(over=FEW, seeds=2)
+        one, other = wanted.runs()
+        good = Outcome(one, ((0.0, 0.5), (1.0, None)), "", "abc", 0.1)
+        assert outcome_in(msgspec.json.encode(good), wanted, one) == good
+        failed = Outcome(one, error="it failed")
+        assert outcome_in(msgspec.json.encode(failed), wanted, one) == failed
+        strange = [
+            *(None, 5, "", b"", b"{}", b"[" * 100_000, good, pickle.dumps(good)),
+            *(
+                msgspec.json.encode(msgspec.structs.replace(good, **change))
+                for change in (
+                    {"run": other},
+                    {"samples": ((0.0,),)},
+                    {"samples": ((0.0, 1.0, 2.0),)},
+                    {"samples": ()},
+                    {"hash": "a" * 1_000},
+                    {"error": "and samples"},
+                )
+            ),
+        ]
+        for answer in strange:
+            found = outcome_in(answer, wanted, one)
+            assert (found.run, found.samples) == (one, ())
+            assert "no outcome of this run" in found.error
+
+    def test_a_scheduler_that_talks_nonsense_is_named(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        pytest.importorskip("distributed")
+        monkeypatch.setattr(run, "CONNECTING", 0.5)
+        with socket.create_server(("127.0.0.1", 0)) as server:
+
+            def answer() -> None:
+                with suppress(OSError):
+                    while True:
+                        connection, _ = server.accept()
+                        with connection:
+                            connection.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n" * 100)
+
+            Thread(target=answer, daemon=True).start()
+            address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+            with pytest.raises(ClusterError, match="no dask scheduler answers"):
+                run.Cluster(experiment(), address)
 
     def test_a_cluster_that_does_not_answer_is_named(self, tmp_path: Path) -> None:
         pytest.importorskip("distributed")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from sleepcast.cli.options import SimulatedTime
-from sleepcast.cli.streams import announce, complain, put
+from sleepcast.cli.streams import announce, complain, put, somebody_there
 from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
@@ -42,9 +42,11 @@ SHOWN_ERRORS = 3
 @click.option("--workers", metavar="N", type=click.IntRange(1, 1024), help="Processes (default: one per core).")
 @click.option("--timeout", metavar="TIME", type=SimulatedTime(), help="Longest time for a run (default: 1h).")
 @click.option("--cluster", metavar="ADDRESS", help="Instead: the workers of a dask cluster, as tcp://host:8786.")
+@click.option("--insecure", is_flag=True, help="Allow a cluster on other machines, unencrypted: trust its network.")
 @click.option("--retry", is_flag=True, help="Do runs again that failed.")
 @click.option("--verify", is_flag=True, help="Do finished runs again, and compare.")
 @click.option("--runs", metavar="N", type=click.IntRange(min=1), help="With --verify: only the first N.")
+@click.option("--trust", is_flag=True, help="Run the Python files that the plan names, now and in future.")
 @click.option("--page", is_flag=True, help="Show progress and curves in the browser.")
 @click.option("--port", type=click.IntRange(0, 65_535), help="Page: its port (default: 8317; 0 for any free one).")
 @click.option("--no-browser", is_flag=True, help="Page: print its address, but open no browser.")
@@ -59,6 +61,9 @@ def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_jso
     table coverage.csv at the end; .parquet likewise. --page shows in the browser how far it has come, with curves
     that grow; a click on a point lists its runs, and each opens on a page of its own.
 
+    A measure may be a function in Python. A file or folder that names one is a program: it is run if you say that it is
+    yours, when you are asked or by --trust, which is remembered for its folder.
+
     \b
     Examples:
       sleepcast sweep crowd --over radio.loss=0,0.3 --seeds 5 --seconds 10s --measure 'mean battery' --out loss.csv
@@ -68,28 +73,36 @@ def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_jso
       sleepcast sweep results
       sleepcast sweep results --verify --runs 10
     """
-    from sleepcast.experiments.run import cores
+    from sleepcast.experiments.run import checked_cluster, cores
 
     folder, table = _folder(what, out)
-    sys.path.append(str(Path(what).parent if Path(what).suffix == ".toml" else Path.cwd()))  # for measures in Python
     if how["cluster"] and workers:
         raise MisuseError("--workers are processes here, --cluster others elsewhere: choose one of them")
     if how["cluster"] and how["timeout"]:
         raise MisuseError("--timeout ends processes here; those of a --cluster belong to others: leave it out")
-    many = how["cluster"] or workers or cores()
+    if how["insecure"] and not how["cluster"]:
+        raise MisuseError("--insecure is about the network to a --cluster: leave it out")
+    cluster = how["cluster"] and checked_cluster(how["cluster"], insecure=how["insecure"])
+    many = cluster or workers or cores()
     if not how["page"] and (how["port"] is not None or how["no_browser"]):
         raise MisuseError("--port and --no-browser are about a page: add --page")
     if verify and how["page"]:
         raise MisuseError("--page shows a sweep: leave out --verify")
     if verify:
+        from sleepcast.experiments.results import experiment_in
+
+        let_programs_run(experiment_in(folder), folder, Path.cwd(), trusted=how["trust"])
         return _verify(folder, many, how["runs"], as_json=as_json, quiet=quiet)
     experiment = _experiment(what, folder, how)
     from sleepcast.experiments.results import Results
     from sleepcast.experiments.run import LONGEST_RUN, try_out
 
     limit = how["timeout"] or LONGEST_RUN
+    runs_programs = let_programs_run(experiment, *written_in(what), trusted=how["trust"])
     try_out(experiment, limit)
     with Results(folder, experiment) as results, ExitStack() as stack:
+        if runs_programs:
+            _remember(folder)
         if not quiet and (done := results.count()):
             announce(f"{done:,} of {len(experiment):,} runs are done already")
         findings = stack.enter_context(_page(results, how["port"], not how["no_browser"])) if how["page"] else None
@@ -132,6 +145,57 @@ def _experiment(what: str, folder: Path, how: dict[str, object]) -> Experiment:
     if own is not None and "measures" not in said:
         return own.varied(mission=not how["no_mission"], **said)  # type: ignore[arg-type]  # click has checked them
     return experiment_of(what, mission=not how["no_mission"], **said)  # type: ignore[arg-type]  # as above
+
+
+def written_in(what: str) -> tuple[Path | None, Path]:
+    """The folder in which a plan is written, None for one that was typed or is of the gallery; and where modules are
+    sought besides where Python does."""
+    from sleepcast.experiments.plan import experiment_of_scenario
+
+    path = Path(what)
+    if experiment_of_scenario(what) is not None or path.name == "scenario.toml":
+        return None, Path.cwd()
+    if (path / "experiment.toml").is_file():
+        return path, Path.cwd()
+    return (path.parent, path.parent) if path.suffix == ".toml" else (None, Path.cwd())
+
+
+def let_programs_run(experiment: Experiment, written_in: Path | None, modules: Path, *, trusted: bool) -> bool:
+    """See that functions in Python which an experiment names may be run, and let Python find their modules; gives
+    whether there are any. written_in, modules: see `written_in`. trusted: whether somebody has said so. Raises
+    MisuseError for what nobody answers for."""
+    from sleepcast.experiments.trust import is_own, programs
+
+    found = programs(experiment, modules)
+    if not found:
+        return False
+    complain(f"this sweep runs programs: {', '.join(each.sentence() for each in found)}")
+    if written_in is not None:
+        files = [each.file for each in found if each.file is not None]
+        if not trusted and not is_own(written_in, files) and not _answered_for(written_in):
+            raise MisuseError(
+                f"{written_in.resolve()} names Python files, and nobody has said here that they may be run: look at "
+                "them, and add --trust if they are yours or you trust who wrote them"
+            )
+        _remember(written_in)
+    sys.path.append(str(modules.resolve()))
+    return True
+
+
+def _remember(folder: Path) -> None:
+    """Ask no more for this folder."""
+    from sleepcast.experiments.trust import TrustError, make_own
+
+    try:
+        make_own(folder)
+    except TrustError as error:
+        complain(str(error))
+
+
+def _answered_for(folder: Path) -> bool:
+    """Whether the person at the terminal, if there is one, says that what lies in a folder may be run."""
+    question = f"They can do whatever you can. Run what {folder.resolve()} names"
+    return somebody_there() and click.confirm(question, err=True)
 
 
 @contextmanager

@@ -18,7 +18,6 @@ from collections.abc import Awaitable, Callable, Coroutine, Iterable, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass
 from importlib.resources import files
-from ipaddress import ip_address
 from pathlib import Path
 from secrets import compare_digest, token_urlsafe
 from typing import Any
@@ -48,6 +47,7 @@ from sleepcast.console.swarm_dialogue import SwarmDialogue
 from sleepcast.console.view import Pace, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.hosts import is_loopback
 from sleepcast.station import Station
 from sleepcast.station.network import NetworkStation
 
@@ -268,14 +268,6 @@ def _check_host(host: str, insecure: bool) -> None:
             f"{host} can be reached by others, and what goes between the page and sleepcast is not encrypted: "
             "anybody who reads it can command the robots. Use 127.0.0.1, or add --insecure on a network of your own"
         )
-
-
-def is_loopback(host: str) -> bool:
-    """Whether only this machine can reach `host`."""
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 def hosts_of(host: str, allow: Sequence[str]) -> frozenset[str]:

@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterable
+import zlib
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from io import BytesIO
 from math import ceil
 from pathlib import Path
 
@@ -15,6 +17,7 @@ from sleepcast.api.assembly import assemble, warm_up
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.api.session_test import FILE, FORMAT, MISSION, counts_of, send_order, unmet
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.files import open_file
 from sleepcast.core.settings import MAX_BYTES, Table, read_text, toml_document
 from sleepcast.core.units import TIME
 from sleepcast.experiments.goals import EVERY, MAX_GOALS, Goal, GoalJudge, read_goal
@@ -22,6 +25,12 @@ from sleepcast.simulator import Changes, Order, Scenario, find_scenario, parse_m
 from sleepcast.simulator.scenario.robot_settings import MAX_TIME
 from sleepcast.simulator.scenario.world_settings import MAX_SEED
 
+MAX_PACKED = 4 * MAX_BYTES
+"""Bytes of a zip file, of which all is read: those that a page saves have a thousandth of it."""
+MAX_MEMBERS = 100
+"""Files in it."""
+BAD_ZIP = (zipfile.BadZipFile, zlib.error, EOFError, ValueError, RuntimeError, NotImplementedError)
+"""What reading a malformed zip file may raise."""
 SLACK = 1e-6
 """Of a tick, by which rounding may move an order."""
 
@@ -104,20 +113,37 @@ def read_test(place: Path) -> SavedTest:
 
 def _unzipped(file: Path) -> dict[str, str]:
     try:
-        with zipfile.ZipFile(file) as archive:
-            found = {}
-            for info in archive.infolist():
-                name = info.filename.rpartition("/")[2]
-                if name in (FILE, MISSION):
-                    if info.file_size > MAX_BYTES:
-                        raise MisuseError(f"{file}: {name} is too long: at most {MAX_BYTES} bytes")
-                    found[name] = archive.read(info).decode()
-    except (OSError, zipfile.BadZipFile, UnicodeError, RuntimeError, NotImplementedError) as error:
+        with open_file(file) as opened:
+            packed = opened.read(MAX_PACKED + 1)
+        if len(packed) > MAX_PACKED:
+            raise MisuseError(f"{file} is too large for a saved test: at most {MAX_PACKED} bytes")
+        with zipfile.ZipFile(BytesIO(packed)) as archive:
+            found = dict(_members(archive, file))
+    except (OSError, UnicodeError, *BAD_ZIP) as error:
         raise MisuseError(f"{file} cannot be read: {error}") from error
     for name in (FILE, MISSION):
         if name not in found:
             raise MisuseError(f"{file} is no saved test: it has no {name}")
     return found
+
+
+def _members(archive: zipfile.ZipFile, file: Path) -> Iterator[tuple[str, str]]:
+    """The texts of a test. No more is read of any than may be in it, whatever size its directory says. Raises
+    MisuseError, and what is in BAD_ZIP."""
+    members = archive.infolist()
+    if len(members) > MAX_MEMBERS:
+        raise MisuseError(f"{file} holds {len(members)} files: at most {MAX_MEMBERS} belong to a saved test")
+    for info in members:
+        name = info.filename.rpartition("/")[2]
+        if name not in (FILE, MISSION):
+            continue
+        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):  # the others unpack without a bound
+            raise MisuseError(f"{file}: {name} is packed in another way than zip files of tests are: pack it anew")
+        with archive.open(info) as member:
+            data = member.read(MAX_BYTES + 1)
+        if len(data) > MAX_BYTES:
+            raise MisuseError(f"{file}: {name} is too long: at most {MAX_BYTES} bytes")
+        yield name, data.decode()
 
 
 def _read(root: Table, home: Path, place: Path, mission: str) -> SavedTest:

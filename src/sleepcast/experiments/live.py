@@ -1,4 +1,8 @@
-"""The measures of a scenario's experiment, taken of a swarm that runs on a page."""
+"""The measures of a scenario's experiment, taken of a swarm that runs on a page.
+
+A scenario may be anybody's, and opening it is no decision to run programs: functions in Python are only taken from
+folders that are the user's own.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,7 @@ from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.errors import SleepcastError
 from sleepcast.experiments.measures import read_measure
 from sleepcast.experiments.plan import experiment_of_scenario, read_experiment
+from sleepcast.experiments.trust import is_own
 
 MOST_ROBOTS = 20_000
 """Robots of which a measure of the group as a whole is taken while a page is served: of more it takes too long between
@@ -24,7 +29,8 @@ def live_measures(fleet: SimulatedFleet, folder: Path | None = None) -> list[Tak
     """The measures of the scenario's experiment, and the time series that its own file asks for. folder: of a scenario
     that is not of the gallery. What is wrong with a measure is said when it is taken: a page opens all the same."""
     scenario = fleet.swarm.simulator.scenario
-    found = [(name, text, partial(_taken, text, fleet)) for name, text in _texts(scenario.name, folder).items()]
+    own = folder is not None and is_own(folder)
+    found = [(name, text, partial(_taken, text, fleet, own)) for name, text in _texts(scenario.name, folder).items()]
     return [*found, *((spec.name, spec.name, partial(_latest, fleet, spec.name)) for spec in scenario.measures)]
 
 
@@ -49,11 +55,11 @@ def _not_recorded() -> float:
     raise SleepcastError("This is measured of a running swarm, and is not in a recording.")
 
 
-def _taken(text: str, fleet: SimulatedFleet) -> float:
+def _taken(text: str, fleet: SimulatedFleet, own: bool) -> float:
     """Raises SleepcastError for what cannot be measured, and for a fleet that is too large."""
     if len(fleet) > MOST_ROBOTS:
         raise SleepcastError(f"This is measured of at most {MOST_ROBOTS:,} robots while a page is open.")
-    measure = read_measure(text)
+    measure = read_measure(text, own=own)
     try:
         return measure(fleet)
     except SleepcastError:

@@ -8,6 +8,9 @@
     analysis.spread                        the function `spread` of the module `analysis`, which takes the fleet
 
 A package adds measures by name with entry points in the group `sleepcast.measures`.
+
+A function in Python may do anything, so only who has decided to run what a text names (see `trust`) may ask for it:
+unless `own` is said, measures in Python are refused, and no module is imported.
 """
 
 from __future__ import annotations
@@ -54,8 +57,8 @@ AGGREGATES = (*OF_KNOWN, *OF_TRUE, "quantile", "stock")
 GROUP = "sleepcast.measures"
 
 _FUNCTION = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)[.:]([A-Za-z_]\w*)")
-_QUANTILE = re.compile(r"([0-9.]+)\s+(.+)", re.DOTALL)
-_STOP = re.compile(r"(.+?)\s*(>=|<=|==|>|<)\s*([-+]?[0-9.]+(?:[eE][-+]?\d+)?)\s*", re.DOTALL)
+_QUANTILE = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s+(.+)", re.DOTALL)
+_STOP = re.compile(r"(.+?)\s*(>=|<=|==|>|<)\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*", re.DOTALL)
 _COMPARED = {">=": ge, "<=": le, "==": eq, ">": gt, "<": lt}
 
 
@@ -63,8 +66,9 @@ class MeasureError(MisuseError):
     """A measure that cannot be taken."""
 
 
-def read_measure(text: str) -> Measure:
-    """The measure that a text describes. Raises MeasureError."""
+def read_measure(text: str, *, own: bool = False) -> Measure:
+    """The measure that a text describes. own: functions in Python, too, whose modules are imported. Raises
+    MeasureError."""
     first, _, rest = text.strip().partition(" ")
     expression = rest.strip()
     if first in NAMES:
@@ -82,7 +86,18 @@ def read_measure(text: str) -> Measure:
             f'measure "{text:.80}": there is no "{first:.40}"{did_you_mean(first, (*AGGREGATES, *NAMES))}: '
             f"wanted one of {', '.join(AGGREGATES)} and an expression, such as mean fuel"
         )
-    return _function(first)
+    if not own and own_function(first) is not None:
+        raise MeasureError(
+            f'measure "{text:.80}" is a function in Python, and what comes from others is not run: wanted one of '
+            f"{', '.join((*AGGREGATES, *NAMES))}, as in mean fuel"
+        )
+    return _function(first, own=own)
+
+
+def own_function(text: str) -> tuple[str, str] | None:
+    """Module and name of the function in Python that a measure names; None for every other measure."""
+    found = _FUNCTION.fullmatch(text.strip())
+    return None if found is None else (found[1], found[2])
 
 
 def if_known(measure: Measure) -> Measure:
@@ -99,8 +114,8 @@ def if_known(measure: Measure) -> Measure:
 
 def name_of(text: str) -> str:
     """A name for a measure that got none: the function's own, or the text with `_` for everything between words."""
-    found = _FUNCTION.fullmatch(text.strip())
-    return found[2] if found else re.sub(r"\W+", "_", text).strip("_")[:32]
+    found = own_function(text)
+    return found[1] if found else re.sub(r"\W+", "_", text).strip("_")[:32]
 
 
 @dataclass(frozen=True)
@@ -117,12 +132,22 @@ class StopCondition:
         return self.compared(self.measure(fleet), self.bound)
 
 
-def read_stop(text: str) -> StopCondition:
-    """The condition that a text describes. Raises MeasureError."""
+def read_stop(text: str, *, own: bool = False) -> StopCondition:
+    """The condition that a text describes. own: as for `read_measure`. Raises MeasureError."""
+    found = _parts_of_stop(text)
+    return StopCondition(text, read_measure(found[1], own=own), _COMPARED[found[2]], float(found[3]))
+
+
+def measure_of_stop(text: str) -> str:
+    """The measure in a condition. Raises MeasureError."""
+    return _parts_of_stop(text)[1]
+
+
+def _parts_of_stop(text: str) -> re.Match[str]:
     found = _STOP.fullmatch(text)
     if found is None:
         raise MeasureError(f'"{text:.80}": wanted a measure and a bound, such as share (IN bravo) >= 0.9')
-    return StopCondition(text, read_measure(found[1]), _COMPARED[found[2]], float(found[3]))
+    return found
 
 
 def _of_known(fleet: SimulatedFleet, expression: str, aggregate: Callable[[Values], float]) -> float:
@@ -133,7 +158,7 @@ def _of_known(fleet: SimulatedFleet, expression: str, aggregate: Callable[[Value
 
 def _quantile(text: str, rest: str) -> Measure:
     found = _QUANTILE.fullmatch(rest)
-    share = float(found[1]) if found and found[1].count(".") < 2 and found[1] != "." else nan
+    share = float(found[1]) if found else nan
     if found is None or not 0.0 <= share <= 1.0:
         raise MeasureError(f'measure "{text:.80}": wanted a share and an expression, such as quantile 0.9 fuel')
     expression = found[2]
@@ -162,13 +187,13 @@ def _number(name: str, value: object) -> float:
     return number if isfinite(number) else nan
 
 
-def _function(name: str) -> Measure:
-    added = extensions(GROUP)
+def _function(name: str, *, own: bool) -> Measure:
+    added = extensions(GROUP) if own else {}
     try:
         if name in added:
             function = load_extension(added[name], "measure")
-        elif found := _FUNCTION.fullmatch(name):
-            function = getattr(import_module(found[1]), found[2])
+        elif found := own_function(name):
+            function = getattr(import_module(found[0]), found[1])
         else:
             raise MeasureError(
                 f'no measure "{name:.80}"{did_you_mean(name, (*added, *NAMES))}: wanted {", ".join(AGGREGATES)} and an '

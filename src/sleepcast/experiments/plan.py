@@ -62,7 +62,7 @@ Value = bool | int | float | str
 Setting = tuple[Value, ...]
 """What one key says, run by run."""
 
-_NUMBER = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?\d+)?)\s*([A-Za-z%/0-9]*)")
+_NUMBER = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z%/0-9]*)")
 
 
 class PlanError(MisuseError):
@@ -212,7 +212,7 @@ class Experiment(msgspec.Struct, frozen=True):
 
     def checked(self) -> Experiment:
         """The same, if it can be carried out: every measure can be read, and every value of every key fits the
-        scenario. Raises MisuseError."""
+        scenario. What measures in Python name is imported: see `trust`. Raises MisuseError."""
         if not self.seeds or len(self) == 0:
             raise PlanError("an experiment without a run: wanted a seed, and a value for each key")
         if len(self) > MAX_ROWS:
@@ -230,9 +230,9 @@ class Experiment(msgspec.Struct, frozen=True):
         for name, text in self.measures.items():
             if name in (*self.over, *RESERVED):
                 raise PlanError(f'measure "{name}": the table has a column of this name already; choose another name')
-            read_measure(text)
+            read_measure(text, own=True)
         if self.until:
-            read_stop(self.until)
+            read_stop(self.until, own=True)
         if self.precision is not None and self.precision.measure not in self.measures:
             known = f"{did_you_mean(self.precision.measure, self.measures)}: wanted one of {', '.join(self.measures)}"
             raise PlanError(f'precision: nothing is measured as "{self.precision.measure:.80}"{known}')

@@ -3,6 +3,8 @@
 A worker that the system ends (out of memory, a crash in a library) costs its run, which counts as failed; another
 worker takes its place. Every run has one thread: cores are used by running many. The same run gives the same samples
 and hash in any process, on any number of workers.
+
+Measures in Python are imported and called here: whether they may be is decided before, see `trust`.
 """
 
 from __future__ import annotations
@@ -20,10 +22,14 @@ from pathlib import Path
 from threading import Thread
 from time import perf_counter
 from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+import msgspec
 
 from sleepcast.api.assembly import assemble, warm_up
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.hosts import is_loopback
 from sleepcast.experiments.measures import Measure, if_known, read_measure, read_stop
 from sleepcast.experiments.plan import Experiment, Run
 from sleepcast.experiments.results import Outcome, Results, experiment_in, outcomes_in
@@ -42,6 +48,9 @@ LONGEST_RUN = 3_600.0
 """Seconds that a run may take by the clock, unless something else is wanted."""
 AHEAD = 3
 """Runs that a cluster is given for each of its threads, so that none waits for us."""
+LONGEST_HASH = 128
+"""Characters of the hash of a state."""
+NOT_OURS = "the worker of the cluster answered something that is no outcome of this run: has it another sleepcast?"
 ENDED = "the system ended its worker process: perhaps there was not enough memory"
 
 _warm: set[str] = set()
@@ -77,8 +86,8 @@ def opened(experiment: Experiment, run: Run) -> SimulatedFleet:
 
 
 def _done(experiment: Experiment, run: Run) -> tuple[tuple[tuple[float | None, ...], ...], str]:
-    measures = [read_measure(text) for text in experiment.measures.values()]
-    stop = read_stop(experiment.until) if experiment.until else None
+    measures = [read_measure(text, own=True) for text in experiment.measures.values()]
+    stop = read_stop(experiment.until, own=True) if experiment.until else None
     with opened(experiment, run) as fleet:
         scenario = fleet.swarm.simulator.scenario
         last = max(1, round((scenario.seconds if experiment.seconds is None else experiment.seconds) / scenario.tick))
@@ -222,6 +231,26 @@ class _Worker:
         self.pipe.close()
 
 
+def checked_cluster(address: str, *, insecure: bool) -> str:
+    """The address of a scheduler, if it may be asked. Programs travel between a scheduler, its workers and us, both
+    ways: whoever is taken for one of them runs what he likes on all of these machines. insecure: the network in between
+    is trusted. Raises ClusterError."""
+    parts = urlsplit(address if "://" in address else f"tcp://{address}")
+    try:
+        there = parts.scheme in ("tcp", "tls") and parts.hostname and parts.port
+    except ValueError:
+        there = None
+    if not there:
+        raise ClusterError(f"{address!r:.200} is no address of a dask scheduler: wanted tcp:// or tls://host:8786")
+    if parts.scheme == "tcp" and not is_loopback(parts.hostname or "") and not insecure:
+        raise ClusterError(
+            f"{address}: whoever answers there, or is in between, can run programs on this computer, and nothing shows "
+            "who it is. Use tls://, with the certificates that dask's settings name, or add --insecure on a network of "
+            "your own"
+        )
+    return address
+
+
 class Cluster:
     """The workers of a dask cluster, on any number of machines; leaving forgets what they still do. They need the same
     sleepcast, and modules with measures of your own. Raises ClusterError."""
@@ -234,7 +263,7 @@ class Cluster:
         self._experiment = experiment
         try:
             self._client = Client(address, timeout=CONNECTING)
-        except (OSError, ValueError) as error:
+        except Exception as error:  # what answers there may say anything
             raise ClusterError(f"no dask scheduler answers at {address}: {error}") from error
 
     def __enter__(self) -> Cluster:
@@ -253,14 +282,33 @@ class Cluster:
         for future in finished:
             run = asked.pop(future)
             error = future.exception()
-            yield [future.result() if error is None else Outcome(run, error=f"{ENDED} ({type(error).__name__})")]
+            if error is None:
+                yield [outcome_in(future.result(), self._experiment, run)]
+            else:
+                yield [Outcome(run, error=f"{ENDED} ({type(error).__name__})")]
             if (following := next(left, None)) is not None:
                 asked[added := self._submit(following)] = following
                 finished.add(added)
 
-    def _submit(self, run: Run) -> Future[Outcome]:
-        found: Future[Outcome] = self._client.submit(do, self._experiment, run, pure=False)
+    def _submit(self, run: Run) -> Future[bytes]:
+        found: Future[bytes] = self._client.submit(do_elsewhere, self._experiment, run, pure=False)
         return found
+
+
+def outcome_in(answer: object, experiment: Experiment, run: Run) -> Outcome:
+    """What a worker has answered, which may be anything: a failed run if it is no outcome of this one."""
+    try:
+        found = msgspec.json.decode(answer if isinstance(answer, bytes) else b"", type=Outcome)
+    except (msgspec.DecodeError, RecursionError):
+        return Outcome(run, error=NOT_OURS)
+    wide = all(len(sample) == 1 + len(experiment.measures) for sample in found.samples)
+    fits = found.run == run and wide and len(found.hash) <= LONGEST_HASH and bool(found.samples) != bool(found.error)
+    return found if fits else Outcome(run, error=NOT_OURS)
+
+
+def do_elsewhere(experiment: Experiment, run: Run) -> bytes:
+    """The outcome of a run as plain data."""
+    return msgspec.json.encode(do(experiment, run))
 
 
 def _serve(pipe: connection.Connection, experiment: Experiment) -> None:
@@ -303,7 +351,7 @@ def _try_out(experiment: Experiment) -> None:
     run = experiment.checked().first()
     with opened(experiment, run) as fleet:
         for name, text in experiment.measures.items():
-            measure = read_measure(text)
+            measure = read_measure(text, own=True)
             try:
                 measure(fleet)
             except CheckError as error:
@@ -314,7 +362,7 @@ def _try_out(experiment: Experiment) -> None:
             except (Exception, SystemExit) as error:  # a function of somebody's own may raise anything
                 raise MisuseError(f'measure "{name}" ({text}) fails: {type(error).__name__}: {error}') from error
         if experiment.until:
-            if_known(read_stop(experiment.until).holds)(fleet)
+            if_known(read_stop(experiment.until, own=True).holds)(fleet)
 
 
 def _learned_later(error: CheckError, commands: Sequence[str]) -> bool:

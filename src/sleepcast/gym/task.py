@@ -84,7 +84,7 @@ def checked(task: Task) -> Checked:
             _observed(fleet, task.observations),
             _acted(fleet, task.actions),
             max(1, round(seconds / (scenario.tick * task.ticks))),
-            read_stop(task.until) if task.until else None,
+            read_stop(task.until, own=True) if task.until else None,
         )
 
 

@@ -1,0 +1,129 @@
+"""Programs in experiments: which files a plan would run, and whose they are.
+
+A measure may be a function in Python, so a plan, or a folder of results, that names one is a program. Nothing that lies
+in a folder tells whose it is: what was unpacked from an archive belongs to whoever unpacked it, and one changes into a
+folder before looking at it. So a folder is somebody's own only once that person has said so. That is kept in the
+person's own data, never in the folder, and only counts while nobody else may write there.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from importlib.machinery import ModuleSpec, PathFinder
+from pathlib import Path
+from stat import S_IWOTH
+from typing import NamedTuple
+
+from sleepcast.core.errors import SleepcastError
+from sleepcast.core.extensions import extensions
+from sleepcast.core.files import data_folder, open_file, replace_file
+from sleepcast.experiments.measures import GROUP, measure_of_stop, own_function
+from sleepcast.experiments.plan import Experiment
+
+MAX_FOLDERS = 1_000
+"""Folders of one person's own; the oldest ones are forgotten."""
+MAX_BYTES = 4_100 * MAX_FOLDERS
+"""Of the file that lists them: paths have up to 4,096 bytes."""
+
+
+class TrustError(SleepcastError):
+    """That a folder is somebody's own cannot be kept."""
+
+
+class Program(NamedTuple):
+    """A function in Python that an experiment names, as module.function, and the file where Python would find it; None
+    where there is none: a part of Python itself, or nothing at all."""
+
+    function: str
+    file: Path | None
+
+    def sentence(self) -> str:
+        """For a person."""
+        return f"{self.function} of {'this Python' if self.file is None else self.file}"
+
+
+def programs(experiment: Experiment, folder: Path) -> list[Program]:
+    """What an experiment would run, each once; nothing is imported for that. folder: where modules are sought besides.
+    Raises MeasureError for a condition that is none."""
+    texts = [*experiment.measures.values(), *([measure_of_stop(experiment.until)] if experiment.until else [])]
+    added, found = extensions(GROUP), dict[str, Program]()
+    for text in texts:
+        named = own_function(text)
+        if named is not None and text.strip() not in added:
+            name = ".".join(named)
+            found[name] = Program(name, _file_of(named[0], folder))
+    return list(found.values())
+
+
+def _file_of(module: str, folder: Path) -> Path | None:
+    """The file of a module, found without importing anything, not even the packages around it."""
+    places: list[str] | None = None
+    name, found = "", None
+    for part in module.split("."):
+        name = f"{name}.{part}".lstrip(".")
+        found = _spec(name, places) or (PathFinder.find_spec(name, [str(folder)]) if places is None else None)
+        if found is None:
+            return None
+        places = list(found.submodule_search_locations or ())
+    if found is None or not found.has_location or found.origin is None:
+        return None
+    return Path(found.origin).resolve()
+
+
+def _spec(name: str, places: list[str] | None) -> ModuleSpec | None:
+    for finder in sys.meta_path:
+        if (found := finder.find_spec(name, places)) is not None:
+            return found
+    return None
+
+
+# ---- whose a folder is
+
+
+def is_own(folder: Path, files: Iterable[Path] = ()) -> bool:
+    """Whether a person has said that this folder is his own, and nobody else may write to it or to these files."""
+    folder = folder.resolve()
+    return str(folder) in _kept() and all(map(_only_ours, (folder, *files)))
+
+
+def make_own(folder: Path) -> None:
+    """Keep that this folder is the person's own. Raises TrustError."""
+    place, path = _file(), str(folder.resolve())
+    folders = [*(each for each in _kept() if each != path), path][-MAX_FOLDERS:]
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(place, json.dumps(folders, indent=0).encode(), private=True)
+    except OSError as error:
+        raise TrustError(f"cannot keep that {folder} is your own: {place}: {error.strerror or error}") from error
+
+
+def _file() -> Path:
+    return data_folder() / "own-folders.json"
+
+
+def _kept() -> list[str]:
+    """Folders that are somebody's own; none if that cannot be read."""
+    try:
+        with open_file(_file()) as opened:
+            found = json.loads(opened.read(MAX_BYTES) or b"[]")
+    except (OSError, ValueError, RecursionError):
+        return []
+    return list(_texts(found))
+
+
+def _texts(found: object) -> Iterator[str]:
+    if isinstance(found, list):
+        yield from (each for each in found if isinstance(each, str))
+
+
+def _only_ours(place: Path) -> bool:
+    """Whether it is this user's or the system's, and not everybody may write to it."""
+    try:
+        found = os.stat(place)
+    except OSError:
+        return False
+    ours = not hasattr(os, "geteuid") or found.st_uid in (os.geteuid(), 0)
+    return ours and not found.st_mode & S_IWOTH

@@ -1,0 +1,160 @@
+"""Plans and results of others are looked at, not run; what somebody calls his own is run without a word more."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import nullcontext
+from pathlib import Path
+
+import pytest
+
+import sleepcast as sc
+from cli.calling import called
+from sleepcast.cli import main
+from sleepcast.cli.sweep import let_programs_run, written_in
+from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.experiments.live import live_measures
+from sleepcast.experiments.measures import read_measure
+from sleepcast.experiments.plan import experiment_of, read_experiment
+from sleepcast.experiments.trust import is_own, make_own, programs
+
+PLAN = 'scenario = "crowd"\nseconds = "0.2s"\n[over]\nrobots.count = [5]\n[measures]\nspread = "loud.spread"\n'
+LOUD = "from pathlib import Path\nPath(__file__).with_suffix('.ran').touch()\ndef spread(fleet):\n    return 3.0\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder with a plan, and a module that leaves a mark when it is imported."""
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    place = tmp_path / "stranger"
+    place.mkdir()
+    (place / "experiment.toml").write_text(PLAN)
+    (place / "loud.py").write_text(LOUD)
+    monkeypatch.chdir(place)
+    yield place
+    sys.modules.pop("loud", None)
+
+
+def ran(folder: Path) -> bool:
+    return (folder / "loud.ran").exists()
+
+
+def test_what_a_plan_would_run_is_found_without_importing_it(folder: Path) -> None:
+    (folder / "package").mkdir()
+    for file in ("package/__init__.py", "package/inside.py"):
+        (folder / file).write_text(LOUD)
+    text = PLAN.replace("[over]", 'until = "package.inside.far >= 1"\n[over]') + 'mean = "mean x"\npid = "os.getpid"\n'
+    found = programs(read_experiment(folder / "experiment.toml", text), folder)
+    assert [(each.function, each.file) for each in found] == [
+        ("loud.spread", folder / "loud.py"),
+        ("os.getpid", None),
+        ("package.inside.far", folder / "package" / "inside.py"),
+    ]
+    assert not list(folder.rglob("*.ran"))
+
+
+def test_measures_in_python_are_refused_unless_they_are_asked_for() -> None:
+    with pytest.raises(MisuseError, match="function in Python, and what comes from others is not run"):
+        read_measure("os.getpid")
+    assert callable(read_measure("os.getpid", own=True))
+    with pytest.raises(MisuseError, match="no measure"):
+        read_measure("lengthy")
+
+
+def test_a_plan_of_nobody_known_is_not_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sweep", "experiment.toml", "--out", "found"]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert said[0] == f"this sweep runs programs: loud.spread of {folder / 'loud.py'}"
+    assert "add --trust" in said[1]
+    assert not ran(folder)
+    assert not (folder / "found").exists()
+
+
+def test_trust_is_remembered_for_plan_and_results_but_not_for_a_copy(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sweep = ["sweep", "experiment.toml", "--out", "found", "--workers", "1", "--quiet"]
+    assert main([*sweep, "--trust"]) == 0
+    assert capsys.readouterr().err.startswith("this sweep runs programs: loud.spread of ")
+    assert main(["sweep", "found"]) == 0
+    (folder / "loud.ran").unlink()
+    sys.modules.pop("loud", None)
+    shutil.copytree(folder / "found", folder / "copy")
+    for again in (["sweep", "copy"], ["sweep", "copy", "--verify"], ["sweep", "copy", "--page", "--no-browser"]):
+        assert main(again) == 2
+    assert not ran(folder)
+
+
+@pytest.mark.parametrize("typed", ["y\n", "n\n"])
+def test_a_person_at_the_terminal_is_asked(folder: Path, monkeypatch: pytest.MonkeyPatch, typed: str) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    monkeypatch.setattr(sys, "stdin", Terminal(typed))
+    plan = read_experiment(folder / "experiment.toml")
+    with nullcontext() if typed == "y\n" else pytest.raises(MisuseError, match="add --trust"):
+        assert let_programs_run(plan, folder, folder, trusted=False)
+    assert is_own(folder) == (str(folder) in sys.path) == (typed == "y\n")
+
+
+def test_what_was_typed_is_named_and_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    typed = experiment_of("crowd", measures=["loud.spread"])
+    assert let_programs_run(typed, *written_in("crowd"), trusted=False)
+    assert capsys.readouterr().err == f"this sweep runs programs: loud.spread of {folder / 'loud.py'}\n"
+    typed.checked()
+    assert ran(folder)
+
+
+def test_a_folder_where_others_may_write_is_nobodys_own(folder: Path) -> None:
+    make_own(folder)
+    assert is_own(folder)
+    os.chmod(folder, 0o777)
+    assert not is_own(folder)
+    os.chmod(folder, 0o755)
+    os.chmod(folder / "loud.py", 0o666)
+    assert not is_own(folder, [folder / "loud.py"])
+
+
+@pytest.mark.parametrize("kept", ["", "[", "[" * 100_000, '{"a": 1}', "[1, null]", "\xff"])
+def test_a_damaged_list_of_own_folders_trusts_nothing(folder: Path, tmp_path: Path, kept: str) -> None:
+    file = tmp_path / "data" / "sleepcast" / "own-folders.json"
+    file.parent.mkdir(parents=True)
+    file.write_text(kept, encoding="latin-1")
+    assert not is_own(folder)
+    make_own(folder)
+    assert is_own(folder)
+
+
+def test_the_page_of_a_strangers_scenario_runs_none_of_its_measures(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(folder))
+    with sc.open("crowd", robots=5) as fleet:
+        ((_, _, read),) = live_measures(fleet, folder)
+        with pytest.raises(SleepcastError, match="not run"):
+            read()
+        assert not ran(folder)
+        make_own(folder)
+        ((_, _, read),) = live_measures(fleet, folder)
+        assert read() == 3.0
+
+
+def test_nothing_is_imported_from_the_folder_in_which_the_command_starts(tmp_path: Path) -> None:
+    """Neither by `python -m`, nor by its workers, which look for modules before anything is told to them."""
+    for module in ("click.py", "msgspec.py", "struct.py", "multiprocessing.py"):
+        (tmp_path / module).write_text(LOUD)
+    for settings in (".env", "matplotlibrc", "sitecustomize.py"):
+        (tmp_path / settings).write_text("raise SystemExit('read')\n")
+    found = called(
+        *("sweep", "crowd", "--over", "robots.count=5", "--seconds", "0.2s", "--measure", "mean x", "--out", "found"),
+        *("--workers", "1", "--quiet"),
+        folder=tmp_path,
+    )
+    assert (found.status, found.out) == (0, "1 of 1 runs done: found\n"), found.err
+    assert not list(tmp_path.glob("*.ran"))

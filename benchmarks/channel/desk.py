@@ -25,8 +25,8 @@ from sleepcast.channel import Kind
 from sleepcast.channel.message import WITHIN
 from sleepcast.core.clock import UnixClock
 from sleepcast.language import Vocabulary
-from sleepcast.station.account import Command
 from sleepcast.station.network import NetworkStation
+from sleepcast.station.sent import Command
 from sleepcast.station.validation import SendPolicy
 
 MOMENT = 0.005

@@ -18,10 +18,10 @@ from benchmarks.report import Json
 from sleepcast.api.connection import FLEET, AirOptions, station_for
 from sleepcast.channel import Kind
 from sleepcast.channel.message import LeaseAction
-from sleepcast.station.account import Command
 from sleepcast.station.leases import lease_body
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.roster import read_expectation
+from sleepcast.station.sent import Command
 from sleepcast.station.validation import SendPolicy
 
 WITHIN = 2.0

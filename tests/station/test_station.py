@@ -23,7 +23,8 @@ from sleepcast.station import (
     Station,
     UnknownRobotError,
 )
-from sleepcast.station.account import MAX_COMMANDS, Spread
+from sleepcast.station.account import Spread
+from sleepcast.station.sent import MAX_COMMANDS
 from sleepcast.station.station import MAX_REPORTS, REPEAT_AFTER
 from station.fleet import Fleet, vocabulary
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from sleepcast.core.errors import printable
 
 if TYPE_CHECKING:
-    from sleepcast.station.account import Account, Command
+    from sleepcast.station.account import Account
+    from sleepcast.station.sent import Command
     from sleepcast.station.validation import Forecast
 
 FEW = 12

@@ -17,9 +17,9 @@ from sleepcast.cli.streams import complain, put, somebody_there
 from sleepcast.core.errors import SleepcastError, and_more
 
 if TYPE_CHECKING:
-    from sleepcast.station.account import Command
     from sleepcast.station.network import NetworkStation
     from sleepcast.station.remote import TelemetryClient
+    from sleepcast.station.sent import Command
     from sleepcast.station.validation import Draft
 
 GRACE = 1.0

@@ -20,9 +20,10 @@ from sleepcast.cli.streams import complain, put, somebody_there
 from sleepcast.core.errors import MisuseError, printable
 
 if TYPE_CHECKING:
-    from sleepcast.station.account import Account, Command
+    from sleepcast.station.account import Account
     from sleepcast.station.network import NetworkStation
     from sleepcast.station.roster import Expectation
+    from sleepcast.station.sent import Command
 
 GRACE = 1.0
 """Seconds after the time for answers for which they are taken while no robots are known."""

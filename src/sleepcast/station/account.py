@@ -1,4 +1,4 @@
-"""Commands that were sent and what became of each: matched, did not match, test unknown, fault, or not heard from.
+"""What became of each command: how many robots matched, did not match, could not tell, met a fault, or were not heard.
 
 Silence is never taken for consent: a robot that was on the roster when the command went out and has not spoken
 is silent, with the time at which it was last heard.
@@ -6,235 +6,30 @@ is silent, with the time at which it was last heard.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import cached_property
-from math import inf, nan
-from sys import float_info
-from typing import TypeVar
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel import Kind, Message
-from sleepcast.channel.message import HELD, LOOK, NOT_STORED, UNKNOWN, lasts, outcome_of
-from sleepcast.channel.message_batch import Answers as Said
-from sleepcast.channel.message_batch import NameIndex, ascending, natural_order
-from sleepcast.core.errors import MisuseError, did_you_mean, printable
-from sleepcast.core.serial import Array, SerialError, within
+from sleepcast.channel.message import NOT_STORED
+from sleepcast.channel.message_batch import natural_order
+from sleepcast.core.errors import printable
 from sleepcast.core.units import shown_value
 from sleepcast.language.vocabulary import Vocabulary, unit_of
-from sleepcast.station.leases import in_words
+from sleepcast.station.answers import (
+    FAULT,
+    HELD_BY_STOP,
+    MATCHED,
+    NOT_MATCHED,
+    OUTCOMES,
+    SILENT,
+    TEST_UNKNOWN,
+    Answers,
+)
 from sleepcast.station.roster import Index, Seconds, of_robots
-from sleepcast.station.serialized import CommandAnswersState, CommandState
-
-# ---- what robots answer
-
-Number = TypeVar("Number", bound=np.generic)
-
-
-class Outcome(StrEnum):
-    """What a robot answers to a command."""
-
-    MATCHED = "matched"
-    NOT_MATCHED = "not matched"
-    FAULT = "fault"
-    UNKNOWN = "unknown"
-    HELD = "held by STOP"
-
-
-SAID: Mapping[str, Outcome] = {
-    "matched": Outcome.MATCHED,
-    "not matched": Outcome.NOT_MATCHED,
-    "fault": Outcome.FAULT,
-    UNKNOWN: Outcome.UNKNOWN,
-    HELD: Outcome.HELD,
-    "answer": Outcome.MATCHED,
-    "late": Outcome.FAULT,
-    "stopped": Outcome.MATCHED,
-    "released": Outcome.MATCHED,
-}
-"""What an outcome counts as, by the word that a robot uses. Late: it heard the command past its deadline and did
-nothing, which is not a decision of its own. Robots of older versions, which cannot say that a test was unknown or that
-STOP holds them, say that they did not match, or did."""
-ANSWER = "answer"
-"""A robot's outcome for a question. If something went wrong on the way to its value, it counts as a fault."""
-LATE = "heard after its deadline, so not evaluated"
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """What one robot answered. heard: when, in s of the desk's clock. value: of the command; None for unknown."""
-
-    outcome: Outcome
-    heard: float
-    value: float | None = None
-    fault: str | None = None
-
-
-def answer_from(body: Mapping[str, object], now: float) -> Answer | None:
-    """The answer in the body of an ANSWER heard at `now`; None if it is malformed."""
-    said = outcome_of(body)
-    outcome = SAID.get(said) if isinstance(said, str) else None
-    if outcome is None:
-        return None
-    value, fault = body.get("value"), body.get("fault")
-    if said == "late":
-        fault = LATE
-    elif said == ANSWER and fault:
-        outcome = Outcome.FAULT
-    known = float(value) if isinstance(value, int | float) and abs(value) <= float_info.max else None
-    return Answer(outcome, now, known, fault if isinstance(fault, str) else None)
-
-
-OUTCOMES = tuple(Outcome)
-SILENT, MATCHED, NOT_MATCHED, FAULT, TEST_UNKNOWN, HELD_BY_STOP = range(len(OUTCOMES) + 1)
-"""What a robot's code in a column of outcomes means: nothing heard, or one of `OUTCOMES` in their order."""
-
-
-class Answers(Mapping[str, Answer]):
-    """The first answer of each robot, by name, kept as columns by the robots' places on the roster (`names`)."""
-
-    def __init__(self, names: NameIndex) -> None:
-        self.names = names
-        self._outcome: NDArray[np.uint8] = np.zeros(len(names), np.uint8)
-        self._heard: Seconds = np.empty(0)
-        self._value: Seconds = np.empty(0)
-        """As long as the roster from the first answer on."""
-        self._fault: NDArray[np.int32] | None = None
-        """Which of the texts of faults, from 1; made when a robot first says one."""
-        self._faults: list[str] = []
-        self._count = 0
-
-    def add(self, robot: int, answer: Answer) -> None:
-        """What one robot answers."""
-        some = np.array([robot])
-        fault = (answer.fault,) if answer.fault else ()
-        value = nan if answer.value is None else answer.value
-        code = OUTCOMES.index(answer.outcome) + 1
-        self._take(some, np.array([code], np.uint8), np.array([value]), fault, np.array([bool(fault)]), answer.heard)
-
-    def take(self, robots: Index, places: Index, said: Said, now: float) -> None:
-        """The answers of many robots, each at its place in `said`; malformed ones are left out."""
-        sort = said.sort[places]
-        codes = np.array([_code(SAID.get(word)) for word in said.sorts], np.uint8)[sort]
-        faults = (*said.faults, LATE)
-        fault = said.fault[places]
-        if "late" in said.sorts:
-            fault = np.where(sort == said.sorts.index("late"), np.int32(len(faults)), fault)
-        if ANSWER in said.sorts:
-            codes[(sort == said.sorts.index(ANSWER)) & (fault > 0)] = FAULT
-        self._take(robots, codes, said.value[places], faults, fault, now)
-
-    def _take(
-        self,
-        robots: Index,
-        codes: NDArray[np.uint8],
-        values: Seconds,
-        faults: Sequence[str],
-        fault: NDArray[np.int32] | NDArray[np.bool_],
-        now: float,
-    ) -> None:
-        """Store the answers of robots that have not answered yet. fault: its number among `faults`, from 1, or 0."""
-        self.make_room()
-        new = (self._outcome[robots] == 0) & (codes > 0)
-        if not new.all():
-            robots, codes, values, fault = robots[new], codes[new], values[new], fault[new]
-        self._count += len(robots)
-        self._outcome[robots] = codes
-        self._heard[robots], self._value[robots] = now, values
-        if fault.any():
-            if self._fault is None:
-                self._fault = np.zeros(len(self._outcome), np.int32)
-            self._fault[robots] = np.where(fault > 0, fault + len(self._faults), 0)
-            self._faults += faults
-
-    def go_back(self, time: float) -> None:
-        """Forget what was answered after `time`, s."""
-        late = self._heard > time
-        if late.any():
-            self._outcome[: len(late)][late] = 0
-            self._count = int(np.count_nonzero(self._outcome))
-
-    def make_room(self) -> None:
-        """Robots may have enrolled since the command was sent, and before the first answer there are no columns."""
-        self._outcome = _longer(self._outcome, len(self.names))
-        self._heard, self._value = _longer(self._heard, len(self.names)), _longer(self._value, len(self.names))
-        if self._fault is not None:
-            self._fault = _longer(self._fault, len(self.names))
-
-    @property
-    def codes(self) -> NDArray[np.uint8]:
-        """The outcome of each robot by its place, as `SILENT` and the others."""
-        return self._outcome
-
-    @property
-    def known(self) -> Seconds:
-        """The known values that were answered, in the robots' order."""
-        found = self._value[self._outcome[: len(self._value)] > 0]
-        return found[~np.isnan(found)]
-
-    def fault(self, place: int) -> str | None:
-        """The error of the robot at a place."""
-        number = 0 if self._fault is None else int(self._fault[place])
-        return self._faults[number - 1] if number else None
-
-    @property
-    def faulted(self) -> NDArray[np.bool_]:
-        """Which robots have told a fault, whatever their outcome, by place."""
-        return np.zeros(len(self._outcome), np.bool_) if self._fault is None else self._fault > 0
-
-    @property
-    def not_stored(self) -> NDArray[np.bool_]:
-        """Which robots have said that a restart may forget what they answered, by place."""
-        numbers = [number for number, fault in enumerate(self._faults, 1) if not lasts(fault)]
-        return self.faulted if self._fault is None else np.isin(self._fault, numbers)
-
-    def state(self) -> CommandAnswersState:
-        fault = None if self._fault is None else Array.of(self._fault)
-        columns = (Array.of(self._outcome), Array.of(self._heard), Array.of(self._value))
-        return CommandAnswersState(*columns, fault, tuple(self._faults))
-
-    def restore(self, state: CommandAnswersState) -> None:
-        """Be as those answers were. Raises SerialError."""
-        most = len(self.names)
-        self._outcome = state.outcome.column(np.uint8, most, "answers")
-        within(self._outcome, 0, len(OUTCOMES), "answers")
-        self._count = int(np.count_nonzero(self._outcome))
-        self._heard = state.heard.column(np.float64, most, "when answers were heard")
-        self._value = state.value.column(np.float64, most, "values of answers")
-        self._fault, self._faults = None, list(state.faults)
-        if state.fault is not None:
-            self._fault = state.fault.made(np.int32, self._outcome.shape, "faults of answers")
-            within(self._fault, 0, len(self._faults), "faults of answers")
-        if len({len(self._heard), len(self._value), len(self._outcome) if self._count else len(self._heard)}) > 1:
-            raise SerialError("answers without times or values")
-
-    def __getitem__(self, name: str) -> Answer:
-        place = self.names.place(name)
-        if place is None or place >= len(self._outcome) or not self._outcome[place]:
-            raise KeyError(name)
-        value = float(self._value[place])
-        outcome = OUTCOMES[self._outcome[place] - 1]
-        return Answer(outcome, float(self._heard[place]), None if value != value else value, self.fault(place))
-
-    def __iter__(self) -> Iterator[str]:
-        return (self.names[place] for place in np.flatnonzero(self._outcome).tolist())
-
-    def __len__(self) -> int:
-        return self._count
-
-
-def _longer(column: NDArray[Number], length: int) -> NDArray[Number]:
-    return column if len(column) == length else np.append(column, np.zeros(length - len(column), column.dtype))
-
-
-def _code(outcome: Outcome | None) -> int:
-    return 0 if outcome is None else OUTCOMES.index(outcome) + 1
-
-
-# ---- what became of a command
+from sleepcast.station.sent import Command, nameless, silent
 
 COUNTED = ("matched", "held", "not_matched", "unknown", "fault", "silent")
 """What an account counts, as its attributes; held is among matched."""
@@ -244,89 +39,6 @@ SORTED = 1_000
 """Of which those are chosen, in the order in which people look for names."""
 BINS = 10
 """Bars of a histogram of what was answered."""
-
-
-class Command:
-    """A message that the desk sent and keeps account of.
-
-    addressed: how many robots, from the first on, were on the roster when it went out; only: the places of those among
-    them for whom it was, None for all. expected: the places of those of which the desk was certain that they would
-    obey. answers: by robot, the first answer of each. size: how many robots there are for whom it is, also such as
-    were never heard; 0 where nobody knows.
-    """
-
-    def __init__(
-        self,
-        message: Message,
-        names: NameIndex,
-        expected: Index | None = None,
-        last_sent: float = -inf,
-        only: Index | None = None,
-        size: int = 0,
-    ) -> None:
-        self.message, self.addressed, self.last_sent, self.only = message, len(names), last_sent, only
-        self.size = size
-        self.expected: Index = np.empty(0, np.intp) if expected is None else expected
-        self.answers = Answers(names)
-
-    def state(self) -> CommandState:
-        expected = Array.of(self.expected.astype(np.int32))
-        only = None if self.only is None else Array.of(self.only.astype(np.int32))
-        return CommandState(self.message, self.addressed, expected, self.last_sent, self.answers.state(), only)
-
-    @classmethod
-    def restored(cls, state: CommandState, names: NameIndex) -> Command:
-        """The command that was kept. Raises SerialError."""
-        found = cls(state.message, names, ascending(state.expected, len(names)), state.last_sent)
-        if not 0 <= state.addressed <= len(names):
-            raise SerialError(f"a command to {state.addressed} robots, of which there are {len(names)}")
-        found.addressed = found.size = state.addressed  # of a swarm, whose robots are all on the roster
-        found.only = None if state.only is None else ascending(state.only, state.addressed)
-        found.answers.restore(state.answers)
-        return found
-
-    @property
-    def id(self) -> str:
-        return self.message.id
-
-    @property
-    def is_look(self) -> bool:
-        """Whether robots are only to tell of themselves."""
-        return LOOK in self.message.body
-
-    @property
-    def kind(self) -> Kind:
-        return self.message.kind
-
-    @property
-    def text(self) -> str:
-        """The expression; else what it is in capitals: `STOP`, `RELEASE`, `LEASE take bravo`."""
-        return self.message.text or in_words(self.message.body) or self.message.kind.name
-
-    @property
-    def predicted(self) -> frozenset[str]:
-        """The names of the robots that were expected to obey."""
-        return frozenset(self.answers.names[place] for place in self.expected.tolist())
-
-    def extend(self) -> None:
-        """It is for those as well that have come onto the roster since."""
-        self.answers.make_room()
-        self.addressed = len(self.answers.codes)
-
-    @property
-    def silent(self) -> NDArray[np.bool_]:
-        """Which of the robots that were on the roster are yet to answer, by place."""
-        return _silent(self.answers.codes, self.addressed, self.only)
-
-    @property
-    def n_silent(self) -> int:
-        """How many of the addressed robots have not answered, including those whose names are unknown."""
-        return int(np.count_nonzero(self.silent)) + self.n_nameless
-
-    @property
-    def n_nameless(self) -> int:
-        """How many robots are expected that are neither on the roster nor have answered."""
-        return _nameless(self.size, self.answers.codes, self.addressed, self.only)
 
 
 @dataclass(frozen=True, slots=True)
@@ -402,7 +114,7 @@ class Account:
 
     @cached_property
     def _silent(self) -> NDArray[np.bool_]:
-        return _silent(self.codes, self.addressed, self.only)
+        return silent(self.codes, self.addressed, self.only)
 
     @cached_property
     def n_silent(self) -> int:
@@ -412,7 +124,7 @@ class Account:
     @cached_property
     def n_nameless(self) -> int:
         """How many silent robots have unknown names."""
-        return _nameless(self.size, self.codes, self.addressed, self.only)
+        return nameless(self.size, self.codes, self.addressed, self.only)
 
     @property
     def total(self) -> int:
@@ -560,112 +272,6 @@ def account(command: Command, now: float, heard: Seconds) -> Account:
     return Account(
         command.id, command.text, now, codes, command.addressed, heard.copy(), answers, command.only, command.size
     )
-
-
-def _nameless(size: int, codes: NDArray[np.uint8], addressed: int, only: Index | None) -> int:
-    """How many of the expected robots are missing, besides those that were asked and those that have answered
-    unasked."""
-    asked = addressed if only is None else len(only)
-    if size <= asked:
-        return 0
-    unasked = np.count_nonzero(codes[addressed:])
-    if only is not None:
-        unasked += np.count_nonzero(codes[:addressed]) - np.count_nonzero(codes[only])
-    return max(0, size - asked - int(unasked))
-
-
-def _silent(codes: NDArray[np.uint8], addressed: int, only: Index | None) -> NDArray[np.bool_]:
-    """Which of the first `addressed` robots, of these only, have the code of silence."""
-    found: NDArray[np.bool_] = codes[:addressed] == SILENT
-    if only is not None:
-        asked = np.zeros(len(found), np.bool_)
-        asked[only[only < len(found)]] = True
-        found &= asked
-    return found
-
-
-MAX_COMMANDS = 1_000
-"""Commands whose answers are stored; the journal has them all."""
-MAX_LOOKS = 256
-"""Questions of the desk itself to robots, whose answers are stored; they are not commands, and are not needed later."""
-MAX_ANSWERS = 16_000_000
-"""Answers stored for all commands together (with more robots, those of fewer commands): a third of a gigabyte."""
-
-
-class NoSuchCommandError(MisuseError):
-    """An id that belongs to no command of this desk."""
-
-    def __init__(self, command: str, known: Iterable[str]) -> None:
-        names = list(known)
-        super().__init__(f'no command "{command}" was sent from this desk{did_you_mean(command, names)}')
-
-
-class SentCommands:
-    """See the module. latch: the last STOP or RELEASE."""
-
-    def __init__(self) -> None:
-        self.latch: Command | None = None
-        self._commands: dict[str, Command] = {}
-        self._looks: dict[str, Command] = {}
-
-    def __contains__(self, command: object) -> bool:
-        return command in self._commands
-
-    def ids(self) -> list[str]:
-        """The stored commands and questions, oldest first."""
-        return list(self._commands)
-
-    def all(self) -> list[Command]:
-        """All stored commands, oldest first."""
-        return list(self._commands.values())
-
-    def find(self, command: object) -> Command | None:
-        """The command with this id, if it is stored."""
-        return self._commands.get(str(command)) or self._looks.get(str(command))
-
-    def get(self, command: str) -> Command:
-        """The command with this id. Raises NoSuchCommandError."""
-        found = self.find(command)
-        if found is None:
-            raise NoSuchCommandError(command, self._commands)
-        return found
-
-    def add(self, command: Command, roster: int) -> None:
-        """Store a command to a roster of this size; the oldest ones are dropped."""
-        if command.is_look:
-            self._looks[command.id] = command
-            while len(self._looks) > MAX_LOOKS:
-                del self._looks[next(iter(self._looks))]
-            return
-        self._commands[command.id] = command
-        if command.kind in (Kind.STOP, Kind.RELEASE):
-            self.latch = command
-        most = max(1, min(MAX_COMMANDS, MAX_ANSWERS // max(1, roster)))
-        while len(self._commands) > most:
-            del self._commands[next(iter(self._commands))]
-
-    def go_back(self, time: float) -> None:
-        """Forget what was sent and answered after `time`, s."""
-        self._commands = {key: each for key, each in self._commands.items() if each.message.issued <= time}
-        self._looks.clear()
-        latches = [each for each in self._commands.values() if each.kind in (Kind.STOP, Kind.RELEASE)]
-        self.latch = latches[-1] if latches else None
-        for command in self._commands.values():
-            command.answers.go_back(time)
-
-    def state(self) -> tuple[list[CommandState], CommandState | None]:
-        """The commands and the latch."""
-        return [command.state() for command in self.all()], self.latch.state() if self.latch is not None else None
-
-    def restore(self, commands: Sequence[CommandState], latch: CommandState | None, names: NameIndex) -> None:
-        """Have what was kept. Raises SerialError."""
-        if len(commands) > MAX_COMMANDS:
-            raise SerialError(f"{len(commands)} commands of a desk")
-        found = [Command.restored(command, names) for command in commands]
-        self._commands = {command.id: command for command in found}
-        if latch is not None:
-            kept = Command.restored(latch, names)
-            self.latch = self._commands.get(kept.id, kept)
 
 
 def values_in_words(command: Command, account: Account, vocabulary: Vocabulary) -> str:

@@ -49,9 +49,11 @@ from sleepcast.language.parts import rules
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.mind.authority import MAX_MARKS, Life, Mark, mark_of, marks_and_ages
-from sleepcast.station.account import COUNTED, MATCHED, Command, SentCommands, account
+from sleepcast.station.account import COUNTED, account
+from sleepcast.station.answers import MATCHED
 from sleepcast.station.journal.journal import Journal, JournalEvent
 from sleepcast.station.roster import NOBODY_SAID, Expectation, Index, RobotNames, Roster
+from sleepcast.station.sent import Command, SentCommands
 from sleepcast.station.station import REPEAT_AFTER, STALE_AFTER, Station
 from sleepcast.station.validation import (
     DEADLINE,

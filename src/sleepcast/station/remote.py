@@ -42,8 +42,8 @@ from sleepcast.mind.telemetry import (
     read_vocabulary,
     read_why,
 )
-from sleepcast.station.account import Command
 from sleepcast.station.schema_merge import SlotMap, merge_schemas
+from sleepcast.station.sent import Command
 from sleepcast.station.validation import Telemetry, Undecided
 
 MAX_TYPES = 32

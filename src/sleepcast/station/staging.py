@@ -9,8 +9,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import ceil
 
-from sleepcast.station.account import Account, Command
+from sleepcast.station.account import Account
 from sleepcast.station.network import NetworkStation
+from sleepcast.station.sent import Command
 from sleepcast.station.validation import Audience, Draft
 
 SHARE = 0.1

@@ -30,11 +30,13 @@ from sleepcast.language import Checked, CheckError, Explanation, check
 from sleepcast.language.parts import acts
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
-from sleepcast.station.account import Account, Command, Outcome, SentCommands, account, answer_from
+from sleepcast.station.account import Account, account
+from sleepcast.station.answers import Outcome, answer_from
 from sleepcast.station.failures import RuleFailures
 from sleepcast.station.journal.journal import Journal, JournalEvent, MemoryJournal, PendingEntry, Report, WriteBatch
 from sleepcast.station.journal.snapshot import dump_journal, restore_journal
 from sleepcast.station.roster import Index, RobotNames, Roster
+from sleepcast.station.sent import Command, SentCommands
 from sleepcast.station.serialized import AccountState, ReportState, StationState
 from sleepcast.station.validation import (
     DEADLINE,

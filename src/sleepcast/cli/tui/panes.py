@@ -19,8 +19,9 @@ from sleepcast.cli.describe import answer_text
 from sleepcast.core.errors import printable
 from sleepcast.core.units import shown
 from sleepcast.language import Variable
-from sleepcast.station.account import Account, Command
+from sleepcast.station.account import Account
 from sleepcast.station.roster import of_robots
+from sleepcast.station.sent import Command
 
 if TYPE_CHECKING:
     from sleepcast.cli.tui.commands import Spot

@@ -35,9 +35,9 @@ from sleepcast.station.staging import Stages
 from sleepcast.station.validation import NO, UNKNOWN, YES, CountNeededError, DoubtError, Draft, NotConfirmedError
 
 if TYPE_CHECKING:
-    from sleepcast.station.account import Command
     from sleepcast.station.network import NetworkStation
     from sleepcast.station.remote import RemoteMind, TelemetryClient
+    from sleepcast.station.sent import Command
 
 LOOKS_A_SECOND = 200.0
 """Robots that tell of themselves in a second at most: 60 kB on the air; of a larger fleet, more seldom."""

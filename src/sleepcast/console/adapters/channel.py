@@ -26,9 +26,9 @@ from sleepcast.language import Explanation, Variable, Vocabulary
 from sleepcast.language.parts import Part
 from sleepcast.language.program import Program
 from sleepcast.language.symbols import Declared
-from sleepcast.station.account import Command
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import RemoteMind, RemoteMinds, TelemetryClient
+from sleepcast.station.sent import Command
 
 X, Y, HEADING = "x", "y", "heading"
 """The variables in which a robot says where it is (m, m, rad)."""

@@ -7,7 +7,7 @@ import shutil
 import signal
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -19,11 +19,12 @@ from channel.test_udp import free_port
 from cli.calling import called
 from cli.test_swarm import swarm
 from clients import board
+from durable_cases import Do, try_all
 from processes import live_in
 from sleepcast.channel.admission import Admission
 from sleepcast.channel.envelope import encode, look, read_message, read_piece
 from sleepcast.channel.keyring import key_file, keys_folder, load_key, save_key, save_trust
-from sleepcast.channel.keys import KeyPair, Role, Trust
+from sleepcast.channel.keys import KeyChange, KeyPair, Role, Trust
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.transports.udp import UdpTransport
@@ -226,12 +227,51 @@ def test_a_stop_holds_after_a_restart_and_so_does_one_that_may_be_lost(
             told = desk.ask("", Kind.ASK, body={"look": "telemetry"})
             assert told["stops"] == [["?", 0, 0, 0.0]]
             assert desk.ask("", Kind.RELEASE, body={"ends": told["stops"]})["outcome"] == "released"
-        with tiny(folder, alone, tmp_path):
-            stops.unlink()
-            stops.mkdir()  # nothing can be written
-            stopped = desk.ask("", Kind.STOP)
-            assert stopped["outcome"] == "stopped"
-            assert "a restart would end this STOP" in str(stopped["fault"])
+
+
+class Tiny:
+    """A small computer to which all is done that `durable_cases` says."""
+
+    def __init__(self, folder: Path, at: Path) -> None:
+        self._folder, self._at, self._changes = folder, at, 0
+        self._channel = f"udp://239.255.83.79:{free_port()}?interface=lo"
+        self._life = ExitStack()
+        self.desk = Desk(self._channel)
+
+    def __enter__(self) -> Tiny:
+        self.restart()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._life.close()
+        self.desk.__exit__()
+
+    def say(self, do: Do) -> tuple[object, object]:
+        if do is Do.KEYS:
+            self._changes += 1
+            change = KeyChange((KeyPair.new(f"anna{self._changes}", Role.OPERATOR).public,))
+            found = self.desk.ask("", standing=True, body={"keys": change.written()})
+        else:
+            found = self.desk.ask("", Kind.STOP if do is Do.STOP else Kind.RELEASE)
+        return found["outcome"], found["fault"]
+
+    def refuse(self) -> None:
+        for file in ("stops.json", "trust.json"):
+            (self._at / f"{file}.new").mkdir()
+
+    def mend(self) -> None:
+        for file in ("stops.json", "trust.json"):
+            (self._at / f"{file}.new").rmdir()
+
+    def restart(self) -> bool:
+        self._life.close()
+        self._life.enter_context(tiny(self._folder, self._channel, self._at))
+        return "stopped" in str(self.desk.ask("(DRIVE 0.3m/s)")["fault"])
+
+
+def test_what_it_answers_is_stored_or_it_says_so(folder: Path, channel: str, tmp_path: Path) -> None:
+    with Tiny(folder, tmp_path) as robot:
+        try_all(robot)
 
 
 def test_it_is_one_of_the_swarm(folder: Path, channel: str, tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from sleepcast.language import Vocabulary
 from sleepcast.loop import vocabulary_of
 from sleepcast.loop.real import Member, NetworkSwarm
 from sleepcast.node.node import Node
-from sleepcast.simulator import Body
+from sleepcast.simulator import Body, Simulator
 from small_worlds import simulator
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
@@ -41,18 +41,21 @@ class Field:
 
     def __init__(self, folder: Path, robots: int = 20) -> None:
         self.clock, self.medium = ManualClock(START), f"memory:crew{next(_media)}"
-        world = simulator(folder)
-        self.multiplexer = Multiplexer(open_transport(self.medium, self.clock), DropCounter(self.clock))
-        names = vocabulary_of(world.model)
-        self.port = self.multiplexer.port(ROBOT_KINDS)
-        self.receiver = Receiver(self.port, self.delivery("r0+19", ROBOTS), self.clock, START)
-        members = self._members(robots, world.robots, names)
-        self.crew = NetworkSwarm(world, members, self.multiplexer, self.receiver, self.clock, self.clock)
+        self.life = 1
+        self._begin(simulator(folder), robots)
         self.bystander = open_transport(self.medium, self.clock)
         self.desk = self.session("desk", DESK, open_transport(self.medium, self.clock))
         self.desk.zero = START
         self.heard: list[Message] = []
         self.ticks = 0
+
+    def _begin(self, world: Simulator, robots: int) -> None:
+        self.multiplexer = Multiplexer(open_transport(self.medium, self.clock), DropCounter(self.clock))
+        names = vocabulary_of(world.model)
+        self.port = self.multiplexer.port(ROBOT_KINDS)
+        self.receiver = Receiver(self.port, self.delivery(f"r0+{robots - 1}", ROBOTS), self.clock, START)
+        members = self._members(robots, world.robots, names)
+        self.crew = NetworkSwarm(world, members, self.multiplexer, self.receiver, self.clock, self.clock)
 
     def _members(self, robots: int, bodies: Sequence[Body], names: Vocabulary) -> list[Member]:
         found = []
@@ -69,7 +72,7 @@ class Field:
     def delivery(self, name: str, key: KeyPair) -> ReliableDelivery:
         trust = Trust((DESK.public, ROBOTS.public, NAMESAKE.public))
         admission = Admission(trust, "lab", self.clock, robot=key is ROBOTS, rate=1e9)
-        return ReliableDelivery(name, 1, key, admission, Random(name))
+        return ReliableDelivery(name, self.life, key, admission, Random(name))
 
     def run(self, seconds: float, *, ticking: bool = True) -> None:
         """Let time pass; the crew hears all the time, and ticks as the simulator does."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 import threading
 import time
@@ -11,18 +12,21 @@ from pathlib import Path
 
 import pytest
 
-from loop.test_crew import Field
+from durable_cases import Do, try_all
+from loop.test_crew import DESK, Field
 from loop.test_real import TICK, Desk, Run
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.keyring import TrustKeeper, load_trust, save_trust
-from sleepcast.channel.keys import KeyChange, PublicKey
+from sleepcast.channel.keys import KeyChange, PublicKey, Trust
 from sleepcast.channel.message import KEYS, LEASE, Role
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop.durable import KeysFirst
 from sleepcast.loop.real import EmbodiedMind, run_robots
 from sleepcast.node.store import Store
+from small_worlds import simulator
 
+ROBOTS_HERE = 4
 LEASED: dict[str, object] = {LEASE: {"do": "take", "group": "bravo", "seconds": 60.0}}
 NEW = PublicKey("bert", Role.OPERATOR, b"b" * 32)
 
@@ -42,35 +46,64 @@ class Disk(Store):
         return super().write()
 
 
+def query_only(disk: Disk, refuses: bool) -> None:
+    """Whether the disk refuses to be written."""
+    assert disk._connection is not None
+    disk._connection.execute(f"PRAGMA query_only = {int(refuses)}")
+
+
+def kill(disk: Disk) -> None:
+    """Let go of a store as a process does that is killed: nothing more is written."""
+    assert disk._connection is not None
+    assert disk._lock is not None
+    disk._connection.close()
+    os.close(disk._lock)
+
+
 class StoredField(Field):
-    """A crew whose minds are stored."""
+    """A crew of a few whose minds are stored."""
 
     def __init__(self, folder: Path) -> None:
-        super().__init__(folder)
+        super().__init__(folder, robots=ROBOTS_HERE)
         self.said: list[str] = []
+        self._store(folder)
+
+    def _store(self, folder: Path) -> None:
         self.disk = Disk(folder / "crew.store", self.clock, self.said.append)
         for member in self.crew.members:
             self.disk.adopt(member.node, None)
             member.keeper = self.disk
         self.crew.keeper = self.disk
 
+    def live_again(self, folder: Path) -> None:
+        """Another process, with the same store."""
+        self._leave()
+        self.life += 1
+        self._begin(simulator(folder), ROBOTS_HERE)
+        self._store(folder)
+
     def outcomes(self) -> dict[object, int]:
         found = [message.body for message in self.heard if message.kind is Kind.ANSWER]
         outcomes = [body["outcome"] if not body["fault"] else f"{body['outcome']}: {body['fault']}" for body in found]
         return {outcome: outcomes.count(outcome) for outcome in outcomes}
 
+    def _leave(self) -> None:
+        self.crew.durability.close()
+        self.receiver.close()
+        for member in self.crew.members:
+            member.session.close()
+
+    def close(self) -> None:
+        self._leave()
+        self.disk.close()
+        self.bystander.close()
+        self.desk.close()
+
 
 @pytest.fixture
 def field(tmp_path: Path) -> Iterator[StoredField]:
-    found = StoredField(tmp_path)
-    yield found
-    found.crew.durability.close()
-    found.disk.close()
-    found.bystander.close()
-    found.desk.close()
-    found.receiver.close()
-    for member in found.crew.members:
-        member.session.close()
+    with closing(StoredField(tmp_path)) as found:
+        yield found
 
 
 class Ears:
@@ -103,11 +136,16 @@ def test_what_a_swarm_answers_is_stored(field: StoredField, ticking: bool) -> No
     field.run(0.3, ticking=ticking)
     field.say(kind=Kind.RELEASE)
     field.run(0.3, ticking=ticking)
-    assert field.outcomes() == {"stopped": 20, "released": 20}
+    assert field.outcomes() == {"stopped": ROBOTS_HERE, "released": ROBOTS_HERE}
     field.say("(RULE a 1)", standing=True)
     field.desk.send(Message("desk", 1, 1, Kind.COMMAND, field.clock.now() - 1_000.0, body=LEASED))
     field.run(0.5)
-    assert field.outcomes() == {"stopped": 20, "released": 20, "matched": 20, "not matched": 20}
+    assert field.outcomes() == {
+        "stopped": ROBOTS_HERE,
+        "released": ROBOTS_HERE,
+        "matched": ROBOTS_HERE,
+        "not matched": ROBOTS_HERE,
+    }
     assert ears.early == []
 
 
@@ -138,7 +176,7 @@ def test_while_a_disk_writes_other_stops_are_heard_and_nothing_else(field: Store
     field.run(0.02, ticking=False)
     assert body.stopped
     field.run(0.1, ticking=False)
-    assert field.outcomes()["stopped"] == 40
+    assert field.outcomes()["stopped"] == 2 * ROBOTS_HERE
     assert r0.groups == frozenset()
     field.run(0.5)
     assert r0.groups == {"crew"}
@@ -149,12 +187,16 @@ def test_a_swarm_whose_disk_refuses_stops_and_says_so(field: StoredField) -> Non
     field.disk.fails = True
     field.say(kind=Kind.STOP)
     field.run(0.5)
-    assert all(body.stopped for body in field.crew.simulator.robots[:20])
-    assert field.outcomes() == {"stopped: not stored": 20}
+    assert all(body.stopped for body in field.crew.simulator.robots[:ROBOTS_HERE])
+    assert field.outcomes() == {"stopped: not stored": ROBOTS_HERE}
     field.say("x", kind=Kind.ASK)
     field.say("(JOIN crew)")
     field.run(0.5)
-    assert field.outcomes() == {"stopped: not stored": 20, "answer": 20, "matched: not stored": 20}
+    assert field.outcomes() == {
+        "stopped: not stored": ROBOTS_HERE,
+        "answer": ROBOTS_HERE,
+        "matched: not stored": ROBOTS_HERE,
+    }
     assert not field.disk.file.with_name("crew.store.marker").exists(), "so the next life begins stopped"
 
 
@@ -168,7 +210,7 @@ def test_a_body_that_does_not_rest_says_that_too(field: StoredField) -> None:
     field.disk.fails = True
     field.say(kind=Kind.STOP)
     field.run(0.2)
-    assert field.outcomes() == {"stopped: not stored": 19, "stopped: the brake is broken; not stored": 1}
+    assert field.outcomes() == {"stopped: not stored": ROBOTS_HERE - 1, "stopped: the brake is broken; not stored": 1}
 
 
 def a_change_of_keys(field: StoredField, folder: Path) -> Path:
@@ -190,7 +232,7 @@ def test_keys_are_stored_before_the_store_says_that_they_came(field: StoredField
     trusted: list[bool] = []
     field.disk.within = lambda: trusted.append(load_trust(file).find(NEW.id) is not None)
     field.run(0.5)
-    assert field.outcomes() == {"matched": 20}
+    assert field.outcomes() == {"matched": ROBOTS_HERE}
     assert trusted
     assert all(trusted)
 
@@ -203,7 +245,9 @@ def test_keys_that_cannot_be_stored_count_and_their_answer_says_so(field: Stored
     field.run(0.5)
     field.say(kind=Kind.STOP)
     field.run(0.2)
-    assert field.outcomes() == {"matched: not stored": 20, "stopped": 20}, "a STOP is not among the keys"
+    assert field.outcomes() == {"matched: not stored": ROBOTS_HERE, "stopped": ROBOTS_HERE}, (
+        "a STOP is not among the keys"
+    )
     assert field.receiver.delivery.admission.trust.find(NEW.id)
     assert [sentence for sentence in field.said if "cannot" in sentence] == field.said
     assert len(field.said) == 1, "which is tried again, and told once"
@@ -218,6 +262,11 @@ class Stops(Desk):
     def __init__(self, **due: str) -> None:
         super().__init__(**due)
         self.sudden: list[Message] = []
+        self.next: list[Message] = []
+
+    def receive(self) -> list[Message]:
+        found, self.next = self.next, []
+        return found + super().receive()
 
     def stops(self) -> list[Message]:
         found, self.sudden = self.sudden, []
@@ -246,3 +295,121 @@ def test_a_robots_disk_holds_up_no_stop(tmp_path: Path) -> None:
     disk.close()
     assert [message.body["outcome"] for message in desk.heard] == ["matched", "stopped", "matched"]
     assert said == []
+
+
+# ---- the cases that small computers are tried with as well
+
+
+class Crewed:
+    """A swarm to which all is done that `durable_cases` says: its desk, its air and its files stay."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.field, self._changes = folder, StoredField(folder), 0
+        self._keep()
+
+    def _keep(self) -> None:
+        field, trust = self.field, self.field.receiver.delivery.admission.trust
+        self.trust_file = self.folder / "trust.json"
+        field.crew.keeper = KeysFirst(TrustKeeper(trust, self.trust_file, field.clock, field.said.append), field.disk)
+        trust.keep = keys = field.crew.keeper.keys
+        for member in field.crew.members:
+            member.keeper, member.node.keys_last = field.crew.keeper, lambda: keys.lasts
+
+    def say(self, do: Do) -> tuple[object, object]:
+        self.field.heard.clear()
+        if do is Do.KEYS:
+            self._changes += 1
+            change = KeyChange((PublicKey(f"a{self._changes}", Role.OPERATOR, bytes([self._changes]) * 32),))
+            body: dict[str, object] = {KEYS: change.written()}
+            now = self.field.clock.now() - 1_000.0
+            self.field.desk.send(Message("desk", 1, 1, Kind.COMMAND, now, standing=True, body=body))
+        else:
+            self.field.say(kind=Kind.STOP if do is Do.STOP else Kind.RELEASE)
+        self.field.run(0.3)
+        latest = f"desk-1.{self.field.desk.delivery.next_number - 1}"  # the desk repeats what it said before, too
+        answers = [message.body for message in self.field.heard if message.body.get("command") == latest]
+        ((outcome, fault),) = {(body["outcome"], body["fault"]) for body in answers}
+        assert len(answers) == len(self.field.crew.members)
+        return outcome, fault
+
+    def refuse(self) -> None:
+        query_only(self.field.disk, True)
+        self.trust_file.rename(self.trust_file.with_suffix(".aside"))
+        self.trust_file.mkdir()
+
+    def mend(self) -> None:
+        query_only(self.field.disk, False)
+        self.trust_file.rmdir()
+        self.trust_file.with_suffix(".aside").rename(self.trust_file)
+
+    def restart(self) -> bool:
+        kill(self.field.disk)
+        self.field.live_again(self.folder)
+        self._keep()
+        (stopped,) = {member.node.stopped for member in self.field.crew.members}
+        return stopped
+
+    def close(self) -> None:
+        self.field.close()
+
+
+class Embodied:
+    """A mind in a body, as a node and a bridge run it, to which the same is done."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.said, self.clock, self._count = folder, list[str](), ManualClock(100.0), 0
+        self.trust, self.trust_file = Trust((DESK.public,)), folder / "trust.json"
+        save_trust(self.trust, self.trust_file)
+        self._live()
+
+    def _live(self) -> None:
+        self.run, self.desk = Run(self.folder, Stops()), Stops()
+        self.disk = Disk(self.folder / "r0.store", self.clock, self.said.append)
+        self.disk.adopt(self.run.node, None)
+        keys = TrustKeeper(self.trust, self.trust_file, self.clock, self.said.append)
+        self.trust.keep, self.keeper, self.run.node.keys_last = keys, KeysFirst(keys, self.disk), lambda: keys.lasts
+
+    def say(self, do: Do) -> tuple[object, object]:
+        self._count += 1
+        kind, body = Kind.STOP if do is Do.STOP else Kind.RELEASE, dict[str, object]()
+        if do is Do.KEYS:
+            change = KeyChange((PublicKey(f"a{self._count}", Role.OPERATOR, bytes([self._count]) * 32),))
+            kind, body = Kind.COMMAND, {KEYS: change.written()}
+            self.trust.take(change)
+        self.desk.next = [
+            Message("desk", 1, self._count, kind, 0.0, standing=do is Do.KEYS, body=body, role="commander")
+        ]
+        self.desk.heard.clear()
+        mind = EmbodiedMind(self.run.node, self.run.body, self.clock, self.desk, self.run.watch, self.keeper, 100.0)
+        run_robots([mind], self.clock, tick=TICK, going=self.run.going(self.run.watch.ticks + 3), sleep=self._sleep)
+        ((outcome, fault),) = [
+            (each.body["outcome"], each.body["fault"]) for each in self.desk.heard if each.kind is Kind.ANSWER
+        ]
+        return outcome, fault
+
+    def _sleep(self, seconds: float) -> None:
+        self.clock.advance(seconds)
+
+    def refuse(self) -> None:
+        query_only(self.disk, True)
+        self.trust_file.rename(self.trust_file.with_suffix(".aside"))
+        self.trust_file.mkdir()
+
+    def mend(self) -> None:
+        query_only(self.disk, False)
+        self.trust_file.rmdir()
+        self.trust_file.with_suffix(".aside").rename(self.trust_file)
+
+    def restart(self) -> bool:
+        kill(self.disk)
+        self._live()
+        return self.run.node.stopped
+
+    def close(self) -> None:
+        self.disk.close()
+
+
+@pytest.mark.parametrize("sort", [Crewed, Embodied])
+def test_what_it_answers_is_stored_or_it_says_so(tmp_path: Path, sort: type[Crewed | Embodied]) -> None:
+    with closing(sort(tmp_path)) as robot:
+        try_all(robot)

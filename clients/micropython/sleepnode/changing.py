@@ -4,6 +4,7 @@ from micropython import const
 
 from sleepnode.keeping import keep
 from sleepnode.reader import unload
+from sleepnode.trust import not_stored
 
 _OWNER = const(0)
 _ROLE = const(1)
@@ -13,7 +14,7 @@ _MAX_KEYS = const(64)
 
 
 def changed(trust, change):
-    """Take a change, and write the file; gives why it cannot be taken."""
+    """Take a change, and write the file; gives why it cannot be taken, or that it will not outlast a restart."""
     try:
         for which in change["revoke"]:
             which = bytes.fromhex(which)
@@ -32,7 +33,7 @@ def changed(trust, change):
     try:
         keep(trust.file, {"format": 1, "keys": keys, "gone": [each.hex() for each in trust.gone]})
     except (OSError, MemoryError) as error:
-        return "the change counts until a restart, because %s cannot be written: %r" % (trust.file, error)
+        return not_stored(trust.file, error)
     finally:
         unload("keeping")
     return ""

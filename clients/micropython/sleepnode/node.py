@@ -18,7 +18,7 @@ from sleepnode.mind import Mind
 from sleepnode.radio import Clock
 from sleepnode.reader import Refused, unload
 from sleepnode.streams import Streams
-from sleepnode.trust import Trust, key_id, load_key
+from sleepnode.trust import Trust, key_id, load_key, not_stored
 
 _ASK = const(1)
 _STOP = const(2)
@@ -64,6 +64,8 @@ _CALM = const(100)
 _MAX_PARTS = const(3)
 _MAX_QUEUE = const(16)
 _MAX_OUT = const(16)
+_MAX_REASON = const(120)
+"""Characters of why a body does not stop: a fault has 200, and may have to say as well that it is not stored."""
 _MAX_ANSWERED = const(700)
 """Bytes of answers that can be repeated."""
 _RANKS = const(b"\x01\x03\x00\x00\x02\x05\x05\x04\x05\x01")
@@ -123,7 +125,7 @@ class Node:
         self.pieces = {}
         self.next, self.tick, self._every = now, 0, min(max(int(1000 * tick), 1), _SLOWEST)
         self._nonce, self.asked, self._pause = None, now - 16000, 2000
-        self._stops_file = stops
+        self._stops_file, self._kept = stops, []
         self._restore_stops()
         gc.threshold(-1)
 
@@ -374,7 +376,8 @@ class Node:
                 if kind == _STANDING and role == "commander":
                     reason = self.trust.change(body["keys"])
                     self._streams.theirs = {}  # perhaps under a key that nobody trusts any more
-                    self._answer(message, "fault" if reason else "matched", None, reason)
+                    done = not reason or reason.endswith("not stored")
+                    self._answer(message, "matched" if done else "fault", None, reason)
                 message[7] = ""
             ready, gone = self._streams.take((which, epoch), number, kind == _STANDING, body, message, now)
             if gone is not None:
@@ -403,27 +406,29 @@ class Node:
         return "for" not in body or (isinstance(only, list) and self.name in only)
 
     def _obey_stop(self, message):
-        body, held = message[8], self.latch.holding[:]
+        body = message[8]
         if not self.latch.stop([message[6], message[2], message[3]], body):
             self._answer(message, "fault", None, "a RELEASE that was sent later has ended this STOP")
             return
-        fault = self._halt()
-        if self.latch.holding != held:
-            fault = self._keep_stops() or fault
+        fault = self._keep_stops(self._halt())
         if self._is_addressed(body):
             self._answer(message, "stopped", None, fault)
 
-    def _keep_stops(self):
-        """Write which STOPs hold; gives what failed."""
+    def _keep_stops(self, fault=""):
+        """Write which STOPs hold, unless the file says so already; gives what failed, after this fault."""
+        if self._kept == self.latch.holding:
+            return fault
         try:
             from sleepnode.keeping import keep
 
+            self._kept = None
             keep(self._stops_file, self.latch.holding)
+            self._kept = self.latch.holding[:]
         except (OSError, MemoryError) as error:
-            return "a restart would end this STOP, because %s cannot be written: %r" % (self._stops_file, error)
+            return not_stored(self._stops_file, error, fault)
         finally:
             unload("keeping")
-        return ""
+        return fault
 
     def _restore_stops(self):
         """Stay stopped if a STOP held before the restart, or if nobody can tell."""
@@ -431,6 +436,7 @@ class Node:
             from sleepnode.keeping import kept
 
             self.latch.restore(kept(self._stops_file))
+            self._kept = self.latch.holding[:]
         except OSError:
             return  # none was ever written
         except ValueError:
@@ -450,20 +456,20 @@ class Node:
         try:
             self.body.stop()
         except Exception as error:
-            return "the body does not stop: %r" % error
+            return ("the body does not stop: %r" % error)[:_MAX_REASON]
         return ""
 
     def _obey_release(self, message):
-        held = self.latch.holding
-        if self.latch.release([message[6], message[2], message[3]], message[8]):
+        free = self.latch.release([message[6], message[2], message[3]], message[8])
+        if free:
             self.stopped = self.mind.held = False
             self.body.release()
-            self._answer(message, "released", None, "")
+        fault = self._keep_stops()
+        if free:
+            self._answer(message, "released", None, fault)
         else:
             said = "the STOP %s holds: the RELEASE does not name it" % self.latch.names()
             self._answer(message, "fault", None, said)
-        if self.latch.holding != held:
-            self._keep_stops()
 
     # ---- ticks
 

@@ -20,6 +20,8 @@ _NOT_ALLOWED = const(4)
 _WINDOW = const(256)
 """Numbers back from the latest that are told apart; older ones count as received."""
 _MAX_KEYS = const(64)
+_MAX_REASON = const(60)
+"""Characters of which file could not be written, and why: a fault has 200, and its end counts."""
 _MAX_SENDERS = const(32)
 _MAY = {"observer": (1, 2, 7), "operator": (0, 1, 2, 3, 4, 7), "commander": (0, 1, 2, 3, 4, 7, 9), "robot": (0, 2, 7)}
 """Numbers of the kinds that a robot takes from each role; it has nothing to send again, so no requests."""
@@ -27,6 +29,12 @@ _MAY = {"observer": (1, 2, 7), "operator": (0, 1, 2, 3, 4, 7), "commander": (0, 
 
 def key_id(public):
     return hashlib.sha256(public).digest()[:8]
+
+
+def not_stored(file, error, fault=""):
+    """What an answer says, after its other fault, if a file could not be written: its end is the same on all robots."""
+    said = ("%s: %r" % (file, error))[:_MAX_REASON] + "; not stored"
+    return fault + "; " + said if fault else said
 
 
 def load_key(file):

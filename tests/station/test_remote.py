@@ -134,8 +134,8 @@ def test_news_of_before_the_last_command_is_too_old(tmp_path: Path) -> None:
     commanded = cache.restore(later.minds, later.clock.now())
     station = later.station()
     assert len(station.preview(text).yes) == 8
-    station.changed = commanded
-    assert set(station.preview(text).unknown.values()) == {"its last news is too old"}
+    station.commanded.note(commanded)
+    assert set(station.preview(text).unknown.values()) == {"it was commanded since its last news"}
     later.look(["s7"])
     station.observe(later.clock.now(), [later.minds["s7"]])
     assert station.preview(text).yes == ("s7",)

@@ -76,7 +76,6 @@ def observing_station(
     air: AirOptions, say: Callable[[str], None], *, strict: bool = False, expected: Expectation | None = None
 ) -> Iterator[tuple[NetworkStation, TelemetryClient]]:
     """The same, with a client that requests telemetry and keeps it."""
-    from sleepcast.channel.message import Kind
     from sleepcast.core.clock import UnixClock
     from sleepcast.core.errors import printable
     from sleepcast.station.cache import CacheError, PeerCache, TelemetryCache
@@ -110,7 +109,7 @@ def observing_station(
             within=air.within,
             expected=expected,
         )
-        station.changed = commanded
+        station.commanded.note(commanded)
         telemetry = TelemetryClient(station, minds)
         station.listeners.append(telemetry.hear)
         try:
@@ -121,8 +120,7 @@ def observing_station(
                 say(printable(sentence))
             try:
                 contacts.save({name: at for name, at in station.roster.items() if at is not None})
-                sent = (each.message.issued for each in station.commands() if each.kind is Kind.COMMAND)
-                seen.save(minds, station.now, max(sent, default=commanded))
+                seen.save(minds, station.now, station.commanded.latest)
             except CacheError as error:
                 say(str(error))
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from sleepcast.core.errors import SleepcastError
 from sleepcast.language import Explanation
 from sleepcast.language.rehearsal import CHANCE
-from sleepcast.station.validation import MAX_LISTED, NEVER_HEARD, STALE, TEST_UNKNOWN
+from sleepcast.station.validation import COMMANDED, MAX_LISTED, NEVER_HEARD, STALE, TEST_UNKNOWN
 
 if TYPE_CHECKING:
     from sleepcast.station.network import NetworkStation
@@ -38,7 +38,7 @@ def ask_first(station: NetworkStation, telemetry: TelemetryClient, text: str) ->
     Raises what `preview` raises."""
     look_around(station, telemetry, patience=AHEAD)
     unknown = station.preview(text).unknown
-    asked = [name for name, why in unknown.items() if why not in (NEVER_HEARD, STALE, CHANCE, TEST_UNKNOWN)]
+    asked = [name for name, why in unknown.items() if why not in (NEVER_HEARD, STALE, COMMANDED, CHANCE, TEST_UNKNOWN)]
     if asked:
         station.poll(text, AHEAD, only=asked if len(asked) <= MAX_LISTED else None)
 

@@ -237,10 +237,11 @@ MAX_NEWS = 100
 
 @dataclass(frozen=True, slots=True)
 class Poll:
-    """What robots said themselves of whether they would obey a text (YES, NO, UNDECIDED), at a time (Unix time), by
-    their names."""
+    """What robots said themselves of whether they would obey a text (YES, NO, UNDECIDED), by their names. asked, taken:
+    when they were asked, and the last of them had answered, s of Unix time."""
 
     text: str = ""
+    asked: float = -inf
     taken: float = -inf
     said: Mapping[str, int] = field(default_factory=dict)
 
@@ -361,16 +362,18 @@ class NetworkStation(Station):
             self.gather(asked, patience)
         finally:
             self.listeners.remove(listen)
-        self._polled = Poll(text, self.now, said)
+        self._polled = Poll(text, asked.message.issued, self.now, said)
         return asked, self._polled
 
     def _judged(self, program: Program, audience: Audience) -> tuple[NDArray[np.uint8], Index | None]:
         codes, places = super()._judged(program, audience)
-        if program.text == self._polled.text and self.now - self._polled.taken <= self.stale_after:
+        polled = self._polled
+        if program.text == polled.text and self.now - polled.taken <= self.stale_after:
             there = range(len(codes)) if places is None else places.tolist()
-            said = [self._polled.said.get(self._roster.names[place]) for place in there]
+            said = [polled.said.get(self._roster.names[place]) for place in there]
+            current = self.commanded.of(len(self._roster)) <= polled.asked
             for at in np.flatnonzero(codes == UNKNOWN).tolist():
-                if (code := said[at]) is not None:
+                if (code := said[at]) is not None and current[there[at]]:
                     codes[at] = code
         return codes, places
 
@@ -409,8 +412,10 @@ class NetworkStation(Station):
             return False
 
     def _begun(self, command: Command) -> None:
-        if command.kind is Kind.COMMAND and command.text and not command.message.standing:
-            self._drivers.append(command)
+        if command.kind is Kind.COMMAND and command.text:
+            self.commanded.note(command.message.issued, command.only)
+            if not command.message.standing:
+                self._drivers.append(command)
         self.pump_out()
 
     def _compose(
@@ -520,10 +525,20 @@ class NetworkStation(Station):
         self.news.append(message)
         details = {"kind": message.kind.value, **message.body}
         self._note(JournalEvent.HEARD, message.sender, subject=message.id, text=message.text, details=details)
+        if message.kind is Kind.COMMAND and message.text:
+            self.commanded.note(self.now, self._named(message))
         if message.kind is Kind.STOP:
             self._drivers.clear()
             self._note_stop(mark_of(message), self.now)
         self._retransmission.overtaken(message.kind)
+
+    def _named(self, message: Message) -> Index | None:
+        """The places of the robots that another operator's message is for, None for all."""
+        names = message.body.get(FOR)
+        if not isinstance(names, list):
+            return None
+        places = (self._roster.names.place(name) for name in names if isinstance(name, str))
+        return np.array([place for place in places if place is not None], np.intp)
 
     def notices(self) -> list[str]:
         """What is going on that a person should know of, as sentences: clocks that are wrong, forgeries, keys that

@@ -42,6 +42,7 @@ from sleepcast.mind.telemetry import (
     read_vocabulary,
     read_why,
 )
+from sleepcast.station.commanded import CommandedTimes
 from sleepcast.station.schema_merge import SlotMap, merge_schemas
 from sleepcast.station.sent import Command
 from sleepcast.station.validation import Telemetry, Undecided
@@ -454,12 +455,17 @@ MAX_LOOKS = 256
 """Looks whose answers are still expected."""
 MAX_FAULT = 200
 """Characters of a robot's error."""
+OBEYED = 0.2
+"""Seconds after which a robot has heard a command and evaluated it, if nothing was lost."""
+SHARE = 0.002
+"""Seconds for each robot between two looks at all: their answers take half of that."""
 
 
 class Requester(Protocol):
     """A desk that can request telemetry."""
 
     vocabulary: Vocabulary
+    commanded: CommandedTimes
 
     @property
     def now(self) -> float: ...
@@ -477,6 +483,8 @@ class TelemetryClient:
     def __init__(self, station: Requester, minds: RemoteMinds) -> None:
         self.minds = minds
         self._station = station
+        self._looked = -inf
+        """When all were asked for telemetry last."""
         self._looks: OrderedDict[str, Command] = OrderedDict()
         self._whys: OrderedDict[tuple[str, str], Explanation | SleepcastError | None] = OrderedDict()
         """Explanations by the id of the request and the robot; None until they arrive."""
@@ -484,7 +492,17 @@ class TelemetryClient:
 
     def look(self, robots: Sequence[str] | None = None) -> Command:
         """Ask these robots (None: all) for telemetry."""
+        if robots is None:
+            self._looked = self._station.now
         return self._ask({LOOK: Inspection.TELEMETRY}, robots)
+
+    def is_due(self, every: float) -> bool:
+        """Whether all are to be asked for telemetry again: so many seconds after the last time, or soon after a
+        command, since what they reported before does not say any more who would obey."""
+        now, obeyed = self._station.now, self._station.commanded.latest + OBEYED
+        if now - self._looked < SHARE * len(self.minds):
+            return False
+        return now - self._looked >= every or self._looked < obeyed <= now
 
     def ask_why(self, robot: str, command: str | None) -> Command:
         """Ask a robot how it evaluated a command (its id), what a rule (its name) would do, or, for None, how the last

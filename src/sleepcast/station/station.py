@@ -32,6 +32,7 @@ from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.account import Account, account
 from sleepcast.station.answers import Outcome, answer_from
+from sleepcast.station.commanded import CommandedTimes
 from sleepcast.station.failures import RuleFailures
 from sleepcast.station.journal.journal import Journal, JournalEvent, MemoryJournal, PendingEntry, Report, WriteBatch
 from sleepcast.station.journal.snapshot import dump_journal, restore_journal
@@ -118,8 +119,8 @@ class Station:
         self._sent = SentCommands()
         self._lock = RLock()
         self.epoch, self.stale_after = epoch, stale_after
-        self.changed = -inf
-        """When robots were last commanded by an earlier desk, s: what they told before does not foresee who obeys."""
+        self.commanded = CommandedTimes()
+        """What robots reported before they were commanded does not say who will obey."""
         self.caution = SendPolicy() if caution is None else caution
         self.vocabulary, self._outbox = vocabulary, outbox
         self._sequence = 0
@@ -203,7 +204,8 @@ class Station:
         return self._preview(self._program(text))
 
     def _preview(self, program: Program) -> Preview:
-        return preview(program, self._roster, self._table, self._clock.now(), self.stale_after, self.changed)
+        since = self.commanded.of(len(self._roster))
+        return preview(program, self._roster, self._table, self._clock.now(), self.stale_after, since)
 
     @property
     def _table(self) -> TelemetryTable:

@@ -33,7 +33,7 @@ from sleepcast.language.program import Program, evaluate
 from sleepcast.language.rehearsal import CHANCE, DEED, asks, does, holds
 from sleepcast.language.symbols import Declared, Operator
 from sleepcast.language.vocabulary import Variable, Vocabulary
-from sleepcast.station.roster import Index, Roster
+from sleepcast.station.roster import Index, Roster, Seconds
 
 MAX_LISTED = 4_096
 """Names in one message: some forty datagrams; for more robots, use a test."""
@@ -382,6 +382,7 @@ class FleetNames:
 TEST_UNKNOWN = "its test has no known value there, so it would not obey"
 NEVER_HEARD = "it has sent no telemetry yet"
 STALE = "its last news is too old"
+COMMANDED = "it was commanded since its last news"
 MAX_REASONS = 200
 """Different reasons told apart in one preview, so that one fits a byte; the rest counts as the last of them."""
 
@@ -548,15 +549,17 @@ class TelemetryRows:
 
 
 def preview(
-    program: Program, roster: Roster, table: TelemetryTable, now: float, stale_after: float, since: float = -inf
+    program: Program, roster: Roster, table: TelemetryTable, now: float, stale_after: float, since: Seconds
 ) -> Preview:
     """Who would obey `program`. table: telemetry by place on the roster, which decides nothing where it is older than
-    `stale_after` s at `now`, or from before `since`."""
-    count = len(roster)
+    `stale_after` s at `now`, or from before the robot was last commanded. since: when that was, by place."""
+    count = len(since)
     times = roster.reported[:count].copy()
-    fresh = (now - times <= stale_after) & (times >= since)
+    recent, current = now - times <= stale_after, times >= since
+    fresh = recent & current
     codes, reason = np.full(count, UNKNOWN, np.uint8), np.where(np.isfinite(times), np.uint8(2), np.uint8(1))
-    listed, oldest = [NEVER_HEARD, STALE], now
+    reason[recent & ~current] = 3
+    listed, oldest = [NEVER_HEARD, STALE, COMMANDED], now
     obstacle, test = _obstacle(program), program.test
     if test is None:
         codes[fresh] = YES

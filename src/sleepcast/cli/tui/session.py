@@ -76,7 +76,6 @@ class Session:
         self._own: list[Addressee] = []
         self._listed: list[str] = []
         station.holding = True  # somebody sits here: robots that are driven go on
-        self._looked = -inf
         self._asked_why: tuple[Command, str] | None = None
         self._doubted: Request | None = None
         self._pressed: tuple[str, float] = ("", -inf)
@@ -89,7 +88,7 @@ class Session:
         """Hear what has come, and do what is due."""
         try:
             self.station.pump()
-            if self.look_every and self.station.now - self._looked >= self.period:
+            if self.look_every and self.telemetry.is_due(self.period):
                 self.look()
             self._hear_why()
             self._go_on()
@@ -122,7 +121,6 @@ class Session:
 
     def look(self) -> None:
         """Ask all robots to tell of themselves."""
-        self._looked = self.station.now
         self.station.stale_after = max(self.station.stale_after, 2.5 * self.period)
         self.telemetry.look()
 

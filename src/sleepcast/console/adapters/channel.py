@@ -44,8 +44,6 @@ RADIUS = 0.2
 """m: a robot of unknown size; the page draws it large enough to be seen."""
 FARTHEST = 1e7
 """m: positions farther away are ignored; robots stay on the Earth."""
-SHARE = 0.002
-"""Seconds for each robot between two questions to all: their answers take half of that."""
 CATCHING_UP = "at rest until it has all standing commands"
 EMPTY = (0.0, 0.0, 10.0, 10.0)
 """m: the map before any position is known."""
@@ -186,7 +184,6 @@ class FleetAdapter:
         self._station, self._telemetry, self._every, self._began = station, telemetry, every, began
         self._mapped = ground.area != EMPTY
         """Whether the area is one in which robots are."""
-        self._due = began
         self._news = True
         station.listeners.append(self._listen)
 
@@ -210,8 +207,7 @@ class FleetAdapter:
 
     def step(self) -> None:
         """Request telemetry of all robots once."""
-        self._due = self._station.now
-        self._ask()
+        self._telemetry.look()
 
     @property
     def editor(self) -> None:
@@ -285,8 +281,8 @@ class FleetAdapter:
     def hear(self) -> bool:
         """Hear what has come, and ask for more if it is time; whether there is any news."""
         self._station.pump()
-        if self.asking and self._station.now >= self._due:
-            self._ask()
+        if self.asking and self._telemetry.is_due(self._every):
+            self._telemetry.look()
         if not self._news:
             return False
         self._news = False
@@ -335,10 +331,6 @@ class FleetAdapter:
     def ask_why(self, robot: str, command: str) -> AskedWhy:
         """Ask a robot how it evaluated a command."""
         return AskedWhy(self._station, self._telemetry, self._telemetry.ask_why(robot, command), robot)
-
-    def _ask(self) -> None:
-        self._telemetry.look()
-        self._due = self._station.now + max(self._every, SHARE * len(self.minds))
 
     def _look(self) -> None:
         """Bring the columns up to date, and the scene if robots are new or have left the map."""

@@ -86,7 +86,7 @@ def test_what_robots_told_before_a_command_does_not_foresee_who_obeys_the_next(c
         process.kill()  # they say nothing new
         process.wait()
         found = called("who", "(WHEN (IN bravo) (MARK))", "--channel", channel)
-        assert "would not 0\n  unknown 3: r1 (it was commanded since its last news)" in found.out
+        assert "would not 0\n  unknown 3: r1 (it" in found.out  # was commanded since its last news, or that is too old
 
 
 def test_a_name_that_no_robot_has_is_told_before_anything_is_sent(channel: str, tmp_path: Path) -> None:

@@ -16,11 +16,13 @@ from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
 from sleepcast.console.driver import Driver
 from sleepcast.console.exact import Exact
+from sleepcast.console.marks import clock_time
 from sleepcast.console.rerunner import RerunError
 from sleepcast.core.clock import ManualClock, WallClock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import Pace
 from sleepcast.simulator import Changes, Circle, find_scenario
+from sleepcast.station.answers import SILENT
 from swarms import desk_of, drive, swarm_of
 
 ROBOTS, LAST = 12, 60
@@ -148,3 +150,61 @@ def test_a_run_that_was_changed_otherwise_is_not_guessed() -> None:
     with pytest.raises(RerunError, match="not where they were seen from 0:00:01 on"):
         asyncio.run(past.look(25, 0))
     past.close()
+
+
+def test_no_moment_says_falsely_that_a_robot_received_nothing() -> None:
+    """The page said `it did not receive it` of a command that the account knew as answered by all."""
+    scenario = find_scenario("bravo", Changes(robots=6))
+    swarm = swarm_of(scenario, seed=4)
+    station, view, clock = desk_of(swarm), SwarmAdapter(swarm), WallClock()
+    swarm.mission.clear()
+    past = LivePast(view, swarm, station, clock)
+    desk = Backend(view, station, Driver(view, Pace(clock, swarm, 1.0), clock), clock)
+    said: dict[str, str] = {}
+
+    async def why(tick: int, command: str) -> str:
+        try:
+            await past.why(tick, incoming.Why(1, 0, command))
+        except RerunError as error:
+            return str(error)
+        return ""
+
+    async def ask() -> None:
+        drive(swarm, 5)
+        sent = [station.send("(WHEN (> id 0) (JOIN bravo))"), station.ask("id"), station.stop(), station.release()]
+        drive(swarm, 1)
+        went = swarm.simulator.tick
+        while any(each.n_silent for each in sent):
+            drive(swarm, 1)
+        for tick in range(went, swarm.simulator.tick + 1):
+            known = desk.outcomes(1, sent[0].id, tick * scenario.tick).outcomes
+            reason = await why(tick, sent[0].id)
+            assert reason in ("", f"scout1 had not evaluated this command yet at {clock_time(tick * scenario.tick)}.")
+            assert not reason or known[0] == SILENT
+        assert [await why(swarm.simulator.tick, each.id) for each in sent[1:]] == [
+            "A question is answered with its value and changes nothing: robots keep no explanation of it.",
+            "STOP is obeyed as it is heard: there is no expression that robots could explain.",
+            "RELEASE is obeyed as it is heard: there is no expression that robots could explain.",
+        ]
+        late = station.send("(WHEN (> id 0) (JOIN bravo))", deadline=0.01)
+        drive(swarm, 10)
+        said["late"] = await why(swarm.simulator.tick, late.id)
+        # a moment of a tick that is not over
+        last = station.send("(WHEN (> id 0) (JOIN bravo))")
+        drive(swarm, 1)
+        asked = asyncio.ensure_future(why(swarm.simulator.tick + 3, last.id))
+        await asyncio.sleep(0.1)
+        assert not asked.done()
+        drive(swarm, 3)
+        assert await asked == ""
+
+    asyncio.run(ask())
+    past.close()
+    assert "before its deadline" in said["late"]
+    assert "did not receive it in time" in said["late"]
+
+
+def test_a_tick_that_does_not_end_is_said_to_be_none_of_the_past(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sleepcast.console.past.LOOK", 0.0)
+    with pytest.raises(RerunError, match="is not over yet"):
+        asyncio.run(run.past.look(LAST + 1, -1))

@@ -96,10 +96,10 @@ class AccountTable:
             failing,
         )
 
-    def outcomes(self, command: str) -> bytes:
-        """For each robot, in the order of the scene's names, what its answer was, as `station.SILENT` and
+    def outcomes(self, command: str, time: float) -> bytes:
+        """For each robot, in the order of the scene's names, what its answer was at a time, as `station.SILENT` and
         the others. Raises NoSuchCommandError."""
-        return self._station.accounting(command).codes[: len(self._swarm.scene.names)].tobytes()
+        return self._station.outcomes(command, time)[: len(self._swarm.scene.names)].tobytes()
 
     def stop(self) -> Command | None:
         """The STOP that holds, None if none does."""

@@ -237,15 +237,15 @@ class Backend:
         except NoExplanationError:
             if self.past is None:
                 raise
-            return self.past.why(self.past.tick_of(self._swarm.now()), incoming.Why(serial, robot, command))
+            return self.past.why(self._swarm.tick, incoming.Why(serial, robot, command))
         return outgoing.Explained(serial, self._shown_why(explanation))
 
     def _shown_why(self, explanation: Explanation) -> ShownWhy:
         return show_why(explanation, self._swarm.vocabulary)
 
-    def outcomes(self, serial: int, command: str) -> outgoing.Answered:
-        """What became of a command on each robot."""
-        return outgoing.Answered(serial, self._ledger.outcomes(command))
+    def outcomes(self, serial: int, command: str, time: float = inf) -> outgoing.Answered:
+        """What had become of a command at a time (s of the page's time) on each robot."""
+        return outgoing.Answered(serial, self._ledger.outcomes(command, self._began + time))
 
     def failed(self, serial: int, rule: str) -> outgoing.Answered:
         """On which robots a rule ("": any rule) fails now."""

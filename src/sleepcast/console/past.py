@@ -22,6 +22,9 @@ from sleepcast.console.marks import Marks, clock_time
 from sleepcast.console.rerunner import Deed, Found, Moment, Question, RerunError, Rerunner, digest
 from sleepcast.loop.rerun import Inputs
 
+LOOK, MOST_LOOKS = 0.02, 250
+"""Seconds between two looks whether a tick is over, and how many: five seconds together."""
+
 
 @dataclass(slots=True)
 class OtherFuture:
@@ -121,6 +124,15 @@ class Past:
             raise RerunError(f"There is no robot number {asked.robot}.")
         return _said(await self._ask("why", tick, asked, since=sent - 1))
 
+    async def _over(self, tick: int) -> None:
+        """Wait until a tick is over: in the middle of it, what robots did in it is not known. Raises RerunError where
+        it does not end."""
+        turns = 0
+        while round(self.ended / self.tick) < tick:
+            if (turns := turns + 1) > MOST_LOOKS:
+                raise RerunError(f"{clock_time(tick * self.tick)} is not over yet: ask again when time has gone on.")
+            await asyncio.sleep(LOOK)
+
     async def _ask(
         self,
         deed: Deed,
@@ -131,6 +143,7 @@ class Past:
         since: int | None = None,
     ) -> Found:
         """since: the tick after which all must be seen, None for no matter."""
+        await self._over(tick)
         self.check(tick)
         moment = self.moment(tick, since)
         marks = self.film.marks_at(tick * self.tick)

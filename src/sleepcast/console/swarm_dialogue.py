@@ -188,6 +188,8 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
                 return past.why(look.tick, message)
             case incoming.Commands(serial):
                 return commands_of(past.film, look.time, serial)
+            case incoming.Outcomes(serial, command) if isinstance(self._desk, Backend):
+                return self._desk.outcomes(serial, command, look.time)
             case incoming.Failed(serial, rule):
                 return past.film.failed(look.time, serial, rule)
         return past.answer(look.tick, message) if isinstance(message, QUESTIONS) else None

@@ -157,6 +157,12 @@ class Answers(Mapping[str, Answer]):
         """The outcome of each robot by its place, as `SILENT` and the others."""
         return self._outcome
 
+    def codes_at(self, time: float) -> NDArray[np.uint8]:
+        """The same as they were known at a time, s."""
+        found = self._outcome.copy()
+        found[: len(self._heard)][self._heard > time] = SILENT
+        return found
+
     @property
     def known(self) -> Seconds:
         """The known values that were answered, in the robots' order."""

@@ -519,6 +519,14 @@ class Station:
             answer = None if sent is None else sent.answers.get(robot)
         return answer is not None and answer.outcome is Outcome.HELD
 
+    def outcomes(self, command: str, time: float) -> NDArray[np.uint8]:
+        """What the command with this id had come to at a time (s of the desk's clock) on each robot, by its place on
+        the roster, as `answers.SILENT` and the others. Raises NoSuchCommandError."""
+        with self._lock:
+            answers = self._sent.get(command).answers
+            answers.make_room()
+            return answers.codes_at(time)
+
     def why(self, robot: str, command: str | None = None) -> Explanation:
         """How `robot` evaluated a command (None: its last one): the tree of values and the first test that failed.
 

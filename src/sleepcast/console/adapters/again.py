@@ -15,6 +15,8 @@ from time import perf_counter, thread_time
 
 import msgspec
 
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.message_batch import Answers, MessageBatch
 from sleepcast.console import incoming, outgoing
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
@@ -42,6 +44,11 @@ NICE = 5
 """How much less urgent it is than the swarm that lives."""
 BROKEN = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RecursionError, MemoryError)
 """Exceptions that a recording with impossible contents may cause."""
+UNEXPLAINED = {
+    Kind.STOP: "STOP is obeyed as it is heard: there is no expression that robots could explain.",
+    Kind.RELEASE: "RELEASE is obeyed as it is heard: there is no expression that robots could explain.",
+    Kind.ASK: "A question is answered with its value and changes nothing: robots keep no explanation of it.",
+}
 
 
 class GivenUpError(SleepcastError):
@@ -237,17 +244,24 @@ class Past:
             self._swarms.pop("why")
             again = self._near("why", moment)
         fleet = again.swarm.fleet
-        last = _last_chance(moment, asked.command)
+        sent = next(each for _, each in moment.inputs.posted if each.id == asked.command)
+        if sent.kind in UNEXPLAINED:
+            raise RerunError(UNEXPLAINED[sent.kind])
+        answer = _Answer(asked.robot, asked.command)
+        again.swarm.witnesses.append(answer)
 
         def done() -> bool:
             found = fleet.evaluation_log.find(asked.robot, asked.command)
-            return found is not None or again.rerun.tick >= moment.tick or again.swarm.now() > last
+            return found is not None or again.rerun.tick >= moment.tick or again.swarm.now() > sent.deadline
 
-        self._run(again, moment, question.patience, done)
-        name = fleet.names[asked.robot]
+        try:
+            self._run(again, moment, question.patience, done)
+        finally:
+            again.swarm.witnesses.remove(answer)
         if fleet.evaluation_log.find(asked.robot, asked.command) is None:
-            until = min(moment.tick * again.swarm.simulator.scenario.tick, last)
-            raise RerunError(f"{name} has not evaluated this command up to {clock_time(until)}: it did not receive it.")
+            if again.differs is None:
+                raise RerunError(f"{fleet.names[asked.robot]} {_why_unexplained(again, sent, answered=answer.heard)}")
+            return Found(again.rerun.tick, differs=again.differs)
         why = show_why(fleet.at(asked.robot).why(asked.command), again.swarm.vocabulary)
         return Found(again.rerun.tick, said=encode(outgoing.Explained(asked.serial, why)), differs=again.differs)
 
@@ -256,9 +270,38 @@ class Past:
         return again.swarm.fleet.evaluation_log.find(asked.robot, asked.command) is None
 
 
-def _last_chance(moment: Moment, command: str) -> float:
-    """Until when a robot evaluates a command, s."""
-    return max((each.deadline for _, each in moment.inputs.posted if each.id == command), default=0.0)
+class _Answer:
+    """A witness of a swarm that hears whether a robot answers a command."""
+
+    def __init__(self, robot: int, command: str) -> None:
+        self._robot, self._command, self.heard = robot, command, False
+
+    def ticking(self) -> None:
+        """Nothing."""
+
+    def posted(self, message: Message) -> None:
+        """Nothing."""
+
+    def said(self, batch: MessageBatch) -> None:
+        """Robots say something."""
+        if isinstance(batch.words, Answers) and batch.words.command == self._command:
+            self.heard = self.heard or self._robot in batch.robots
+
+    def ticked(self) -> None:
+        """Nothing."""
+
+
+def _why_unexplained(again: _Again, sent: Message, *, answered: bool) -> str:
+    """Why a robot cannot explain a command, after its name: never more than what is known up to this moment."""
+    now = again.swarm.now()
+    if answered:
+        return f"evaluated this command, but {again.swarm.fleet.evaluation_log.limits()}."
+    if now > sent.deadline:
+        return (
+            f"did not evaluate this command before its deadline, {clock_time(sent.deadline)}: it did not receive it in "
+            "time."
+        )
+    return f"had not evaluated this command yet at {clock_time(now)}."
 
 
 def serve_past(pipe: connection.Connection) -> None:

@@ -28,6 +28,7 @@ SLOW = {
     "bridges/test_mavproxy.py": 8,
     "bridges/test_crazyradio.py": 20,
     "bridges/test_ros2.py": 10,
+    "bridges/test_ros2_trouble.py": 9,
     "bridges/test_ros2_scouts.py": 30,
     "cli/test_bridge_ros2.py": 50,
     "tak/test_bridge.py": 10,

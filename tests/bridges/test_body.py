@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from math import inf, nan
+from typing import ClassVar
 
 import pytest
 
 from sleepcast.bridges import BridgedBody, BusyError, Motion, OutOfReachError
-from sleepcast.bridges.body import MAX_ERRANDS, ROUND
-from sleepcast.core.clock import ManualClock
+from sleepcast.bridges.body import MAX_ERRANDS, REST, ROUND
+from sleepcast.core.clock import Clock, ManualClock, WallClock
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.model import Quantity
 from sleepcast.robot import Geometry, Limits, Reading, RobotModel, Setpoint
 
 SENSORS = tuple(Quantity(name) for name in ("x", "y", "heading", "speed", "turn_rate"))
+PATIENCE = 60.0
+"""Seconds that a busy machine may take."""
 MODEL = RobotModel("cart", SENSORS, (), (), Limits(1.0, 1.0, 2.0), Geometry(0.1))
 
 
 class Cart(BridgedBody):
     """Does nothing but note what it is told."""
 
-    def __init__(self, clock: ManualClock, model: RobotModel = MODEL) -> None:
+    def __init__(self, clock: Clock, model: RobotModel = MODEL) -> None:
         super().__init__(model, clock=clock)
         self.told: list[Motion] = []
         self.x, self.time = 0.0, 0.0
@@ -51,6 +56,13 @@ def clock() -> ManualClock:
 @pytest.fixture
 def cart(clock: ManualClock) -> Cart:
     return Cart(clock)
+
+
+class Hasty(WallClock):
+    """Ten times as fast as any other."""
+
+    def now(self) -> float:
+        return 10.0 * super().now()
 
 
 def pass_time(cart: Cart, clock: ManualClock, seconds: float) -> None:
@@ -185,3 +197,62 @@ def test_more_errands_than_it_remembers_are_refused_and_one_that_fails_is_told(c
     pass_time(cart, clock, 0.1)
     assert cart.complaints() == ["no lamp here"] * MAX_ERRANDS
     assert cart.lost == ""
+
+
+def test_whatever_a_bridge_raises_its_courier_goes_on_and_its_robot_rests() -> None:
+    class Faulty(Cart):
+        faults: ClassVar[set[str]] = set()
+
+        def carry_out(self, motion: Motion) -> None:
+            self._fail_in("carry_out")
+            super().carry_out(motion)
+
+        def measure(self) -> None:
+            self._fail_in("measure")
+            super().measure()
+
+        def seek(self) -> None:
+            self._fail_in("seek")
+
+        def _fail_in(self, part: str) -> None:
+            if part in self.faults:
+                raise KeyError(part)
+
+    with Faulty(Hasty()) as cart:
+        cart.begin()
+        said: list[str] = []
+
+        def looks(true: Callable[[], bool]) -> None:
+            ends = time.monotonic() + PATIENCE
+            while not true():
+                assert time.monotonic() < ends, said
+                cart.sense()
+                said.extend(cart.complaints())
+                time.sleep(0.005)
+
+        def told(sentence: str) -> Callable[[], bool]:
+            return lambda: any(each.startswith(sentence) for each in said)
+
+        def drives() -> bool:
+            cart.act(Setpoint(0.5))
+            return bool(cart.told) and cart.told[-1].sort == "speeds"
+
+        for fault in ("measure", "carry_out"):
+            looks(drives)
+            cart.faults |= {fault, "seek"}
+            looks(told(f"the body is out of reach: its bridge has failed, please report it: KeyError: '{fault}'"))
+            looks(told("the body is still out of reach: its bridge has failed, please report it: KeyError: 'seek'"))
+            cart.told.clear()
+            cart.faults.clear()
+            looks(told("the body is within reach again, and at rest until a command moves it"))
+            looks(lambda: bool(cart.told))
+            assert cart.told[0] is REST
+            said.clear()
+
+
+def test_what_is_done_beside_the_courier_is_told_whatever_it_fails_of(cart: Cart) -> None:
+    def nothing() -> None:
+        raise LookupError
+
+    cart.beside(nothing, "the emergency stop was not sent").join()
+    assert cart.complaints() == ["the emergency stop was not sent: LookupError"]

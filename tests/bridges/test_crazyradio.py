@@ -21,7 +21,7 @@ from bridges.crazyradio_dongle import Dongle
 from bridges.mind import PATIENCE, Talking
 from channel.test_udp import free_port
 from cli.calling import called
-from sleepcast.bridges import BodyError, open_robot
+from sleepcast.bridges import BodyError, OutOfReachError, open_robot
 from sleepcast.bridges.crazyflie.quadcopter import LOCK, CrazyflieBody
 from sleepcast.bridges.crazyflie.radio import EMERGENCY_STOP, RadioGoneError, SharedRadio, stop_all_by_port
 from sleepcast.core.errors import MisuseError
@@ -210,3 +210,22 @@ def test_a_radio_that_is_none(words: tuple[str, ...], status: int, said: str, po
     assert done.status == status, done.err
     assert said in done.err
     assert "Traceback" not in done.err
+
+
+def test_a_relay_of_which_a_thread_has_died_ends_and_says_why(monkeypatch: pytest.MonkeyPatch, port: int) -> None:
+    """It would fly some, and perhaps not take the emergency stop."""
+
+    class NoRadio:
+        def __init__(self, uri: str) -> None:
+            self.device = 0
+
+        def send(self, packet: bytes) -> bool:
+            raise KeyError("usb")
+
+        def close(self) -> None:
+            pass
+
+    monkeypatch.setattr("sleepcast.bridges.crazyflie.radio.RadioBroadcast", NoRadio)
+    failed = "what relays to Crazyflies has failed, please report it: KeyError: 'usb'"
+    with SharedRadio("radio://0/80/2M", [], port, print) as radio, pytest.raises(OutOfReachError, match=failed):
+        radio.run(lambda: None)

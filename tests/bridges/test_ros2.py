@@ -25,9 +25,9 @@ from processes import start
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.ros2.link import DdsLink, Ros2Network
 from sleepcast.bridges.ros2.mapping import CLOCK, TURTLEBOT, Field, Heard, Sink, read_mapping
-from sleepcast.bridges.ros2.messages import MAX_RAYS, Bool, LaserScan, Odometry, Twist
+from sleepcast.bridges.ros2.messages import MAX_RAYS, Bool, LaserScan, Odometry, Twist, sectors_of
 from sleepcast.bridges.ros2.robot import SILENT, Ros2Body, ros_place
-from sleepcast.core.clock import ManualClock
+from sleepcast.core.clock import Clock, ManualClock, WallClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.robot import Limits, Setpoint
 from sleepcast.testing.robot_contract import BridgeContract, BridgeRig
@@ -44,7 +44,7 @@ ODOM, SCAN, BATTERY = (source.topic for source in MAPPING.sources)
 class FakeRobot(Wheels):
     """A robot in this process, and the way to it."""
 
-    def __init__(self, clock: ManualClock) -> None:
+    def __init__(self, clock: Clock) -> None:
         super().__init__()
         self.clock, self.whole, self.ahead, self.charge = clock, True, 0.0, 0.8
         self.simulated = nan
@@ -233,6 +233,61 @@ def test_it_keeps_a_range_by_its_scanner(robot: FakeRobot) -> None:
     assert isclose(rig.sensed()["speed"], -0.2), "it may go back"
 
 
+def test_what_is_too_near_for_its_scanner_keeps_it_from_driving_on(robot: FakeRobot) -> None:
+    """Twenty rays of the front that see something too near to be measured, and the rest 2 m of free way."""
+    rig = rig_of(robot)
+    rig.body.narrow(Limits(inf, inf, inf, least_range=0.5))
+    robot.sectors = (2.0,) * 16
+    drive(rig)
+    near = [-inf if ray < 10 or ray >= 350 else 2.0 for ray in range(360)]
+    robot.sectors = sectors_of(LaserScan(angle_increment=pi / 180, range_min=0.1, range_max=3.5, ranges=near))
+    rig.wait(1.0)
+    assert rig.sensed()["speed"] == 0.0
+    assert rig.body.complaints() == ["it is at rest: less than its least range of 0.5 m is known to be free ahead"]
+
+
+def test_an_endless_place_is_unknown_and_told_and_an_endless_range_is_one(robot: FakeRobot) -> None:
+    rig = rig_of(robot)
+    robot.x, robot.sectors = inf, (inf,) * 16
+    rig.wait(0.2)
+    assert isnan(rig.sensed()["x"])
+    assert rig.sensed()["nearest"] == inf
+    assert rig.body.complaints() == [f"x is inf by {ODOM}, and counts as unknown: it has no such value"]
+
+
+@pytest.mark.parametrize("refusal", [MisuseError("nothing is said at /scout3/horn: too large"), OverflowError("int")])
+def test_a_word_that_cannot_be_made_is_told_and_it_is_driven_and_stopped_as_before(
+    robot: FakeRobot, refusal: Exception
+) -> None:
+    """With a courier, which nothing that a link raises ends."""
+
+    class Faulty(FakeRobot):
+        def say(self, topic: str, values: Mapping[str, float], now: float) -> None:
+            if topic == "/scout3/horn":
+                raise refusal
+            super().say(topic, values, now)
+
+    clock = WallClock()
+    faulty = Faulty(clock)
+    horn = Sink("/scout3/horn", "horn", "BatteryState", (Field("level", "voltage", 1.0),), "HORN")
+    with Ros2Body(faulty, replace(MAPPING, functions=(horn,)), clock=clock, epoch=clock.now) as body:
+        body.begin()
+        with pytest.raises(MisuseError, match=r"voltage of BatteryState has no room for 1e\+39"):
+            body.model.functions[0].call(body, 1e39)
+        body.model.functions[0].call(body, 1.0)
+        said: list[str] = []
+
+        def driven() -> bool:
+            body.sense()
+            body.act(Setpoint(0.2, 0.0))
+            said.extend(body.complaints())
+            return isclose(faulty.speed, 0.2) and any(str(refusal) in each for each in said)
+
+        until(driven)
+        body.stop()
+        until(lambda: faulty.speed == 0.0 and not faulty.said[-1][1][-1])
+
+
 def test_units_of_what_it_is_told_and_a_switch(robot: FakeRobot) -> None:
     speed, turn = MAPPING.drive.fields
     mapping = replace(
@@ -242,7 +297,7 @@ def test_units_of_what_it_is_told_and_a_switch(robot: FakeRobot) -> None:
     )
     body = Ros2Body(robot, mapping, clock=robot.clock)
     body.model.functions[0].call(body, 1.0)
-    with pytest.raises(MisuseError, match="data of Bool is from 0 to 1, not 2"):
+    with pytest.raises(MisuseError, match="data of Bool is 0 or 1, not 2"):
         body.model.functions[0].call(body, 2.0)
     limit = body.model.limits.turn_rate
     body.act(Setpoint(0.2, pi))
@@ -548,7 +603,7 @@ def test_what_cannot_be_read_is_told_once_and_the_rest_is_read(monkeypatch: pyte
     over = OverDds("/scout3", SIMULATED)
     lidar = over.writer("scan", LaserScan)
     link = DdsLink(Ros2Network(SIMULATED, local=True), MAPPING, clock=False)
-    monkeypatch.setattr(link._sources[ODOM][1], "take", lambda most: [Odometry.deserialize(b"\0\1\0\0short")])
+    monkeypatch.setattr(link._sources[ODOM][1][0], "take", lambda most: [Odometry.deserialize(b"\0\1\0\0short")])
     said: list[str] = []
     found: dict[str, Heard] = {}
 

@@ -17,6 +17,7 @@ from sleepcast.bridges.ros2.mapping import TYPES
 from sleepcast.bridges.ros2.messages import (
     MAX_RAYS,
     READ,
+    SECTORS,
     BatteryState,
     Bool,
     Header,
@@ -27,7 +28,7 @@ from sleepcast.bridges.ros2.messages import (
     PoseWithCovariance,
     Quaternion,
     Range,
-    RangeOfToday,
+    ShortRange,
     TFMessage,
     Time,
     Transform,
@@ -98,7 +99,7 @@ def test_bytes_are_those_of_ros() -> None:
     assert (stamped.header, stamped.twist) == (Header(Time(7, 500_000_000), "base_link"), twist)
     assert Bool(True).serialize().hex() == "0001000001"
     way = TransformStamped(Header(Time(1, 2), "odom"), "base_link", Transform(Vector3(0.5, -1.0)))
-    sonar = RangeOfToday(Header(Time(1, 2), "s"), 0, 0.5, 0.1, 4.0, inf, 0.25)
+    sonar = Range(Header(Time(1, 2), "s"), 0, 0.5, 0.1, 4.0, inf, 0.25)
     assert sonar.serialize().hex() == (
         "00010000"
         + "0100000002000000"
@@ -158,9 +159,92 @@ def test_what_is_no_scan_is_refused(wrong: LaserScan, complaint: str) -> None:
         sectors_of(wrong)
 
 
-def test_ranges_without_an_echo_are_their_bounds() -> None:
-    for distance, known in ((1.5, 1.5), (inf, 4.0), (-inf, 0.1)):
-        assert read("Range", Range(min_range=0.1, max_range=4.0, range=distance), 0.0)[0]["range"] == known
+@pytest.mark.parametrize("sector", range(SECTORS))
+def test_what_is_too_near_to_be_measured_is_at_the_least_range_in_every_sector(sector: int) -> None:
+    """REP 117: -inf is too near, inf is nothing in reach, NaN and what is beyond the bounds is no measurement."""
+    ranges, first = [2.0] * 320, (320 * sector // SECTORS - 10) % 320
+    for ray in range(first, first + 20):
+        ranges[ray % 320] = -inf
+    blind = LaserScan(Header(), 0.0, 0.0, 2.0 * pi / 320, range_min=0.15, range_max=3.5, ranges=ranges)
+    values, sectors = read("LaserScan", blind, 0.0)
+    assert sectors == tuple(0.15 if each == sector else 2.0 for each in range(SECTORS))
+    assert values["nearest"] == 0.15
+    for wrong in (nan, 0.01, 9.0):
+        blind.ranges = [wrong] * 320
+        assert all(map(isnan, read("LaserScan", blind, 0.0)[1]))
+    blind.ranges = [inf] * 320
+    assert set(read("LaserScan", blind, 0.0)[1]) == {3.5}
+
+
+@pytest.mark.parametrize(
+    ("least", "most", "said", "known"),
+    [
+        (0.1, 4.0, 1.5, 1.5),
+        (0.1, 4.0, 0.1, 0.1),
+        (0.1, 4.0, inf, 4.0),
+        (0.1, 4.0, -inf, 0.1),
+        (0.1, 4.0, 0.05, nan),
+        (0.1, 4.0, 4.5, nan),
+        (0.1, 4.0, -1.0, nan),
+        (0.1, 4.0, nan, nan),
+        (0.5, 0.5, -inf, 0.0),
+        (0.5, 0.5, inf, 0.5),
+        (0.5, 0.5, 0.5, nan),
+        (0.0, 0.0, 0.0, nan),
+    ],
+)
+def test_ranges_mean_what_rep_117_says(least: float, most: float, said: float, known: float) -> None:
+    """Of a ranger for one fixed distance, -inf is something within it and inf nothing."""
+    found = read("Range", Range(min_range=least, max_range=most, range=said), 0.0)[0]["range"]
+    assert found == known or (isnan(found) and isnan(known))
+
+
+def test_bounds_that_nobody_has_filled_in_are_told() -> None:
+    with pytest.raises(ValueError, match="a range that says to measure from 0 m to 0 m"):
+        read("Range", Range(range=1.5), 0.0)
+    with pytest.raises(ValueError, match="a scan that says to measure from 0 m to nan m"):
+        read("LaserScan", LaserScan(range_max=nan, ranges=[1.0]), 0.0)
+
+
+def test_the_short_form_reads_a_range_of_any_release() -> None:
+    short = ShortRange(Header(Time(1, 2), "sonar"), 0, 0.5, 0.25, 4.0, 1.5)
+    whole = Range(*vars(short).values(), variance=0.75)
+    for message in (short, whole):
+        assert ShortRange.deserialize(message.serialize()) == short
+        assert read("Range", message, 0.0) == ({"range": 1.5}, ())
+
+
+NUMBERS = (0.0, 1.0, -1.0, 0.5, 2.0, 256.0, 1e9, -1e9, 1e39, -1e39, 1e-320, inf, -inf, nan)
+
+
+@pytest.mark.parametrize("sort", TYPES)
+@pytest.mark.parametrize("factor", [1.0, 1e-3])
+def test_every_number_is_written_as_it_is_or_refused(sort: str, factor: float) -> None:
+    for name, value in TYPES[sort].items():
+        if (sort, name) == ("LaserScan", "nearest"):
+            continue  # which follows from the others
+        largest = value.size * factor
+        for number in (*NUMBERS, largest, -largest, 2.0 * largest, -2.0 * largest):
+            if value.wrong(number, factor):
+                continue
+            message: Any = made(sort, {name: number / factor}, 1.0)
+            found = read(sort, READ[sort][0].deserialize(message.serialize()), 0.0)[0][name]
+            told = number if value.whole else number / factor
+            assert value.unit == "rad" or found == pytest.approx(told, rel=1e-6)
+        assert value.wrong(nan, factor)
+        assert value.wrong(-inf, factor)
+        assert value.wrong(2.0 * largest, factor)
+
+
+def test_what_is_refused_is_told_with_what_fits() -> None:
+    percentage, voltage, x = (*map(TYPES["BatteryState"].get, ("percentage", "voltage")), TYPES["PoseStamped"]["x"])
+    assert percentage is not None
+    assert voltage is not None
+    assert percentage.wrong(1.5, 0.01) == "is from 0 to 1, not 1.5"
+    assert voltage.wrong(1e39, 1.0) == "has no room for 1e+39: at most 3.40282e+38 fits into it"
+    assert x.wrong(inf, 1.0) == "is a finite number, not inf"
+    assert TYPES["Bool"]["data"].wrong(0.5, 1.0) == "is 0 or 1, not 0.5"
+    assert not TYPES["Range"]["range"].wrong(inf, 1.0), "nothing is in reach"
 
 
 def test_times() -> None:

@@ -31,16 +31,19 @@ from cli.calling import called
 from nomad.programs import Bench
 from processes import start
 from sleepcast.bridges import open_robot
+from sleepcast.bridges.ros2 import link as links
 from sleepcast.bridges.ros2.link import Ros2Network
 from sleepcast.bridges.ros2.mapping import CLOCK
 from sleepcast.bridges.ros2.messages import (
     READ,
+    BatteryState,
     Bool,
     Clock,
     Imu,
     LaserScan,
     Odometry,
     Range,
+    ShortRange,
     TFMessage,
     Twist,
     TwistStamped,
@@ -460,6 +463,39 @@ def test_others_that_do_not_fit_are_told(scene: Scene) -> None:
     scene.let_pass(0.5)
     assert scene.said[said:] == [], "once"
     del ends
+
+
+def test_a_program_with_another_layout_is_told(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(links, "JOINED", 0.5)
+    away = scene.elsewhere()
+    ends: Any = [away.reader("/scout1/sonar", ShortRange, "reliable"), away.reader("/scout1/sonar", Range, "reliable")]
+    wanted = (
+        "/scout1/sonar has a sensor_msgs/Range of another layout than that of ROS 2: whoever listens there hears "
+        "nothing of us"
+    )
+    scene.until(scene.has_said(wanted))
+    scene.let_pass(0.5)
+    assert scene.said.count(wanted) == 1
+    del ends
+
+
+def test_a_message_that_cannot_be_made_is_told_once_and_the_others_are_made(scene: Scene) -> None:
+    (robot,) = scene.scouts._robots
+    robot._tellers = [
+        (told._replace(make=lambda *_: [BatteryState(percentage=1e39)]), every, writer)
+        if told.topic == "battery_state"
+        else (told, every, writer)
+        for told, every, writer in reversed(robot._tellers)
+    ]
+    away = scene.elsewhere()
+    battery = away.reader("/scout1/battery_state", BatteryState, "reliable")
+    odometry = away.reader("/scout1/odom", Odometry, "reliable")
+    scene.until(scene.has_said("nothing is said at /scout1/battery_state: Failed to encode member percentage"))
+    driving(scene)
+    scene.until(lambda: odometry.take(1))
+    scene.let_pass(2.0)
+    assert sum("battery_state" in sentence for sentence in scene.said) == 1
+    assert not battery.take(1)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,8 @@ Everything that moves the robot is a `Motion` that goes through `move`, and each
                 fence, or come too near to something, becomes rest. A body that does not know where it is stands, if it
                 has a fence
     reach       a robot that is gone is looked for again and again, ever less often. Meanwhile what is asked is refused;
-                when it is back, the body is at rest, and nothing old resumes
+                when it is back, the body is at rest, and nothing old resumes. What a bridge does not expect of its
+                robot counts as that, so that the courier goes on
 
 No expression, and no bridge, can change that. In step, for simulations that wait for their programs, there is no
 courier: each `sense` is one round, and a robot that is gone is the end.
@@ -282,6 +283,20 @@ class BridgedBody(ABC):
             self._errands.append(errand)
         self._wake.set()
 
+    def beside(self, errand: Callable[[], None], failed: str) -> Thread:
+        """Have this done in a thread of its own, for which the courier need not wait. failed: how the sentence begins
+        that says why it has failed, whatever that is."""
+
+        def run() -> None:
+            try:
+                errand()
+            except Exception as error:
+                self.complain(f"{failed}: {str(error) or type(error).__name__}")
+
+        thread = Thread(target=run, name=failed, daemon=True)
+        thread.start()
+        return thread
+
     def complain(self, sentence: str) -> None:
         """Say at the node that something has gone wrong."""
         self._complaints.append(sentence)
@@ -308,7 +323,10 @@ class BridgedBody(ABC):
             while not self._ending:
                 self._wake.wait(self.round_every)
                 self._wake.clear()
-                self.round()
+                try:
+                    self.round()
+                except Exception as error:  # whatever it is, the thread that stops the robot lives on
+                    self._lose_by_fault(error)
         finally:  # nothing should get here but the end; if something does, the mind must not go on without a body
             if not self._ending:
                 self._given_up = True
@@ -411,15 +429,27 @@ class BridgedBody(ABC):
         try:
             self.seek()
         except self.FAILURES as error:
-            if str(error) != self.lost:
-                self.complain(f"the body is still out of reach: {error}")
-            self._lost, self._pause = error, min(2.0 * self._pause, LATEST)
-            self._next = self._clock.now() + self._pause
+            self._miss(error)
             return
         self.rest()
         self._heard = self._clock.now()
         self.complain("the body is within reach again, and at rest until a command moves it")
         self._lost = None
+
+    def _miss(self, why: Exception) -> None:
+        """It has not been found: the next try is later."""
+        if str(why) != self.lost:
+            self.complain(f"the body is still out of reach: {why}")
+        self._lost, self._pause = why, min(2.0 * self._pause, LATEST)
+        self._next = self._clock.now() + self._pause
+
+    def _lose_by_fault(self, error: Exception) -> None:
+        """The bridge has met what it does not expect: the robot counts as out of reach, which brings it to rest."""
+        why = OutOfReachError(f"its bridge has failed, please report it: {type(error).__name__}: {error}")
+        if self._lost is None:
+            self._lose(why)
+        else:
+            self._miss(why)
 
 
 def clamped(value: float, most: float) -> float:

@@ -133,7 +133,11 @@ class FleetProcess:
         if now < self._look_at:
             return
         self._look_at = now + LOOK_EVERY
-        found = self._fleet.look()
+        try:
+            found = self._fleet.look()
+        except OutOfReachError as error:
+            self._say_once(str(error))
+            return
         if not found and now - self._began >= SETTLED:
             self._say_once(self._fleet.nobody())
         for robot in found.values():

@@ -16,7 +16,6 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
 from math import cos, inf, isfinite, nan, pi, radians, remainder, sin
-from threading import Thread
 from typing import Protocol
 
 from sleepcast.bridges import Opening
@@ -251,15 +250,9 @@ class CrazyflieBody(BridgedBody):
         """The same for all quadcopters on its radio channel, also if it is itself out of reach."""
         if self._stop_all is None:
             raise MisuseError("this link carries nothing to all Crazyflies: it is no radio, and has no broadcast=PORT")
-        Thread(target=self._send_to_all, args=(self._stop_all,), name="emergency stop", daemon=True).start()
+        self.beside(self._stop_all, "the emergency stop for all Crazyflies was not sent")
         with suppress(OutOfReachError):
             self.cut_motors()
-
-    def _send_to_all(self, stop_all: Callable[[], None]) -> None:
-        try:
-            stop_all()
-        except (OutOfReachError, OSError) as error:
-            self.complain(f"the emergency stop for all Crazyflies was not sent: {error}")
 
 
 FUNCTIONS = (

@@ -119,15 +119,15 @@ class Relay:
         self._driver: Any = None
         self._node: Any = None
         """The address of the program that has sent something last."""
-        self._threads = [Thread(target=each, name=name, daemon=True) for each in (self._down, self._up)]
+        self.threads = [Thread(target=each, name=name, daemon=True) for each in (self._down, self._up)]
 
     def begin(self) -> None:
-        for thread in self._threads:
+        for thread in self.threads:
             thread.start()
 
     def end(self) -> None:
         """Threads that wait for a radio that is gone wait on, and do nothing more."""
-        for thread in self._threads:
+        for thread in self.threads:
             thread.join(2.0 * LOOK)
 
     def _up(self) -> None:
@@ -199,15 +199,18 @@ class SharedRadio:
             raise
         self._lock, self._ending = Lock(), Event()
         self._usual = threading.excepthook
-        threading.excepthook = self._hear_of_end
+        self._died = ""
+        """Of what one of its threads has died."""
         self._looks = 0
         """How often `run` has looked since the radio itself answered last; a process that stands still does not."""
         pairs = zip(addresses, self._lines[1:], strict=True)
         self._relays = [Relay(each, f"{base}/{each}", line, self._ending, say) for each, line in pairs]
         self._threads = [Thread(target=each, daemon=True) for each in (self._take_stops, self._look_at_radio)]
+        threading.excepthook = self._hear_of_end
 
     def run(self, check: Callable[[], None]) -> None:
-        """Until `check`, called now and then, raises. Raises RadioGoneError."""
+        """Until `check`, called now and then, raises. Raises RadioGoneError; OutOfReachError when one of its threads
+        has died: a radio that flies some and does not take the emergency stop is worse than none."""
         for relay in self._relays:
             relay.begin()
         for thread in self._threads:
@@ -216,6 +219,8 @@ class SharedRadio:
             check()
             time.sleep(LOOK)
             self._looks += 1
+            if self._died:
+                raise OutOfReachError(f"what relays to Crazyflies has failed, please report it: {self._died}")
             if self._is_gone():
                 raise RadioGoneError("the Crazyradio does not answer; is it unplugged?")
 
@@ -224,7 +229,9 @@ class SharedRadio:
 
     def _hear_of_end(self, args: threading.ExceptHookArgs) -> None:
         """The thread of cflib that talks to the radio ends when that is pulled out, which is noticed here anyway."""
-        if args.thread is None or args.thread.name != "Shared Radio":
+        if args.thread in (*self._threads, *(each for relay in self._relays for each in relay.threads)):
+            self._died = f"{args.exc_type.__name__}: {args.exc_value}"
+        elif args.thread is None or args.thread.name != "Shared Radio":
             self._usual(args)
 
     def _send(self, packet: bytes) -> None:

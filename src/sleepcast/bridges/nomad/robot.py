@@ -151,8 +151,7 @@ class NomadRobot(BridgedBody):
         if self._zeroing is not None and self._zeroing.is_alive():
             raise BusyError("it is still on its way home from the last ZR")
         self.move(REST)
-        self._zeroing = Thread(target=self._zero, name="zeroing", daemon=True)
-        self._zeroing.start()
+        self._zeroing = self.beside(self._zero, "ZR")
 
     def believe_place(self, x: float, y: float) -> None:
         self.keep_its_place()
@@ -195,14 +194,11 @@ class NomadRobot(BridgedBody):
 
     def _zero(self) -> None:
         connection = self._nomad.connection
+        other = Nomad.connect(connection.host, connection.port, robot=self._nomad.robot, timeout=PATIENCE)
         try:
-            other = Nomad.connect(connection.host, connection.port, robot=self._nomad.robot, timeout=PATIENCE)
-            try:
-                other.zr()
-            finally:
-                other.disconnect_robot()
-        except NomadError as error:
-            self.complain(f"ZR: {error}")
+            other.zr()
+        finally:
+            other.disconnect_robot()
 
     # ---- readings
 

@@ -9,11 +9,13 @@ another type or with another quality of service, and somebody else who drives th
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import cache
+from math import inf
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
+from weakref import ReferenceType, ref
 
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
 from cyclonedds.core import DDSException, Policy, Qos
@@ -25,7 +27,9 @@ from cyclonedds.util import duration
 
 from sleepcast.bridges.body import OutOfReachError
 from sleepcast.bridges.ros2.mapping import CLOCK, Heard, RobotMapping, Sink, Source
-from sleepcast.bridges.ros2.messages import READ, Clock, made, read, ros_type, seconds, stamp
+from sleepcast.bridges.ros2.messages import READ, SHORT, Clock, made, read, ros_type, seconds, stamp
+from sleepcast.core.clock import Clock as Time
+from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import MisuseError, printable
 
 AT_ONCE = 1_000
@@ -34,8 +38,14 @@ MAX_ENDPOINTS = 20_000
 """Of others that are known at a time: some hundred robots have so many."""
 MAX_REMARKED = 1_000
 """Messages that were remarked upon: no robot has so many topics."""
+UNLIMITED = -1
+"""As DDS says it of what has no bound but its history's."""
 MAX_LOCAL = 99
 """Programs on this computer that look for each other where there is no multicast."""
+JOINED = 5.0
+"""Seconds that DDS may take to join two ends of a topic: beyond, it does not, for whatever reason."""
+CHECK_EVERY = 1.0
+"""Seconds between two looks at which ends are joined."""
 PARTING = duration(milliseconds=100)
 """For the last words at a topic to arrive."""
 TOPICS = "rt"
@@ -75,24 +85,37 @@ def join(domain: int, local: bool) -> Domain | None:
 
 def dds_name(sort: str) -> str:
     """What DDS calls a type that mappings call so."""
-    name: str = READ[sort][0].__idl_typename__.replace(".", "::")
+    return _dds_name(READ[sort][0])
+
+
+def _dds_name(message: Any) -> str:
+    name: str = message.__idl_typename__.replace(".", "::")
     return name
+
+
+End: TypeAlias = DataReader[Any] | DataWriter[Any]
+"""One of our own."""
 
 
 class Endpoint(NamedTuple):
     """A topic of another program: its type, as DDS calls it, whether it publishes there or listens, and which of
-    `GRADES` it gives or wants."""
+    `GRADES` it gives or wants. layout: of its type, as that is told apart from others; b"" where it is not told, as in
+    ROS 2. apart: why DDS does not join it with ours that has the same type and grade: "layout" or "conditions"; "" if
+    it does, or nobody knows yet."""
 
     topic: str
     sort: str
     publishes: bool
     grade: str
+    layout: bytes = b""
+    apart: str = ""
 
 
 class Ros2Network:
-    """See the module. local: whether to look for others on this computer only. Raises OutOfReachError, MisuseError."""
+    """See the module. local: whether to look for others on this computer only. clock: for how long it has known
+    others. Raises OutOfReachError, MisuseError."""
 
-    def __init__(self, domain: int, *, local: bool) -> None:
+    def __init__(self, domain: int, *, local: bool, clock: Time | None = None) -> None:
         join(domain, local)
         try:
             self._participant = DomainParticipant(domain)
@@ -103,43 +126,96 @@ class Ros2Network:
             (True, BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)),
             (False, BuiltinDataReader(self._participant, BuiltinTopicDcpsSubscription)),
         )
-        self._lock = Lock()
+        self._lock, self._clock = Lock(), clock or WallClock()
         self._known: dict[Any, Endpoint] = {}
         self._there: dict[str, tuple[Endpoint, ...]] = {}
+        self._unjoined: dict[Any, float] = {}
+        """Those that are joined with none of ours, as far as we know, and since when they are known."""
+        self._check_at = -inf
+        self._ours: dict[str, list[tuple[float, ReferenceType[End]]]] = {}
+        """Our own ends of each topic, for as long as there are any, and when they were made."""
 
     def reader(self, topic: str, message: type[Any], qos: str, depth: int = 1) -> DataReader[Any]:
         """message: the class of its messages. depth: how many are kept until they are taken."""
-        return DataReader(self._participant, Topic(self._participant, TOPICS + topic, message), _deep(qos, depth))
+        found = DataReader(self._participant, Topic(self._participant, TOPICS + topic, message), _deep(qos, depth))
+        self._remember(topic, found)
+        return found
 
     def writer(self, topic: str, message: type[Any], qos: str, depth: int = 1) -> DataWriter[Any]:
         """depth: how many are kept to be sent again, or for who listens later."""
-        return DataWriter(self._participant, Topic(self._participant, TOPICS + topic, message), _deep(qos, depth))
+        found = DataWriter(self._participant, Topic(self._participant, TOPICS + topic, message), _deep(qos, depth))
+        self._remember(topic, found)
+        return found
+
+    def _remember(self, topic: str, end: End) -> None:
+        with self._lock:
+            there = [(made, each) for made, each in self._ours.get(topic, ()) if each() is not None]
+            self._ours[topic] = [*there, (self._clock.now(), ref(end))]
 
     def others(self) -> Mapping[str, tuple[Endpoint, ...]]:
-        """The topics that other programs have now, each with theirs; another one after every change."""
+        """The topics that other programs have now, each with theirs; another one after every change. Raises
+        OutOfReachError."""
         with self._lock:
             changed = False
-            for publishes, reader in self._looking:
-                for each in reader.take(AT_ONCE):
-                    changed |= self._note(each, publishes)
+            for sample, publishes in self._news():
+                changed |= self._note(sample, publishes)
+            if self._clock.now() >= self._check_at:
+                changed |= self._check_joined(self._clock.now())
             if changed:
-                there: dict[str, tuple[Endpoint, ...]] = {}
+                there: dict[str, list[Endpoint]] = {}
                 for endpoint in self._known.values():
-                    there[endpoint.topic] = (*there.get(endpoint.topic, ()), endpoint)
-                self._there = there
+                    there.setdefault(endpoint.topic, []).append(endpoint)
+                self._there = {topic: tuple(ends) for topic, ends in there.items()}
             return self._there
+
+    def _news(self) -> Iterator[tuple[Any, bool]]:
+        """What has become of ends of others, and whether they publish. One at a time: words that the library cannot
+        read, which come from others, cost no more than the end that they describe."""
+        for publishes, reader in self._looking:
+            for _ in range(AT_ONCE):
+                try:
+                    found = reader.take(1)
+                except DDSException as error:
+                    raise OutOfReachError(f"ROS domain {self.domain} cannot be read: {error}") from None
+                except Exception:
+                    continue
+                if not found:
+                    break
+                yield found[0], publishes
 
     def _note(self, sample: Any, publishes: bool) -> bool:
         """Whether anything has changed by it."""
         if not sample.sample_info.valid_data:  # it is gone
+            self._unjoined.pop(sample.key, None)
             return self._known.pop(sample.key, None) is not None
         if sample.participant_key == self._participant.guid or not sample.topic_name.startswith(TOPICS + "/"):
             return False
         if len(self._known) >= MAX_ENDPOINTS:
             return False
         topic = printable(sample.topic_name.removeprefix(TOPICS))
-        self._known[sample.key] = Endpoint(topic, printable(sample.type_name), publishes, _grade(sample.qos))
+        sort, grade, layout = printable(sample.type_name), _grade(sample.qos), _layout(sample.type_id)
+        self._known[sample.key] = Endpoint(topic, sort, publishes, grade, layout)
+        self._unjoined[sample.key] = self._clock.now()
         return True
+
+    def _check_joined(self, now: float) -> bool:
+        """Ask DDS which of the others it has joined with ours; whether anything has changed by it."""
+        self._check_at, changed = now + CHECK_EVERY, False
+        for key, since in list(self._unjoined.items()):
+            before = self._known[key]
+            ours = {end: made for made, each in self._ours.get(before.topic, ()) if (end := each()) is not None}
+            ours = {end: made for end, made in ours.items() if _is_other_end(end, before)}
+            if any(key in _joined(end) for end in ours):
+                del self._unjoined[key]
+                apart = ""
+            elif not ours or now - max(since, *ours.values()) < JOINED:
+                continue
+            else:
+                same = not before.layout or any(layout_of(end.topic.data_type) == before.layout for end in ours)
+                apart = "conditions" if same else "layout"
+            self._known[key] = before._replace(apart=apart)
+            changed |= apart != before.apart
+        return changed
 
     def close(self) -> None:
         """Leave the domain; links are closed before."""
@@ -147,7 +223,33 @@ class Ros2Network:
 
 
 def _deep(qos: str, depth: int) -> Qos:
-    return Qos(Policy.History.KeepLast(depth), base=QOS[qos])
+    """What DDS keeps for who listens later is counted apart from what it sends again, and is one message if nothing
+    else is said."""
+    history = Policy.History.KeepLast(depth)
+    return Qos(history, Policy.DurabilityService(0, history, *[UNLIMITED] * 3), base=QOS[qos])
+
+
+def _is_other_end(ours: End, other: Endpoint) -> bool:
+    """Whether ours is one that DDS might join with it."""
+    return isinstance(ours, DataReader) is other.publishes and _dds_name(ours.topic.data_type) == other.sort
+
+
+def _joined(ours: End) -> set[Any]:
+    """The keys of the ends of others that DDS has joined with ours."""
+    if isinstance(ours, DataReader):
+        found = [ours.get_matched_publication_data(each) for each in ours.get_matched_publications()]
+    else:
+        found = [ours.get_matched_subscription_data(each) for each in ours.get_matched_subscriptions()]
+    return {each.key for each in found if each is not None}
+
+
+def layout_of(message: type[Any]) -> bytes:
+    """The layout of a class of messages, as an `Endpoint` has it."""
+    return _layout(message.__idl__.get_type_id())
+
+
+def _layout(type_id: Any) -> bytes:
+    return b"" if type_id is None else bytes(type_id.serialize())
 
 
 def _grade(qos: Qos) -> str:
@@ -165,11 +267,14 @@ class DdsLink:
         self._wanted: dict[tuple[str, bool], tuple[str, str]] = {}
         """For each topic, and whether others are to publish there: the type, as mappings call it, and what is wanted or
         given by us."""
-        self._sources: dict[str, tuple[Source, DataReader[Any]]] = {}
+        self._sources: dict[str, tuple[Source, list[DataReader[Any]]]] = {}
+        """Of each topic, a second reader where somebody publishes it who tells a layout that the first does not read;
+        see `messages.SHORT`."""
         self._writers: dict[str, tuple[Sink, DataWriter[Any]]] = {}
         for source in mapping.sources:
             self._wanted[source.topic, True] = source.sort, source.qos
-            self._sources[source.topic] = source, network.reader(source.topic, READ[source.sort][0], source.qos)
+            first = SHORT.get(source.sort, READ[source.sort][0])
+            self._sources[source.topic] = source, [network.reader(source.topic, first, source.qos)]
         for sink in mapping.sinks:
             self._wanted[sink.topic, False] = sink.sort, sink.qos
             self._writers[sink.topic] = sink, network.writer(sink.topic, READ[sink.sort][0], sink.qos)
@@ -182,8 +287,8 @@ class DdsLink:
 
     def heard(self) -> dict[str, Heard]:
         found: dict[str, Heard] = {}
-        for topic, (source, reader) in self._sources.items():
-            for message in self._take(topic, reader):
+        for topic, (source, readers) in self._sources.items():
+            for message in (message for reader in readers for message in self._take(topic, reader)):
                 try:
                     values, sectors = read(source.sort, message, source.turned)
                 except ValueError as error:
@@ -208,19 +313,27 @@ class DdsLink:
 
     def say(self, topic: str, values: Mapping[str, float], now: float) -> None:
         sink, writer = self._writers[topic]
-        try:
+        with saying(topic):
             writer.write(made(sink.sort, values, now, sink.frame))
-        except DDSException as error:
-            raise OutOfReachError(f"{topic} cannot be written: {error}") from None
 
     def remarks(self) -> list[str]:
         others = self._network.others()
         if others is not self._seen:
             self._seen, before = others, self._misfits
+            self._meet_layouts(others)
             self._misfits = set(self._all_misfits(others))
             self._remarks += sorted(self._misfits - before)
         said, self._remarks = self._remarks, []
         return said
+
+    def _meet_layouts(self, others: Mapping[str, tuple[Endpoint, ...]]) -> None:
+        """Listen also to those who tell that they have the layout of a newer release."""
+        for topic, (source, readers) in self._sources.items():
+            whole = READ[source.sort][0]
+            if source.sort in SHORT and len(readers) == 1:
+                new = layout_of(whole)
+                if any(each.publishes and each.layout == new for each in others.get(topic, ())):
+                    readers.append(self._network.reader(topic, whole, source.qos))
 
     def _all_misfits(self, others: Mapping[str, tuple[Endpoint, ...]]) -> Iterable[str]:
         for (topic, published), (sort, qos) in self._wanted.items():
@@ -249,6 +362,18 @@ class DdsLink:
         self._clock = None
 
 
+@contextmanager
+def saying(topic: str) -> Iterator[None]:
+    """Make a message and publish it at a topic. Raises OutOfReachError, and MisuseError for values that do not fit into
+    it: the library raises plain Exceptions for them, of which no thread of a bridge may die."""
+    try:
+        yield
+    except DDSException as error:
+        raise OutOfReachError(f"{topic} cannot be written: {error}") from None
+    except Exception as error:
+        raise MisuseError(f"nothing is said at {topic}: {error}") from None
+
+
 def misfit(other: Endpoint, sort: str, qos: str) -> str:
     """Why nothing passes between another program's topic and ours, in a sentence; "" if it does. sort: its type, as
     mappings call it. qos: which of `GRADES` we want, or give."""
@@ -263,4 +388,15 @@ def misfit(other: Endpoint, sort: str, qos: str) -> str:
         )
     if not other.publishes and GRADES.index(other.grade) > GRADES.index(qos):
         return f"whoever listens at {topic} hears nothing of us: they want what is {other.grade}, and we are {qos}"
+    return stays_apart(other)
+
+
+def stays_apart(other: Endpoint) -> str:
+    """That DDS does not join another program's topic with ours although its type and grade fit, in a sentence; "" if
+    it does."""
+    what = "what it brings is not read" if other.publishes else "whoever listens there hears nothing of us"
+    if other.apart == "layout":
+        return f"{other.topic} has a {ros_type(other.sort)} of another layout than that of ROS 2: {what}"
+    if other.apart:
+        return f"{other.topic} has conditions that ours do not meet, such as a partition or a deadline of DDS: {what}"
     return ""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import inf, pi
+from math import inf, isfinite, isinf, isnan, pi
 from pathlib import Path
 from typing import NamedTuple
 
@@ -33,6 +33,9 @@ FASTEST, LARGEST = 1_000.0, 100.0
 QOS = ("sensor", "reliable", "latched")
 """How a topic is listened to: what is lost is lost; it is sent again; and what was said before comes, too."""
 
+FLOAT32, FLOAT64 = 3.4028234663852886e38, 1.7976931348623157e308
+"""The largest numbers of four and of eight bytes."""
+
 _TOPIC = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 _NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)*")
 
@@ -47,13 +50,34 @@ class Heard(NamedTuple):
 
 
 class Value(NamedTuple):
-    """What is in messages of a type: its unit there, its range, the unit in which people read it."""
+    """What is in messages of a type: its unit there, its range, the unit in which people read it. size: the largest
+    number that fits into its bytes. endless: whether infinity means something there. whole: whether only 0 and 1 do."""
 
     unit: str = ""
     low: float = -inf
     high: float = inf
     shown_as: str = ""
     doc: str = ""
+    size: float = FLOAT64
+    endless: bool = False
+    whole: bool = False
+
+    def wrong(self, value: float, factor: float) -> str:
+        """Why no message can say this, in words such as "is 0 or 1, not 2"; "" if one can. value: in SI. factor: what
+        one of the topic's unit is in SI."""
+        if self.whole:
+            return "" if value in (0.0, 1.0) else f"is 0 or 1, not {value:g}"
+        if isnan(value) or (isinf(value) and not (self.endless and value > 0.0)):
+            return f"is a finite number, not {value:g}"
+        if self.unit != "rad" and not self.low <= value <= self.high:  # any angle is one
+            return f"is from {self.low:g} to {self.high:g}, not {value:g}"
+        if isfinite(value) and abs(value / factor) > self.size:
+            return f"has no room for {value / factor:g}: at most {self.size:g} fits into it"
+        return ""
+
+
+def _distance(doc: str) -> Value:
+    return Value("m", 0.0, doc=doc, size=FLOAT32, endless=True)
 
 
 _PLACE = {
@@ -73,20 +97,20 @@ TYPES: Mapping[str, Mapping[str, Value]] = {
     "Twist": _PACE,
     "TwistStamped": _PACE,
     "LaserScan": {
-        "nearest": Value("m", 0.0, doc="to the nearest thing all round"),
-        "front": Value("m", 0.0, doc="to the nearest thing in front"),
-        "left": Value("m", 0.0, doc="to the nearest thing on its left"),
-        "back": Value("m", 0.0, doc="to the nearest thing behind it"),
-        "right": Value("m", 0.0, doc="to the nearest thing on its right"),
+        "nearest": _distance("to the nearest thing all round"),
+        "front": _distance("to the nearest thing in front"),
+        "left": _distance("to the nearest thing on its left"),
+        "back": _distance("to the nearest thing behind it"),
+        "right": _distance("to the nearest thing on its right"),
     },
-    "Range": {"range": Value("m", 0.0, doc="to the nearest thing before the sensor")},
+    "Range": {"range": _distance("to the nearest thing before the sensor")},
     "BatteryState": {
-        "percentage": Value("", 0.0, 1.0, "%", "1 is full"),
-        "voltage": Value("", doc="in volts"),
-        "current": Value("", doc="in amperes"),
-        "temperature": Value("", doc="in degrees Celsius"),
-        "charge": Value("", doc="in ampere-hours"),
-        "present": Value("", 0.0, 1.0, doc="whether there is a battery"),
+        "percentage": Value("", 0.0, 1.0, "%", "1 is full", FLOAT32),
+        "voltage": Value("", doc="in volts", size=FLOAT32),
+        "current": Value("", doc="in amperes", size=FLOAT32),
+        "temperature": Value("", doc="in degrees Celsius", size=FLOAT32),
+        "charge": Value("", doc="in ampere-hours", size=FLOAT32),
+        "present": Value("", 0.0, 1.0, doc="whether there is a battery", whole=True),
     },
     "Imu": {
         "heading": Value("rad", -pi, pi, "deg", "counter-clockwise from x"),
@@ -97,7 +121,7 @@ TYPES: Mapping[str, Mapping[str, Value]] = {
         "side_acceleration": Value("m/s2", doc="to its left"),
         "up_acceleration": Value("m/s2", doc="upwards"),
     },
-    "Bool": {"data": Value("", 0.0, 1.0, doc="whether it is so")},
+    "Bool": {"data": Value("", 0.0, 1.0, doc="whether it is so", whole=True)},
 }
 """Types of messages, and the values in each."""
 DRIVES = ("Twist", "TwistStamped")
@@ -288,6 +312,8 @@ class _Reader:
         if sort == "LaserScan" and "nearest" in values:
             raise table.error("values", "a scan is made of front, left, back and right; nearest follows from them")
         frame = table.text("frame", FRAMES.get(sort, BASE), most=MAX_NAME)
+        if not frame.isprintable():
+            raise table.error("frame", f"{frame!r:.60} is no name of a frame: wanted one such as {BASE}")
         goal = sort == "PoseStamped" and table.flag("goal", True)
         return Sink(topic, name, sort, fields, function, frame, goal)
 

@@ -1,7 +1,8 @@
 """The messages of ROS 2 that bodies need, as DDS carries them; the values in them, and how they are made of values.
 
-The layouts are those of ROS 2's .msg files; DDS compares the names of types. A layout may end early where the end of
-the original differs between releases of ROS (`Range`): a reader does not look beyond it.
+The layouts are those of ROS 2's newest .msg files. ROS 2 compares only the names of types, and programs of Cyclone DDS
+tell each other the layouts as well. Where a type ends later in newer releases (`Range`), its shorter form reads what
+ROS 2 of any release sends, since nobody looks beyond the end; and programs that tell their layout need the same one.
 """
 
 # No postponed annotations: cyclonedds reads them when it makes the classes.
@@ -158,8 +159,8 @@ class LaserScan(IdlStruct, typename=dds_type("sensor_msgs", "LaserScan")):
 
 
 @dataclass
-class Range(IdlStruct, typename=dds_type("sensor_msgs", "Range")):
-    """Without the variance at its end, which newer releases of ROS have."""
+class ShortRange(IdlStruct, typename=dds_type("sensor_msgs", "Range")):
+    """Of ROS 2 before Iron."""
 
     header: Header = field(default_factory=Header)
     radiation_type: uint8 = 0
@@ -170,9 +171,13 @@ class Range(IdlStruct, typename=dds_type("sensor_msgs", "Range")):
 
 
 @dataclass
-class RangeOfToday(Range, typename=dds_type("sensor_msgs", "Range")):
-    """With the variance, without which newer releases of ROS do not read it; older ones do not look beyond the rest."""
-
+class Range(IdlStruct, typename=dds_type("sensor_msgs", "Range")):
+    header: Header = field(default_factory=Header)
+    radiation_type: uint8 = 0
+    field_of_view: float32 = 0.0
+    min_range: float32 = 0.0
+    max_range: float32 = 0.0
+    range: float32 = 0.0
     variance: float32 = 0.0
 
 
@@ -264,13 +269,29 @@ def sectors_of(scan: LaserScan, turned: float = 0.0) -> tuple[float, ...]:
     step, angle = SECTORS / _TURN * scan.angle_increment, SECTORS / _TURN * (scan.angle_min + turned) + 0.5
     if not isfinite(step) or not isfinite(angle):
         raise ValueError("a scan whose angles are no numbers")
-    least, most = scan.range_min, scan.range_max
-    for number, distance in enumerate(scan.ranges):
-        if least <= distance <= most or distance == inf:
-            sector = int((angle + number * step) // 1.0) % SECTORS
-            if not found[sector] <= distance:
-                found[sector] = min(distance, most)
+    least, most = _bounds("scan", scan.range_min, scan.range_max, bool(scan.ranges))
+    for number, ray in enumerate(scan.ranges):
+        distance = _measured(ray, least, most)
+        sector = int((angle + number * step) // 1.0) % SECTORS
+        if not found[sector] <= distance and distance == distance:
+            found[sector] = distance
     return tuple(found)
+
+
+def _bounds(what: str, least: float, most: float, measures: bool) -> tuple[float, float]:
+    """From where to where a sensor measures, m. measures: whether it says that it has measured something. Raises
+    ValueError for bounds between which nothing can be, as those that nobody has filled in."""
+    if measures and not (0.0 <= least <= most and most > 0.0):
+        raise ValueError(f"a {what} that says to measure from {least:g} m to {most:g} m: no such distance can be")
+    return least, most
+
+
+def _measured(distance: float, least: float, most: float) -> float:
+    """A distance, m, by REP 117: -inf is too near to be measured, inf is nothing in reach, and what is beyond the
+    bounds is no measurement, NaN."""
+    if abs(distance) == inf:
+        return most if distance > 0.0 else least
+    return distance if least <= distance <= most else nan
 
 
 def _sides(sectors: tuple[float, ...]) -> dict[str, float]:
@@ -287,11 +308,12 @@ def _least(distances: Any) -> float:
     return min((each for each in distances if each == each), default=nan)
 
 
-def _range(message: Range) -> dict[str, float]:
-    distance = message.range
-    if abs(distance) == inf:  # nothing within its range, or something too near to be measured
-        distance = message.max_range if distance > 0.0 else message.min_range
-    return {"range": distance}
+def _range(message: Range | ShortRange) -> dict[str, float]:
+    """A ranger for one fixed distance says only whether something is within it: nearer than it by all means, so 0."""
+    least, most = _bounds("range", message.min_range, message.max_range, message.range != 0.0)
+    if least == most:
+        return {"range": {-inf: 0.0, inf: most}.get(message.range, nan)}
+    return {"range": _measured(message.range, least, most)}
 
 
 def _battery(message: BatteryState) -> dict[str, float]:
@@ -319,6 +341,8 @@ READ: Mapping[str, tuple[type[Any], Callable[[Any], dict[str, float]]]] = {
     "Bool": (Bool, lambda message: {"data": float(message.data)}),
 }
 """Of each type: its class, and the values in a message."""
+SHORT: Mapping[str, type[Any]] = {"Range": ShortRange}
+"""Of each type that ends later in newer releases: what reads that of any release; see the module."""
 
 
 def read(sort: str, message: Any, turned: float) -> tuple[dict[str, float], tuple[float, ...]]:
@@ -393,7 +417,7 @@ MADE: Mapping[str, Callable[[Mapping[str, float], Header], Any]] = {
     "Twist": lambda values, _: _as_twist(values),
     "TwistStamped": lambda values, header: TwistStamped(header, _as_twist(values)),
     "LaserScan": _as_scan,
-    "Range": lambda values, header: RangeOfToday(header, max_range=inf, range=values["range"]),
+    "Range": lambda values, header: Range(header, max_range=inf, range=values["range"]),
     "BatteryState": _as_battery,
     "Imu": _as_imu,
     "PoseStamped": lambda values, header: PoseStamped(header, _as_pose(values)),

@@ -22,7 +22,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass
 from functools import partial
-from math import inf, isnan, nan, pi
+from math import inf, isfinite, isnan, nan, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -33,9 +33,11 @@ from sleepcast.bridges.ros2.mapping import (
     CLOCK,
     TURTLEBOT,
     TYPES,
+    Field,
     Heard,
     RobotMapping,
     Sink,
+    Source,
     Value,
     is_namespace,
     read_mapping,
@@ -159,9 +161,8 @@ class Ros2Body(BridgedBody):
             if heard is None or now - arrived > source.freshness:
                 values += [nan] * len(source.fields)
             else:
-                values += (v * field.factor for v, field in zip(heard.values, source.fields, strict=True))
-        pairs = zip(values, self.model.sensors, strict=True)
-        return Reading(self._time, tuple(v if s.low <= v <= s.high else nan for v, s in pairs))
+                values += map(partial(self._known, source), source.fields, heard.values)
+        return Reading(self._time, tuple(values))
 
     def seek(self) -> None:
         self._check_pulse()
@@ -169,19 +170,19 @@ class Ros2Body(BridgedBody):
     def round(self) -> None:
         super().round()
         if self._lost is not None:
-            with suppress(*self.FAILURES):
+            with suppress(*self.FAILURES, *self.REFUSALS):
+                self._tell(0.0, 0.0)
                 before = self._pulse
                 self._listen()
                 if self._pulse > before:  # it is back: no need to wait for the next look
                     self._next = 0.0
-                self._tell(0.0, 0.0)
 
     def leave(self) -> None:
         self._stopped = True  # so that others who drive it let go, too
         try:
             for _ in range(LAST_WORDS):
                 self._tell(0.0, 0.0)
-        except OutOfReachError as error:
+        except (OutOfReachError, MisuseError) as error:
             self._lost = error
         self._link.close()
 
@@ -218,11 +219,8 @@ class Ros2Body(BridgedBody):
     def tell(self, *values: float, sink: Sink) -> None:
         """Publish these values at a topic, or have a planner drive there. Raises MisuseError, OutOfReachError."""
         for field, value in zip(sink.fields, values, strict=True):
-            known = TYPES[sink.sort][field.value]
-            if known.unit != "rad" and not known.low <= value <= known.high:  # any angle is one
-                raise MisuseError(
-                    f"{field.value} of {sink.sort} is from {known.low:g} to {known.high:g}, not {value:g}"
-                )
+            if wrong := TYPES[sink.sort][field.value].wrong(value, field.factor):
+                raise MisuseError(f"{field.value} of {sink.sort} {wrong}")
         if not sink.goal:
             self.send(lambda: self._say(sink, values))
             return
@@ -296,15 +294,22 @@ class Ros2Body(BridgedBody):
             "what it brings counts from when it comes"
         )
 
+    def _known(self, source: Source, field: Field, told: float) -> float:
+        """What a message says of a sensor, in SI; NaN for what it cannot be."""
+        quantity, found = self._quantities[field.name], told * field.factor
+        endless = TYPES[source.sort][field.value].endless
+        return found if quantity.low <= found <= quantity.high and (endless or isfinite(found)) else nan
+
     def _check_values(self, topic: str, heard: Heard) -> None:
         """Values beyond what they can be: mostly, of another unit than the mapping says."""
-        for field, value in zip(self._sources[topic].fields, heard.values, strict=True):
-            quantity, found = self._quantities[field.name], value * field.factor
-            if self._is_first(f"{topic} {field.name}", found < quantity.low or found > quantity.high):
-                self.complain(
-                    f"{field.name} is {found:.4g} by {topic}, beyond {quantity.low:.4g} to {quantity.high:.4g}, and "
-                    "counts as unknown: does the mapping have its unit?"
-                )
+        source = self._sources[topic]
+        for field, told in zip(source.fields, heard.values, strict=True):
+            quantity, found = self._quantities[field.name], told * field.factor
+            wrong = not isnan(found) and isnan(self._known(source, field, told))
+            if self._is_first(f"{topic} {field.name}", wrong):
+                beyond = f", beyond {quantity.low:.4g} to {quantity.high:.4g}" if isfinite(found) else ""
+                unit = ": does the mapping have its unit?" if beyond else ": it has no such value"
+                self.complain(f"{field.name} is {found:.4g} by {topic}{beyond}, and counts as unknown{unit}")
 
     def _is_first(self, of: str, wrong: bool) -> bool:
         """Whether something is wrong that was right before."""

@@ -26,7 +26,8 @@ from cyclonedds.core import DDSException
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 
-from sleepcast.bridges.ros2.link import GRADES, Endpoint, Ros2Network
+from sleepcast.bridges.body import OutOfReachError
+from sleepcast.bridges.ros2.link import GRADES, Endpoint, Ros2Network, saying, stays_apart
 from sleepcast.bridges.ros2.mapping import CLOCK, FASTEST, is_namespace
 from sleepcast.bridges.ros2.messages import Bool, Clock, TFMessage, Twist, TwistStamped, ros_type, seconds, time_of
 from sleepcast.bridges.ros2.sensors import TOLD, RobotSensors, Told
@@ -85,19 +86,22 @@ class Ros2Scouts:
         self._others: Mapping[str, Sequence[Endpoint]] = {}
         self._misfits: set[str] = set()
         """What does not fit now, in sentences."""
+        self._failures: set[str] = set()
+        """What has failed in the domain, and was said."""
         self._ticks, self._told = 0, -1.0
         """Ticks until now, and the simulated time that was told last."""
 
     def before_tick(self) -> None:
-        with self._goes_on():
-            for robot in self._robots:
+        for robot in self._robots:
+            with self._goes_on():
                 robot.listen()
 
     def after_tick(self) -> None:
         self._ticks += 1
         with self._goes_on():
             self._tell_time()
-            for number, robot in enumerate(self._robots):
+        for number, robot in enumerate(self._robots):
+            with self._goes_on():
                 robot.tell(self._ticks + number)  # not all in the same tick
 
     def released(self) -> None:
@@ -137,15 +141,19 @@ class Ros2Scouts:
 
     @contextmanager
     def _goes_on(self) -> Iterator[None]:
-        """What fails in the domain is said, and no robot waits for it: what is now is told again."""
+        """What fails in the domain is said, once, and no robot waits for it: what is now is told again."""
         try:
             yield
-        except DDSException as error:
-            self._say(f"ROS 2 fails: {error}")
+        except (DDSException, OutOfReachError, MisuseError) as error:
+            sentence = f"ROS 2 fails: {error}"
+            if sentence not in self._failures and len(self._failures) < MAX_SAID:
+                self._failures.add(sentence)
+                self._say(sentence)
 
     def _tell_time(self) -> None:
         self._told = self._nserver.world.time
-        self._clock.write(Clock(time_of(self._told)))
+        with saying(CLOCK):
+            self._clock.write(Clock(time_of(self._told)))
 
     def _all_misfits(self, others: Mapping[str, Sequence[Endpoint]]) -> Iterator[str]:
         for topic, end in self._ends.items():
@@ -195,6 +203,8 @@ class End(NamedTuple):
             yield f"somebody listens at {topic} for {there} and hears nothing: it brings {' or '.join(sorts)}"
         elif not other.publishes and not self.listens and GRADES.index(other.grade) > GRADES.index(self.grade):
             yield f"somebody listens at {topic} for what was said before and hears nothing: it must be volatile"
+        elif other.publishes is self.listens and (apart := stays_apart(other)):
+            yield apart
 
 
 class Ros2Robot:
@@ -239,8 +249,16 @@ class Ros2Robot:
         """Tell what is due and somebody listens to."""
         for told, every, writer in self._tellers:
             if ticks % every == 0 and writer.get_matched_subscriptions():
+                self._publish(told, writer)
+
+    def _publish(self, told: Told, writer: DataWriter[Any]) -> None:
+        topic = f"{self._name}/{told.topic}"
+        try:
+            with saying(topic):
                 for message in told.make(self._sensors, self._world.time):
                     writer.write(message)
+        except MisuseError as error:
+            self._say_once("", topic, str(error))
 
     # ---- what it is told
 

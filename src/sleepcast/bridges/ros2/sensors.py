@@ -21,7 +21,6 @@ from sleepcast.bridges.ros2.messages import (
     Odometry,
     PoseStamped,
     Range,
-    RangeOfToday,
     TFMessage,
     Transform,
     TransformStamped,
@@ -113,7 +112,7 @@ class RobotSensors:
         """One message for each sonar that has fired: m from the rim of the body; infinite where it heard nothing."""
         beam, least, most = self._world.sonar(self._robot.robot)
         return [
-            RangeOfToday(
+            Range(
                 Header(time_of(now), f"sonar_{number}"),
                 field_of_view=beam,
                 min_range=least,

@@ -326,8 +326,9 @@ class Crewed:
         else:
             self.field.say(kind=Kind.STOP if do is Do.STOP else Kind.RELEASE)
         self.field.run(0.3)
-        latest = f"desk-1.{self.field.desk.delivery.next_number - 1}"  # the desk repeats what it said before, too
-        answers = [message.body for message in self.field.heard if message.body.get("command") == latest]
+        found = [message.body for message in self.field.heard if message.kind is Kind.ANSWER]
+        latest = max(found, key=lambda body: int(str(body["command"]).partition(".")[2]))  # others were sent again
+        answers = [body for body in found if body["command"] == latest["command"]]
         ((outcome, fault),) = {(body["outcome"], body["fault"]) for body in answers}
         assert len(answers) == len(self.field.crew.members)
         return outcome, fault

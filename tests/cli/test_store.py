@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import sqlite3
 import subprocess
+import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager
 from pathlib import Path
 from random import Random
@@ -18,12 +20,15 @@ import pytest
 
 from channel.test_udp import free_port
 from cli.calling import LONGEST, called
-from processes import SLEEPCAST, live_in, running
+from processes import SLEEPCAST, live_in, running, start
 from sleepcast.api.connection import AirOptions, session_for
 from sleepcast.channel import Kind, Message
+from sleepcast.channel.message import NOT_STORED
 from sleepcast.channel.session import ChannelSession
 
 NAMES = {"r1", "r2", "r3"}
+STOPPED, RELEASED = dict.fromkeys(NAMES, "stopped"), dict.fromkeys(NAMES, "released")
+LOST, LOST_RELEASE = dict.fromkeys(NAMES, "stopped not stored"), dict.fromkeys(NAMES, "released not stored")
 PATIENCE = 5.0
 """Seconds to wait for everybody's answer before saying something again."""
 
@@ -35,9 +40,11 @@ def channel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return f"udp://239.255.83.78:{free_port()}?interface=lo"
 
 
-def swarm(channel: str, store: Path, robots: int = 3) -> AbstractContextManager[subprocess.Popen[str]]:
-    """Robots that are up, killed at the end."""
-    return running(*SLEEPCAST, "swarm", robots, "--channel", channel, "--store", store, up="are up")
+def swarm(
+    channel: str, store: Path, robots: int = 3, before: Sequence[str] = ()
+) -> AbstractContextManager[subprocess.Popen[str]]:
+    """Robots that are up, killed at the end. before: what stands before the command."""
+    return running(*before, *SLEEPCAST, "swarm", robots, "--channel", channel, "--store", store, up="are up")
 
 
 @contextmanager
@@ -55,7 +62,8 @@ def post(session: ChannelSession, text: str, kind: Kind = Kind.COMMAND, *, stand
 
 
 def exchange(session: ChannelSession, text: str, kind: Kind = Kind.COMMAND) -> dict[str, object]:
-    """Say this, until all have answered; the values, or for other kinds than questions the outcomes."""
+    """Say this, until all have answered; the values, or for other kinds than questions the outcomes, with what could
+    not be stored."""
     end = time.monotonic() + LONGEST
     while time.monotonic() < end:
         said, found, until = post(session, text, kind), dict[str, object](), time.monotonic() + PATIENCE
@@ -63,10 +71,18 @@ def exchange(session: ChannelSession, text: str, kind: Kind = Kind.COMMAND) -> d
             session.wait(0.02)
             for message in session.receive():
                 if message.body.get("command") == said.id:
-                    found[message.sender] = message.body["value" if kind is Kind.ASK else "outcome"]
+                    body = message.body
+                    lost = f" {body['fault']}" if body["fault"] == NOT_STORED else ""
+                    found[message.sender] = body["value"] if kind is Kind.ASK else f"{body['outcome']}{lost}"
             if found.keys() >= NAMES:
                 return {name: found[name] for name in NAMES}
     raise AssertionError(f"not everybody has answered to {kind} {text}")
+
+
+def stopped(channel: str) -> list[bool]:
+    """Whether each robot is."""
+    robots = json.loads(called("watch", "--once", "--json", "--channel", channel).out)["robots"]
+    return [robot["stopped"] for robot in robots]
 
 
 def journal(store: Path) -> list[tuple[str, str, str]]:
@@ -212,3 +228,99 @@ def test_who_joins_a_swarm_hears_what_stands_and_the_others_do_it_once(channel: 
     assert Counter((robot, command) for robot, command, _ in journal(store)) == Counter(
         (f"r{number}", command) for number in range(1, 5) for command in sent
     )
+
+
+def test_what_was_confirmed_is_known_after_a_kill_at_that_moment(channel: str, tmp_path: Path) -> None:
+    """More of them, later and of other robots: `python -m benchmarks.channel durable`."""
+    store = tmp_path / "three.store"
+    with desk(channel) as session:
+        for kind, confirmed, before in (
+            (Kind.STOP, STOPPED, False),
+            (Kind.RELEASE, RELEASED, True),
+            (Kind.STOP, STOPPED, False),
+        ):
+            with swarm(channel, store):
+                assert stopped(channel) == [before] * 3
+                assert exchange(session, "", kind) == confirmed
+        with swarm(channel, store):
+            assert stopped(channel) == [True] * 3
+
+
+# ---- disks that refuse
+
+
+UNSYNCED = """
+#include <errno.h>
+#include <stdlib.h>
+#include <unistd.h>
+static int refused(void) {
+    return access(getenv("REFUSED"), F_OK) == 0 ? (errno = EIO, -1) : 0;
+}
+int fsync(int file) { return refused(); }
+int fdatasync(int file) { return refused(); }
+"""
+"""A library in which the disk says that it could not write, while a file is there."""
+
+
+def test_a_robot_without_free_files_and_one_whose_fsync_fails_stop_and_say_so(channel: str, tmp_path: Path) -> None:
+    if sys.platform != "linux" or shutil.which("gcc") is None:
+        pytest.skip("needs Linux, and a compiler for a library in which fsync fails (apt install gcc)")
+    import resource
+
+    store, refused = tmp_path / "three.store", tmp_path / "refused"
+    (tmp_path / "unsynced.c").write_text(UNSYNCED)
+    subprocess.run(["gcc", "-shared", "-fPIC", "-o", "unsynced.so", "unsynced.c"], cwd=tmp_path, check=True)
+    before = ("env", f"LD_PRELOAD={tmp_path / 'unsynced.so'}", f"REFUSED={refused}")
+    with desk(channel) as session:
+        with swarm(channel, store, before=before) as process:
+            soft, hard = resource.prlimit(process.pid, resource.RLIMIT_NOFILE)
+            resource.prlimit(process.pid, resource.RLIMIT_NOFILE, (1, hard))  # not one more can be opened
+            assert exchange(session, "", Kind.STOP) == STOPPED
+            assert exchange(session, "", Kind.RELEASE) == RELEASED
+            assert exchange(session, "(RULE a 1)") == dict.fromkeys(NAMES, "matched")
+            refused.touch()
+            assert exchange(session, "", Kind.STOP) == LOST
+            resource.prlimit(process.pid, resource.RLIMIT_NOFILE, (soft, hard))
+            refused.unlink()
+            assert exchange(session, "", Kind.RELEASE) == RELEASED
+            assert exchange(session, "", Kind.STOP) == STOPPED
+            refused.touch()
+            assert exchange(session, "", Kind.RELEASE) == LOST_RELEASE
+        refused.unlink()
+        with swarm(channel, store):
+            exchange(session, "", Kind.RELEASE)  # whichever of the two the disk has
+
+
+@contextmanager
+def small_disk(folder: Path) -> Iterator[tuple[str, ...]]:
+    """A disk in memory of 2 MB, which only processes see that are started with these words before their command."""
+    enter = "mount -t tmpfs -o size=2m none " + str(folder) + " && echo mounted && exec sleep 600"
+    with start("unshare", "--map-root-user", "--mount", "sh", "-c", enter) as holder:
+        try:
+            assert holder.stdout is not None
+            if "mounted" not in holder.stdout.readline():
+                pytest.skip("this system lets nobody mount a disk of his own")
+            yield ("nsenter", f"--target={holder.pid}", "--user", "--mount", "--preserve-credentials")
+        finally:
+            holder.kill()
+
+
+@pytest.mark.skipif(sys.platform != "linux" or shutil.which("nsenter") is None, reason="needs namespaces of Linux")
+def test_a_robot_whose_disk_is_full_stops_says_so_and_begins_stopped(channel: str, tmp_path: Path) -> None:
+    folder = tmp_path / "small"
+    folder.mkdir()
+    store, rest = folder / "three.store", folder / "rest"
+    with small_disk(folder) as before, desk(channel) as session:
+        with swarm(channel, store, before=before):
+            assert exchange(session, "(SETQ drive_turn 0.5)") == dict.fromkeys(NAMES, "matched")
+            subprocess.run([*before, "sh", "-c", f"cat /dev/zero > {rest}"], check=False, capture_output=True)
+            assert exchange(session, "", Kind.STOP) == LOST
+            assert exchange(session, "", Kind.RELEASE) == LOST_RELEASE
+            assert exchange(session, "", Kind.STOP) == LOST
+        with swarm(channel, store, before=before):
+            assert stopped(channel) == [True] * 3
+            subprocess.run([*before, "rm", rest], check=True)
+            until = time.monotonic() + LONGEST
+            while exchange(session, "", Kind.RELEASE) != RELEASED:
+                assert time.monotonic() < until
+            assert stopped(channel) == [False] * 3

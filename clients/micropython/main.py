@@ -4,12 +4,13 @@ A board runs main.py when it starts. Beside it lie the folder sleepnode, robot.k
 """
 
 import gc
-import json
+import sys
 import time
 
 from sleepnode.body import Body
 from sleepnode.node import Node
 from sleepnode.radio import Radio
+from sleepnode.reader import Refused, unload
 
 
 class Rover:
@@ -47,7 +48,7 @@ def start(config):
     body.actuator("lamp", rover.light, "", 0, 1)
     body.function("DRIVE", rover.drive, 1)
     body.function("ST", rover.stop)
-    radio = Radio(config["address"], config["port"], config.get("interface", ""))
+    radio = Radio(config["address"], config["port"], config.get("interface") or "")
     return Node(
         body,
         radio,
@@ -59,9 +60,25 @@ def start(config):
     )
 
 
-if __name__ == "__main__":
-    with open("config.json") as opened:
-        node = start(json.load(opened))
+def begun():
+    """The node that config.json describes, None if it cannot begin, which is said."""
+    from sleepnode.configuring import settings
+
+    try:
+        return start(settings("config.json"))
+    except Refused as error:
+        print(error.sentence())
+    except OSError as error:
+        print("the channel of config.json cannot be opened: %r" % error)
+    finally:
+        unload("configuring")
+    if sys.platform in ("linux", "darwin"):  # a board would only begin again
+        sys.exit(1)
+    return None
+
+
+def live(node):
+    """Until somebody interrupts it."""
     gc.collect()
     held = "; stopped until RELEASE" if node.stopped else ""
     print("%s is up: %d bytes of memory are free%s" % (node.name, gc.mem_free(), held))
@@ -69,3 +86,9 @@ if __name__ == "__main__":
         node.run()
     except KeyboardInterrupt:
         print("%s has ended; its body is at rest" % node.name)
+
+
+if __name__ == "__main__":
+    made = begun()
+    if made is not None:
+        live(made)

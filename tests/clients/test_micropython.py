@@ -6,6 +6,7 @@ first finding.
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import struct
@@ -204,3 +205,53 @@ def test_a_number_is_written_as_on_every_other_node(robot: board.Talk) -> None:
         assert told == (f"(MARK {format_literal(value)})",), value.hex()
     for value in (-2.0, -259.0625, -1e-5, -1234567.0, -999999.5):
         assert evaluate(robot, f"(SQRT {value!r})").faults[0].startswith(f"square root of {value:g}")
+
+
+# ---- files that a robot cannot begin with
+
+
+USABLE = {"address": "239.255.83.76", "port": 47123, "fleet": "sleepcast"}
+
+
+@pytest.mark.parametrize(
+    ("config", "said"),
+    [
+        (None, "config.json cannot be read"),
+        ("{", "config.json is damaged: wanted one JSON object"),
+        ("[1]", "config.json is damaged: wanted one JSON object"),
+        ('{"port": 1, "fleet": "f"}', '"address" is null, but wanted is an address such as 239.255.83.76'),
+        (USABLE | {"address": "far.away"}, '"address" is "far.away", but wanted is an address'),
+        (USABLE | {"address": "1.2.3.256"}, '"address" is "1.2.3.256", but wanted is an address'),
+        (USABLE | {"port": "47123"}, '"port" is "47123", but wanted is a whole number from 1 to 65535'),
+        (USABLE | {"port": 0}, '"port" is 0, but wanted is a whole number from 1 to 65535'),
+        (USABLE | {"port": True}, '"port" is true, but wanted is a whole number'),
+        (USABLE | {"fleet": 7}, '"fleet" is 7, but wanted is the name of a fleet'),
+        (USABLE | {"lease": "1s"}, '"lease" is "1s", but wanted is seconds, at most 3600'),
+        (USABLE | {"tick": 5}, '"tick" is 5, but wanted is seconds, from 0.001 to 0.5'),
+        (USABLE | {"id": 1.5}, '"id" is 1.5, but wanted is a whole number'),
+        (USABLE | {"name": ""}, '"name" is "", but wanted is the name of a robot'),
+        (USABLE, "robot.key cannot be used"),
+    ],
+)
+def test_a_robot_that_cannot_begin_says_why(folder: Path, tmp_path: Path, config: object, said: str) -> None:
+    if config is not None:
+        text = config if isinstance(config, str) else json.dumps(config)
+        (tmp_path / "config.json").write_text(text, encoding="utf-8")
+    assert said in ended(folder, tmp_path)
+
+
+@pytest.mark.parametrize("damaged", ["{}", "[]", "", '{"keys": [{"owner": 1}]}', '{"keys": 3}'])
+def test_a_damaged_file_of_keys_is_told(folder: Path, tmp_path: Path, damaged: str) -> None:
+    (tmp_path / "config.json").write_text(json.dumps(USABLE), encoding="utf-8")
+    (tmp_path / "robot.key").write_text(json.dumps({"owner": "tiny", "secret": "00" * 32}), encoding="utf-8")
+    (tmp_path / "trust.json").write_text(damaged, encoding="utf-8")
+    assert "trust.json cannot be used" in ended(folder, tmp_path)
+
+
+def ended(folder: Path, at: Path) -> str:
+    """What a robot says that cannot begin."""
+    with board.start(folder, "main", at=at) as process:
+        said, _ = process.communicate(timeout=board.LONGEST)
+    assert process.returncode == 1
+    assert "Traceback" not in said
+    return said

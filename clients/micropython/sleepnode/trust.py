@@ -6,7 +6,7 @@ import json
 from micropython import const
 
 from sleepnode import ed25519
-from sleepnode.reader import unload
+from sleepnode.reader import Refused, unload
 
 _OWNER = const(0)
 _ROLE = const(1)
@@ -27,6 +27,10 @@ _MAY = {"observer": (1, 2, 7), "operator": (0, 1, 2, 3, 4, 7), "commander": (0, 
 """Numbers of the kinds that a robot takes from each role; it has nothing to send again, so no requests."""
 
 
+_UNUSABLE = (OSError, ValueError, KeyError, TypeError, AttributeError)
+_WHY = "%s cannot be used (%r): copy it again from where `sleepcast keys` has put it"
+
+
 def key_id(public):
     return hashlib.sha256(public).digest()[:8]
 
@@ -38,14 +42,17 @@ def not_stored(file, error, fault=""):
 
 
 def load_key(file):
-    """Owner and seed of a key file of `sleepcast keys`."""
-    with open(file) as opened:
-        found = json.load(opened)
-    return found["owner"], bytes.fromhex(found["secret"])
+    """Owner and seed of a key file of `sleepcast keys`. Raises Refused."""
+    try:
+        with open(file) as opened:
+            found = json.load(opened)
+        return found["owner"], bytes.fromhex(found["secret"])
+    except _UNUSABLE as error:
+        raise Refused(_WHY % (file, error))
 
 
 class Trust:
-    """See the module. file: a trust file of `sleepcast keys`; changes are written to it."""
+    """See the module. file: a trust file of `sleepcast keys`; changes are written to it. Raises Refused."""
 
     def __init__(self, file):
         self.file = file
@@ -56,11 +63,13 @@ class Trust:
             from sleepnode.keeping import kept
 
             found = kept(file)
+            for key in found["keys"]:
+                self.add(key["owner"], key["role"], bytes.fromhex(key["public"]), key.get("revoked", False))
+            self.gone = [bytes.fromhex(each) for each in found.get("gone", ())]
+        except _UNUSABLE as error:
+            raise Refused(_WHY % (file, error))
         finally:
             unload("keeping")
-        for key in found["keys"]:
-            self.add(key["owner"], key["role"], bytes.fromhex(key["public"]), key.get("revoked", False))
-        self.gone = [bytes.fromhex(each) for each in found.get("gone", ())]
 
     def add(self, owner, role, public, revoked=False):
         which = key_id(public)

@@ -1,0 +1,49 @@
+"""What stands in config.json, or why a robot cannot begin with it. Loaded once and let go again."""
+
+import json
+
+from sleepnode.reader import Refused
+
+_NUMBER = (int, float)
+_SETTINGS = (
+    ("address", True, str, 7, 15, "an address such as 239.255.83.76"),
+    ("port", True, int, 1, 65535, "a whole number from 1 to 65535"),
+    ("fleet", True, str, 0, 64, "the name of a fleet, such as sleepcast"),
+    ("interface", False, str, 0, 15, "the address of a network card, such as 127.0.0.1"),
+    ("name", False, str, 1, 64, "the name of a robot, at most 64 characters"),
+    ("lease", False, _NUMBER, 0, 3600, "seconds, at most 3600"),
+    ("id", False, int, 0, 1000000, "a whole number from 0 to 1000000"),
+    ("tick", False, _NUMBER, 0.001, 0.5, "seconds, from 0.001 to 0.5"),
+)
+"""Name, whether it must be there, type, the least and the most of it or of its length, and what is wanted."""
+
+
+def settings(file):
+    """The settings in a file; more than ours may stand there, and null is none. Raises Refused."""
+    try:
+        with open(file) as opened:
+            found = json.load(opened)
+    except OSError as error:
+        raise Refused("%s cannot be read (%r): it lies beside main.py, and says where the channel is" % (file, error))
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise Refused("%s is damaged: wanted one JSON object, such as {%s}" % (file, '"address": "239.255.83.76", ...'))
+    found = {name: value for name, value in found.items() if value is not None}
+    for name, needed, kind, least, most, wanted in _SETTINGS:
+        value = found.get(name)
+        if value is None and not needed:
+            continue
+        size = value
+        if kind is str and isinstance(value, str):
+            size = len(value)
+            if name in ("address", "interface") and value and not _is_address(value):
+                size = -1
+        if not isinstance(value, kind) or isinstance(value, bool) or not least <= size <= most:
+            raise Refused('%s: "%s" is %s, but wanted is %s' % (file, name, json.dumps(value), wanted))
+    return found
+
+
+def _is_address(text):
+    parts = text.split(".")
+    return len(parts) == 4 and all([part.isdigit() and len(part) < 4 and int(part) < 256 for part in parts])

@@ -109,6 +109,11 @@ def test_a_name_that_no_robot_has_is_told_before_anything_is_sent(channel: str, 
                 person.type(typed)
                 person.wait_for(said)
         assert on_air("ask", "fuel").status == 0
+        assert account(channel, "send", "--all", "(JOIN bravo)")["n_matched"] == 3
+        for asked in (("ask", "(IN brvo)"), ("send", "(WHEN (IN brvo) (MARK))"), ("send", "--all", "(LEAVE brvo)")):
+            refused = again_until(lambda found: "did you mean bravo?" in found.err, partial(on_air, *asked))
+            assert (refused.status, refused.out) == (2, ""), asked
+        assert "did you mean bravo?" in on_air("lease", "take", "brvo").err
         assert on_air("send", "(DEFVAR feul 1)", "--all").status == 0
         now_they_have = again_until(lambda found: found.out, lambda: on_air("ask", "feul", "--json"))
         assert told(now_they_have)["n"] == 3

@@ -10,6 +10,7 @@ from sleepcast.language import CheckError, FreshNames, Vocabulary, check
 from sleepcast.language import checker as checkers
 from sleepcast.language import program as programs
 from sleepcast.language.checker import MAX_FINDINGS
+from sleepcast.language.symbols import Declared, Group
 from sleepcast.node.node import Node
 
 ROVER = Vocabulary("rover", ())
@@ -135,3 +136,52 @@ def test_a_text_is_compiled_once_although_it_learns_the_names_of_its_own_rules(m
     for tick in range(1, 9):
         robot.think(tick, tick / 10)
     assert compiled == ["(RULE outer (RULE inner (+ tick 1)))", "(RULE inner (+ tick 1))", "(+ tick 1)"]
+
+
+class Grouped(FreshNames):
+    """The names of a robot that has heard of groups."""
+
+    def __init__(self, *groups: str) -> None:
+        super().__init__(ROVER)
+        self._groups = {name.casefold(): Group(name) for name in groups}
+
+    def declared(self, key: str) -> Declared | None:
+        return self._groups.get(key)
+
+    def heard(self) -> list[str]:
+        return [group.name for group in self._groups.values()]
+
+
+@pytest.mark.parametrize(
+    "text", ["(WHEN (IN brvo) (SLEEP))", "(LEAVE Barvo)", "(RULE r (WHEN (NOT (IN BRAVOO)) (SLEEP)))"]
+)
+def test_a_group_that_is_probably_a_slip_is_doubted(text: str) -> None:
+    """It passed without a word, and nobody obeyed."""
+    checked = check(text, Grouped("bravo", "tango"))
+    (doubt,) = checked.doubts
+    assert doubt.message.startswith("unknown group ")
+    assert "did you mean bravo?" in doubt.message.casefold()
+    assert checked.unknown == [text[doubt.start : doubt.end]]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(WHEN (IN BRAVO) (SLEEP))",
+        "(JOIN brvo)",
+        "(WHEN (IN zulu) (SLEEP))",
+        "(PROGN (JOIN brvo) (WHEN (IN brvo) (SLEEP)))",
+        "(WHEN (IN team2) (SLEEP))",
+        "(WHEN (IN southeast) (SLEEP))",
+    ],
+)
+def test_new_groups_are_not(text: str) -> None:
+    assert not check(text, Grouped("bravo", "team1", "southwest")).doubts
+
+
+def test_a_robot_looks_for_no_group_that_may_be_meant(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checkers, "slip_of", lambda *given: pytest.fail("it is looked for"))
+    node = Node("r1", ROVER)
+    for number, text in enumerate(("(JOIN bravo)", "(WHEN (IN brvo) (SLEEP))")):
+        node.receive(Message("chief", 1, number, Kind.COMMAND, 0.0, text=text))
+        node.think(number, 0.1 * number)

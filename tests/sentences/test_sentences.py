@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -389,3 +390,21 @@ def test_any_expression_is_said_or_not(text: str) -> None:
         return
     sentence = to_sentence(form, BRAVO)
     assert sentence is None or from_sentence(sentence.text, BRAVO).form == form
+
+
+@pytest.mark.parametrize(
+    ("sentence", "slip"),
+    [
+        ("members of brvo sleep", "brvo"),
+        ("all scouts in group Barvo leave brvo", "Barvo"),
+        ("members of BRAVO sleep", ""),
+        ("all scouts join brvo", ""),
+        ("members of zulu sleep", ""),
+    ],
+)
+def test_a_group_that_is_probably_a_slip_is_understood_and_doubted(sentence: str, slip: str) -> None:
+    heard = from_sentence(sentence, replace(BRAVO, groups=("bravo",)))
+    assert heard.text
+    found = [sentence[doubt.start : doubt.end] for doubt in heard.doubts]
+    assert found[:1] == [slip] * bool(slip)
+    assert all("did you mean bravo?" in doubt.message for doubt in heard.doubts)

@@ -20,7 +20,7 @@ from sleepcast.api.progress import steps
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import Explanation
 from sleepcast.station import Command, Preview
-from sleepcast.station.asking import AHEAD, ask_first, ask_why, look_around, unknown_names
+from sleepcast.station.asking import AHEAD, ask_first, ask_why, look_around, may_be_known_to_robots, unknown_names
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import TelemetryClient
 from sleepcast.station.validation import MAX_LISTED, UnknownNameError
@@ -124,7 +124,7 @@ class ConnectedFleet(Fleet):
     ) -> CommandResult:
         """See `Fleet`. Raises UnknownNameError for names that no robot has, too."""
         with self._turn():
-            if not sure and self.station.check(text).unknown:
+            if not sure and may_be_known_to_robots(self.station, text):
                 look_around(self.station, self.telemetry, patience=AHEAD)
                 self._refuse_unknown(text)
         return super().ask(text, wait=wait, only=only, but=but, sure=sure)

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.api.connection import AirOptions, station_for
+from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.air import operator
 from sleepcast.cli.send import GRACE, gathered
 from sleepcast.cli.streams import complain
-from sleepcast.core.errors import printable
+from sleepcast.core.errors import printable, slip_of
 
 if TYPE_CHECKING:
     from sleepcast.channel.message import LeaseAction
@@ -49,7 +49,10 @@ def lease(deed: str, group: str, seconds: float, to: str, keep: bool, air: AirOp
 
     if keep and deed not in ("take", "request", "force"):
         raise click.UsageError("--keep goes with take, request and force")
-    with station_for(air, complain) as station:
+    with observing_station(air, complain) as (station, telemetry):
+        known = {name for mind in telemetry.minds.values() for name in mind.telemetry.groups}
+        if meant := slip_of(group, known):
+            complain(printable(f'no robot has told of a group "{group}" (did you mean {meant}?)'))
         status = _done(station, LeaseAction(deed), group, seconds, to, as_json)
         if keep and status == 0:
             _keep(station, group, seconds, as_json)

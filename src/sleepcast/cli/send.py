@@ -96,7 +96,7 @@ def send(
             ask_first(station, telemetry, text)
         warn(station, telemetry, text)
         if not (blind or anyway):
-            draft = replace(draft, undecided=refuse_unknown(station, telemetry, text, as_json))
+            draft = replace(draft, undecided=refuse_unknown(station, telemetry, text, as_json, doubts=True))
         draft = _confirmed(station, telemetry, draft, as_json)
         complain(forecast_text(station.forecast(text, only=audience.only)))
         draft = _settled(station, draft, as_json)
@@ -114,15 +114,20 @@ def warn(station: NetworkStation, telemetry: TelemetryClient, text: str) -> None
             complain(line)
 
 
-def refuse_unknown(station: NetworkStation, telemetry: TelemetryClient, text: str, as_json: bool) -> bool:
-    """Let the desk refuse names that no robot has, where all have sent their names; gives whether a person insists."""
+def refuse_unknown(
+    station: NetworkStation, telemetry: TelemetryClient, text: str, as_json: bool, *, doubts: bool = False
+) -> bool:
+    """Let the desk refuse names that no robot has, where all have sent their names; gives whether a person insists.
+    doubts: whether a person is asked about these besides."""
     from sleepcast.station.asking import unknown_names
     from sleepcast.station.validation import UnknownNameError
 
     names, robots = unknown_names(station, telemetry, text)
+    person = not as_json and somebody_there()
+    if person and doubts:  # these are asked about with all else that is doubted
+        names = [name for name in names if name not in {doubt.unknown for doubt in station.check(text).doubts}]
     if not names:
         return False
-    person = not as_json and somebody_there()
     if person and click.confirm(f"{UnknownNameError(names, robots).why}. Send it all the same?", err=True):
         return True
     station.caution = replace(station.caution, known=robots)
@@ -235,10 +240,10 @@ def ask(text: str, anyway: bool, air: AirOptions, as_json: bool) -> int:
       sleepcast ask fuel
       sleepcast ask '(DIST x y 0 0)' --json
     """
-    from sleepcast.station.asking import AHEAD, look_around
+    from sleepcast.station.asking import AHEAD, look_around, may_be_known_to_robots
 
     with observing_station(air, complain) as (station, telemetry):
-        if not anyway and station.check(text).unknown:
+        if not anyway and may_be_known_to_robots(station, text):
             look_around(station, telemetry, patience=AHEAD)
         warn(station, telemetry, text)
         if not anyway:

@@ -22,7 +22,8 @@ class Phrased(Said):
 
 
 class Understood(Said):
-    """The expression that a sentence means, "" if it is not understood. unclear: which parts of it are not."""
+    """The expression that a sentence means, "" if it is not understood. unclear: which parts of it are not, or are
+    probably a slip (warnings)."""
 
     serial: int
     text: str
@@ -55,7 +56,8 @@ class Interpreter:
         """The words as they are now: user variables come with time, and the scene of robots on the air changes."""
         scene = self._swarm.scene
         titles = {place.key: place.name for place in scene.places if place.key}
-        return Lexicon(self._swarm.vocabulary, scene.noun, titles, self._number_of)
+        groups = tuple(self._swarm.minds.groups)
+        return Lexicon(self._swarm.vocabulary, scene.noun, titles, self._number_of, groups)
 
     def _number_of(self, name: str) -> int | None:
         names = self._swarm.scene.names
@@ -66,7 +68,8 @@ class Interpreter:
 
 
 def _findings(heard: Heard, text: str) -> list[ShownFinding]:
+    found = [("error", each) for each in heard.unclear] + [("warning", each) for each in heard.doubts]
     return [
-        ShownFinding("error", each.message, each.start, each.end, with_caret(each.message, text, each.start, each.end))
-        for each in heard.unclear
+        ShownFinding(sort, each.message, each.start, each.end, with_caret(each.message, text, each.start, each.end))
+        for sort, each in found
     ]

@@ -51,6 +51,30 @@ def _nearest(name: str, candidates: tuple[str, ...]) -> str | None:
     return written[best].upper() if name.isupper() else written[best]
 
 
+LEAST_SLIPPED = 4
+"""Characters of a name at least of which another one may be a slip: shorter ones are alike by chance."""
+
+
+def slip_of(name: str, candidates: Iterable[str]) -> str | None:
+    """The candidate of which `name`, which may well be a new name, is probably a slip: a letter more, less, or another
+    one, or two exchanged. None for none, and for one of the candidates (case ignored). Names with other digits, as
+    team1 and team2, are other names."""
+    key, known = name.casefold(), {candidate.casefold(): candidate for candidate in candidates}
+    if key in known:
+        return None
+    slips = (other for other in known if len(other) >= LEAST_SLIPPED and _is_slip(key, other))
+    return next((known[other] for other in slips), None)
+
+
+def _is_slip(name: str, other: str) -> bool:
+    if [c for c in name if c.isdigit()] != [c for c in other if c.isdigit()] or abs(len(name) - len(other)) > 1:
+        return False
+    first = next((at for at, (a, b) in enumerate(zip(name, other, strict=False)) if a != b), min(len(name), len(other)))
+    rest, wanted = name[first:], other[first:]
+    exchanged = rest[1::-1] + rest[2:]
+    return wanted in (rest[1:], exchanged) or wanted[1:] in (rest, rest[1:])
+
+
 def did_you_mean(name: str, candidates: Iterable[str]) -> str:
     """` (did you mean X?)` for the candidate nearest to `name`, or an empty string."""
     found = nearest(name, candidates)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from math import nan
 from re import compile as pattern
 
-from sleepcast.core.errors import MisuseError, and_more, did_you_mean, placed, with_caret
+from sleepcast.core.errors import MisuseError, and_more, did_you_mean, placed, slip_of, with_caret
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.core.units import UNITS
 from sleepcast.language.functions import FUNCTIONS, MANY, WORDS, Function
@@ -158,6 +158,18 @@ class Checker:
         if name.casefold() in ALIASES:
             return f" (did you mean {ALIASES[name.casefold()]}?)"
         return did_you_mean(name, (*self.names.vocabulary.names(), *self.names.heard(), *self.pending))
+
+    def doubt_group(self, symbol: Symbol) -> None:
+        """Note a doubt about a group of which nobody has heard, if it is like one that is known: whoever asks for it
+        hardly means a new one."""
+        if not self.warns or self.suggestions >= MAX_SUGGESTIONS:
+            return
+        self.suggestions += 1
+        known = [name for name in self.names.heard() if isinstance(self.names.declared(name.casefold()), Group)]
+        meant = slip_of(symbol.text, [*known, *(key for key, sort in self.pending.items() if sort == "group")])
+        if meant is not None:
+            message, at = f'unknown group "{symbol.text}" @@ (did you mean {meant}?)', (symbol.start, symbol.end)
+            self.findings.note("warning", message, *at, unknown=symbol.text, confirm=True)
 
     # ---- names
 

@@ -351,6 +351,8 @@ def _group(checker: Checker, form: List) -> Part:
         return checker.error(f"{form.items[0].text} @@ wants the name of a group", target)  # type: ignore[attr-defined]
     if not _is_free_for(checker, target, "group"):
         return Part("const", form, number=nan)
+    if form.head != "join" and checker.meaning(target.key) is None:
+        checker.doubt_group(target)
     if form.head == "in":
         return Part("in", form, name=target.key)
     return Part("act", form, name=form.head or "", data=Label(target.text))

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NoReturn
 
-from sleepcast.core.errors import did_you_mean
+from sleepcast.core.errors import did_you_mean, slip_of
 from sleepcast.language import Form, List, ReadError, Symbol, read
 from sleepcast.language.reader import is_name
 from sleepcast.sentences.lexicon import GROUP_WORDS, OPENERS, PLURAL, RESERVED, ROBOTS, Lexicon
@@ -52,6 +52,8 @@ class Cursor:
         self.tokens = cut(text)
         self.at = 0
         self.unclear: list[Unclear] = []
+        self.doubts: list[Unclear] = []
+        """What is understood, and probably a slip."""
         self._nouns = {noun.casefold() for noun in (*ROBOTS, *lexicon.nouns)}
         self._places = lexicon.places()
         self._longest_place = max(map(len, self._places), default=0)
@@ -186,11 +188,18 @@ class Cursor:
         self.at += 1
         return Symbol(token.written)
 
-    def group(self) -> Symbol:
+    def group(self, *, new: bool = False) -> Symbol:
+        """The name of a group. new: whether it may well be one of which no robot has heard."""
         for words in GROUP_WORDS:
             if self.take(*words):
                 break
-        return self.open_name("the name of a group")
+        token = self.token
+        name = self.open_name("the name of a group")
+        meant = None if new or len(self.doubts) >= MAX_UNCLEAR else slip_of(name.text, self.lexicon.groups)
+        if meant is not None:
+            message = f'unknown group "{name.text}" (did you mean {meant}?)'
+            self.doubts.append(Unclear(token.start, token.end, message))
+        return name
 
     def label(self) -> Form:
         token = self.token

@@ -7,7 +7,7 @@ place.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
 from sleepcast.core.model import Constant, HostFunction
@@ -132,13 +132,14 @@ class Lexicon:
     """The words of one fleet.
 
     noun: what its robots are called, in the plural. titles: of places, by their names. number_of: the number (the
-    variable `id`) of the robot with a name, None if there is no such robot.
+    variable `id`) of the robot with a name, None if there is no such robot. groups: of which robots have heard.
     """
 
     vocabulary: Vocabulary
     noun: str = ROBOTS[0]
     titles: Mapping[str, str] = field(default_factory=dict)
     number_of: Callable[[str], int | None] = _nobody
+    groups: Collection[str] = ()
 
     @property
     def nouns(self) -> tuple[str, str]:

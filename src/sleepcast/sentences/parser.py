@@ -38,10 +38,12 @@ class SentenceError(MisuseError):
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """What a sentence means. form: the expression, None if anything is unclear; unclear: what, in order."""
+    """What a sentence means. form: the expression, None if anything is unclear; unclear: what, in order. doubts: what
+    is understood, and probably a slip."""
 
     form: Form | None
     unclear: tuple[Unclear, ...] = ()
+    doubts: tuple[Unclear, ...] = ()
 
     @property
     def text(self) -> str:
@@ -56,7 +58,7 @@ def from_sentence(text: str, lexicon: Lexicon) -> Heard:
     parser = _Parser(text, lexicon)
     form = parser.sentence()
     unclear = tuple(parser.unclear[:MAX_UNCLEAR])
-    return Heard(None if unclear else form, unclear)
+    return Heard(None if unclear else form, unclear, tuple(parser.doubts))
 
 
 class _Parser(Conditions):
@@ -167,7 +169,7 @@ class _Parser(Conditions):
             return call(function)
         if self.word() in ARE and self.word(1) == "now" and self.word(2) == "in":
             self.at += 3
-            return call("JOIN", self.group())
+            return call("JOIN", self.group(new=True))
         verb = PLURAL.get(self.word())
         if verb is None:
             if self.token.kind == END:
@@ -189,7 +191,7 @@ class _Parser(Conditions):
             return call(WITH_RULE[verb], self.open_name("the name of a rule"))
         match verb:
             case "join" | "leave":
-                return call(verb.upper(), self.group())
+                return call(verb.upper(), self.group(new=verb == "join"))
             case "stop":
                 return call(self.body("ST"))
             case "go":

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from sleepcast.core.errors import SleepcastError
 from sleepcast.language import Explanation
+from sleepcast.language.parts import walk
 from sleepcast.language.rehearsal import CHANCE
 from sleepcast.station.validation import COMMANDED, MAX_LISTED, NEVER_HEARD, STALE, TEST_UNKNOWN
 
@@ -41,6 +42,14 @@ def ask_first(station: NetworkStation, telemetry: TelemetryClient, text: str) ->
     asked = [name for name, why in unknown.items() if why not in (NEVER_HEARD, STALE, COMMANDED, CHANCE, TEST_UNKNOWN)]
     if asked:
         station.poll(text, AHEAD, only=asked if len(asked) <= MAX_LISTED else None)
+
+
+def may_be_known_to_robots(station: NetworkStation, text: str) -> bool:
+    """Whether a text names anything of which this desk has not heard, so that robots should be asked first. Raises
+    ReadError."""
+    checked, names = station.check(text), station.learned
+    groups = () if checked.program is None else (p for p in walk(checked.program.root) if p.op == "in")
+    return bool(checked.unknown) or any(names.declared(part.name) is None for part in groups)
 
 
 def unknown_names(station: NetworkStation, telemetry: TelemetryClient, text: str) -> tuple[list[str], int]:

@@ -133,13 +133,14 @@ export class Sentence extends EventTarget {
     return answer.text !== "";
   }
 
-  // Underline what is not understood, and say why of the first part.
+  // Underline what is not understood, or probably a slip, and say why of the first part.
   tell(unclear) {
     const line = this.find("sentence-unclear");
     const [first] = unclear;
     this.field.mark(unclear);
     const unfinished = unclear.every((each) => each.start === each.end);
-    line.textContent = first ? `${unfinished ? "Not finished" : "Not understood"}: ${first.message}` : "";
+    const what = first?.severity === "warning" ? "A slip?" : unfinished ? "Not finished" : "Not understood";
+    line.textContent = first ? `${what}: ${first.message}` : "";
     line.classList.toggle("unfinished", unfinished);
   }
 

@@ -3,17 +3,20 @@
     python tests/bridges/crazyflie_peer.py [PORT]
 
 It moves as it is told, with no dynamics of flight; without setpoints it falls after two seconds, as the firmware lets
-it, and then needs to be started anew. It prints what happens to it, a line each.
+it, and then needs to be started anew. It prints what happens to it, a line each. From SIGUSR1 to the next one it speaks
+garbage besides.
 """
 
 from __future__ import annotations
 
 import math
 import select
+import signal
 import socket
 import struct
 import sys
 import time
+from random import Random
 
 VARIABLES = (
     *(("stateEstimate", name, 7) for name in ("x", "y", "z", "vx", "vy", "yaw")),
@@ -23,6 +26,8 @@ VARIABLES = (
 )
 """Group, name and type (7: float, 1: uint8, 2: uint16) of what can be logged."""
 CODES = {1: "B", 2: "H", 7: "f"}
+AT_ONCE = 20
+"""Packets of garbage in each twentieth of a second."""
 FORGOTTEN = 2.0
 """Seconds without a setpoint after which the motors stop."""
 
@@ -148,8 +153,20 @@ class Peer:
         return found
 
 
+def garbage(chance: Random) -> bytes:
+    """A packet of any port and channel, with any bytes."""
+    return chance.randbytes(chance.randrange(1, 32))
+
+
 def serve(port: int) -> None:
     """Be a quadcopter at this port (0: any) until killed."""
+    chance, raving = Random(7), False
+
+    def rave(*_: object) -> None:
+        nonlocal raving
+        raving = not raving
+
+    signal.signal(signal.SIGUSR1, rave)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
         line.bind(("127.0.0.1", port))
         print(f"the Crazyflie is at port {line.getsockname()[1]}", flush=True)
@@ -166,7 +183,7 @@ def serve(port: int) -> None:
                 peer.advance(now - last)
                 last = now
                 if ground is not None:
-                    for log in peer.logs():
+                    for log in (*peer.logs(), *(garbage(chance) for _ in range(AT_ONCE * raving))):
                         line.sendto(log, ground)
 
 

@@ -62,6 +62,10 @@ class Talking:
             time.sleep(0.02)
         return True
 
+    @property
+    def pid(self) -> int:
+        return self._running.pid
+
     def printed(self) -> str:
         return self._screen.read_text()
 

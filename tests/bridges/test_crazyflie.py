@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import select
+import signal
 import socket
 import struct
 import subprocess
@@ -376,6 +377,38 @@ def test_a_link_that_dies_in_flight_is_told_at_node_and_desk_and_comes_back_by_i
             mind.wait_for("in the air")
             assert again.stdout is not None
             assert [again.stdout.readline().strip() for _ in range(2)] == ["is armed", "takes off"]
+
+
+def test_one_that_freezes_or_speaks_garbage_in_flight_is_told_and_stopped(
+    port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    live_in(tmp_path, monkeypatch)
+    fly = ("(TAKEOFF 0.4m)", '(RULE say (ONCE (AND flying (> z 0.3)) (REPORT "in the air")))')
+    rules = (
+        '(RULE go (ONCE (> speed 0.1m/s) (REPORT "it moves")))',
+        '(RULE calm (ONCE (< speed 0.05m/s) (REPORT "it hovers")))',
+    )
+    counterpart = (sys.executable, Path(__file__).with_name("crazyflie_peer.py"), port)
+    with (
+        running(*counterpart, up="is at port") as copter,
+        closing(Mind(f"crazyflie://127.0.0.1:{port}", tmp_path)) as mind,
+    ):
+        mind.wait_for("v1 is up")
+        mind.say(*fly, *rules)
+        mind.wait_for("in the air")
+        mind.insist("it moves", "(SETQ drive_speed 0.2m/s)")
+        copter.send_signal(signal.SIGUSR1)
+        mind.say("STOP")
+        mind.wait_for("stopped, and at rest until RELEASE", "it hovers")
+        copter.send_signal(signal.SIGUSR1)
+        mind.say("RELEASE")
+        mind.insist("it moves", "(SETQ drive_speed 0.2m/s)")
+        copter.send_signal(signal.SIGSTOP)
+        mind.wait_for("the body is out of reach: ")
+        mind.say("STOP")
+        mind.wait_for("stopped, and at rest until RELEASE")
+        copter.send_signal(signal.SIGCONT)
+        mind.wait_for("the body is within reach again")
 
 
 def test_a_link_that_goes_while_something_is_sent_keeps_nobody_waiting(

@@ -63,7 +63,7 @@ class Endpoint:
                 self.markers.add(datagram)
             elif entered := self.admission.enter(datagram):
                 # Who has signed it is the door's affair: a transport is to bring what was said.
-                self._heard.append(msgspec.structs.replace(entered.message, role=""))
+                self._heard.append(msgspec.structs.replace(entered.message, role="", key=""))
 
     def __enter__(self) -> Endpoint:
         return self

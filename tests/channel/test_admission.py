@@ -59,7 +59,7 @@ def only(datagrams: list[bytes]) -> bytes:
 
 
 def test_a_message_comes_in_once() -> None:
-    here, sent = admission(), message()
+    here, sent = admission(), message(key=DESK.id.hex())
     datagram = only(encode(sent, "lab", DESK))
     assert [here.enter(datagram) for _ in range(3)] == [Admitted(sent, (datagram,)), None, None]
     assert (here.passed, here.counts) == (1, {DropReason.REPEATED: 2})

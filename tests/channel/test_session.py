@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from random import Random
 
+import msgspec
+
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import ROBOT_KINDS, Admission
 from sleepcast.channel.drops import DropCounter
@@ -16,6 +18,7 @@ from sleepcast.core.clock import ManualClock, UnixClock
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
 ROBOTS = KeyPair("r*", Role.ROBOT, b"r" * 32)
+OBSERVER = KeyPair("obs", Role.OBSERVER, b"o" * 32)
 START = 1_000.0
 
 
@@ -28,7 +31,9 @@ class Air:
         self.robots = [self._session(name, ROBOTS) for name in names]
 
     def _session(self, name: str, key: KeyPair) -> ChannelSession:
-        admission = Admission(Trust((DESK.public, ROBOTS.public)), "lab", self.clock, robot=key is ROBOTS)
+        admission = Admission(
+            Trust((DESK.public, ROBOTS.public, OBSERVER.public)), "lab", self.clock, robot=key is ROBOTS
+        )
         return ChannelSession(Wire(), ReliableDelivery(name, 1, key, admission, Random(1)), self.clock, Random(name))
 
     def run(self, seconds: float) -> None:
@@ -109,6 +114,24 @@ def test_an_answer_that_was_missed_is_said_again_and_the_mind_hears_nothing_of_i
     assert [robot.receive() for robot in air.robots] == [[], []]
 
 
+def test_an_observers_questions_push_out_no_answer_that_an_operator_has_missed() -> None:
+    air = Air("r1")
+    (robot,) = air.robots
+    observer = air._session("obs", OBSERVER)
+    asked = ask(air, **{WITHIN: 0.5})
+    air.run(0.05)
+    questions = (observer.delivery.post(Kind.ASK, air.clock.now()) for _ in range(2 * MAX_ANSWERED))
+    robot.hear(msgspec.structs.replace(each, key=OBSERVER.id.hex()) for each in questions)
+    for message in robot.heard():
+        answer(robot, message, 1.0)
+    air.deaf = "r1"
+    air.run(0.6)
+    air.deaf = ""
+    ask(air, **{AGAIN: asked.id, FOR: ["r1"]})
+    air.run(0.2)
+    assert asked.id in {message.body["command"] for message in air.desk.receive() if message.kind is Kind.ANSWER}
+
+
 def test_whoever_has_not_heard_the_command_has_no_answer_to_say_again() -> None:
     air = Air("r1")
     for nonsense in ({AGAIN: "desk-1.77", FOR: ["r1"]}, {AGAIN: 5, FOR: "r1"}, {AGAIN: None}):
@@ -133,8 +156,10 @@ def test_only_the_latest_answers_are_kept() -> None:
     first = ask(air)
     air.run(0.02)
     answer(air.robots[0], first, 1.0)
-    for number in range(MAX_ANSWERED):
-        air.robots[0].send(Message("r1", 0, 0, Kind.ANSWER, 0.0, body={"command": f"x-1.{number}", "value": 0.0}))
+    others = [ask(air) for _ in range(MAX_ANSWERED)]
+    air.run(0.1)
+    for asked in others:
+        answer(air.robots[0], asked, 0.0)
     air.run(0.1)
     air.desk.receive()
     ask(air, **{AGAIN: first.id, FOR: ["r1"]})
@@ -157,7 +182,7 @@ def test_a_robot_reports_the_commands_that_it_missed() -> None:
 
 
 def test_robots_of_one_process_wait_together_and_all_hear_stop() -> None:
-    clock, trust = UnixClock(), Trust((DESK.public, ROBOTS.public))
+    clock, trust = UnixClock(), Trust((DESK.public, ROBOTS.public, OBSERVER.public))
 
     def delivery(name: str, key: KeyPair) -> ReliableDelivery:
         return ReliableDelivery(name, 1, key, Admission(trust, "lab", clock, robot=key is ROBOTS), Random(1))
@@ -184,7 +209,7 @@ def test_robots_of_one_process_wait_together_and_all_hear_stop() -> None:
 def waits_as_long(kind: Kind, robot: bool, seconds: float) -> bool:
     """Whether somebody waits as long as he is told to who hears this at once."""
     medium, clock = f"memory:waiting-{kind}-{robot}", UnixClock()
-    trust = Trust((DESK.public, ROBOTS.public))
+    trust = Trust((DESK.public, ROBOTS.public, OBSERVER.public))
     sessions = []
     for name, key, is_robot in (("desk", DESK, False), ("r1" if robot else "desk", ROBOTS if robot else DESK, robot)):
         admission = Admission(trust, "lab", clock, robot=is_robot)

@@ -7,7 +7,7 @@ import pytest
 from safety.scene import KEYS, Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import LEASE, LeaseAction
-from sleepcast.mind.authority import MAX_LEASE, MAX_LEASES
+from sleepcast.mind.authority import MAX_LEASE, MAX_LEASES, LeaseRequest, Leases
 from sleepcast.station import Account
 from sleepcast.station.leases import LeaseError, describe_request, lease_body
 from sleepcast.station.network import NetworkStation
@@ -188,3 +188,26 @@ def test_robots_take_no_leases(scene: Scene) -> None:
     scene.say(Message("r9", 1, 1, Kind.COMMAND, now, now + 5.0, body=body), KEYS["r*"])
     scene.run(0.3)
     assert drive(scene, scene.desk("bert")).n_matched == 4
+
+
+def settled(leases: Leases, who: str, deed: LeaseAction, group: str, to: str = "", seconds: float = 60.0) -> str:
+    wish = LeaseRequest(deed, group, seconds, to)
+    return leases.settle(wish, Message(who, 1, 1, Kind.COMMAND, 0.0, role="operator"), 0.0)
+
+
+@pytest.mark.parametrize("granted", [False, True])
+def test_whoever_takes_all_leases_leaves_room_for_those_of_others(granted: bool) -> None:
+    """Groups are invented as quickly as names, and a lease can be granted to anybody."""
+    leases = Leases()
+    assert not settled(leases, "anna", LeaseAction.TAKE, "bravo")
+    refused = ""
+    for number in range(2 * MAX_LEASES):
+        refused = refused or settled(leases, "bert", LeaseAction.TAKE, f"g{number}")
+        if granted:
+            settled(leases, "bert", LeaseAction.GRANT, f"g{number}", f"x{number}")
+    assert refused == f"no room for another lease: there are {MAX_LEASES}, most of them of bert"
+    for number in range(9):
+        assert not settled(leases, "anna", LeaseAction.TAKE, f"h{number}")
+    assert not settled(leases, "anna", LeaseAction.TAKE, "bravo")
+    assert leases.objection("bert", ["bravo", "h8"], 0.0)
+    assert len(leases.state(0.0)) == MAX_LEASES

@@ -338,6 +338,32 @@ def test_a_release_by_somebody_who_did_not_hear_of_a_stop_is_refused_until_robot
     assert not any(robot.node.stopped for robot in scene.fleet.values())
 
 
+@pytest.mark.parametrize("deaf", [False, True])
+def test_a_release_ends_what_an_observer_piles_up_once_its_operator_has_seen_it(deaf: bool) -> None:
+    """An observer's STOPs in invented epochs hide no other's STOP, and the desk that looked can end all of them. deaf:
+    whether it has heard none of them itself."""
+    scene = Scene(robots=2)
+    bert = scene.desk("bert")
+    first = scene.desk("anna").stop()
+    scene.run(0.3)
+    if deaf:
+        scene.deaf.add(("stranger", "bert"))
+    for epoch in range(70):
+        scene.say(Message("watch", epoch, 1, Kind.STOP, scene.clock.now()), KEYS["watch"])
+    scene.run(0.5)
+    latch = scene.fleet["r0"].node.authority.latch
+    assert first.message.sender in {mark.sender for mark in latch.holding}
+    refused = bert.post(Kind.RELEASE)
+    scene.run(0.5)
+    assert "more STOPs than there is room for" in bert.accounting(refused.id).faults["r0"]
+    bert.post(Kind.ASK, body={"look": "telemetry"})
+    scene.run(0.5)
+    released = bert.release()
+    scene.run(0.5)
+    assert bert.accounting(released.id).n_matched == 2
+    assert not any(robot.node.stopped for robot in scene.fleet.values())
+
+
 def test_a_stop_that_came_after_a_release_was_decided_is_not_named_by_it() -> None:
     """While a RELEASE asks who is stopped, somebody stops: that holds."""
     scene = Scene()

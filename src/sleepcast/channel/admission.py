@@ -9,8 +9,8 @@ copies is checked soon.
 
 from __future__ import annotations
 
-from collections import Counter, OrderedDict, deque
-from collections.abc import Iterable
+from collections import OrderedDict, deque
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import inf
 from random import Random
@@ -19,6 +19,7 @@ from typing import NamedTuple
 from sleepcast.channel.clock_sync import ClockOffsets, WrongClocks
 from sleepcast.channel.drops import DropCounter, DropReason
 from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Fragment, Piece, look, read_message, read_piece
+from sleepcast.channel.fair_table import FairTable
 from sleepcast.channel.keys import MAY, PublicKey, Trust
 from sleepcast.channel.message import TO_OPERATOR, Kind, Message, Role
 from sleepcast.channel.sequencer import StoredWindow
@@ -29,9 +30,12 @@ WINDOW = 4_096
 _WHOLE_WINDOW = (1 << WINDOW) - 1
 """All of them, as bits."""
 _MAX_SENDERS = 16_384
-"""Senders, per epoch, whose numbers are remembered; beyond, the one that has been silent longest is dropped."""
+"""Senders, per epoch, whose numbers are remembered; beyond, one of the key that has the most is dropped."""
+_MAX_EPOCHS = 64
+"""Epochs of one sender among them: whoever invents more loses their own."""
 MAX_REASSEMBLIES = 64
-"""Long messages that wait for more parts, from all senders together; at most seven megabytes."""
+"""Long messages that wait for more parts, from all senders together; at most seven megabytes. Beyond, one of the key
+that has the most is dropped."""
 VERIFIED_A_SECOND = 200.0
 """Signatures of one key that a robot checks in a second, unless another rate is given."""
 VERIFIED_IN_ALL = 4_000.0
@@ -65,8 +69,8 @@ TIMES_A_SECOND = 200.0
 """Signatures of possible answers to its time request that a robot without a clock checks in a second. Only messages
 that contain its nonce count."""
 _MAX_TIMELY = 64
-"""Parties for which the time of their last timely message is remembered; beyond, the one that has been silent longest
-is dropped."""
+"""Operators for which the time of their last timely message is remembered, or that their clocks differ; beyond, the one
+that has been silent longest is dropped. Each has one name."""
 OLDEST = 3_600.0
 """Seconds after which a message without a deadline is dropped; standing commands are sent again."""
 
@@ -92,6 +96,52 @@ class ReplayWindow:
             self.numbers = (self.numbers << min(ahead, WINDOW) | 1) & _WHOLE_WINDOW
         elif ahead > -WINDOW:
             self.numbers |= 1 << -ahead
+
+
+class ReplayWindows:
+    """What was received from each sender in each epoch. lost: called with the id of a key when what was known of one of
+    its senders gives way, and may be received again.
+
+    A sender may have `_MAX_EPOCHS`, all together `_MAX_SENDERS`; nobody can push out what is known of another key.
+    """
+
+    def __init__(self, lost: Callable[[bytes], object]) -> None:
+        self._lost = lost
+        self._windows = FairTable[tuple[bytes, str, int], ReplayWindow, bytes](_MAX_SENDERS, lost=self._forget)
+        self._epochs: dict[tuple[bytes, str], OrderedDict[int, None]] = {}
+        """The epochs of each sender, the one heard longest ago first."""
+
+    def __len__(self) -> int:
+        return len(self._windows)
+
+    def get(self, which: tuple[bytes, str, int]) -> ReplayWindow | None:
+        """Of one sender in one epoch; None if nothing was received."""
+        return self._windows.get(which)
+
+    def put(self, which: tuple[bytes, str, int], window: ReplayWindow) -> None:
+        """Store a window, new or changed: its sender has just been heard."""
+        key, sender, epoch = which
+        self._windows.put(key, which, window)
+        epochs = self._epochs.setdefault((key, sender), OrderedDict())
+        epochs[epoch] = None
+        epochs.move_to_end(epoch)
+        if len(epochs) > _MAX_EPOCHS:
+            oldest = key, sender, next(iter(epochs))
+            self._windows.pop(oldest)
+            self._forget(key, oldest)
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._windows.clear()
+        self._epochs.clear()
+
+    def _forget(self, key: bytes, which: tuple[bytes, str, int]) -> None:
+        _, sender, epoch = which
+        epochs = self._epochs[key, sender]
+        del epochs[epoch]
+        if not epochs:
+            del self._epochs[key, sender]
+        self._lost(key)
 
 
 class Admitted(NamedTuple):
@@ -139,15 +189,15 @@ class Admission:
         usual = VERIFIED_A_SECOND if robot else VERIFIED_BY_OPERATOR
         self._clock, self._rate, self._chance = clock, usual if rate is None else rate, chance or Random()
         self.skew = SKEW if skew is None else skew
-        self.offsets, self.clocks = ClockOffsets(self.skew), WrongClocks()
-        self._heard: OrderedDict[tuple[bytes, str, int], ReplayWindow] = OrderedDict()
+        self.offsets, self.clocks = ClockOffsets(self.skew), WrongClocks(_MAX_TIMELY)
+        self._heard = ReplayWindows(self.no_room)
         self._changed: set[tuple[bytes, str, int]] = set()
         stops = (STOPS_A_SECOND if robot else STOPS_BY_OPERATOR) * self._rate / usual
         self._stops = RateLimit(stops, STOPS_AT_ONCE * stops, self._chance, clock.now())
         self._budgets: dict[bytes, RateLimit] = {}
         in_all = VERIFIED_IN_ALL * self._rate / usual
         self._in_all = RateLimit(in_all, in_all, self._chance, clock.now())
-        self._open: OrderedDict[tuple[bytes, str, int, int], Reassembly] = OrderedDict()
+        self._open = FairTable[tuple[bytes, str, int, int], Reassembly, bytes](MAX_REASSEMBLIES, lost=self.no_room)
         self._timeless = frozenset({Kind.STOP}) if robot else TO_OPERATOR | {Kind.STOP}
         """Kinds that are accepted whatever their times say: in doubt a robot stops, and a robot's message is judged by
         the message that it answers."""
@@ -197,7 +247,8 @@ class Admission:
 
     def news(self) -> list[StoredWindow]:
         """The replay windows that have changed since the last call."""
-        found = [StoredWindow(*which, *self._both(which)) for which in self._changed if which in self._heard]
+        changed = ((which, self._heard.get(which)) for which in self._changed)
+        found = [StoredWindow(*which, each.latest, each.numbers) for which, each in changed if each is not None]
         self._changed.clear()
         return found
 
@@ -205,11 +256,11 @@ class Admission:
         """Restore replay windows."""
         for window in windows:
             heard = ReplayWindow(window.latest, window.numbers & _WHOLE_WINDOW)
-            self._heard[window.key, window.sender, window.epoch] = heard
+            self._heard.put((window.key, window.sender, window.epoch), heard)
 
-    def _both(self, which: tuple[bytes, str, int]) -> tuple[int, int]:
-        heard = self._heard[which]
-        return heard.latest, heard.numbers
+    def no_room(self, key: bytes, *_: object) -> None:
+        """Something that was kept of this key has given way to more of the same: count it, so that somebody is told."""
+        self.drops.add(DropReason.NO_ROOM, key)
 
     def _objection(self, part: Fragment, key: PublicKey | None, datagram: bytes) -> DropReason | None:
         """Why the part is dropped, judged without its content."""
@@ -320,15 +371,15 @@ class Admission:
         content, datagrams = piece.content, (datagram,)
         if part.parts > 1:
             which = part.key, piece.sender, part.epoch, part.sequence
-            waiting = self._open.setdefault(which, Reassembly(part.parts))
+            waiting = self._open.get(which) or Reassembly(part.parts)
             if part.parts != waiting.parts:
                 raise EnvelopeError("a message whose parts disagree on how many there are")
             waiting.pieces[part.number] = content, datagram
             if len(waiting.pieces) < part.parts:
-                if len(self._open) > MAX_REASSEMBLIES:
-                    self._make_room()
+                if which not in self._open:  # the oldest gives way, not the one of which parts came last
+                    self._open.put(part.key, which, waiting)
                 return None
-            del self._open[which]
+            self._open.pop(which)
             contents, datagrams = zip(*(waiting.pieces[number] for number in range(part.parts)), strict=True)
             content = b"".join(contents)
             if len(content) > MAX_CONTENT:
@@ -344,26 +395,15 @@ class Admission:
             self.note(part.key, piece.sender, part.epoch, part.sequence, lasting=part.kind in _LASTING)
         return Admitted(message, datagrams)
 
-    def _make_room(self) -> None:
-        """Drop the oldest incomplete message of the key that has most of them, so that a sender who starts many loses
-        its own."""
-        waiting = Counter(key for key, *_ in self._open)
-        most = max(waiting.values())
-        del self._open[next(which for which in self._open if waiting[which[0]] == most)]
-
     def note(self, key: bytes, sender: str, epoch: int, sequence: int, *, lasting: bool = False) -> None:
         """Mark this message as received, or as our own: a repeat is dropped. lasting: whether a restart must not forget
         it."""
         which = key, sender, epoch
-        heard = self._heard.get(which)
-        if heard is None:
-            heard = self._heard[which] = ReplayWindow(sequence)
+        heard = self._heard.get(which) or ReplayWindow(sequence)
         heard.note(sequence)
         if lasting:
             self._changed.add(which)
-        self._heard.move_to_end(which)
-        if len(self._heard) > _MAX_SENDERS:
-            self._heard.popitem(last=False)
+        self._heard.put(which, heard)
 
 
 # ---- rate limits: a token bucket, and a fair one that decides at random in a flood

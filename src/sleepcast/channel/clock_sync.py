@@ -18,6 +18,7 @@ from collections.abc import Callable, Sequence
 from math import inf
 from secrets import token_bytes
 
+from sleepcast.channel.fair_table import FairTable
 from sleepcast.channel.message import TIME, Message
 from sleepcast.core.clock import MADE
 
@@ -28,7 +29,8 @@ FRESH = 600.0
 LEAST = 0.05
 """Least offset that matters, s: less may be transmission time, and synchronized clocks differ by less."""
 MAX_OFFSETS = 64
-"""Senders with known offsets; beyond, the one that has been silent longest is dropped."""
+"""Senders with known offsets; beyond, the one that has been silent longest is dropped. Only operators send heartbeats,
+and each has one name."""
 
 
 class ClockOffsets:
@@ -62,7 +64,7 @@ class ClockOffsets:
 
 
 _MAX_CLOCKS = 1_000_000
-"""Parties whose clocks are tracked: as many as a roster takes."""
+"""Parties whose clocks are tracked: as many as a roster takes. Beyond, one of the key that has the most is dropped."""
 _ALIKE = 4.0
 """Seconds by which clocks may differ and still count as equally wrong: each may be wrong by the allowed skew."""
 SHOWN = 5
@@ -72,22 +74,20 @@ UNITS = ((2 * 365.25 * 86_400.0, 365.25 * 86_400.0, "years"), (2 * 86_400.0, 86_
 
 
 class WrongClocks:
-    """How far each party's clock is ahead of ours, s; 0 if it is right."""
+    """How far each party's clock is ahead of ours, s; 0 if it is right. most: parties that are remembered."""
 
-    def __init__(self) -> None:
-        self._ahead: dict[str, float] = {}
-        self._took: dict[str, tuple[str, float]] = {}
+    def __init__(self, most: int = _MAX_CLOCKS) -> None:
+        self._ahead = FairTable[str, float, object](most)
+        self._took = FairTable[str, tuple[str, float], object](most)
 
-    def note(self, name: str, ahead: float) -> None:
-        """The clock of this party is `ahead` s ahead, 0 if it is right."""
-        if ahead or name in self._ahead or len(self._ahead) < _MAX_CLOCKS:
-            self._ahead[name] = ahead
+    def note(self, name: str, ahead: float, key: object = "") -> None:
+        """The clock of this party is `ahead` s ahead, 0 if it is right. key: that signed what shows it."""
+        self._ahead.put(key, name, ahead)
 
-    def note_took(self, name: str, whose: str, behind: float) -> None:
-        """This robot's clock was `behind` s behind, and has been set to the time of `whose`."""
-        if name in self._took or len(self._took) < _MAX_CLOCKS:
-            self._took[name] = whose, behind
-        self.note(name, 0.0)
+    def note_took(self, name: str, whose: str, behind: float, key: object = "") -> None:
+        """This robot's clock was `behind` s behind, and has been set to the time of `whose`. key: as in `note`."""
+        self._took.put(key, name, (whose, behind))
+        self.note(name, 0.0, key)
 
     def clear(self) -> None:
         """Forget everything."""
@@ -96,7 +96,7 @@ class WrongClocks:
 
     def ahead(self, name: str) -> float:
         """How far its clock is ahead, s; 0 if unknown."""
-        return self._ahead.get(name, 0.0)
+        return self._ahead.get(name) or 0.0
 
     @property
     def wrong(self) -> dict[str, float]:

@@ -50,6 +50,8 @@ class DropReason(StrEnum):
     TOO_MANY = "too many"
     FORGED = "forged"
     OTHER_FLEET = "other fleet"
+    NO_ROOM = "no room"
+    """Not the datagram, but what was kept of an earlier one of the same key."""
 
 
 class Owned(Protocol):
@@ -76,8 +78,8 @@ class Notice(NamedTuple):
 
 
 class DropCounter:
-    """Counts dropped datagrams. counts: all so far, by reason; by_key: by key id and reason; the id is b"" if no key is
-    named, or there are too many unknown ones."""
+    """Counts dropped datagrams. counts: all so far, by reason; by_key: by key id and reason, together with what found
+    no room; the id is b"" if no key is named, or there are too many unknown ones."""
 
     def __init__(self, clock: Clock) -> None:
         self.counts: Counter[DropReason] = Counter()
@@ -90,14 +92,15 @@ class DropCounter:
         """In the window before this one."""
 
     def add(self, reason: DropReason, key: bytes = b"", count: int = 1) -> None:
-        """Count dropped datagrams. key: id of the key that they name."""
+        """Count dropped datagrams, or things that found no room. key: id of the key that they name."""
         self._turn()
         if reason is DropReason.UNKNOWN_KEY and key not in self._strangers:
             if len(self._strangers) < MAX_STRANGERS:
                 self._strangers.add(key)
             else:
                 key = b""
-        self.counts[reason] += count
+        if reason is not DropReason.NO_ROOM:
+            self.counts[reason] += count
         self.by_key[key, reason] += count
         self._window[key, reason] += count
 
@@ -153,6 +156,7 @@ _SENTENCES: Mapping[DropReason, tuple[float, str]] = {
     DropReason.REPEATED: (_MANY_REPEATED, "somebody sends {much} a second of {name} again that were heard before"),
     DropReason.LATE: (_MANY_LATE, "{much} a second of {name} come too late, by our clock"),
     DropReason.EARLY: (LEAST, "{much} a second of {name} come from the future, by our clock"),
+    DropReason.NO_ROOM: (LEAST, "{much} a second of {name} are more than there is room for: its oldest are forgotten"),
     DropReason.MALFORMED: (LEAST, "{much} a second come that sleepcast cannot read"),
 }
 """The rate (a second) from which each reason is reported, and the sentence."""

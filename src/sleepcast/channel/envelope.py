@@ -193,8 +193,8 @@ def read_piece(part: Fragment) -> Piece:
 
 
 def read_message(part: Fragment, sender: str, content: bytes, role: str = "", ahead: float = 0.0) -> Message:
-    """The message whose pieces make `content`, and of which `part` arrived last. role: of the key that signed it;
-    ahead: see `Message`. Raises EnvelopeError."""
+    """The message whose pieces make `content`, and of which `part` arrived last. role: of the key that signed it,
+    "" where nobody has verified it; ahead: see `Message`. Raises EnvelopeError."""
     found = _decoded(content)
     match found:
         case [str() as text, dict() as body] if plain(body):
@@ -204,6 +204,7 @@ def read_message(part: Fragment, sender: str, content: bytes, role: str = "", ah
                     body,
                     role,
                     ahead=ahead,
+                    key=part.key.hex() if role else "",
                 )
             except MessageError as error:
                 raise EnvelopeError(str(error)) from None

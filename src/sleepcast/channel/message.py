@@ -105,7 +105,8 @@ class Message(msgspec.Struct, frozen=True, dict=True):
     plain data, by name (see below). role: of the key that signed it, as the receiver knows it; "" where nobody signs.
     heard: when it reached its receiver, s of that clock, None if unknown; ahead: s by which its sender's clock is ahead
     of the receiver's, 0 if by no more than is allowed. A message with another value only shows that its sender is
-    there. Raises MessageError past a bound.
+    there. key: id of the key that signed it, in hexadecimal digits; "" where nobody signs. Raises MessageError past a
+    bound.
     """
 
     sender: str
@@ -120,6 +121,7 @@ class Message(msgspec.Struct, frozen=True, dict=True):
     role: str = ""
     heard: float | None = None
     ahead: float = 0.0
+    key: str = ""
 
     def __post_init__(self) -> None:
         if not (0 < len(self.sender) <= MAX_NAME and self.sender.isprintable()):  # it will stand on terminals

@@ -17,6 +17,7 @@ Messages of other kinds are passed on as they come.
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from heapq import heappop, heappush
@@ -35,7 +36,6 @@ from sleepcast.channel.message import KEYS, TIME, Kind, Message, Role, age_of
 from sleepcast.channel.repair_timer import RepairTimer
 from sleepcast.channel.sequencer import (
     MAX_STREAMS,
-    CatchingUp,
     DeliveryState,
     DigestTimer,
     MessageStore,
@@ -44,6 +44,7 @@ from sleepcast.channel.sequencer import (
     Stream,
     StreamId,
 )
+from sleepcast.channel.told import CatchingUp, ToldStreams
 from sleepcast.core.clock import MADE
 
 REPEATS = (0.03, 0.09, 0.21, 0.45)
@@ -63,7 +64,8 @@ LIFE = 5.0
 """Seconds for which a command counts, unless its sender says otherwise. Only standing commands have no end."""
 REPAIR_RATE = 100_000.0
 """Bytes that a party resends per second, and at once: a tenth of what a slow radio carries, and four of the longest
-expressions. Excess requests are ignored; parties that miss more ask again."""
+expressions. Half of that is for others than the key that asks most. Excess requests are ignored; parties that miss more
+ask again."""
 BATCH = 24
 """Commands resent for one digest or request: the rest follows with the next one."""
 KEEP_EVERY = 256
@@ -77,13 +79,14 @@ MAX_WANTED = 64
 class Repair(NamedTuple):
     """Commands that a party misses, to be resent in order at a time (s). tie: makes equal times comparable. wanted:
     numbers of commands, each with the numbers of its parts if only some are wanted. silent_since: what was on the air
-    after that (s) is left out."""
+    after that (s) is left out. key: of whoever has requested them."""
 
     time: float
     tie: int
-    stream: Stream
+    stream: StreamId
     wanted: Sequence[Sequence[int]]
     silent_since: float
+    key: str
 
 
 class Repeat(NamedTuple):
@@ -100,6 +103,40 @@ class StopRepeats(NamedTuple):
     time: float = inf
     until: float = inf
     datagrams: tuple[bytes, ...] = ()
+
+
+class RepairBudget:
+    """Bytes that may be resent. Each key may ask for half of them; for more only while more than half is left, so that
+    whoever asks without end leaves the rest to the others. Keys are those of who asks; times are s."""
+
+    def __init__(self) -> None:
+        self._all = TokenBucket(REPAIR_RATE, REPAIR_RATE, 0.0)
+        self._of: dict[str, TokenBucket] = {}
+        """Of each key. The number of trusted keys bounds it."""
+        self._planned: Counter[str] = Counter()
+        """Bytes that are to be resent soon for each key."""
+
+    def plan(self, key: str, size: int, now: float) -> bool:
+        """Whether a command of so many bytes may be resent soon for this key. If so, call `carry_out` then."""
+        if not self._allows(key, now, self._planned[key], self._planned.total()):
+            return False
+        self._planned[key] += size
+        return True
+
+    def carry_out(self, key: str, size: int, now: float) -> bool:
+        """Whether the command may be resent now: others may have been faster."""
+        self._planned[key] -= size
+        return self._all.left(now) > 0.0 and self._allows(key, now)
+
+    def spend(self, key: str, size: int) -> None:
+        """So many bytes were resent for this key."""
+        self._all.spend(size)
+        self._of[key].spend(size)
+
+    def _allows(self, key: str, now: float, planned: int = 0, planned_in_all: int = 0) -> bool:
+        half = REPAIR_RATE / 2.0
+        own = self._of.setdefault(key, TokenBucket(half, half, now))
+        return own.left(now) > planned or self._all.left(now) - planned_in_all > half
 
 
 class ReliableDelivery:
@@ -124,15 +161,14 @@ class ReliableDelivery:
         keep: Callable[[], None] = lambda: None,
     ) -> None:
         self.name, self.epoch, self.admission = name, epoch, admission
-        self.sequencer = Sequencer(chance, admission.skew)
+        self.sequencer = Sequencer(chance, admission.skew, admission.no_room)
         self.overheard = 0
         self._key, self._chance = key, chance
         self._store = MessageStore()
         self._repairs = RepairTimer(chance)
         self._digest_timer = DigestTimer(chance)
-        self._catching_up = CatchingUp()
-        self._told: dict[StreamId, int] = {}
-        """The progress of other streams' rules, as robots report it to an operator."""
+        self._told = ToldStreams(lambda key, _: admission.no_room(bytes.fromhex(key)))
+        self._catching_up = CatchingUp(self._told)
         self._sequence, self._issued, self._keep = first - 1, 0.0, keep
         self._out: list[bytes] = []
         self._later: list[Repair | Repeat] = []
@@ -140,7 +176,7 @@ class ReliableDelivery:
         self._tie = count()
         self._time_request: TimeRequest | None = None
         self._time_replies = RateLimit(TIME_REPLIES_A_SECOND, TIME_REPLIES_A_SECOND, chance, 0.0)
-        self._repair_bytes = TokenBucket(REPAIR_RATE, REPAIR_RATE, 0.0)
+        self._repair_bytes = RepairBudget()
 
     # ---- sending
 
@@ -376,39 +412,44 @@ class ReliableDelivery:
     # ---- repair
 
     def _compare(self, digest: Message, now: float) -> None:
-        """Compare a digest with our own progress: resend what its sender misses, and request what we miss."""
-        theirs = {name: rules for name, rules in streams_in(digest.body, "have", int) if self._commands(name)}
-        names = set(self.sequencer.standing())
-        if self.admission.robot:
-            names |= theirs.keys()
-            self._catching_up.hear({name: rules for name, rules in theirs.items() if not self._is_revoked(name)})
-        else:  # an operator compares only its own commands
-            for name in theirs.keys() - names:
-                before = 0 if self._is_revoked(name) else self._told.pop(name, 0)  # a revoked key may lose commands
-                self._told[name] = max(theirs[name], before)
-                if len(self._told) > MAX_STREAMS:
-                    del self._told[next(iter(self._told))]
+        """Compare a digest with our own progress: resend what its sender misses, and tell soon what we miss. What it
+        names may not exist, so it makes no stream."""
+        theirs = {name: rules for name, rules in streams_in(digest.body, "have", int) if self._has_rules(name)}
+        ours = self.sequencer.standing()
+        self._learn(digest, theirs, now)
+        names = ours.keys() | theirs.keys() if self.admission.robot else ours.keys()
         alike, most = True, digest.body.get("most")
         left = max(most, 0) if isinstance(most, int) else BATCH * MAX_STREAMS
         for name in sorted(names):  # all resend the same, so that one does and the others hear it
-            stream = self.sequencer.stream(name)
-            they, we = theirs.get(name, 0), stream.rules
+            they, we, stream = theirs.get(name, 0), ours.get(name, 0), self.sequencer.find(name)
             alike &= they == we
-            if they < we:
+            if they < we and stream is not None:
                 first = bisect_right(stream.standing, they)
                 missing = stream.standing[first : first + min(BATCH, left)]
                 left -= len(missing)
-                self._repair(stream, [(number,) for number in missing], now)
+                self._repair(name, [(number,) for number in missing], digest.key, now)
         if alike:
             self._digest_timer.agree()
         else:
             self._digest_timer.restart(now)
 
-    def _digest(self) -> dict[str, object]:
+    def _learn(self, digest: Message, theirs: Mapping[StreamId, int], now: float) -> None:
+        """Remember what a digest tells: a robot, for how long it has to catch up; an operator, of robots, what they
+        have, and of nobody else, since it repeats that."""
+        if self.admission.robot:
+            theirs = {name: rules for name, rules in theirs.items() if not self._is_revoked(name)}
+        elif digest.role != Role.ROBOT:
+            return
+        self._told.hear(digest.key, theirs, now, self._is_revoked)  # a revoked key may lose commands
+
+    def _digest(self, now: float) -> dict[str, object]:
         """The body of our digest. An operator repeats what robots tell about others' rules, so that nobody resends them
-        to him."""
-        have = self._told | self.sequencer.standing()
-        return {"have": [[*name, have[name]] for name in sorted(have)[-MAX_STREAMS:]]}
+        to him; what we know ourselves has room first."""
+        have = self.sequencer.standing()
+        told = {} if self.admission.robot else self._told.latest(now)
+        others = sorted(told.keys() - have.keys())[: MAX_STREAMS - len(have)]
+        have |= {name: told[name] for name in others}
+        return {"have": [[*name, have[name]] for name in sorted(have)]}
 
     def _missing(self, name: StreamId, number: int) -> tuple[int, ...]:
         """Missing parts of a command that has partly arrived."""
@@ -423,38 +464,48 @@ class ReliableDelivery:
         self._say(Kind.REQUEST, request(missing), now)
 
     def _repair_requested(self, asked: Message, now: float) -> None:
+        """Resend what is requested; those of the requested commands that are resent now, we do not request as well."""
+        left = MAX_WANTED
         for name, listed in streams_in(asked.body, "want", list):
-            numbers = tuple(number for number in listed[:MAX_WANTED] if isinstance(number, int))
-            if self._commands(name):
+            numbers = tuple(number for number in listed[: min(left, BATCH)] if isinstance(number, int))
+            if self._commands(name) and numbers:
+                left -= len(numbers)
                 self.sequencer.asked(name, numbers, now)
-                self._repair(self.sequencer.stream(name), [(number,) for number in numbers[:BATCH]], now)
+                self._repair(name, [(number,) for number in numbers], asked.key, now)
         for name, number, parts in wanted_parts(asked.body):
             if self._commands(name):
                 if {*parts} >= {*self._missing(name, number)}:
                     self.sequencer.asked(name, (number,), now)
-                self._repair(self.sequencer.stream(name), [(number, *parts)], now)
+                self._repair(name, [(number, *parts)], asked.key, now)
 
     def _commands(self, name: StreamId) -> bool:
         """Whether a stream's sender may command."""
         key = self.admission.trust.find(name[0])
         return key is not None and Kind.COMMAND in MAY[key.role] and key.role is not Role.ROBOT
 
+    def _has_rules(self, name: StreamId) -> bool:
+        """Whether a stream's sender may send standing commands: digests tell of no others."""
+        key = self.admission.trust.find(name[0])
+        return key is not None and key.role is Role.COMMANDER
+
     def _is_revoked(self, name: StreamId) -> bool:
         key = self.admission.trust.find(name[0])
         return key is not None and key.revoked
 
-    def _repair(self, stream: Stream, asked: Sequence[Sequence[int]], now: float) -> None:
+    def _repair(self, stream: StreamId, asked: Sequence[Sequence[int]], key: str, now: float) -> None:
+        """Resend commands of a stream soon, or parts of them. key: of whoever has asked."""
         silent_since = now - self._repairs.pause
         wanted = [
             each
             for each in asked
-            if self._store.silent_since(stream.name, each[0], silent_since, each[1:])
-            and not (len(each) == 1 and self._repairs.is_pending((stream.name, each[0]), now))
+            if self._store.silent_since(stream, each[0], silent_since, each[1:])
+            and not (len(each) == 1 and self._repairs.is_pending((stream, each[0]), now))
         ]
+        due = now + self._repairs.wait()
+        wanted = [each for each in wanted if self._repair_bytes.plan(key, self._store.size(stream, each[0]), now)]
         if wanted:
-            due = now + self._repairs.wait()
-            heappush(self._later, Repair(due, next(self._tie), stream, wanted, silent_since))
-            self._repairs.begin([(stream.name, each[0]) for each in wanted if len(each) == 1], now, due)
+            heappush(self._later, Repair(due, next(self._tie), stream, wanted, silent_since, key))
+            self._repairs.begin([(stream, each[0]) for each in wanted if len(each) == 1], now, due)
 
     # ---- time
 
@@ -472,7 +523,7 @@ class ReliableDelivery:
             self._say(Kind.REPORT, self._time_request.question(now), now)
             self.admission.nonce = self._time_request.nonce
         if self._digest_timer.is_due(now):
-            self._say(Kind.DIGEST, self._digest(), now)
+            self._say(Kind.DIGEST, self._digest(now), now)
         return self.posted(), found
 
     def due(self) -> float:
@@ -490,12 +541,12 @@ class ReliableDelivery:
             self._out += job.datagrams
             return
         for number, *parts in job.wanted:
-            if self._repair_bytes.left(now) <= 0.0:
-                return
-            found = self._store.take(job.stream.name, number, now, job.silent_since, parts)
+            if not self._repair_bytes.carry_out(job.key, self._store.size(job.stream, number), now):
+                continue
+            found = self._store.take(job.stream, number, now, job.silent_since, parts)
             if found:
-                self._repairs.sent((job.stream.name, number))
-            self._repair_bytes.spend(sum(map(len, found)))
+                self._repairs.sent((job.stream, number))
+            self._repair_bytes.spend(job.key, sum(map(len, found)))
             self._out += found
 
     def _stop_again(self, now: float) -> None:

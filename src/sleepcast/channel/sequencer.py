@@ -7,20 +7,25 @@ for any other only until its deadline, and not at all if it joined after that on
 
 from __future__ import annotations
 
-from collections import OrderedDict, deque
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from math import exp, inf, log1p
 from random import Random
 from typing import NamedTuple
 
+from sleepcast.channel.fair_table import FairTable
 from sleepcast.channel.message import Link, Message
 
 MAX_STREAMS = 64
-"""Streams (senders of commands, per epoch) that are kept in order; beyond, the one that has been silent longest is
-dropped, those without rules before others."""
+"""Streams (senders of commands, per epoch) that are kept in order; beyond, one of the key that has the most is dropped,
+those without rules before others."""
 MAX_WAITING = 1_024
 """Waiting commands of one stream; beyond, the latest ones are dropped, and requested again later."""
+_MAX_MISSING = 64
+"""Missing commands of one stream that are requested at a time; the rest follows."""
+_MAX_PUT_OFF = 4
+"""Requests of others that put off ours: whoever asks without end keeps nobody else from asking."""
 _MAX_SKIPPED = 1_024
 """Skipped commands that are remembered: the latest."""
 _ASK_AFTER = (0.02, 0.08)
@@ -41,12 +46,13 @@ class Skipped(NamedTuple):
 
 @dataclass(slots=True)
 class MissingCommand:
-    """A missing command. due: time of the next request, s; again: s until the one after; until: when it is too late,
-    s."""
+    """A missing command. due: time of the next request, s; again: s until the one after; until: when it is too late, s;
+    put_off: how often others' requests have put off ours."""
 
     due: float
     again: float = ASK_AGAIN
     until: float = inf
+    put_off: int = 0
 
 
 @dataclass(slots=True)
@@ -83,28 +89,31 @@ class Stream:
 
 class Sequencer:
     """The streams of all senders of commands. chance: for the times of requests; skew: largest clock difference, s.
+    lost: called with the id of a key of which a stream is dropped.
 
     since: when we began to listen, s; earlier commands are not for us, unless they are standing.
     """
 
-    def __init__(self, chance: Random, skew: float) -> None:
+    def __init__(
+        self, chance: Random, skew: float, lost: Callable[[bytes, StreamId], object] = lambda *_: None
+    ) -> None:
         self.since = -inf
         self._chance, self._skew = chance, skew
-        self._streams: OrderedDict[StreamId, Stream] = OrderedDict()
+        self._streams = FairTable[StreamId, Stream, bytes](
+            MAX_STREAMS, lasting=lambda stream: bool(stream.standing), lost=lost
+        )
         self._skipped: deque[Skipped] = deque(maxlen=_MAX_SKIPPED)
         self._changed: set[StreamId] = set()
 
     def stream(self, name: StreamId) -> Stream:
-        """The stream with this id, created on first use."""
-        found = self._streams.get(name)
-        if found is None:
-            found = self._streams[name] = Stream(name)
-            if len(self._streams) > MAX_STREAMS:
-                oldest = next(iter(self._streams))
-                without = (each.name for each in self._streams.values() if each is not found and not each.standing)
-                del self._streams[next(without, oldest)]
-        self._streams.move_to_end(name)
+        """The stream of a command that was verified, created if it is the first."""
+        found = self._streams.get(name) or Stream(name)
+        self._streams.put(name[0], name, found)
         return found
+
+    def find(self, name: StreamId) -> Stream | None:
+        """The stream with this id, if a command of it was received: what others only tell makes no stream."""
+        return self._streams.get(name)
 
     def knows(self, name: StreamId, number: int) -> bool:
         """Whether a command has arrived, and waits or was handled."""
@@ -123,9 +132,11 @@ class Sequencer:
 
     def news(self) -> tuple[StreamProgress, ...]:
         """The progress of the streams that have advanced since the last call."""
-        moved = (self._streams[name] for name in self._changed if name in self._streams)
+        moved = (self._streams.get(name) for name in self._changed)
         found = tuple(
-            StreamProgress(stream.name, stream.done, stream.sent, stream.until, stream.rules) for stream in moved
+            StreamProgress(stream.name, stream.done, stream.sent, stream.until, stream.rules)
+            for stream in moved
+            if stream is not None
         )
         self._changed.clear()
         return found
@@ -183,22 +194,24 @@ class Sequencer:
                 elif want.due <= now and most > 0:
                     found.setdefault(stream.name, []).append(number)
                     want.due = now + want.again * (1.0 + mostly_late(self._chance)) / 2.0
-                    want.again = min(2.0 * want.again, _ASK_SELDOM)
+                    want.again, want.put_off = min(2.0 * want.again, _ASK_SELDOM), 0
                     most -= 1
         return found
 
     def want_parts(self, name: StreamId, number: int, until: float, due: float) -> None:
         """Parts of a command have arrived: request the others from `due` to `until`, s."""
         stream = self.stream(name)
-        if number > stream.done and number not in stream.wanted:
+        if number > stream.done and number not in stream.wanted and len(stream.wanted) < _MAX_MISSING:
             stream.wanted[number] = MissingCommand(due + _ASK_AFTER[1] * mostly_late(self._chance), until=until + SLACK)
 
     def asked(self, name: StreamId, numbers: Sequence[int], now: float) -> None:
-        """Another party has requested these commands, so we wait a while."""
-        wanted = self._streams[name].wanted if name in self._streams else {}
+        """Another party has requested these commands, so we wait a while, but not for ever."""
+        stream = self._streams.get(name)
+        wanted = {} if stream is None else stream.wanted
         for number in wanted.keys() & set(numbers):
             want = wanted[number]
-            want.due = max(want.due, now + want.again)
+            if want.put_off < _MAX_PUT_OFF:
+                want.due, want.put_off = max(want.due, now + want.again), want.put_off + 1
 
     def due(self) -> float:
         """When to request something next, or to stop waiting for it, s."""
@@ -248,7 +261,7 @@ class Sequencer:
         return message.standing or message.issued >= self.since - self._skew  # whichever clock is wrong
 
     def _want(self, stream: Stream, number: int, now: float) -> None:
-        if number not in stream.wanted:
+        if number not in stream.wanted and len(stream.wanted) < _MAX_MISSING:
             soonest, latest = _ASK_AFTER
             stream.wanted[number] = MissingCommand(now + soonest + (latest - soonest) * mostly_late(self._chance))
 
@@ -305,50 +318,6 @@ class DigestTimer:
         self._speaks = now + interval * (1.0 + mostly_late(self._chance)) / 2.0
 
 
-# ---- whether a robot catches up: it was off or out of reach, and takes standing commands that are old. Each was right
-# in its time, and one that is still to come may have replaced it. So the robot rests until it has all of them
-
-
-OLD = 60.0
-"""Seconds after its issue from which a standing command is old. Whoever was out of reach for less need not rest, and
-interrupt what it does: commands of one minute hardly contradict each other."""
-QUIET = 2.0
-"""Seconds after the latest old command for which there may be more of which nobody has told yet: the digests of others
-come sooner, unless several are lost."""
-PATIENCE = 30.0
-"""Seconds after the latest old command for which a robot waits for others that it has been told of. Whoever told of
-them may be gone, or may have lied."""
-
-
-class CatchingUp:
-    """One receiver's judgement. Times are s of Unix time."""
-
-    def __init__(self) -> None:
-        self._latest = -inf
-        """When the latest old command was taken."""
-        self._told: dict[StreamId, int] = {}
-        """The number of the latest standing command of each stream, as others have told in their digests."""
-
-    def hear(self, told: Mapping[StreamId, int]) -> None:
-        """Somebody's digest: the number of the latest standing command of each stream."""
-        for name, number in told.items():
-            self._told[name] = max(number, self._told.pop(name, 0))
-        while len(self._told) > MAX_STREAMS:
-            del self._told[next(iter(self._told))]
-
-    def take(self, issued: float, now: float) -> None:
-        """A standing command, issued at that time, is taken at `now`."""
-        if now - issued > OLD:
-            self._latest = now
-
-    def lasts(self, have: Mapping[StreamId, int], now: float) -> bool:
-        """Whether it lasts at `now`. have: the latest standing command of each stream that was taken here."""
-        since = now - self._latest
-        if since >= PATIENCE:
-            return False
-        return since < QUIET or any(number > have.get(name, 0) for name, number in self._told.items())
-
-
 # ---- stored commands for parties that have missed them, and the state of reliable delivery that outlasts its process:
 # delivery reports changes as `DeliveryState`s; together they restore it
 
@@ -400,7 +369,8 @@ class DeliveryState(NamedTuple):
 
 
 _MAX_RECENT = 512
-"""Other commands that are stored: those of the last five seconds at a hundred a second."""
+"""Other commands that are stored: those of the last five seconds at a hundred a second. Beyond, one of the key that has
+the most gives way, as among the standing ones."""
 MAX_STANDING = 20_000
 """Standing commands that are stored, of all senders: months of a busy desk, some ten megabytes."""
 
@@ -417,18 +387,16 @@ class MessageStore:
     """The bytes of commands, and when each datagram was last on the air."""
 
     def __init__(self) -> None:
-        self._standing: OrderedDict[tuple[StreamId, int], StoredCommand] = OrderedDict()
-        self._recent: OrderedDict[tuple[StreamId, int], StoredCommand] = OrderedDict()
+        self._standing = FairTable[tuple[StreamId, int], StoredCommand, bytes](MAX_STANDING)
+        self._recent = FairTable[tuple[StreamId, int], StoredCommand, bytes](_MAX_RECENT)
         self._news: list[StandingCommand] = []
 
     def keep(self, stream: StreamId, number: int, standing: bool, datagrams: tuple[bytes, ...], now: float) -> None:
-        """Store a command that was received or sent at `now` (s), replacing the oldest if there are too many."""
-        stored, most = (self._standing, MAX_STANDING) if standing else (self._recent, _MAX_RECENT)
+        """Store a command that was received or sent at `now` (s)."""
+        stored = self._standing if standing else self._recent
         if standing and (stream, number) not in stored:
             self._news.append(StandingCommand(stream, number, datagrams))
-        stored[stream, number] = StoredCommand(datagrams, [now] * len(datagrams))
-        if len(stored) > most:
-            stored.popitem(last=False)
+        stored.put(stream[0], (stream, number), StoredCommand(datagrams, [now] * len(datagrams)))
 
     def news(self) -> tuple[StandingCommand, ...]:
         """The standing commands that were stored since the last call."""
@@ -455,6 +423,11 @@ class MessageStore:
         `time` (s)."""
         kept = self._find(stream, number)
         return kept is not None and any(kept.heard[part] < time for part in _named(kept, parts))
+
+    def size(self, stream: StreamId, number: int) -> int:
+        """Bytes of a stored command, 0 if it is not stored."""
+        kept = self._find(stream, number)
+        return 0 if kept is None else sum(map(len, kept.datagrams))
 
     def take(
         self, stream: StreamId, number: int, now: float, since: float = inf, parts: Sequence[int] = ()

@@ -14,20 +14,21 @@ tells the others reaches its neighbours through the same receiver.
 from __future__ import annotations
 
 import select
-from collections import OrderedDict, deque
+from collections import deque
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import count
 from math import inf, isinf
 from random import Random
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import msgspec
 
 from sleepcast.channel.admission import Admission
 from sleepcast.channel.drops import DropCounter, DropReason
 from sleepcast.channel.envelope import kind_of
+from sleepcast.channel.fair_table import FairTable
 from sleepcast.channel.message import AGAIN, FOR, MAX_NAME, MISSED, NOT, WITHIN, Kind, Message, message_id
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.sequencer import Skipped
@@ -37,7 +38,8 @@ from sleepcast.core.clock import Clock
 MAX_SPREAD = 60.0
 """Seconds over which answers may be spread."""
 _MAX_ASKED = 256
-"""Commands whose time to answer is remembered."""
+"""Messages of which is remembered who sent them, and in which time they are to be answered. Beyond, one of the key that
+has the most gives way, as among the answers."""
 MAX_ANSWERED = 64
 """Answers that can be sent again, as many as a robot can explain."""
 _MAX_REPORTED = 8
@@ -49,6 +51,13 @@ _REPORT_EVERY = 1.0
 """Seconds between two such reports."""
 _MAX_HELD = 1_024
 """Delayed answers; beyond, the earliest is sent at once."""
+
+
+class Asked(NamedTuple):
+    """Who wants an answer: the id of the key, "" if unknown; and over how many s it is to be spread."""
+
+    key: str = ""
+    within: float = 0.0
 
 
 @dataclass(order=True, slots=True)
@@ -82,8 +91,8 @@ class ChannelSession:
         self._heard: list[Message] = []
         self._missed: list[Skipped] = []
         self._report_at = -inf
-        self._asked: OrderedDict[str, float] = OrderedDict()
-        self._answered: OrderedDict[str, Message] = OrderedDict()
+        self._asked = FairTable[str, Asked, str](_MAX_ASKED)
+        self._answered = FairTable[str, Message, str](MAX_ANSWERED)
         self._delayed: list[DelayedAnswer] = []
         self._tie = count()
         if listens:
@@ -93,10 +102,9 @@ class ChannelSession:
         """Send a message: an answer at its random time, any other at once. Raises MessageError if it is too long."""
         if message.kind is Kind.ANSWER:
             command = str(message.body.get("command"))
-            self._answered[command] = message
-            if len(self._answered) > MAX_ANSWERED:
-                self._answered.popitem(last=False)
-            self._delay(message, self._asked.get(command, 0.0))
+            asked = self._asked.get(command) or Asked()
+            self._answered.put(asked.key, command, message)
+            self._delay(message, asked.within)
         else:
             self._post(message)
         self.flush()
@@ -134,11 +142,7 @@ class ChannelSession:
             if message.kind is Kind.ASK and AGAIN in message.body:
                 self._say_again(message)
                 continue
-            within = _within(message)
-            if within > 0.0:
-                self._asked[message.id] = within
-                if len(self._asked) > _MAX_ASKED:
-                    self._asked.popitem(last=False)
+            self._asked.put(message.key, message.id, Asked(message.key, _within(message)))
             self._heard.append(message)
 
     def miss(self, skipped: Iterable[Skipped]) -> None:
@@ -178,7 +182,7 @@ class ChannelSession:
 
     @property
     def is_catching_up(self) -> bool:
-        """Whether a robot misses standing commands of others: see `sequencer.CatchingUp`."""
+        """Whether a robot misses standing commands of others: see `told.CatchingUp`."""
         return self.delivery.is_catching_up(self._clock.now())
 
     def pump_due(self) -> float:

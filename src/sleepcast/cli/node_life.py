@@ -158,7 +158,7 @@ class NodeProcess:
             self.listener,
             self.session,
             epoch_at(self.node.zero),
-            lambda: authority.latch.holding,
+            lambda: [mark.named for mark in authority.latch.holding],
             self.ground,
             [actuator.name for actuator in self.robot.model.actuators],
         )

@@ -24,6 +24,7 @@ not know. Any other STOP stops the robot: in doubt it stays stopped.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -56,15 +57,17 @@ from sleepcast.language.program import Program
 MAX_LEASE = 3_600.0
 """Longest duration of a lease, s."""
 MAX_LEASES = 1_024
-"""Groups whose leases are stored: as many as a robot can be in."""
+"""Groups whose leases are stored: as many as a robot can be in. Beyond, the operator who took most of them loses one,
+the first to end."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lease:
-    """The holder of a lease, and its end (s of the mind's time)."""
+    """The holder of a lease, and its end (s of the mind's time). by: who took it, and has perhaps granted it on."""
 
     holder: str
     until: float
+    by: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,12 +104,13 @@ class Leases:
         if refusal:
             return refusal
         key, held = wish.group.casefold(), self._find(wish.group, now)
+        self._make_room(wish, now)
         if wish.deed is LeaseAction.GIVE:
             self._held.pop(key, None)
         elif wish.deed is LeaseAction.GRANT and held is not None:
-            self._held[key] = Lease(wish.to, max(held.until, now + wish.seconds))
+            self._held[key] = Lease(wish.to, max(held.until, now + wish.seconds), message.sender)
         else:
-            self._held[key] = Lease(message.sender, now + wish.seconds)
+            self._held[key] = Lease(message.sender, now + wish.seconds, message.sender)
         return ""
 
     def _refusal(self, wish: LeaseRequest, message: Message, now: float) -> str:
@@ -123,8 +127,24 @@ class Leases:
             return "" if wish.to else f"say to whom {wish.group} is granted"
         if held is not None and not mine:
             return _held_by(held, wish.group, now)
-        full = wish.deed is not LeaseAction.GIVE and held is None and len(self._living(now)) >= MAX_LEASES
-        return f"no room for another lease: there are {MAX_LEASES}" if full else ""
+        if wish.deed is not LeaseAction.GIVE and held is None and self._greediest(now) == message.sender:
+            return f"no room for another lease: there are {MAX_LEASES}, most of them of {message.sender}"
+        return ""
+
+    def _greediest(self, now: float) -> str:
+        """Who took the most leases, if there is no room for one more; otherwise ""."""
+        living = self._living(now)
+        if len(living) < MAX_LEASES:
+            return ""
+        return Counter(lease.by for lease in living.values()).most_common(1)[0][0]
+
+    def _make_room(self, wish: LeaseRequest, now: float) -> None:
+        """Whoever took most of all leases loses the one that ends first, so that they leave some for others."""
+        greediest = self._greediest(now)
+        if wish.deed in (LeaseAction.GIVE, LeaseAction.GRANT) or wish.group.casefold() in self._held or not greediest:
+            return
+        theirs = {group: lease.until for group, lease in self._held.items() if lease.by == greediest}
+        del self._held[min(theirs, key=theirs.__getitem__)]
 
     def objection(self, sender: str, groups: Collection[str], now: float) -> str:
         """Why a command of this sender does not count in these groups (their keys), "" if it does."""
@@ -141,7 +161,7 @@ class Leases:
     def restore(self, state: Mapping[str, list[str | float]], now: float) -> None:
         """Restore stored leases; their remaining seconds start to run now."""
         for group, (holder, seconds) in list(state.items())[:MAX_LEASES]:
-            self._held[group] = Lease(str(holder), now + min(float(seconds), MAX_LEASE))
+            self._held[group] = Lease(str(holder), now + min(float(seconds), MAX_LEASE), str(holder))
 
     def _find(self, group: str, now: float) -> Lease | None:
         found = self._held.get(group.casefold())
@@ -280,7 +300,7 @@ class Authority:
 
     def stops(self, now: float) -> list[list[object]]:
         """The STOPs that hold, each with the seconds since its arrival, or since a restart."""
-        return [[*mark, max(0.0, now - self._since.get(mark.life, 0.0))] for mark in self.latch.holding]
+        return [[*mark.named, max(0.0, now - self._since.get(mark.life, 0.0))] for mark in self.latch.holding]
 
     def lease(self, message: Message, now: float) -> tuple[str, str]:
         """Carry out a message's request about the lease of a group; returns the group's key and the reason for a
@@ -308,7 +328,7 @@ class Authority:
 
     def state(self, now: float) -> dict[str, object]:
         """What must survive a restart, as plain data with times as seconds from `now`."""
-        return {**self.latch._asdict(), "leases": self.leases.state(now)}
+        return {**self.latch.written(), "leases": self.leases.state(now)}
 
     def restore(self, state: Mapping[str, object], now: float) -> None:
         """Restore a stored state. Raises TypeError and ValueError for malformed data."""
@@ -332,26 +352,44 @@ def _entered(program: Program) -> set[str]:
 # ---- the STOP latch
 
 MAX_MARKS = 64
-"""Senders, per epoch, whose STOPs hold at once, and as many whose ended STOPs are remembered; beyond, the one that has
-been silent longest is dropped."""
+"""Senders, per epoch, whose STOPs hold at once, and as many whose ended STOPs are remembered: as many as a RELEASE can
+name. Beyond, the key that has the most loses the one that has been silent longest; the mark `FORGOTTEN` takes the place
+of those that hold."""
+FORGOTTEN = "?"
+"""Stands in the place of a sender for STOPs that hold, and for which there was no room. Its number grows with each of
+them, and only a RELEASE that names it ends it."""
+MORE_STOPS = "more STOPs than there is room for"
+"""What that mark means."""
 Life = tuple[str, int]
 """A sender and one of its epochs."""
 
 
 class Mark(NamedTuple):
-    """A STOP, and all earlier ones of the same sender and epoch."""
+    """A STOP, and all earlier ones of the same sender and epoch. key: id of the key that signed it, in hexadecimal
+    digits; "" if it is unknown. It does not say which STOP it is."""
 
     sender: str
     epoch: int
     number: int
+    key: str = ""
 
     @property
     def id(self) -> str:
-        return message_id(*self)
+        return message_id(self.sender, self.epoch, self.number)
+
+    @property
+    def named(self) -> list[object]:
+        """The mark as others name it."""
+        return [self.sender, self.epoch, self.number]
 
     @property
     def life(self) -> Life:
         return self.sender, self.epoch
+
+    @property
+    def owner(self) -> str:
+        """Whose room it takes: its key, or its sender where the key is unknown."""
+        return self.key or self.sender
 
     def covers(self, other: Mark) -> bool:
         """Whether the other STOP is one of these."""
@@ -368,24 +406,39 @@ class Latch(NamedTuple):
     def stop(self, message: Message) -> Latch | None:
         """The latch after a STOP; None if the STOP has already ended."""
         mark = mark_of(message)
+        if mark.sender == FORGOTTEN:  # nobody has this name; in doubt the robot stops
+            return Latch(_with(self.holding, [self._forgotten()]), self.ended)
         if any(each.covers(mark) for each in self.ended):
             return None
-        return Latch(_with(self.holding, [mark]), self.ended)
+        holding = _with(self.holding, [mark])
+        if len(holding) > MAX_MARKS:
+            holding = _with(_roomy(holding), [self._forgotten()])
+        return Latch(holding, self.ended)
+
+    def _forgotten(self) -> Mark:
+        """The mark for one more STOP without room."""
+        before = [mark.number for mark in (*self.holding, *self.ended) if mark.sender == FORGOTTEN]
+        return Mark(FORGOTTEN, 0, max(before, default=0) + 1)
 
     def release(self, message: Message) -> Latch | None:
         """The latch after a RELEASE; the robot is free if no STOP is left. None for a malformed RELEASE. A named STOP
         of another sender ends only if it has arrived: if it arrives later, it stops the robot."""
         if age_of(message.body) == inf:
             return None
-        own = mark_of(message)
-        ends = [own, *marks_of(message.body.get(ENDS))]
+        own = [mark_of(message)] if message.sender != FORGOTTEN else []
+        ends = own + marks_of(message.body.get(ENDS))
         ended = [held for held in self.holding if any(each.covers(held) for each in ends)]
-        return Latch(tuple(held for held in self.holding if held not in ended), _with(self.ended, [*ended, own]))
+        left = tuple(held for held in self.holding if held not in ended)
+        return Latch(left, _roomy(_with(self.ended, [*ended, *own])))
 
     def refusal(self) -> str:
         """Why a robot with this latch stays stopped after a RELEASE."""
-        held = ", ".join(mark.id for mark in self.holding)
+        held = ", ".join(f"{mark.id} ({MORE_STOPS})" if mark.sender == FORGOTTEN else mark.id for mark in self.holding)
         return f"the STOP {held} holds: the RELEASE does not name it" if held else "a RELEASE that cannot be read"
+
+    def written(self) -> dict[str, object]:
+        """What `restored` reads, as plain data."""
+        return {sort: [list(mark) for mark in marks] for sort, marks in self._asdict().items()}
 
 
 ENDED = "a RELEASE that was sent later has ended this STOP"
@@ -400,7 +453,7 @@ def mark_of(message: Message) -> Mark:
         said = first.rpartition(".")[2]
         if len(said) <= len(str(MAX_NUMBER)) and said.isascii() and said.isdigit():
             number = min(number, int(said))
-    return Mark(sender, epoch, number)
+    return Mark(sender, epoch, number, message.key)
 
 
 def marks_of(said: object) -> list[Mark]:
@@ -415,13 +468,15 @@ def marks_and_ages(said: object) -> list[tuple[Mark, float]]:
         match each:
             case [str() as sender, int() as epoch, int() as number, *rest]:
                 if len(sender) <= MAX_NAME and 0 <= epoch <= MAX_NUMBER and 0 <= number <= MAX_NUMBER:
-                    age = rest[0] if rest and isinstance(rest[0], float) and rest[0] >= 0.0 else 0.0
-                    found.append((Mark(sender, epoch, number), age))
+                    more = rest[0] if rest else None
+                    age = more if isinstance(more, float) and more >= 0.0 else 0.0
+                    key = more if isinstance(more, str) and len(more) <= MAX_NAME else ""
+                    found.append((Mark(sender, epoch, number, key), age))
     return found
 
 
 def restored(state: Mapping[str, object]) -> Latch:
-    """The latch that was saved with `_asdict`; missing fields are empty."""
+    """The latch that was `written`; missing fields are empty, and so are the keys of one of an earlier version."""
     return Latch(*(_with((), marks_of(state.get(sort))) for sort in Latch._fields))
 
 
@@ -429,5 +484,16 @@ def _with(marks: Iterable[Mark], more: Iterable[Mark]) -> tuple[Mark, ...]:
     """The highest mark of each sender and epoch, the latest ones last."""
     found = {mark.life: mark for mark in marks}
     for mark in more:
-        found[mark.life] = max(found.pop(mark.life, mark), mark)
-    return tuple(found.values())[-MAX_MARKS:]
+        found[mark.life] = max(found.pop(mark.life, mark), mark, key=lambda each: each.number)
+    return tuple(found.values())
+
+
+def _roomy(marks: tuple[Mark, ...]) -> tuple[Mark, ...]:
+    """These marks with room for `FORGOTTEN`, which is never lost: the key that has the most loses the one that has been
+    silent longest."""
+    left = list(marks)
+    while sum(mark.sender != FORGOTTEN for mark in left) >= MAX_MARKS:
+        counts = Counter(mark.owner for mark in left if mark.sender != FORGOTTEN)
+        most_of = max(counts.values())
+        left.remove(next(mark for mark in left if mark.sender != FORGOTTEN and counts[mark.owner] == most_of))
+    return tuple(left)

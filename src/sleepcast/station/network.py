@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.clock_sync import WrongClocks
+from sleepcast.channel.fair_table import FairTable
 from sleepcast.channel.keys import MAY
 from sleepcast.channel.message import (
     AGAIN,
@@ -48,7 +49,7 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language.parts import rules
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
-from sleepcast.mind.authority import MAX_MARKS, Life, Mark, mark_of, marks_and_ages
+from sleepcast.mind.authority import FORGOTTEN, MAX_MARKS, Life, Mark, mark_of, marks_and_ages
 from sleepcast.station.account import COUNTED, account
 from sleepcast.station.answers import MATCHED
 from sleepcast.station.journal.journal import Journal, JournalEvent
@@ -231,8 +232,22 @@ LEASE = 1.0
 """Seconds for which a robot that is driven goes on without hearing anything, unless set otherwise."""
 MAX_DRIVERS = 64
 """Commands whose robots are kept moving; beyond, the oldest is dropped."""
+MAX_STOPS = 4 * MAX_MARKS
+"""STOPs of others that are remembered; beyond, one that is known by the key that has told of the most is forgotten. A
+RELEASE names `MAX_MARKS`, and the next one the others."""
 MAX_NEWS = 100
 """Messages of other operators that are stored, to be shown."""
+
+
+@dataclass(slots=True)
+class KnownStop:
+    """A STOP of somebody else. since: when it was there, s; holds: whether a robot told that it holds it; released: how
+    often we have named it in a RELEASE."""
+
+    mark: Mark
+    since: float
+    holds: bool = False
+    released: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,8 +320,8 @@ class NetworkStation(Station):
         self._beat = -inf
         self.clocks = WrongClocks()
         """Of the robots."""
-        self._stops: dict[Life, tuple[Mark, float]] = {}
-        """The latest STOP that is known of each other sender, and when robots had it, s."""
+        self._stops = FairTable[Life, KnownStop, str](MAX_STOPS)
+        """The latest STOP that is known of each other sender."""
         for name, time in (heard or {}).items():
             self._roster.hear(name, time)
         self._roster.size = expected.size
@@ -386,8 +401,12 @@ class NetworkStation(Station):
         """As every station; it ends the STOPs of others, too, of which the desk knows that they were there when this
         was decided (s of Unix time, None: now). Raises RoleError for an observer."""
         self._validate_role(Kind.RELEASE)
-        known = [mark for mark, since in self._stops.values() if decided is None or since <= decided]
-        return self._broadcast(Kind.RELEASE, body={ENDS: [[*mark] for mark in known]} if known else {})
+        known = [stop for stop in self._stops.values() if decided is None or stop.since <= decided]
+        known.sort(key=lambda stop: (stop.mark.sender != FORGOTTEN, stop.released, not stop.holds, -stop.since))
+        for stop in known[:MAX_MARKS]:
+            stop.released += 1
+        body: dict[str, object] = {ENDS: [stop.mark.named for stop in known[:MAX_MARKS]]} if known else {}
+        return self._broadcast(Kind.RELEASE, body=body)
 
     def give_up(self, command: str) -> None:
         """Wait no longer for answers to this command. Raises NoSuchCommandError."""
@@ -515,7 +534,7 @@ class NetworkStation(Station):
         clocks, skew = self.clocks, self.session.delivery.admission.skew
         answers = self._sent.find(self._retransmission.known(message).body.get("command")) is not None
         if answers or not message.ahead:
-            clocks.note(message.sender, message.ahead)
+            clocks.note(message.sender, message.ahead, message.key)
         return abs(clocks.ahead(message.sender) - message.ahead) <= skew
 
     def _overhear(self, message: Message) -> None:
@@ -529,7 +548,7 @@ class NetworkStation(Station):
             self.commanded.note(self.now, self._named(message))
         if message.kind is Kind.STOP:
             self._drivers.clear()
-            self._note_stop(mark_of(message), self.now)
+            self._note_stop(KnownStop(mark_of(message), self.now), message.key)
         self._retransmission.overtaken(message.kind)
 
     def _named(self, message: Message) -> Index | None:
@@ -549,20 +568,23 @@ class NetworkStation(Station):
     def _learn_stops(self, answer: Message) -> None:
         """A robot tells which STOPs hold it, each with the seconds since it came."""
         for mark, age in marks_and_ages(answer.body.get(STOPS)):
-            self._note_stop(mark, self.now - age)
+            self._note_stop(KnownStop(mark, self.now - age, holds=True), answer.key)
 
     def _learn_time(self, report: Message) -> None:
         """A robot tells whose time it has taken, and by how many s its clock was behind."""
         match report.body.get(TOOK), report.body.get("values"):
             case str() as whose, [float() as behind] if whose.isprintable() and 0.0 < behind < inf:
-                self.clocks.note_took(report.sender, whose[:MAX_NAME], behind)
+                self.clocks.note_took(report.sender, whose[:MAX_NAME], behind, report.key)
 
-    def _note_stop(self, mark: Mark, since: float) -> None:
-        known, before = self._stops.pop(mark.life, (mark, since))
-        since = min(since, before) if known == mark else since
-        self._stops[mark.life] = (mark, since) if mark >= known else (known, before)
-        if len(self._stops) > MAX_MARKS:
-            del self._stops[next(iter(self._stops))]
+    def _note_stop(self, stop: KnownStop, key: str) -> None:
+        """Remember a STOP. key: of who says that it was there."""
+        known = self._stops.get(stop.mark.life)
+        if known is not None and known.mark.number > stop.mark.number:
+            stop = known
+        elif known is not None and known.mark.number == stop.mark.number:
+            stop.since, stop.released = min(stop.since, known.since), known.released
+            stop.holds |= known.holds
+        self._stops.put(key, stop.mark.life, stop)
 
     # ---- at every moment
 

@@ -1,0 +1,120 @@
+"""A table in which nobody can take the room of others.
+
+What comes from the air is kept in tables of bounded size. Where the entry that was used longest ago simply gives way,
+whoever may send anything can push out what others need: sixty digests, questions or epochs are quickly invented. Here
+each entry has an owner, usually the key that signed it, and a full table takes one more at the expense of the owner
+that has the most: whoever makes many entries loses their own.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Iterator
+from itertools import count
+from typing import Generic, TypeVar
+
+Key = TypeVar("Key", bound=Hashable)
+Value = TypeVar("Value")
+Owner = TypeVar("Owner", bound=Hashable)
+
+
+class FairTable(Generic[Key, Value, Owner]):
+    """At most `most` entries, and at most `each` of one owner. An entry that gives way is the one of its owner that was
+    used longest ago. lasting: entries of which this is true give way only where there are no others. lost: called with
+    the owner and the key of each entry that gives way."""
+
+    def __init__(
+        self,
+        most: int,
+        *,
+        each: int | None = None,
+        lasting: Callable[[Value], bool] | None = None,
+        lost: Callable[[Owner, Key], object] = lambda owner, key: None,
+    ) -> None:
+        self._most, self._each, self._lasting, self._lost = most, most if each is None else each, lasting, lost
+        self._entries: dict[Key, tuple[Owner, Value]] = {}
+        self._of: dict[Owner, OrderedDict[Key, int]] = {}
+        """The keys of each owner, the one used longest ago first, with the moment of its last use."""
+        self._moments = count()
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    def __contains__(self, key: Key) -> bool:
+        return key in self._entries
+
+    def __iter__(self) -> Iterator[Key]:
+        return iter(self._entries)
+
+    def get(self, key: Key) -> Value | None:
+        """The value of a key, None if there is none; this is no use."""
+        found = self._entries.get(key)
+        return None if found is None else found[1]
+
+    def values(self) -> Iterator[Value]:
+        """All values, in the order in which they came."""
+        return (value for _, value in self._entries.values())
+
+    def items(self) -> Iterator[tuple[Key, Value]]:
+        """All keys and values, in the order in which they came."""
+        return ((key, value) for key, (_, value) in self._entries.items())
+
+    def put(self, owner: Owner, key: Key, value: Value) -> None:
+        """Store a value, in place of one with the same key; if there is no room, another entry gives way."""
+        before = self._entries.get(key)
+        if before is not None and before[0] != owner:
+            self.pop(key)
+        self._entries[key] = owner, value
+        self.use(key)
+        if len(self._of[owner]) > self._each:
+            self._drop(owner, key)
+        elif len(self._entries) > self._most:
+            self._drop(self._greediest(key), key)
+
+    def use(self, key: Key) -> None:
+        """An entry was used: it is now the last of its owner's to give way."""
+        of = self._of.setdefault(self._entries[key][0], OrderedDict())
+        of[key] = next(self._moments)
+        of.move_to_end(key)
+
+    def pop(self, key: Key) -> Value | None:
+        """Remove an entry, and return its value; None if there is none."""
+        found = self._entries.pop(key, None)
+        if found is None:
+            return None
+        owner, value = found
+        del self._of[owner][key]
+        if not self._of[owner]:
+            del self._of[owner]
+        return value
+
+    def clear(self) -> None:
+        """Remove everything."""
+        self._entries.clear()
+        self._of.clear()
+
+    def _drop(self, owner: Owner, new: Key) -> None:
+        """Let the entry of this owner give way that was used longest ago, but not the one that has just come."""
+        keys = (key for key in self._of[owner] if key != new)
+        brief = (key for key in self._of[owner] if key != new and not self._lasts(key))
+        gone = next(brief if self._lasting else keys, None)
+        gone = next(keys) if gone is None else gone
+        self.pop(gone)
+        self._lost(owner, gone)
+
+    def _greediest(self, new: Key) -> Owner:
+        """The owner whose entry gives way: who has the most; among several, whose entry was used longest ago."""
+        brief = self._brief(new) if self._lasting else {}
+        of = brief or {owner: keys for owner, keys in self._of.items() if len(keys) > 1 or new not in keys}
+        return max(of, key=lambda owner: (len(of[owner]), -next(iter(of[owner].values()))))
+
+    def _brief(self, new: Key) -> dict[Owner, dict[Key, int]]:
+        """Each owner's entries that do not last, without the one that has just come."""
+        brief = {
+            owner: {key: moment for key, moment in keys.items() if key != new and not self._lasts(key)}
+            for owner, keys in self._of.items()
+        }
+        return {owner: keys for owner, keys in brief.items() if keys}
+
+    def _lasts(self, key: Key) -> bool:
+        return self._lasting is not None and self._lasting(self._entries[key][1])

@@ -36,7 +36,7 @@ from sleepcast.fleet.messages import Inbox, Outbox
 from sleepcast.fleet.native.kernels import Kernels, available
 from sleepcast.fleet.scheduler import BatchScheduler, expired
 from sleepcast.fleet.state import Column, FleetState, Index, Mask, Mind, MindNames, Minds, Rows
-from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
+from sleepcast.language.explain import Explanation, Recollection, explain, foretell, rehearse
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.lint import Checked, check
 from sleepcast.language.parts import Part
@@ -623,11 +623,12 @@ class Fleet(Mapping[str, RobotView]):
         if now > message.deadline:
             self._answer_alike(message, rows, "late")
             return
+        asked = message.kind is Kind.ASK
 
         def program(number: int) -> Program | str:
             names = MindNames(self.vocabulary, self.minds[number])
             try:
-                return self.minds.library.program(message.text, lambda: [read(message.text)], names)
+                return self.minds.library.program(message.text, lambda: [read(message.text)], names, asked=asked)
             except SleepcastError as error:
                 return str(error).splitlines()[0]
 
@@ -635,7 +636,7 @@ class Fleet(Mapping[str, RobotView]):
         for found, some, _ in self.memory.divide(rows, program):
             if isinstance(found, str):
                 self._answer_alike(message, some, "fault", found)
-            elif message.kind is Kind.ASK:
+            elif asked:
                 self._asked(message, found, some)
             else:
                 answered = HOPS not in message.body  # nobody counts what becomes of what robots tell each other
@@ -645,7 +646,7 @@ class Fleet(Mapping[str, RobotView]):
     def _asked(self, message: Message, program: Program, rows: Rows) -> None:
         """Answer a question robot by robot: it changes nothing, so there is nothing to do for all at once."""
         for robot in rows.robots.tolist():
-            found = rehearse(program, rehearsal(self.memory, robot), command=message.id)
+            found = foretell(program, rehearsal(self.memory, robot))
             answers = Answers.alike(message.id, 1, "answer", found.value, "; ".join(found.faults))
             self.outbox.answer(self.rows([robot]), answers)
 

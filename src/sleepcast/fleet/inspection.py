@@ -26,7 +26,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.message import Message
+from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.message_batch import ascending
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.serial import Array
@@ -92,7 +92,9 @@ class ReadSet:
         or names."""
         names = MindNames(self._memory.minds.vocabulary, mind)
         try:
-            program = self._memory.minds.library.program(message.text, lambda: [read(message.text)], names)
+            program = self._memory.minds.library.program(
+                message.text, lambda: [read(message.text)], names, asked=message.kind is Kind.ASK
+            )
         except SleepcastError:
             return None
         return None if any(map(_teaches, walk(program.root))) else _together([program], mind)

@@ -10,7 +10,8 @@ each other: past the budget the evaluation stops with a fault, and what was assi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Sequence
 from math import nan
 
 from sleepcast.core.errors import SleepcastError
@@ -32,6 +33,8 @@ _DECLARES: dict[str, type] = {"rule": Stored, "group": Group}
 """What a text may declare that reads the same before and after it has been learned."""
 MAX_PROGRAMS = 512
 """Programs kept by their text for one vocabulary; when full, all are forgotten and made again as they are needed."""
+MAX_ASKED = 64
+"""Questions whose programs are kept beside them, for the other robots that are asked: the latest."""
 
 
 class OutOfSteps(Exception):
@@ -175,28 +178,47 @@ class Library:
     """Programs by text, shared by all robots of one vocabulary: a text is compiled once for a thousand robots.
 
     What a text means may depend on what a robot has learned, so each program is kept with what its learned names were.
+    What is only asked never takes the place of what robots run: anybody may ask, and each question is another one.
     """
 
     def __init__(self) -> None:
         self._programs: dict[tuple[str, tuple[str, ...]], list[tuple[tuple[object, ...], Program]]] = {}
         self._count = 0
+        self._questions: OrderedDict[str, list[tuple[tuple[object, ...], Program]]] = OrderedDict()
 
     def program(
-        self, text: str, forms: Callable[[], Sequence[Form]], names: Names, parameters: tuple[str, ...] = ()
+        self,
+        text: str,
+        forms: Callable[[], Sequence[Form]],
+        names: Names,
+        parameters: tuple[str, ...] = (),
+        *,
+        asked: bool = False,
     ) -> Program:
-        """The program of `text` for a robot with these names. Raises ReadError (from `forms`) and CheckError."""
-        for sorts, program in self._programs.get((text, parameters), ()):
-            if sorts == _sorts(program, names) and not _circular(program, names):
-                return program
-        program, checker = build(text, forms(), names, parameters, warns=False)
-        if count := checker.findings.counts["error"]:
-            errors = [finding for finding in checker.findings.shown() if finding.severity == "error"]
-            raise CheckError(errors, text, count - len(errors))
+        """The program of `text` for a robot with these names. asked: whether it is only asked. Raises ReadError (from
+        `forms`) and CheckError."""
+        found = _suiting(self._programs.get((text, parameters), ()), names)
+        if found is not None:
+            return found
+        if asked:
+            return self._question(text, forms, names)
+        program = _checked(text, forms(), names, parameters)
         self._count += 1
         if self._count > MAX_PROGRAMS:
             self._programs, self._count = {}, 1
         self._programs.setdefault((text, parameters), []).append((_sorts(program, names), program))
         return program
+
+    def _question(self, text: str, forms: Callable[[], Sequence[Form]], names: Names) -> Program:
+        alike = self._questions.get(text, [])
+        found = _suiting(alike, names)
+        if found is None:
+            found = _checked(text, forms(), names)
+            self._questions[text] = [*alike[1 - MAX_ASKED :], (_sorts(found, names), found)]
+            self._questions.move_to_end(text)
+            if len(self._questions) > MAX_ASKED:
+                self._questions.popitem(last=False)
+        return found
 
     def again(self, program: Program, names: Names, parameters: tuple[str, ...] = ()) -> Program:
         """A program that was checked when it came in, as its text reads now that its names mean something else.
@@ -207,6 +229,23 @@ class Library:
             return self.program(program.text, lambda: read_all(program.text), names, parameters)
         except SleepcastError:
             return program
+
+
+def _suiting(kept: Iterable[tuple[tuple[object, ...], Program]], names: Names) -> Program | None:
+    """The one of a text's programs that is right for a robot with these names."""
+    for sorts, program in kept:
+        if sorts == _sorts(program, names) and not _circular(program, names):
+            return program
+    return None
+
+
+def _checked(text: str, forms: Sequence[Form], names: Names, parameters: tuple[str, ...] = ()) -> Program:
+    """A new program. Raises CheckError."""
+    program, checker = build(text, forms, names, parameters, warns=False)
+    if count := checker.findings.counts["error"]:
+        errors = [finding for finding in checker.findings.shown() if finding.severity == "error"]
+        raise CheckError(errors, text, count - len(errors))
+    return program
 
 
 def _circular(program: Program, names: Names) -> bool:

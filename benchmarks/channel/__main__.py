@@ -2,9 +2,9 @@
 
     python -m benchmarks.channel [PROOF ...] [--quick] [--json]
 
-Proofs: rewrite, catch_up, once, census, stop, forgery, drops, amplification, repairs, flood, latency; without any,
-all of them. Hosts are network namespaces joined by a bridge, each with losses of its own (`lab`); everything is
-measured in this one run. Nobody need be root.
+Proofs: rewrite, catch_up, once, census, stop, forgery, drops, amplification, repairs, flood, questions, latency;
+without any, all of them. Hosts are network namespaces joined by a bridge, each with losses of its own (`lab`);
+everything is measured in this one run. Nobody need be root.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from benchmarks.channel.fuzz import DATAGRAMS, fuzz
 from benchmarks.channel.lab import why_not
 from benchmarks.channel.latency import latency
 from benchmarks.channel.proofs import Proof, Size
+from benchmarks.channel.questions import questions
 from benchmarks.channel.repairs import NETWORKS, Network, repairs
 from benchmarks.report import Json, described, machine, table
 
@@ -58,6 +59,7 @@ FULL: dict[str, Callable[[], Proof]] = {
     "amplification": lambda: amplification(60.0),
     "repairs": lambda: repairs((2, 5, 20, 100), NETWORKS, 10),
     "flood": lambda: flood(10, 2, 20),
+    "questions": lambda: questions([["swarm", "10"], ["swarm", "60"], ["node"]], 5),
     "latency": lambda: latency(100, 2, 150),
 }
 QUICK: dict[str, Callable[[], Proof]] = {
@@ -71,6 +73,7 @@ QUICK: dict[str, Callable[[], Proof]] = {
     "amplification": lambda: amplification(5.0),
     "repairs": lambda: repairs((2, 20), (Network(0.001), Network(0.3, 0.1)), 5),
     "flood": lambda: flood(10, 2, 2),
+    "questions": lambda: questions([["swarm", "60"]], 1),
     "latency": lambda: latency(20, 2, 30),
 }
 IN_NETWORKS = frozenset({"rewrite", "catch_up", "once", "census", "stop"})

@@ -1,8 +1,9 @@
 """How many bytes somebody makes a robot send for each of his own: with what he has recorded, and with a key of his own.
 
-One robot keeps many standing commands, long ones among them. An attacker has it hear requests and digests, in simulated
-time, as fast as a radio carries them: such as he has recorded of another robot, played again and again; and new ones,
-well signed with an observer's key, which is the least of those that may ask for repairs.
+Questions are in `questioned`. Here one robot keeps many standing commands, long ones among them. An attacker has it
+hear requests and digests, in simulated time, as fast as a radio carries them: such as he has recorded of another robot,
+played again and again; and new ones, well signed with an observer's key, which is the least of those that may ask for
+repairs.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from itertools import count
 from random import Random
 
 from benchmarks.channel.proofs import Proof
+from benchmarks.channel.questioned import QUESTIONS, questioned, timed
 from benchmarks.report import Bar, number
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import Admission
@@ -30,6 +32,10 @@ RATE = 150
 """Datagrams of the attacker in a second: fewer than the robot looks at of one key."""
 AT_ONCE = REPAIR_RATE + 75_000.0
 """Bytes that may go at once: those of a second, and what is left of the longest command."""
+SIZES = (1, 60)
+"""Robots of one process that are asked."""
+LONGEST = 20.0
+"""Seconds for which they are asked at most."""
 TICK = 0.01
 START = 1_800_000_000.0
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
@@ -93,17 +99,41 @@ def datagrams(sort: str, clock: ManualClock) -> Iterator[bytes]:
 
 
 def amplification(seconds: float) -> Proof:
-    """Each attack for so many s."""
+    """Each attack for so many s: requests and digests, and each kind of question to one robot and to a swarm."""
     rows: list[Sequence[str]] = []
     bars: list[Bar] = []
     for sort in ("replayed request", "replayed digest", "new request", "new digest"):
         found = attacked(sort, seconds)
-        rows.append([sort, *(number(each) for each in (found.given / 1e3, found.said / 1e3, found.ratio))])
+        bound = AT_ONCE + (0.0 if sort.startswith("replayed") else REPAIR_RATE * seconds)
+        rows.append([sort, "1", *map(number, _figures(found.given, found.said, bound)), "", ""])
         if sort.startswith("replayed"):
             bars.append(Bar(f"{sort}s: bytes out for each byte in", found.ratio, 1.0, "", at_least=False))
         else:
             rate = (found.said - AT_ONCE) / found.seconds
             bars.append(Bar(f"{sort}s: bytes out a second", rate / 1e3, REPAIR_RATE / 1e3, "kB", at_least=False))
-    heads = ["what a robot hears", "kB in", "kB out", "out for each in"]
-    note = f"{RATE} datagrams a second for {seconds:g} s; new ones are signed with an observer's key"
+    asked = {(kind, robots): questioned(kind, robots, min(seconds, LONGEST)) for robots in SIZES for kind in QUESTIONS}
+    for (kind, robots), each in (*asked.items(), (("time, to a desk", 1), timed(min(seconds, LONGEST)))):
+        alone = number(each.first_said / each.first_given)
+        figures = map(number, _figures(each.given, each.said, each.bound))
+        rows.append([kind, str(robots), *figures, alone, f"{each.held_back:,}"])
+        bars.append(Bar(f"{kind}, {robots} robots: kB out", each.said / 1e3, each.bound / 1e3, "kB", at_least=False))
+    heads = [
+        "kind",
+        "robots",
+        "kB in",
+        "kB out",
+        "factor",
+        "bound, kB",
+        "bound, factor",
+        "the first alone",
+        "held back",
+    ]
+    note = (
+        f"{RATE} datagrams a second, requests and digests for {seconds:g} s, others for {min(seconds, LONGEST):g} s; "
+        "new ones are signed with an observer's key, leases with an operator's; held back: counted, and told"
+    )
     return Proof("amplification", heads, rows, bars, note)
+
+
+def _figures(given: float, said: float, bound: float) -> tuple[float, ...]:
+    return given / 1e3, said / 1e3, said / given, bound / 1e3, bound / given

@@ -27,7 +27,8 @@ from benchmarks.channel.desk import Ordered
 from benchmarks.channel.proofs import YARD, Proof, seconds
 from benchmarks.report import Bar, number
 from sleepcast.api.progress import steps
-from sleepcast.channel.keyring import development_keys
+from sleepcast.channel.keyring import DEVELOPMENT_TRUST, add_trust, development_keys
+from sleepcast.channel.keys import PublicKey, Trust
 
 RATE = 80_000
 """Datagrams a second of the attacker."""
@@ -124,20 +125,24 @@ def tried(
 
 
 class Air:
-    """The robots and a desk on the loopback; a `with` block lasts as long as they do."""
+    """The robots and a desk on the loopback; a `with` block lasts as long as they do. guests: keys that the robots
+    trust besides."""
 
-    def __init__(self, folder: Path, words: Sequence[str]) -> None:
+    def __init__(self, folder: Path, words: Sequence[str], guests: Sequence[PublicKey] = ()) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
             free.bind(("127.0.0.1", 0))
             self._uri = f"udp://239.255.83.90:{free.getsockname()[1]}?interface=lo"
-        self._folder, self._words, self._stack = folder, words, ExitStack()
+        self._folder, self._words, self._guests, self._stack = folder, words, guests, ExitStack()
         places = {"XDG_CONFIG_HOME": folder / "config", "XDG_DATA_HOME": folder / "data"}
         path = os.pathsep.join(each for each in sys.path if each)
         self._environment = {**os.environ, "PYTHONPATH": path, **{name: str(at) for name, at in places.items()}}
 
     def __enter__(self) -> Air:
-        operator, _ = development_keys(self._folder / "config" / "sleepcast" / "keys")
+        keys = self._folder / "config" / "sleepcast" / "keys"
+        operator, _ = development_keys(keys)
         self._key = operator.id.hex()
+        if self._guests:
+            add_trust(Trust(self._guests), keys / DEVELOPMENT_TRUST)
         with ExitStack() as stack:
             running = []
             if self._words[0] == "swarm":
@@ -172,15 +177,21 @@ class Air:
     @contextmanager
     def flooded(self, kind: str, rate: int) -> Iterator[list[float]]:
         """A flood of this kind during the block, none for ""; gives how many a second it was, once it is over."""
-        found: list[float] = []
         if not kind:
-            yield found
+            yield []
             return
-        with ExitStack() as stack:
-            words = (self._uri, self._key, kind, str(rate), "600")
-            process = self._begin(stack, "flooder", *words, channel=False)
-            _line(process)
+        with self.attacked("flooder", self._key, kind, str(rate)) as found:
             time.sleep(SETTLED)
+            yield found
+
+    @contextmanager
+    def attacked(self, module: str, *words: str) -> Iterator[list[float]]:
+        """An attacker during the block: a module of this folder; gives how much a second he has sent, once it is
+        over."""
+        found: list[float] = []
+        with ExitStack() as stack:
+            process = self._begin(stack, module, self._uri, *words, "600", channel=False)
+            _line(process)
             yield found
             process.send_signal(signal.SIGTERM)
             told = json.loads(_line(process))

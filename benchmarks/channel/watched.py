@@ -3,8 +3,8 @@ when its body was at rest after STOP.
 
     python -m benchmarks.channel.watched FILE ARGUMENTS...
 
-At the end it writes to FILE, as JSON, `answers`: [robot, command, outcome, Unix time] and `rests`: [robot, Unix time,
-whether it is at rest from then on].
+At the end it writes to FILE, as JSON, `answers`: [robot, command, outcome, Unix time], `halts`: [robot, Unix time], and
+`rests`: [robot, Unix time, whether it is at rest from then on].
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import json
 import signal
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -24,8 +25,10 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.session import ChannelSession
 from sleepcast.cli import main as sleepcast_main
 from sleepcast.loop.real import NetworkSwarm
+from sleepcast.node.node import Node
 
 ANSWERS: list[tuple[str, str, str, float]] = []
+HALTS: list[tuple[str, float]] = []
 RESTS: list[tuple[str, float, bool]] = []
 
 
@@ -55,15 +58,26 @@ class WatchedSwarm(NetworkSwarm):
         self._resting = resting
 
 
+def _watched(halt: Callable[[Node, str], None]) -> Callable[[Node, str], None]:
+    """Notes when a body is told to halt."""
+
+    def halted(node: Node, doubt: str = "") -> None:
+        halt(node, doubt)
+        HALTS.append((node.name, time.time()))
+
+    return halted
+
+
 def main() -> None:
     file, *arguments = sys.argv[1:]
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs would ignore it
     sleepcast.channel.session.ChannelSession = WatchedSession  # type: ignore[misc]
     sleepcast.loop.real.NetworkSwarm = WatchedSwarm  # type: ignore[misc]
+    Node.halt = _watched(Node.halt)  # type: ignore[method-assign]
     try:
         sleepcast_main(arguments)
     finally:
-        Path(file).write_text(json.dumps({"answers": ANSWERS, "rests": RESTS}))
+        Path(file).write_text(json.dumps({"answers": ANSWERS, "halts": HALTS, "rests": RESTS}))
 
 
 if __name__ == "__main__":

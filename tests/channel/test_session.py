@@ -9,6 +9,7 @@ import msgspec
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import ROBOT_KINDS, Admission
 from sleepcast.channel.drops import DropCounter
+from sleepcast.channel.envelope import kind_of
 from sleepcast.channel.keys import KeyPair, Trust
 from sleepcast.channel.message import AGAIN, FOR, WITHIN, Role
 from sleepcast.channel.reliable import ReliableDelivery
@@ -64,6 +65,11 @@ class Wire:
 
     def receive(self) -> list[bytes]:
         found, self.heard = self.heard, []
+        return found
+
+    def receive_stops(self) -> list[bytes]:
+        found = [datagram for datagram in self.heard if kind_of(datagram) is Kind.STOP]
+        self.heard = [datagram for datagram in self.heard if kind_of(datagram) is not Kind.STOP]
         return found
 
     def close(self) -> None:

@@ -13,9 +13,10 @@ from contextlib import ExitStack, closing
 
 import pytest
 
-from channel.endpoints import MEDIA, PATIENCE, air_over, free_port, heard_everywhere, parties_of
+from channel.endpoints import DESK, MEDIA, PATIENCE, air_over, free_port, heard_everywhere, parties_of
 from channel_contract import Air, ChannelContract
-from sleepcast.channel.envelope import MAX_DATAGRAM
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.envelope import MAX_DATAGRAM, encode
 from sleepcast.channel.transports import open_transport
 from sleepcast.channel.transports.address import AddressError
 from sleepcast.channel.transports.memory import LATE, MAX_WAITING, MemoryTransport
@@ -34,6 +35,22 @@ def parties(everybody: list[Transport]) -> list[Transport]:
     """Four parties of a medium on which nothing is on its way."""
     air_over(everybody).settle()
     return everybody
+
+
+def test_stops_can_be_taken_ahead_of_all_others(parties: list[Transport]) -> None:
+    sent = [
+        encode(Message("desk", 1, number, kind, 10.0), "lab", DESK)[0]
+        for number, kind in enumerate((Kind.ASK, Kind.STOP, Kind.COMMAND, Kind.STOP, Kind.ANSWER), 1)
+    ]
+    for datagram in sent:
+        parties[0].send(datagram)
+    stops, begin = list[bytes](), time.monotonic()
+    while len(stops) < 2 and time.monotonic() - begin < PATIENCE:
+        stops += parties[1].receive_stops()
+    assert stops == [sent[1], sent[3]]
+    assert parties[1].receive_stops() == []
+    assert sorted(taken(parties[1], 3)) == sorted((sent[0], sent[2], sent[4]))
+    assert sorted(taken(parties[2], 5)) == sorted(sent)
 
 
 class TestEveryTransport(ChannelContract):

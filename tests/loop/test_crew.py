@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import count
 from pathlib import Path
 from random import Random
@@ -24,12 +24,15 @@ from sleepcast.core.clock import ManualClock
 from sleepcast.language import Vocabulary
 from sleepcast.loop import vocabulary_of
 from sleepcast.loop.real import Member, NetworkSwarm
+from sleepcast.mind.limits import QUESTIONS_SHARE
+from sleepcast.mind.pace import LOOK_EVERY, Pace
 from sleepcast.node.node import Node
 from sleepcast.simulator import Body, Simulator
 from small_worlds import simulator
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
 ROBOTS = KeyPair("r*", Role.ROBOT, b"r" * 32)
+GUEST = KeyPair("guest", Role.OBSERVER, b"g" * 32)
 NAMESAKE = KeyPair("r3", Role.OPERATOR, b"n" * 32)
 START = 1_000.0
 STEP = 0.01
@@ -70,7 +73,7 @@ class Field:
         return ChannelSession(transport, self.delivery(name, key), self.clock, Random(name), listens=key is not ROBOTS)
 
     def delivery(self, name: str, key: KeyPair) -> ReliableDelivery:
-        trust = Trust((DESK.public, ROBOTS.public, NAMESAKE.public))
+        trust = Trust((DESK.public, ROBOTS.public, GUEST.public, NAMESAKE.public))
         admission = Admission(trust, "lab", self.clock, robot=key is ROBOTS, rate=1e9)
         return ReliableDelivery(name, self.life, key, admission, Random(name))
 
@@ -129,6 +132,60 @@ def test_stop_waits_for_no_tick(field: Field) -> None:
     field.run(0.02, ticking=False)
     assert all(body.stopped for body in field.crew.simulator.robots[:20])
     assert field.answers().count("stopped") == 20, "and it is told at once"
+
+
+def test_a_stop_that_comes_while_minds_evaluate_halts_all_bodies_between_two_of_them(
+    field: Field, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    field.say("(PROGN (DRIVE 2 0) (DEFVAR a 1))")
+    field.run(0.05, ticking=False)
+    field.bystander.receive()
+    bodies, halted, think = field.crew.simulator.robots[:20], list[int](), Node.think
+
+    def thinking(node: Node, tick: int, now: float) -> None:
+        if node.name == "r5":
+            field.say(kind=Kind.STOP)
+        field.clock.advance(LOOK_EVERY)
+        think(node, tick, now)
+        halted.append(sum(body.stopped for body in bodies))
+        assert field.overheard(Kind.ANSWER) == 0, "nothing is answered before the tick is over"
+
+    monkeypatch.setattr(Node, "think", thinking)
+    field.crew.step()
+    assert halted == [0] * 6 + [20] * 14, "the fifth and all others, before the sixth evaluates"
+    monkeypatch.undo()
+    field.run(0.1)
+    assert field.answers().count("stopped") == 20
+    assert field.answers().count("matched") == 20, "they have moved before, or been held"
+
+
+def test_a_question_with_more_faults_than_a_message_has_room_for_ends_no_robot(field: Field) -> None:
+    field.say(f"(DOTIMES (i 90) (SQRT (- 0 1 {'1.2345678901234 ' * 95})))", Kind.ASK)
+    field.run(0.5)
+    assert field.answers() == ["answer"] * 20
+
+
+def test_who_had_to_wait_evaluates_first_in_the_next_tick(field: Field, monkeypatch: pytest.MonkeyPatch) -> None:
+    asker = field.session("guest", GUEST, open_transport(field.medium, field.clock))
+    asker.send(Message("guest", 1, 1, Kind.ASK, field.clock.now() - START, text="(+ 1 id)"))
+    evaluate, order = Pace.evaluate, list[str]()
+
+    def evaluated(pace: Pace, message: Message, evaluation: Callable[[Message], None]) -> None:
+        def slow(message: Message) -> None:
+            field.clock.advance(0.011)
+            evaluation(message)
+
+        evaluate(pace, message, slow)
+
+    monkeypatch.setattr(Pace, "evaluate", evaluated)
+    while len(order) < 20:
+        field.run(0.01, ticking=False)
+        field.crew.step()
+        order += sorted(message.sender for message in asker.receive() if message.kind is Kind.ANSWER)
+    assert sorted(order) == sorted(f"r{number}" for number in range(20))
+    tick = field.crew.simulator.scenario.tick
+    assert field.crew.simulator.tick >= 20 * 0.011 / (QUESTIONS_SHARE * tick + 0.011)
+    asker.close()
 
 
 def test_a_datagram_is_verified_once_for_all(field: Field, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -98,6 +98,30 @@ def test_stop_is_obeyed_in_the_tick_that_heard_of_it(tmp_path: Path) -> None:
     assert [message.body["outcome"] for message in run.desk.heard] == ["matched", "stopped", "matched", "released"]
 
 
+def test_a_stop_that_comes_while_another_mind_evaluates_halts_the_body(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = Run(tmp_path, Desk()), Run(tmp_path, Desk())
+    minds, order = [each.mind(each.body) for each in (first, second)], list[str]()
+    stop = Message("desk", 0, 1, Kind.STOP, 0.0)
+    think = EmbodiedMind.think
+
+    def thinking(mind: EmbodiedMind) -> None:
+        other = minds[mind is minds[0]]
+        if not order:
+            monkeypatch.setattr(other.channel, "stops", lambda: [] if other.node.stopped else [stop])
+        elif len(order) == 1:
+            assert mind.robot.stopped
+            assert mind.channel.heard == [], "it is answered after the tick"
+        order.append(mind.node.name)
+        first.clock.advance(TICK)
+        think(mind)
+
+    monkeypatch.setattr(EmbodiedMind, "think", thinking)
+    run_robots(minds, first.clock, tick=TICK, going=lambda: len(order) < 2, sleep=first.sleep)
+    assert [len(each.desk.heard) for each in (first, second)] in ([0, 1], [1, 0])
+
+
 def test_late_ticks_are_counted_and_not_made_up_for(tmp_path: Path) -> None:
     run = Run(tmp_path, Desk(), at5=0.35, at8=0.04)
     run.run(12)

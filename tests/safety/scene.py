@@ -10,8 +10,9 @@ from heapq import heappop, heappush
 from math import inf
 from random import Random
 
-from sleepcast.channel import Message
+from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import Admission
+from sleepcast.channel.envelope import kind_of
 from sleepcast.channel.keys import KeyPair, PublicKey, Trust
 from sleepcast.channel.message import Role
 from sleepcast.channel.reliable import ReliableDelivery
@@ -87,6 +88,11 @@ class Wire:
 
     def receive(self) -> list[bytes]:
         found, self.heard = self.heard, []
+        return found
+
+    def receive_stops(self) -> list[bytes]:
+        found = [datagram for datagram in self.heard if kind_of(datagram) is Kind.STOP]
+        self.heard = [datagram for datagram in self.heard if kind_of(datagram) is not Kind.STOP]
         return found
 
     def close(self) -> None:

@@ -149,7 +149,8 @@ def session_for(
         store = operator_store(air.fleet, key.public.owner, say)
     delivery = _delivery(air, key.public.owner if name is None else name, key, trust, store, robot=robot)
     if multiplexer is not None:
-        return ChannelSession(multiplexer.port(ROBOT_KINDS), delivery, UnixClock(), _chance())
+        port, answers = multiplexer.port(ROBOT_KINDS), multiplexer.answers
+        return ChannelSession(port, delivery, UnixClock(), _chance(), answers=answers)
     transport = open_transport(air.channel)
     listen_for(transport, ROBOT_KINDS if robot else Kind)
     session = ChannelSession(transport, delivery, UnixClock(), _chance())
@@ -186,12 +187,13 @@ def sessions_for(
     if store is not None:
         store.listen(listening)
     multiplexer, clock = Multiplexer(open_transport(air.channel), listening.admission.drops), UnixClock()
-    receiver = Receiver(multiplexer.port(ROBOT_KINDS), listening, clock)
-    return (
-        multiplexer,
-        receiver,
-        [ChannelSession(multiplexer.port(()), delivery, clock, _chance(), listens=False) for delivery in deliveries],
-    )
+    answers = multiplexer.answers
+    receiver = Receiver(multiplexer.port(ROBOT_KINDS), listening, clock, names=names, answers=answers)
+    sessions = [
+        ChannelSession(multiplexer.port(()), delivery, clock, _chance(), listens=False, answers=answers)
+        for delivery in deliveries
+    ]
+    return multiplexer, receiver, sessions
 
 
 def _delivery(

@@ -52,6 +52,7 @@ class DropReason(StrEnum):
     OTHER_FLEET = "other fleet"
     NO_ROOM = "no room"
     """Not the datagram, but what was kept of an earlier one of the same key."""
+    HELD_BACK = "held back"
 
 
 class Owned(Protocol):
@@ -157,6 +158,10 @@ _SENTENCES: Mapping[DropReason, tuple[float, str]] = {
     DropReason.LATE: (_MANY_LATE, "{much} a second of {name} come too late, by our clock"),
     DropReason.EARLY: (LEAST, "{much} a second of {name} come from the future, by our clock"),
     DropReason.NO_ROOM: (LEAST, "{much} a second of {name} are more than there is room for: its oldest are forgotten"),
+    DropReason.HELD_BACK: (
+        LEAST,
+        "{much} a second of {name} ask for more than is answered at a time, and are held back",
+    ),
     DropReason.MALFORMED: (LEAST, "{much} a second come that sleepcast cannot read"),
 }
 """The rate (a second) from which each reason is reported, and the sentence."""

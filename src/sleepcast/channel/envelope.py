@@ -129,6 +129,13 @@ def encode(message: Message, fleet: str, key: KeyPair) -> list[bytes]:
     return found
 
 
+def encoded_size(message: Message, fleet: str) -> int:
+    """Bytes of all parts of a message, however long it is."""
+    content = len(content_of(message.text, message.body))
+    head = LEAST + len(cbor2.dumps(fleet)) + len(cbor2.dumps(message.sender))
+    return content + head * -(-content // (MAX_DATAGRAM - head))
+
+
 def content_of(text: str, body: dict[str, object]) -> bytes:
     """The content of a message as bytes."""
     return cbor2.dumps([text, body])

@@ -19,18 +19,31 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import count
-from math import inf, isinf
+from math import inf, isinf, nan
 from random import Random
 from typing import NamedTuple, Protocol
 
 import msgspec
 
 from sleepcast.channel.admission import Admission
+from sleepcast.channel.answer_budget import HELD_BACK, LEAST_ANSWER, AnswerBudget, Verdict
 from sleepcast.channel.drops import DropCounter, DropReason
-from sleepcast.channel.envelope import kind_of
+from sleepcast.channel.envelope import MAX_CONTENT, content_of, encoded_size, kind_of
 from sleepcast.channel.fair_table import FairTable
-from sleepcast.channel.message import AGAIN, FOR, MAX_NAME, MISSED, NOT, WITHIN, Kind, Message, message_id
-from sleepcast.channel.reliable import ReliableDelivery
+from sleepcast.channel.message import (
+    AGAIN,
+    FOR,
+    MAX_NAME,
+    MISSED,
+    NOT,
+    WITHIN,
+    Kind,
+    Message,
+    answer_body,
+    is_addressed,
+    message_id,
+)
+from sleepcast.channel.reliable import LIFE, ReliableDelivery
 from sleepcast.channel.sequencer import Skipped
 from sleepcast.channel.transports.transport import Transport, listen_for
 from sleepcast.core.clock import Clock
@@ -51,6 +64,8 @@ _REPORT_EVERY = 1.0
 """Seconds between two such reports."""
 _MAX_HELD = 1_024
 """Delayed answers; beyond, the earliest is sent at once."""
+MAX_FAULT = 1_000
+"""Characters of a fault in an answer; the rest is cut off."""
 
 
 class Asked(NamedTuple):
@@ -72,7 +87,8 @@ class DelayedAnswer:
 class ChannelSession:
     """A `Channel` in the time of a mind; messages get their numbers when they are sent. clock: Unix time, s; zero:
     start of the mind's time, s of Unix time. chance: for the times of answers. listens: whether it receives for itself;
-    otherwise a `Receiver` does, and its owner passes messages on. ends: called on close."""
+    otherwise a `Receiver` does, and its owner passes messages on. answers: what questions may cost, shared by all
+    robots of a process; None: this session is alone. ends: called on close."""
 
     def __init__(
         self,
@@ -83,11 +99,12 @@ class ChannelSession:
         zero: float = 0.0,
         *,
         listens: bool = True,
+        answers: AnswerBudget | None = None,
     ) -> None:
         self.transport, self.delivery, self.zero = transport, delivery, zero
-        self._clock, self._chance = clock, chance
+        self._clock, self._chance, self._answers = clock, chance, answers or AnswerBudget()
+        self._answers.robots += delivery.admission.robot
         self.ends: list[Callable[[], None]] = []
-        self._unread: deque[bytes] = deque(maxlen=MAX_QUEUE)
         self._heard: list[Message] = []
         self._missed: list[Skipped] = []
         self._report_at = -inf
@@ -103,8 +120,11 @@ class ChannelSession:
         if message.kind is Kind.ANSWER:
             command = str(message.body.get("command"))
             asked = self._asked.get(command) or Asked()
-            self._answered.put(asked.key, command, message)
-            self._delay(message, asked.within)
+            fitting = self._fitting(message, command, asked.key)
+            if fitting is None:
+                return
+            self._answered.put(asked.key, command, fitting)
+            self._delay(fitting, asked.within)
         else:
             self._post(message)
         self.flush()
@@ -116,17 +136,14 @@ class ChannelSession:
 
     def pump(self) -> bool:
         """Receive, repair, and send what is due; whether anything came."""
-        came = [*self._unread, *self.transport.receive()]
-        self._unread.clear()
+        came = self.transport.receive()
         self._read(came)
         self.tend()
         return bool(came)
 
     def stops(self) -> list[Message]:
         """The STOPs received since the last call of this or `receive`. All else waits, unread."""
-        came = self.transport.receive()
-        self._unread += (datagram for datagram in came if kind_of(datagram) is not Kind.STOP)
-        self._read([datagram for datagram in came if kind_of(datagram) is Kind.STOP])
+        self._read(self.transport.receive_stops())
         found = [message for message in self._heard if message.kind is Kind.STOP]
         self._heard = [message for message in self._heard if message.kind is not Kind.STOP]
         return found
@@ -139,6 +156,10 @@ class ChannelSession:
     def hear(self, messages: Iterable[Message]) -> None:
         """Take in received messages, with the times of our mind."""
         for message in messages:
+            if message.kind is Kind.ASK and self._answers.has_refused(message):
+                if is_addressed(message.body, self.delivery.name):
+                    self._say(message.id, "fault", HELD_BACK)
+                continue
             if message.kind is Kind.ASK and AGAIN in message.body:
                 self._say_again(message)
                 continue
@@ -172,6 +193,7 @@ class ChannelSession:
     def close(self) -> None:
         """Leave the channel. Nothing can be sent or received afterwards."""
         self.transport.close()
+        self._answers.robots -= self.delivery.admission.robot
         for end in self.ends:
             end()
 
@@ -187,7 +209,7 @@ class ChannelSession:
 
     def pump_due(self) -> float:
         """When to call `pump` next even if nothing comes, s of Unix time."""
-        due = -inf if self._unread else self.delivery.due()
+        due = self.delivery.due()
         return min(due, self._delayed[0].time) if self._delayed else due
 
     def _delay(self, answer: Message, within: float) -> None:
@@ -207,8 +229,45 @@ class ChannelSession:
         missed = name in named if isinstance(named, list) else isinstance(heard, list) and name not in heard
         if answer is None or not missed:
             return
-        if all(held.message is not answer for held in self._delayed):  # otherwise it is about to be sent anyway
+        if any(held.message is answer for held in self._delayed):
+            return  # it is about to be sent anyway
+        if self._answers.answer(asked.key, self._size(answer), self._clock.now()):
             self._delay(answer, _within(asked))
+        else:
+            _count_held_back(self.delivery.admission, asked.key)
+
+    def _say(self, command: str, outcome: str, fault: str = "") -> None:
+        """Answer in place of the mind."""
+        now = self._clock.now() - self.zero
+        self.send(self._answer(command, outcome, fault, now, now + LIFE))
+
+    def _answer(self, command: str, outcome: str, fault: str, issued: float, deadline: float) -> Message:
+        body = answer_body(command, outcome, nan, fault)
+        return Message(self.delivery.name, self.delivery.epoch, 0, Kind.ANSWER, issued, deadline, body=body)
+
+    def _fitting(self, answer: Message, command: str, asker: str) -> Message | None:
+        """An answer as it may be sent: with a fault in its place if it is too long, or more than its asker (the id of
+        a key) may have; None if not even that."""
+        fault, now = answer.body.get("fault"), self._clock.now()
+        if isinstance(fault, str) and len(fault) > MAX_FAULT:
+            answer = msgspec.structs.replace(answer, body={**answer.body, "fault": f"{fault[:MAX_FAULT]} ..."})
+        if answer.body.get("outcome") != "answer":
+            if fault:
+                self._answers.spend(asker, self._size(answer) - LEAST_ANSWER, now)
+            return answer
+        length = len(content_of(answer.text, answer.body))
+        if length > MAX_CONTENT:
+            fault = f"the answer has {length:,} bytes, and a message has room for {MAX_CONTENT:,}"
+            return self._answer(command, "fault", fault, answer.issued, answer.deadline)
+        if self._answers.answer(asker, self._size(answer) - LEAST_ANSWER, now):
+            return answer
+        _count_held_back(self.delivery.admission, asker)
+        if self._answers.may_tell(asker, self.delivery.name, now):
+            return self._answer(command, "fault", HELD_BACK, answer.issued, answer.deadline)
+        return None
+
+    def _size(self, message: Message) -> int:
+        return encoded_size(message, self.delivery.admission.fleet)
 
     def _post(self, message: Message) -> None:
         deadline = None if isinf(message.deadline) else message.deadline + self.zero
@@ -248,7 +307,9 @@ class ChannelSession:
         self._missed, self._report_at = [], now + _REPORT_EVERY
 
     def _hear(self, messages: list[Message], now: float) -> None:
-        self.hear(to_mind_time(message, self.zero, self.delivery.admission, now) for message in messages)
+        admission = self.delivery.admission
+        let_in = sift(messages, self._answers, (self.delivery.name,), admission, now)
+        self.hear(to_mind_time(message, self.zero, admission, now) for message in let_in)
 
 
 class Waitable(Protocol):
@@ -267,6 +328,27 @@ def wait_together(sessions: Sequence[ChannelSession], received: Waitable, second
         came = [session.pump() for session in sessions]
         if any(came) and not any(session.has_stop for session in sessions):
             select.select([], [], [], max(0.0, min(GATHER_FOR, until - clock.now())))
+
+
+def sift(
+    messages: Iterable[Message], answers: AnswerBudget, names: Collection[str], admission: Admission, now: float
+) -> list[Message]:
+    """The messages to robots of these names without the questions that are held back at `now` (s of Unix time); those
+    that robots are to refuse are among them, see `AnswerBudget.has_refused`."""
+    found = []
+    for message in messages:
+        if message.kind is Kind.ASK and admission.robot:
+            verdict = answers.ask(message, names, now)
+            if verdict is not Verdict.LET_IN:
+                _count_held_back(admission, message.key)
+            if verdict is Verdict.DROPPED:
+                continue
+        found.append(message)
+    return found
+
+
+def _count_held_back(admission: Admission, asker: str) -> None:
+    admission.drops.add(DropReason.HELD_BACK, bytes.fromhex(asker))
 
 
 def to_mind_time(message: Message, zero: float, admission: Admission, now: float) -> Message:
@@ -292,11 +374,20 @@ def receiver_name(names: Sequence[str]) -> str:
 
 class Receiver:
     """Receives for many robots of one process. port: brings datagrams; delivery: sends digests and requests for all;
-    clock: Unix time, s; zero: when the minds' time began."""
+    clock: Unix time, s; zero: when the minds' time began. names: of the robots; answers: see `ChannelSession`."""
 
-    def __init__(self, port: Port, delivery: ReliableDelivery, clock: Clock, zero: float = 0.0) -> None:
+    def __init__(
+        self,
+        port: Port,
+        delivery: ReliableDelivery,
+        clock: Clock,
+        zero: float = 0.0,
+        *,
+        names: Collection[str] = (),
+        answers: AnswerBudget | None = None,
+    ) -> None:
         self.delivery, self.zero = delivery, zero
-        self._port, self._clock = port, clock
+        self._port, self._clock, self._names, self._answers = port, clock, frozenset(names), answers or AnswerBudget()
         delivery.start(clock.now())
 
     @property
@@ -306,7 +397,7 @@ class Receiver:
 
     def stops(self) -> list[Message]:
         """The STOPs among them, in the time of the minds. All else waits, unread."""
-        return self._read(self._port.drain(frozenset({Kind.STOP})))
+        return self._read(self._port.receive_stops())
 
     def due(self) -> float:
         """When to call `tend` next even if nothing comes, s of Unix time."""
@@ -345,7 +436,9 @@ class Receiver:
         return found
 
     def _in_time(self, messages: Iterable[Message], now: float) -> list[Message]:
-        return [to_mind_time(message, self.zero, self.delivery.admission, now) for message in messages]
+        admission = self.delivery.admission
+        let_in = sift(messages, self._answers, self._names, admission, now)
+        return [to_mind_time(message, self.zero, admission, now) for message in let_in]
 
 
 # ---- one transport for many parties of one process, each with a port that is a transport for it
@@ -356,10 +449,11 @@ MAX_QUEUE = 8_192
 
 
 class Multiplexer:
-    """See the module. drops: counts datagrams that are dropped here, with those that its parties drop."""
+    """See the module. drops: counts datagrams that are dropped here, with those that its parties drop. answers: what
+    questions to robots among its parties may cost."""
 
     def __init__(self, transport: Transport, drops: DropCounter) -> None:
-        self.drops = drops
+        self.drops, self.answers = drops, AnswerBudget()
         self._transport = transport
         self._ports: list[Port] = []
         self._listening: list[Port] = []
@@ -384,6 +478,11 @@ class Multiplexer:
         for datagram in came:
             self._distribute(datagram, None)
         return bool(came)
+
+    def gather_stops(self) -> None:
+        """Distribute the STOPs that have been received, and nothing else."""
+        for datagram in self._transport.receive_stops():
+            self._distribute(datagram, None)
 
     def send(self, datagram: bytes, sender: Port) -> None:
         """Send a datagram of this port's party."""
@@ -439,14 +538,21 @@ class Port:
         self._multiplexer.gather()
         return self.drain()
 
-    def drain(self, kinds: Collection[Kind] = frozenset(Kind)) -> list[bytes]:
-        """The datagrams that wait here, of these kinds, without reading from the network."""
-        waiting = list(self.waiting)
+    def receive_stops(self) -> list[bytes]:
+        """See `Transport.receive_stops`."""
+        self._multiplexer.gather_stops()
+        found = [datagram for datagram in self.waiting if kind_of(datagram) is Kind.STOP]
+        if found:
+            others = [datagram for datagram in self.waiting if kind_of(datagram) is not Kind.STOP]
+            self.waiting.clear()
+            self.waiting.extend(others)
+        return found
+
+    def drain(self) -> list[bytes]:
+        """The datagrams that wait here, without reading from the network."""
+        found = list(self.waiting)
         self.waiting.clear()
-        if len(kinds) == len(Kind):
-            return waiting
-        self.waiting += (datagram for datagram in waiting if kind_of(datagram) not in kinds)
-        return [datagram for datagram in waiting if kind_of(datagram) in kinds]
+        return found
 
     def close(self) -> None:
         """See `Transport.close`."""

@@ -29,9 +29,10 @@ from sleepcast.channel import Channel
 from sleepcast.channel.message import Message, Role
 from sleepcast.channel.sequencer import Skipped
 from sleepcast.channel.session import GATHER_FOR, ChannelSession, Multiplexer, Receiver
-from sleepcast.core.clock import Clock
+from sleepcast.core.clock import Clock, WallClock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop.durable import Durability, Keeper
+from sleepcast.mind.pace import Pace
 from sleepcast.node.node import Node
 from sleepcast.robot import Failsafe, Robot, Setpoint
 
@@ -132,7 +133,7 @@ def run_robots(
     SleepcastError, which then ends alone; without it the run ends. Raises whatever robots and channels raise, once the
     bodies are stopped.
     """
-    due, running = clock.now(), RunningMinds(minds, fails)
+    due, running = clock.now(), RunningMinds(minds, clock, tick, fails)
     try:
         while going():
             now = clock.now()
@@ -149,15 +150,24 @@ def run_robots(
         running.durability.close()
 
 
+IN_STEP = 0.1
+"""Seconds of a tick by which evaluations of a body in step are measured: its own time stands still meanwhile."""
+
+
 class RunningMinds:
     """The minds of `run_robots`, all together: no STOP waits until another mind has thought, or its disk has
     written."""
 
     def __init__(
-        self, minds: Sequence[EmbodiedMind], fails: Callable[[EmbodiedMind, SleepcastError], None] | None
+        self,
+        minds: Sequence[EmbodiedMind],
+        clock: Clock,
+        tick: float,
+        fails: Callable[[EmbodiedMind, SleepcastError], None] | None,
     ) -> None:
         self.durability = Durability(self._hear_stops)
-        self._minds, self._fails = minds, fails
+        self.pace = Pace(clock if tick else WallClock(), tick or IN_STEP, self._hear_stops)
+        self._minds, self._fails, self._turn = minds, fails, 0
         self._running: list[EmbodiedMind] = []
 
     def step(self) -> None:
@@ -166,10 +176,20 @@ class RunningMinds:
         for mind in tuple(self._running):
             self._try(mind, mind.deliver)
         self.durability.before(self._keepers())
-        for mind in tuple(self._running):
-            self._try(mind, mind.think)
+        self._think()
         for mind, messages in self.durability.after(self._keepers(), self._running):
             self._try(mind, partial(mind.say, messages))
+            self.pace.look()
+
+    def _think(self) -> None:
+        """Let all of them evaluate, another one first in each tick; STOP is heard all the while."""
+        self._turn = (self._turn + 1) % max(1, len(self._running))
+        self.pace.begin()
+        for mind in (*self._running[self._turn :], *self._running[: self._turn]):
+            if any(each is mind for each in self._running):  # another one may have failed meanwhile
+                mind.node.pace = self.pace
+                self._try(mind, mind.think)
+                self.pace.look()
 
     def _hear_stops(self) -> None:
         for mind in tuple(self._running):
@@ -227,11 +247,15 @@ class NetworkSwarm:
     keeper: Keeper | None = None
     time: float = 0.0
     durability: Durability = field(init=False)
+    pace: Pace = field(init=False)
+    _first: int = 0
+    """Number of the member that evaluates first: the one that had to wait in the last tick."""
 
     def __post_init__(self) -> None:
         self.durability = Durability(self.hear_stops)
+        self.pace = Pace(self.clock, self.simulator.scenario.tick, self.hear_stops)
         for member in self.members:
-            member.keeper = self.keeper
+            member.keeper, member.node.pace = self.keeper, self.pace
 
     def run(self, going: Callable[[], bool]) -> None:
         """Run while `going`, called before each tick, returns true; then stop every body. Raises what the channel
@@ -263,13 +287,23 @@ class NetworkSwarm:
             member.node.catch_up(catching_up)
         awake = [member for member in self.members if member.node.awake]
         self.durability.before(self._keepers())
-        now = self._time()
         if awake:
-            readings = self.simulator.readings([member.number for member in awake])
-            for member, values in zip(awake, readings, strict=True):
-                member.node.sense(values, now)
-                self._think(member, now)
+            self._think_all(awake)
         self._speak()
+
+    def _think_all(self, awake: Sequence[Member]) -> None:
+        """Let these evaluate, those first who had to wait in the last tick; STOP is heard all the while."""
+        now, first = self._time(), self._first
+        readings = self.simulator.readings([member.number for member in awake])
+        turns = sorted(zip(awake, readings, strict=True), key=lambda turn: (turn[0].number < first, turn[0].number))
+        self.pace.begin()
+        for member, values in turns:
+            waited = self.pace.held_back
+            member.node.sense(values, now)
+            self._think(member, now)
+            if self.pace.held_back and not waited:
+                self._first = member.number
+            self.pace.look()
 
     def listen(self, until: float) -> None:
         """Receive messages until that time of `clock`."""
@@ -301,7 +335,6 @@ class NetworkSwarm:
 
     def hear_stops(self) -> None:
         """Receive STOPs only, which halt bodies here; their answers wait. All else waits, unread."""
-        self.multiplexer.gather()
         self._give(self.receiver.stops())
 
     def _give(self, messages: Sequence[Message]) -> None:
@@ -351,6 +384,7 @@ class NetworkSwarm:
             for message in messages:
                 member.session.send(message)
             member.due = member.session.due()
+            self.pace.look()
 
 
 THOROUGH = 600

@@ -5,8 +5,19 @@ from __future__ import annotations
 
 MAX_QUEUE = 64
 """Messages waiting for the next tick; more are dropped and counted, as a radio drops what it has no room for."""
+MAX_QUESTIONS = 64
+"""Questions of one sender that wait, on a real channel; more are refused."""
 MAX_SEEN = 1_024
 """Message ids remembered so that a repeated message changes nothing."""
+
+QUESTIONS_SHARE = 0.25
+"""Share of a tick's time that the questions of one sender may take in one process, all its robots together."""
+ALL_QUESTIONS_SHARE = 0.5
+"""The same of all senders together: rules and commands have the rest."""
+COMMANDS_SHARE = 1.0
+"""The same for the commands of one operator, or for all that robots tell: others wait for one tick at most."""
+TELLS_SHARE = 0.25
+"""The same for what one robot tells."""
 
 TICK_STEPS = 50_000
 """Steps that one robot's rules may use in one tick: ten milliseconds on a slow computer, a tenth of a 10 Hz tick."""

@@ -34,7 +34,7 @@ from sleepcast.channel.message import (
 )
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
-from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
+from sleepcast.language.explain import Explanation, Recollection, explain, foretell, rehearse
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.lint import Checked, check
 from sleepcast.language.parts import Part
@@ -47,6 +47,7 @@ from sleepcast.mind.authority import ENDED, Authority, DeadManSwitch, Tells, dri
 from sleepcast.mind.limits import (
     MAX_FAULTS_IN_ROW,
     MAX_OUTBOX,
+    MAX_QUESTIONS,
     MAX_QUEUE,
     MAX_SEEN,
     REPORTS_A_SECOND,
@@ -57,6 +58,7 @@ from sleepcast.mind.limits import (
     TELLS_TOO_OFTEN,
 )
 from sleepcast.mind.merging import enqueue, place_of
+from sleepcast.mind.pace import Pace
 from sleepcast.mind.rules import in_order
 from sleepcast.mind.views import Result, RuleView
 from sleepcast.node.linking import VariableTable
@@ -70,6 +72,8 @@ MAX_RECOLLECTIONS = 64
 MAX_BACKLOG = 4_096
 """The same limit on a real channel, where a missing message arrives together with all that waited for it: the size of
 the window of a sender's numbers. One tick still evaluates no more messages than elsewhere."""
+ASKS_TOO_MUCH = f"not answered: {MAX_QUESTIONS} questions of yours wait already; ask again more slowly"
+"""The fault of a question that finds no room."""
 MAX_EVALUATED = 256
 """Messages whose outcome waits to be stored: those of one tick, and STOPs between two ticks."""
 
@@ -83,7 +87,8 @@ class Node:
     whose orders count; catching_up: see `catch_up`. lost: messages lost because a queue or the outbox was full.
     evaluated: the latest messages that it answered, their outcomes, and the robot's time; its owner stores them and
     empties the list. zero: start of its time, s of Unix time, where that matters; clock: gives that time, None if the
-    tick's time will do. keys_last: whether the keys that its channel trusts are stored, as far as they must be.
+    tick's time will do. keys_last: whether the keys that its channel trusts are stored, as far as they must be. pace:
+    of the evaluations in its process, None if they need not be measured.
 
     number: its `id` in expressions and random streams. seed: of the run. body: target of its vocabulary's functions
     (default: the linked object); if it is a `Robot` it is also stopped, released and held still. variables: linked
@@ -117,6 +122,7 @@ class Node:
         self.zero = 0.0
         self.clock: Clock | None = None
         self.keys_last: Callable[[], bool] = lambda: True
+        self.pace: Pace | None = None
         self._memory = RobotMemory(
             table,
             Voice(self._report, self._may_tell, self._tell, self._ping),
@@ -254,7 +260,7 @@ class Node:
         elif message.kind is Kind.RELEASE:
             self._release(message)
         elif message.kind in (Kind.COMMAND, Kind.ASK):
-            if len(self._queue) >= self._room:
+            if len(self._queue) >= self._room or self._asks_too_much(message):
                 self.lost += 1
             elif self._on_air:
                 enqueue(self._queue, message, self.zero)
@@ -265,6 +271,16 @@ class Node:
         """What it has said since the last call."""
         found, self.outbox = self.outbox, []
         return found
+
+    def _asks_too_much(self, message: Message) -> bool:
+        """Whether so many questions of this sender wait already that another one is refused; it is told so."""
+        if message.kind is not Kind.ASK or not self._on_air or len(self._queue) < MAX_QUESTIONS:
+            return False
+        waiting = sum(each.kind is Kind.ASK and each.sender == message.sender for each in self._queue)
+        if waiting < MAX_QUESTIONS:
+            return False
+        self._say(Kind.ANSWER, body=answer_body(message.id, "fault", nan, ASKS_TOO_MUCH))
+        return True
 
     def recall(self, ids: Iterable[str]) -> None:
         """Messages with these ids were already handled before a restart."""
@@ -284,14 +300,34 @@ class Node:
             self._let_go()
         for rule in memory.records.expire(now):
             self._report(f"lease of {rule.name} ended", ())
-        for _ in range(min(len(self._queue), MAX_QUEUE)):
-            self._obey(self._queue.popleft(), now)
+        self._obey_waiting(now)
         if memory.records.running and not (memory.values[SLEEPING] > 0 or memory.values[FROZEN] > 0):
             memory.moved = False
             self._scheduler.round()
             if memory.moved:
                 self._deadman.let_go()
         self._hold()
+
+    def _obey_waiting(self, now: float) -> None:
+        """Deal with the messages that wait, in their order; those of a sender who has had its share wait on."""
+        if self.pace is None:
+            for _ in range(min(len(self._queue), MAX_QUEUE)):
+                self._obey(self._queue.popleft(), now)
+        else:
+            self._obey_at(self.pace, now)
+
+    def _obey_at(self, pace: Pace, now: float) -> None:
+        held, left = deque[Message](), {Kind.COMMAND: MAX_QUEUE, Kind.ASK: MAX_QUEUE}
+        try:
+            while self._queue:
+                message = self._queue.popleft()
+                if left[message.kind] > 0 and pace.allows(message):
+                    left[message.kind] -= 1
+                    pace.evaluate(message, partial(self._obey, now=now))
+                else:
+                    held.append(message)
+        finally:
+            self._queue = held + self._queue
 
     def evaluate(self, text: str) -> Result:
         """Check and evaluate one text in this memory, as if it were a message. Raises ReadError and CheckError."""
@@ -472,7 +508,8 @@ class Node:
             self._answer_for_keys(message)
             return
         try:
-            program = memory.library.program(message.text, lambda: [read(message.text)], memory.base)
+            asked = message.kind is Kind.ASK
+            program = memory.library.program(message.text, lambda: [read(message.text)], memory.base, asked=asked)
         except SleepcastError as error:
             self._answer(message, "fault", fault=str(error).splitlines()[0])
             return
@@ -482,7 +519,7 @@ class Node:
             return
         if message.kind is Kind.ASK:
             rehearsal = memory.rehearsal()
-            found = rehearse(program, rehearsal, command=message.id)
+            found = foretell(program, rehearsal)
             details = {MATCHED: found.matched} if MATCHED in message.body else {}
             if details and rehearsal.undecided and not found.matched:
                 details[UNKNOWN] = True

@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass
-from heapq import heappop, heappush
+from heapq import heapify, heappop, heappush
 from math import dist, inf, isfinite
 from random import Random
 from typing import ClassVar
 
-from sleepcast.channel.envelope import MAX_DATAGRAM
+from sleepcast.channel.envelope import MAX_DATAGRAM, kind_of
+from sleepcast.channel.message import Kind
 from sleepcast.channel.transports.address import AddressError, number_option, split_address
 from sleepcast.channel.transports.transport import WakeUp
 from sleepcast.core.clock import Clock
@@ -147,6 +148,16 @@ class MemoryTransport:
                 found.append(heappop(self._waiting)[2])
             self._wake_up(now)
         return found
+
+    def receive_stops(self) -> list[bytes]:
+        """See `Transport.receive_stops`."""
+        with MemoryTransport._lock:
+            now = self._clock.now()
+            found = sorted(each for each in self._waiting if each[0] <= now and kind_of(each[2]) is Kind.STOP)
+            if found:
+                self._waiting = [each for each in self._waiting if each not in found]
+                heapify(self._waiting)
+        return [datagram for _, _, datagram in found]
 
     def close(self) -> None:
         """See `Transport.close`."""

@@ -21,6 +21,9 @@ class Transport(Protocol):
     def receive(self) -> list[bytes]:
         """The datagrams received since the last call, in order; none of our own."""
 
+    def receive_stops(self) -> list[bytes]:
+        """Those of them that are STOPs, ahead of all others: `receive` gives the others later."""
+
     def close(self) -> None:
         """Leave. Nothing can be sent or received afterwards."""
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv6Address, ip_address
 from typing import NamedTuple
 
-from sleepcast.channel.envelope import MAX_DATAGRAM
+from sleepcast.channel.envelope import MAX_DATAGRAM, kind_of
 from sleepcast.channel.message import TO_OPERATOR, Kind
 from sleepcast.channel.transports.address import EXAMPLE, AddressError, split_address
 from sleepcast.channel.transports.bpf_filter import drop_kinds, keep_kinds
@@ -105,6 +105,8 @@ class UdpTransport:
     def __init__(self, uri: str) -> None:
         self.address = UdpAddress.read(uri)
         self.lost = 0
+        self._early: list[bytes] = []
+        """What came with the STOPs and was left for `receive`, where they have no socket of their own."""
         link = self.address.link
         self._family = socket.AF_INET6 if self.address.host.version == 6 else socket.AF_INET
         with ExitStack() as opened:
@@ -136,10 +138,19 @@ class UdpTransport:
     def receive(self) -> list[bytes]:
         """The datagrams received since the last call: STOPs first, then messages to the operator, then others in order;
         none of our own."""
-        found = []
+        found, self._early = self._early, []
         for receiving, reserved in self._reserved.items():
             found += self._received(receiving, reserved.most)
         return found + self._received(self._receiving, _MOST_AT_ONCE)
+
+    def receive_stops(self) -> list[bytes]:
+        """See `Transport.receive_stops`. Where the system cannot filter kinds, all that has come is looked through."""
+        for receiving, reserved in self._reserved.items():
+            if Kind.STOP in reserved.kinds:
+                return self._received(receiving, reserved.most)
+        came = self._received(self._receiving, _MOST_AT_ONCE) if len(self._early) < _MOST_AT_ONCE else []
+        self._early += (datagram for datagram in came if kind_of(datagram) is not Kind.STOP)
+        return [datagram for datagram in came if kind_of(datagram) is Kind.STOP]
 
     def _received(self, receiving: socket.socket, most: int) -> list[bytes]:
         found = []

@@ -18,7 +18,8 @@ from dataclasses import dataclass
 from ipaddress import IPv6Address, ip_address
 from threading import Lock
 
-from sleepcast.channel.envelope import MAX_DATAGRAM
+from sleepcast.channel.envelope import MAX_DATAGRAM, kind_of
+from sleepcast.channel.message import Kind
 from sleepcast.channel.transports.address import AddressError, split_address
 from sleepcast.channel.transports.transport import WakeUp
 from sleepcast.core.clock import Clock
@@ -105,6 +106,8 @@ class ZenohTransport:
             Lock(),
         )  # otherwise it may be set for datagrams that were received already
         self._heard: deque[bytes] = deque(maxlen=MAX_WAITING)
+        self._stops = False
+        """Whether a STOP may be among them."""
         try:
             self._session = zenoh.open(_config(site))
         except zenoh.ZError as error:
@@ -141,6 +144,17 @@ class ZenohTransport:
                 self._wakeup.set()
         return found
 
+    def receive_stops(self) -> list[bytes]:
+        """See `Transport.receive_stops`."""
+        with self._taking:
+            found = [datagram for datagram in self._heard if kind_of(datagram) is Kind.STOP] if self._stops else []
+            if found:
+                others = [datagram for datagram in self._heard if kind_of(datagram) is not Kind.STOP]
+                self._heard.clear()
+                self._heard.extend(others)
+            self._stops = False
+        return found
+
     def close(self) -> None:
         """See `Transport.close`."""
         self._session.close()  # type: ignore[no-untyped-call]
@@ -153,6 +167,7 @@ class ZenohTransport:
             data = payload.to_bytes()
             with self._taking:
                 self._heard.append(data)
+                self._stops |= kind_of(data) is Kind.STOP
                 self._wakeup.set()
 
 

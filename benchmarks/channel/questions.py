@@ -1,0 +1,96 @@
+"""STOP, and an operator's commands, while somebody with an observer's key asks as much as he can.
+
+Real processes on the loopback, on the two cores of one machine: robots (a `sleepcast swarm`, or a `sleepcast node`),
+an operator's desk, and one who asks (`asker`). Each trial sends STOP, RELEASE and a command, and takes from the robots'
+own notes when each body was told to halt. Beside both attacks the same is done without any.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, field
+from math import inf
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from benchmarks.channel.asker import GUEST
+from benchmarks.channel.flood import AT_LAST, SETTLED, Air
+from benchmarks.channel.proofs import Proof, seconds
+from benchmarks.report import Bar, number
+from sleepcast.api.progress import steps
+
+SORTS = {"": "none", "burst": "200 of 2.5 kB in 1 s", "steady": "125 a second of 1 kB"}
+HALTED = 0.3
+"""Seconds in which all bodies have been told to halt."""
+BEGUN = {"burst": 1.0, "steady": 4.0}
+"""Seconds after which an attack is at its worst."""
+LIFE = 5.0
+"""Seconds for which a command is good."""
+TRIALS_END = 6.0
+"""Seconds after which what is left of a burst is over."""
+
+
+@dataclass
+class Asked:
+    """What came of some trials. stops: seconds until each body was told to halt, inf for never; confirmed: until the
+    desk knew it of all; answered: until all had answered a command; silent: robots that the desk missed, after each."""
+
+    stops: list[float] = field(default_factory=list)
+    confirmed: list[float] = field(default_factory=list)
+    answered: list[float] = field(default_factory=list)
+    silent: int = 0
+
+
+def questions(fleets: Sequence[Sequence[str]], trials: int) -> Proof:
+    """Each of these fleets (the words of a command), so many times under each attack."""
+    rows: list[Sequence[str]] = []
+    bars: list[Bar] = []
+    for words in fleets:
+        name = " ".join(words)
+        for sort, told in SORTS.items():
+            found = tried(words, sort, trials)
+            shares = [seconds(found.stops, share) for share in (0.5, 1.0)]
+            times = [*shares, max(found.confirmed), max(found.answered)]
+            rows.append([name, told, *map(number, times), str(found.silent)])
+            if sort:
+                bars.append(Bar(f"{name}, {told}: all bodies halted", shares[1], HALTED, "s", at_least=False))
+                bars.append(Bar(f"{name}, {told}: a command answered by all", times[3], LIFE, "s", at_least=False))
+    heads = ["robots", "questions", "halted: 50 %, s", "100 %, s", "confirmed, s", "command answered, s", "silent"]
+    return Proof("questions", heads, rows, bars, f"{trials} trials each; times of the worst trial")
+
+
+def tried(words: Sequence[str], sort: str, trials: int) -> Asked:
+    """So many trials with this fleet, under questions of this sort."""
+    found, began = Asked(), []
+    count = int(words[1]) if words[0] == "swarm" else len(words)
+    with TemporaryDirectory(prefix="sleepcast-questions-") as place:
+        folder = Path(place)
+        with Air(folder, words, [GUEST.public]) as air:
+            for _ in range(20):
+                if air.desk.order("ask", text="1", patience=2.0)["answers"] == count:
+                    break
+            for _ in steps(trials, f"{' '.join(words)}, questions: {SORTS[sort]}", quiet=False):
+                with air.attacked("asker", sort) if sort else nullcontext():
+                    time.sleep(BEGUN.get(sort, SETTLED))
+                    told = air.desk.order("stop", patience=AT_LAST + LIFE)
+                    found.silent += int(str(told["n_silent"]))
+                    found.confirmed.append(float(str(told["took"])))
+                    began.append((float(str(told["began"])), float(str(told["ended"]))))
+                    air.desk.order("release", patience=AT_LAST)
+                    told = air.desk.order("send", text="(SETQQ e1 1)", patience=LIFE)
+                    found.silent += int(str(told["n_silent"]))
+                    found.answered.append(float(str(told["took"])) if not told["n_silent"] else inf)
+                if sort:
+                    time.sleep(TRIALS_END)
+        notes = [json.loads(file.read_text()) for file in folder.glob("*.json")]
+    halts: dict[str, list[float]] = {}
+    for robot, when in (halt for each in notes for halt in each["halts"]):
+        halts.setdefault(robot, []).append(when)
+    for begin, end in began:
+        for place_ in range(count):
+            heard = [when - begin for when in halts.get(f"r{place_ + 1}", ()) if begin <= when <= end + SETTLED]
+            found.stops.append(min(heard, default=inf))
+    return found

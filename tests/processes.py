@@ -48,3 +48,30 @@ def running(
             yield process
         finally:
             process.kill()
+
+
+TAK_SETTINGS = """
+[taky]
+hostname = localhost
+bind_ip = 127.0.0.1
+public_ip = 127.0.0.1
+root_dir = {folder}
+[cot_server]
+port = {port}
+[dp_server]
+upload_path = {folder}
+[ssl]
+enabled = false
+"""
+
+
+@contextmanager
+def tak_server(folder: Path, port: int) -> Iterator[subprocess.Popen[bytes]]:
+    """A TAK server that takes connections."""
+    (folder / "taky.conf").write_text(TAK_SETTINGS.format(folder=folder, port=port))
+    command = (Path(sys.executable).with_name("taky"), "-c", folder / "taky.conf")
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as server:
+        try:
+            yield server
+        finally:
+            server.kill()

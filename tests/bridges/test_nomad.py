@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import signal
+import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from importlib.metadata import EntryPoint
 from math import hypot, inf, isclose, isnan, nan, pi
 from random import Random
@@ -12,6 +16,8 @@ from typing import cast
 import pytest
 
 from nomad.serving import LONGEST, Served, serving
+from nomad.troubled import TROUBLES, troubled
+from processes import start
 from sleepcast.bridges import BodyError, BusyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.body import MAX_ERRANDS, FencedError
 from sleepcast.bridges.nomad.model import model_of
@@ -350,6 +356,60 @@ def test_a_body_that_was_out_of_reach_is_at_rest_when_it_is_found_again(running:
         found = robot.complaints()
         assert found[0].startswith("the body is out of reach: ")
         assert found[-1] == "the body is within reach again, and at rest until a command moves it"
+
+
+@pytest.mark.parametrize("trouble", TROUBLES)
+def test_a_server_that_goes_wrong_while_it_moves_is_told_and_nothing_old_resumes(
+    running: Served, world: NomadWorld, trouble: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in ("model", "robot"):
+        monkeypatch.setattr(f"sleepcast.bridges.nomad.{module}.PATIENCE", 0.5)
+    with troubled(running.port) as between, closing(open_robot(f"nomad://127.0.0.1:{between.port}#1")) as robot:
+        assert isinstance(robot, NomadRobot)
+        goes_wrong(robot, lambda trouble=trouble: setattr(between, "trouble", trouble))
+        until(lambda: world.observe(0).speeds[:2] == (0.0, 0.0))  # its server has stopped it
+        comes_back(robot, lambda: setattr(between, "trouble", ""))
+
+
+def test_a_server_whose_process_freezes_is_told_and_nothing_old_resumes(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in ("model", "robot"):
+        monkeypatch.setattr(f"sleepcast.bridges.nomad.{module}.PATIENCE", 1.0)
+    with start(*SERVER) as server:
+        try:
+            assert server.stdout is not None
+            port = json.loads(server.stdout.readline())["port"]
+            with closing(open_robot(f"nomad://127.0.0.1:{port}#1")) as robot:
+                assert isinstance(robot, NomadRobot)
+                goes_wrong(robot, lambda: server.send_signal(signal.SIGSTOP))
+                comes_back(robot, lambda: server.send_signal(signal.SIGCONT))
+        finally:
+            server.kill()
+
+
+SERVER = (sys.executable, "-m", "sleepcast", "nserver", "--headless", "--port", "0", "--json", "--speed", "5")
+
+
+def goes_wrong(robot: NomadRobot, happen: Callable[[], object]) -> None:
+    """While the robot moves; it is told, and stopped meanwhile."""
+    until(lambda: robot.state.right_speed > 0.25, keep_on(robot, 0.3))
+    happen()
+    until(lambda: robot.lost != "", keep_on(robot, 0.3))
+    robot.stop()
+    assert robot.complaints()[-1].startswith("the body is out of reach: ")
+
+
+def comes_back(robot: NomadRobot, happen: Callable[[], object]) -> None:
+    """It rests then, until it is asked anew."""
+    happen()
+    until(lambda: robot.lost == "", robot.sense)
+    before = robot.sense().time
+    until(lambda: robot.sense().time > before + 1.0)
+    assert robot.state.velocities == (0, 0, 0)
+    robot.release()
+    before = robot.sense().time
+    until(lambda: robot.sense().time > before + 1.0)
+    assert robot.state.velocities == (0, 0, 0)
+    until(lambda: robot.state.right_speed > 0.25, keep_on(robot, 0.3))
 
 
 def test_zeroing_takes_its_time_and_stop_does_not_wait_for_it(running: Served) -> None:

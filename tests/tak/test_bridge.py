@@ -6,21 +6,27 @@ import asyncio
 import configparser
 import json
 import subprocess
-import sys
 import time
 import warnings
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager
 from pathlib import Path
 from socket import SOCK_STREAM
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
 from channel.test_udp import free_port
 from cli.calling import called
 from cli.test_swarm import account
-from processes import SLEEPCAST, live_in, running
+from processes import SLEEPCAST, live_in, running, tak_server
+from sleepcast.core.geodesy import LocalMap, Origin
+from sleepcast.station.network import NetworkStation
+from sleepcast.station.remote import TelemetryClient
+from sleepcast.tak.bridge import AT_ONCE, TakBridge
 from sleepcast.tak.event import Event, read_xml
+from sleepcast.tak.link import Link
+from sleepcast.tak.picture import MAX_MARKERS
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # it would like another library for what is not done here
@@ -28,19 +34,6 @@ with warnings.catch_warnings():
 
 PATIENCE = 90.0
 """Seconds that a busy machine may take."""
-SETTINGS = """
-[taky]
-hostname = localhost
-bind_ip = 127.0.0.1
-public_ip = 127.0.0.1
-root_dir = {folder}
-[cot_server]
-port = {port}
-[dp_server]
-upload_path = {folder}
-[ssl]
-enabled = false
-"""
 
 
 @pytest.fixture
@@ -48,18 +41,6 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A user with no keys and no memory of any fleet."""
     live_in(tmp_path, monkeypatch)
     return tmp_path
-
-
-@contextmanager
-def tak_server(folder: Path, port: int) -> Iterator[None]:
-    """A TAK server that takes connections."""
-    (folder / "taky.conf").write_text(SETTINGS.format(folder=folder, port=port))
-    command = (Path(sys.executable).with_name("taky"), "-c", folder / "taky.conf")
-    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as server:
-        try:
-            yield
-        finally:
-            server.kill()
 
 
 async def heard(port: int, marker: Event, wanted: dict[str, str]) -> dict[str, Event]:
@@ -148,6 +129,28 @@ def test_robots_groups_and_places_are_seen_and_markers_become_places(home: Path)
     assert found["sleepcast.group.bravo"].callsign == "bravo (3)"
     assert found["sleepcast.r2"].callsign == "r2"
     assert "sleepcast.place.depot_1" not in found  # it is on that map already
+
+
+def test_robots_are_told_of_a_few_places_at_a_time_however_many_are_moved() -> None:
+    told = list[str]()
+
+    def send(text: str, **_: object) -> None:
+        told.append(text)
+
+    station = cast(NetworkStation, SimpleNamespace(send=send))
+    telemetry = cast(TelemetryClient, SimpleNamespace(minds={}))
+    link = cast(Link, SimpleNamespace())
+    bridge = TakBridge(
+        station, telemetry, link, LocalMap(Origin(36.6, -121.9)), print, fleet="f", every=1.0, markers=True
+    )
+    for second in range(20):
+        for number in range(MAX_MARKERS):
+            where = 36.6 + 0.001 * (second % 2), -121.9
+            bridge._take(Event(f"m{number}", "b-m-p-s-m", *where, 0.0, 0.0, f"p{number}"))
+        bridge._tell(float(second))
+    assert len(told) == 10 * AT_ONCE, "every two seconds"
+    names = {text.split()[2].rstrip(")") for text in told}
+    assert len(names) == 10 * AT_ONCE, "each in its turn"
 
 
 @pytest.mark.parametrize("type", ["", "a", "robot", "a-f-<G>", "a" + "-b" * 99])

@@ -7,6 +7,7 @@ from contextlib import suppress
 from xml.etree import ElementTree
 
 import pytest
+import takproto
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -62,6 +63,43 @@ def test_what_tak_wants_to_know_stands_where_it_looks_for_it() -> None:
     assert found["__group"] == {"name": "Cyan", "role": "Team Member"}
     assert [each.get("point") for each in detail.findall("link")] == ["1.0000000,2.0000000", "3.0000000,4.0000000"]
     assert detail.findtext("remarks") == "STOPPED"
+
+
+A, B, C, D = "36.6000000,-121.9000000", "36.6100000,-121.9000000", "36.6100000,-121.8000000", "36.6000000,-121.8000000"
+
+
+@pytest.mark.parametrize(
+    ("corners", "drawn"),
+    [
+        ([], []),
+        ([A], []),
+        ([A, A], []),
+        ([A, B], [A, B]),
+        ([A, B, A], [A, B]),
+        ([A, B, C], [A, B, C, A]),
+        ([A, B, C, D], [A, B, C, D, A]),
+        ([A, B, C, A], [A, B, C, A]),
+    ],
+)
+@pytest.mark.parametrize("protobuf", [False, True])
+def test_an_area_is_a_ring_of_links_two_places_are_a_line_and_one_is_neither(
+    corners: list[str], drawn: list[str], protobuf: bool
+) -> None:
+    """By that, programs tell areas from lines in what is drawn by hand (`u-d-f`)."""
+    outline = tuple((float(y) + 1e-9, float(x) - 1e-9) for y, x in (corner.split(",") for corner in corners))
+    event = Event("fleet.group.bravo", "u-d-f", 36.6, -121.9, 0.0, 3.0, "bravo (3)", outline=outline)
+    if protobuf:
+        detail = takproto.parse_mesh(MESH + event.protobuf()).cotEvent.detail.xmlDetail
+        top = ElementTree.fromstring(f"<detail>{detail}</detail>")
+    else:
+        top = ElementTree.fromstring(event.xml())
+    assert [each.get("point") for each in top.iter("link")] == drawn
+
+
+def test_nothing_is_written_as_less_than_nothing() -> None:
+    event = Event("u", "u-d-f", -1e-9, 0.0, 0.0, 3.0, outline=((-1e-9, 0.0), (0.0, -1e-9)))
+    assert b"-0.0" not in event.xml()
+    assert b"link" not in event.xml(), "they are one place"
 
 
 @pytest.mark.parametrize(

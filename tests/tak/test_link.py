@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import signal
 import ssl
 import subprocess
 import time
@@ -15,10 +16,11 @@ import pytest
 import takproto
 
 from channel.test_udp import free_port
+from processes import tak_server
 from sleepcast.core.errors import MisuseError
 from sleepcast.tak import link as links
 from sleepcast.tak.event import MESH, Event, read_xml
-from sleepcast.tak.link import END, EventStream, Link, open_link
+from sleepcast.tak.link import END, UNANSWERED, EventStream, Link, Server, open_link
 
 PATIENCE = 60.0
 """Seconds that a busy machine may take."""
@@ -184,6 +186,72 @@ def test_a_lost_server_is_told_once_and_found_again(monkeypatch: pytest.MonkeyPa
     assert said[1] == f"{name} is back."
     assert said[2].startswith(f"{name} is gone: it closed the connection.")
     assert read_xml(seen[0]).uid == "fleet.r1"
+
+
+def test_a_server_that_freezes_is_told_and_found_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A real one. Its computer goes on to take what is sent, so that nothing but its silence tells."""
+    monkeypatch.setattr(links, "ASK_EVERY", 0.1)
+    monkeypatch.setattr(links, "AGAIN", (0.05,))
+    port, said = free_port(SOCK_STREAM), list[str]()
+    link = open_link(f"tcp://127.0.0.1:{port}", said.append)
+    assert isinstance(link, Server)
+
+    async def freezes() -> None:
+        with tak_server(tmp_path, port) as server:
+            await until(lambda: bool(said) and not said[-1].endswith("until it is back.") and link._events.answers)
+            server.send_signal(signal.SIGSTOP)
+            frozen = len(said)
+            await until(lambda: "is gone: no answer." in "".join(said[frozen:]))
+            server.send_signal(signal.SIGCONT)
+            await until(lambda: said[-1].endswith("is back."))
+
+    asyncio.run(linked(link, [], freezes()))
+
+
+def test_a_server_that_does_not_know_the_question_is_not_called_gone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(links, "ASK_EVERY", 0.02)
+    asked, said = list[bytes](), list[str]()
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        while True:
+            asked.append(await reader.readuntil(END))
+
+    async def job() -> None:
+        async with served(serve) as port:
+            link = open_link(f"tcp://127.0.0.1:{port}", said.append)
+            await linked(link, [], until(lambda: sum(b'"t-x-c-t"' in each for each in asked) > 2 * UNANSWERED))
+
+    asyncio.run(job())
+    assert len(said) == 1, "that it is connected"
+
+
+@pytest.mark.parametrize("noise", [b"</event>", MARKER.xml()])
+def test_a_server_that_floods_us_with_whatever_gets_our_events_all_the_same(noise: bytes) -> None:
+    said, taken, seen = list[str](), list[Event](), list[bytes]()
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        async def flood() -> None:
+            while True:
+                writer.write(noise * 20)
+                await writer.drain()
+
+        flooding = asyncio.ensure_future(flood())
+        try:
+            while True:
+                seen.append(await reader.readuntil(END))
+        finally:
+            flooding.cancel()
+
+    async def job() -> None:
+        async with served(serve) as port:
+            link = open_link(f"tcp://127.0.0.1:{port}", said.append)
+            is_event = noise == MARKER.xml()
+            await linked(link, taken, until(lambda: len(seen) > 5 and bool(taken if is_event else said[1:])))
+
+    asyncio.run(job())
+    assert {read_xml(each).uid for each in seen} == {"fleet.r1"}
+    odd = [each for each in said if "has sent what is no event of Cursor-on-Target; such things are left out" in each]
+    assert len(odd) == (0 if taken else 1), "once"
 
 
 def test_multicast_reaches_others_in_protobuf_and_reads_both_forms() -> None:

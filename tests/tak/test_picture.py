@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import cast
+from xml.etree import ElementTree
 
 import pytest
 from hypothesis import given
@@ -11,8 +14,9 @@ from hypothesis import strategies as st
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.geodesy import FARTHEST, LocalMap, Origin
 from sleepcast.language import read
+from sleepcast.station.remote import RemoteMind
 from sleepcast.tak.event import Event
-from sleepcast.tak.picture import MAX_MARKERS, Markers, NamedPlace, command, hull, key_of
+from sleepcast.tak.picture import MAX_MARKERS, Markers, NamedPlace, Picture, command, hull, key_of
 
 ORIGIN = Origin(36.6, -121.9)
 POINTS = st.tuples(st.integers(-50, 50), st.integers(-50, 50)).map(lambda point: (float(point[0]), float(point[1])))
@@ -61,6 +65,39 @@ def test_a_hull_is_around_all_points(points: list[tuple[float, float]]) -> None:
     for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True):
         if len(corners) > 2:
             assert all((bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0.0 for x, y in points)
+
+
+def mind(name: str, place: tuple[float, float], group: str) -> RemoteMind:
+    """A robot that was heard at 100 s."""
+    told = SimpleNamespace(groups=(group,))
+    values = {"x": place[0], "y": place[1]}
+    found = SimpleNamespace(name=name, reported_at=100.0, stopped=False, telemetry=told, variables=values.items)
+    return cast(RemoteMind, found)
+
+
+@pytest.mark.parametrize(
+    ("places", "points"),
+    [
+        ([(0.0, 0.0), (0.0, 0.0)], 0),
+        ([(0.0, 0.0), (0.0, 0.001), (0.001, 0.0)], 0),
+        ([(0.0, 0.0), (9.0, 0.0), (3.0, 0.0)], 2),
+        ([(0.0, 0.0), (9.0, 0.0), (3.0, 3.0), (4.0, 1.0)], 4),
+        ([(0.0, 0.0), (9.0, 0.0), (9.0, 9.0), (0.0, 9.0)], 5),
+    ],
+)
+def test_a_group_is_the_area_around_its_robots(
+    ground: LocalMap, places: list[tuple[float, float]], points: int
+) -> None:
+    minds = [mind(f"r{number}", place, "bravo") for number, place in enumerate(places)]
+    events = {event.uid: event for event in Picture(ground, "fleet").events(minds, 100.0, 1.0, 5.0)}
+    assert len(events) == len(places) + 1
+    group = events["fleet.group.bravo"]
+    assert (group.type, group.callsign) == ("u-d-f", f"bravo ({len(places)})")
+    links = [each.get("point", "") for each in ElementTree.fromstring(group.xml()).iter("link")]
+    assert len(links) == points
+    assert (links[:1] == links[-1:]) is (points != 2), "an area is closed, a line is not"
+    drawn = [ground.metres(*map(float, link.split(","))) for link in links]
+    assert all(found and min(math.dist(found, place) for place in places) < 0.02 for found in drawn)
 
 
 @pytest.mark.parametrize(

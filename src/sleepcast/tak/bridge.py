@@ -22,7 +22,7 @@ LEAST_BETWEEN = 2.0
 """Seconds between two commands about places at least: somebody may drag a marker to and fro."""
 AGAIN, AT_ONCE = 5.0, 4
 """Seconds after which robots that do not know a place are told again: as long as a command is good. And of how many
-places at once."""
+places at once, old or new: whoever moves all markers all the time may not fill the air."""
 
 TYPE = re.compile(r"[A-Za-z](-[A-Za-z0-9.]{1,20}){1,15}")
 """What a type of Cursor-on-Target looks like."""
@@ -95,8 +95,8 @@ class TakBridge:
         if now < self._may_tell:
             return
         self._may_tell = now + LEAST_BETWEEN
-        untold, self._untold = self._untold, {}
-        for place in untold.values():
+        for key in list(self._untold)[:AT_ONCE]:
+            place = self._untold.pop(key)
             if self._send(place, now):
                 self._say(f"{place.key} is at x = {place.x:.1f} m, y = {place.y:.1f} m for all robots.")
         waiting = sorted((when, key) for key, when in self._told.items() if now >= when + AGAIN)

@@ -8,6 +8,7 @@ MITRE report MP090284 and the schemas that come with TAK; the protobuf form is T
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
@@ -17,6 +18,8 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 
 UNKNOWN_SIZE = "9999999.0"
 """What an event says of an error or a height that nobody knows."""
+DECIMALS = 7
+"""Of degrees: a centimetre."""
 MAX_EVENT = 64 * 1024
 """Bytes of one event that is read; those of people and of markers have some hundreds."""
 MAX_TEXT = 256
@@ -37,7 +40,8 @@ class MissingTakError(MisuseError):
 class Event:
     """One event. uid: of the thing, the same each time. type: what it is, in the tree of MIL-STD-2525. latitude,
     longitude: degrees of WGS 84. time, stale: s since 1970. course: degrees clockwise from north. speed: m/s. battery:
-    a share of 1. team: the name of its colour. outline: corners, (latitude, longitude), of an area around it."""
+    a share of 1. team: the name of its colour. outline: corners, (latitude, longitude), each once, of an area around
+    it; two are the ends of a line."""
 
     uid: str
     type: str
@@ -58,7 +62,7 @@ class Event:
         begun = _written(self.time)
         top = ElementTree.Element("event", version="2.0", uid=self.uid, type=self.type, how="m-g")
         top.attrib |= {"time": begun, "start": begun, "stale": _written(self.stale)}
-        place = {"lat": f"{self.latitude:.7f}", "lon": f"{self.longitude:.7f}", "hae": UNKNOWN_SIZE}
+        place = {"lat": _degrees(self.latitude), "lon": _degrees(self.longitude), "hae": UNKNOWN_SIZE}
         ElementTree.SubElement(top, "point", place | {"ce": UNKNOWN_SIZE, "le": UNKNOWN_SIZE})
         detail = ElementTree.SubElement(top, "detail")
         if self.callsign:
@@ -70,8 +74,8 @@ class Event:
             ElementTree.SubElement(detail, "track", course=f"{course:.1f}", speed=f"{speed:.2f}")
         if self.battery is not None:
             ElementTree.SubElement(detail, "status", battery=f"{100.0 * self.battery:.0f}")
-        for latitude, longitude in self.outline:
-            ElementTree.SubElement(detail, "link", point=f"{latitude:.7f},{longitude:.7f}")
+        for point in _drawn(self.outline):
+            ElementTree.SubElement(detail, "link", point=point)
         if self.remarks:
             ElementTree.SubElement(detail, "remarks").text = self.remarks
         found: bytes = ElementTree.tostring(top, encoding="utf-8")
@@ -81,6 +85,15 @@ class Event:
         """The event as protobuf, without what stands before it. Raises MissingTakError."""
         found: bytes = _takproto().xml2proto(self.xml())[len(MESH) :]
         return bytes(found)
+
+
+def _drawn(outline: Iterable[tuple[float, float]]) -> list[str]:
+    """The points of a drawing with these corners: an area ends where it begins, two points are a line, and one place is
+    no drawing. Corners that cannot be told apart as they are written are one."""
+    points = list(dict.fromkeys(f"{_degrees(latitude)},{_degrees(longitude)}" for latitude, longitude in outline))
+    if len(points) < 2:
+        return []
+    return points if len(points) == 2 else [*points, points[0]]
 
 
 def read_xml(data: bytes) -> Event:
@@ -165,6 +178,10 @@ def _number(text: str | None) -> float:
         return float(text or "")
     except ValueError:
         return math.nan
+
+
+def _degrees(angle: float) -> str:
+    return f"{round(angle, DECIMALS) + 0.0:.{DECIMALS}f}"  # no -0
 
 
 def _written(time: float) -> str:

@@ -4,8 +4,10 @@
     tls://HOST:PORT?cert=FILE&key=FILE&ca=FILE         a server that asks for a certificate
     udp://239.2.3.1:6969?interface=NAME                whoever listens on this network
 
-A link that dies is told once, tried again for ever, and told when it is back. Events are news: what cannot go out now
-is dropped, because a newer one follows. A stream begins as XML; a server that offers protobuf gets it.
+A link that dies is told once, tried again for ever, and told when it is back. A server that stands still looks like one
+that has nothing to say: it is asked now and then whether it is there, and counts as gone when it answers no more.
+Events are news: what cannot go out now is dropped, because a newer one follows. A stream begins as XML; a server that
+offers protobuf gets it.
 """
 
 from __future__ import annotations
@@ -31,12 +33,18 @@ from sleepcast.tak.event import MAX_EVENT, MESH, Event, EventError, read_datagra
 EXAMPLE = "tcp://tak.example.org:8087, tls://HOST:8089?cert=me.pem&ca=server.pem, or udp://239.2.3.1:6969?interface=lo"
 PATIENCE = 15.0
 """Seconds for a server to take a connection; and for which it may take nothing before it counts as gone."""
+ASK_EVERY = 10.0
+"""Seconds of silence after which a server is asked whether it is there."""
+UNANSWERED = 2
+"""Such questions without an answer after which one counts as gone that has answered before: not all know them."""
 AGAIN = (0.5, 1.0, 2.0, 5.0)
 """Seconds until a server is tried again, after the first failure and after the following ones."""
 MOST_WAITING = 256 * 1024
 """Bytes that wait to be sent at most: newer news follows."""
 LISTEN = 0.05
 """Seconds between two looks for datagrams."""
+PIECE = 4_096
+"""Bytes that are read before anything else gets its turn: of events that are none, they have hundreds."""
 END = b"</event>"
 STREAM = b"\xbf"
 """The first byte of each protobuf event in a stream; its length follows."""
@@ -46,6 +54,8 @@ CONTROL = "t-x-"
 """How the type of an event begins that is about the connection, not about the world."""
 OFFER, REQUEST, RESPONSE = "t-x-takp-v", "t-x-takp-q", "t-x-takp-r"
 """Types of the events in which a server offers protobuf, a client asks for it, and the server agrees."""
+ASKED, ANSWERED = "t-x-c-t", "t-x-c-t-r"
+"""Types of the events in which a client asks whether a server is there, and it says so."""
 SUPPORTED = re.compile(rb"""<TakProtocolSupport\s+version=["']1["']""")
 AGREED = re.compile(rb"""<TakResponse\s+status=["']true["']""")
 
@@ -130,6 +140,8 @@ class Server:
         self._events = EventStream()
         self._since: float | None = None
         """When it last took nothing of what waits."""
+        self._gave_up, self._is_odd = "", False
+        """Why we ended the connection, if we did; whether it was told that what it says is no event."""
 
     def send(self, events: Iterable[Event]) -> None:
         """See `Link`."""
@@ -141,6 +153,7 @@ class Server:
         elif self._since is None:
             self._since = now
         elif now - self._since > PATIENCE:
+            self._gave_up = f"it has taken nothing for {PATIENCE:g} s"
             self._writer.transport.abort()  # a network that swallows everything says nothing of it for minutes
             return
         for event in events:
@@ -157,7 +170,7 @@ class Server:
                 self._say(f"{self._name} is {'back' if failures else 'connected'}.")
                 failures = 0
                 await self._read(take)
-                why = "it closed the connection"
+                why = self._gave_up or "it closed the connection"
             except (OSError, TimeoutError, ssl.SSLError) as error:
                 why = _reason(error)
             finally:
@@ -173,7 +186,7 @@ class Server:
         return f"The TAK server {self._host}:{self._port}"
 
     async def _connect(self) -> None:
-        self._events, self._since = EventStream(), None
+        self._events, self._since, self._gave_up = EventStream(), None, ""
         name = self._host if self._context else None
         opening = asyncio.open_connection(self._host, self._port, ssl=self._context, server_hostname=name)
         self._reader, self._writer = await asyncio.wait_for(opening, PATIENCE)
@@ -184,12 +197,35 @@ class Server:
             self._writer = None
 
     async def _read(self, take: Take) -> None:
-        while data := await self._reader.read(MAX_EVENT):
+        """Raises TimeoutError where it has stopped answering."""
+        unanswered = 0
+        while True:
+            try:
+                async with asyncio.timeout(ASK_EVERY):  # unlike wait_for, it never swallows that we are to end
+                    data = await self._reader.read(PIECE)
+            except TimeoutError:
+                if self._events.answers and unanswered >= UNANSWERED:
+                    raise
+                unanswered += 1
+                self._ask()
+                continue
+            if not data:
+                return
+            unanswered = 0
             for event in self._events.read(data):
                 take(event)
             if self._writer is not None and self._events.reply:
                 self._writer.write(self._events.reply)
                 self._events.reply = b""
+            if self._events.lost and not self._is_odd:
+                self._is_odd = True
+                self._say(f"{self._name} has sent what is no event of Cursor-on-Target; such things are left out.")
+            await asyncio.sleep(0)  # however much has come, robots are told of, too
+
+    def _ask(self) -> None:
+        """Whether it is there."""
+        now = time.time()
+        self.send([Event(f"sleepcast-{uuid4()}-ping", ASKED, 0.0, 0.0, now, now + PATIENCE)])
 
 
 def request() -> bytes:
@@ -211,12 +247,12 @@ class EventStream:
     """Events in a stream of bytes: XML at first, protobuf once the server has agreed to it.
 
     protobuf: whether it has. asked: whether it is asked; nothing else may be written meanwhile. reply: bytes that the
-    server is to get now. lost: how often bytes were no event.
+    server is to get now. answers: whether it has said that it is there. lost: how often bytes were no event.
     """
 
     def __init__(self) -> None:
         self._waiting = b""
-        self.protobuf = self.asked = False
+        self.protobuf = self.asked = self.answers = False
         self.reply = b""
         self.lost = 0
 
@@ -246,6 +282,7 @@ class EventStream:
 
     def _agree(self, type: str, said: bytes) -> None:
         """What the server says of how it talks."""
+        self.answers |= type == ANSWERED
         if type == OFFER and SUPPORTED.search(said) and not (self.asked or self.protobuf) and find_spec("takproto"):
             self.asked, self.reply = True, request()
         elif type == RESPONSE and self.asked:

@@ -257,4 +257,4 @@ def test_a_person_starts_another_run_from_the_bar(context: BrowserContext, tmp_p
         expect(page.locator("#stopped")).to_be_hidden()
         expect(page.locator("#achieved")).to_have_text("not started")
         expect(page.locator("#text")).to_have_value("(WHEN (> battery 35%) (MARK))")
-        assert page.url == program.address
+        assert page.url == f"http://{program.host}/"

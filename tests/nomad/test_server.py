@@ -384,6 +384,27 @@ def test_clients_that_vanish_leave_nothing_behind() -> None:
     play(scene)
 
 
+def test_who_says_nothing_takes_the_place_of_nobody_who_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many connect: who has asked goes on, who asks now is heard, and the silent ones are closed in time."""
+    monkeypatch.setattr("sleepcast.nomad.server.MAX_STRANGERS", 16)
+    monkeypatch.setattr("sleepcast.nomad.server.SWEEP", 0.05)
+
+    async def scene() -> None:
+        async with served() as made:
+            one = await made.caller()
+            silent = [await made.bare() for _ in range(200)]
+            assert await one.state(Kind.GS)
+            assert await (await made.caller()).state(Kind.GS)
+            await eventually(lambda: len(made.nserver.lines) <= 2 + 16)
+            assert sum("many connections" in line for line in made.said) == 1
+            monkeypatch.setattr(made.nserver._strangers, "_patience", 0.0)
+            await eventually(lambda: len(made.nserver.lines) == 2)
+            assert [await each.reader.read() for each in silent] == [b""] * 200
+            assert await one.state(Kind.GS)
+
+    play(scene)
+
+
 def test_more_clients_than_there_is_room_for_are_turned_away(monkeypatch: pytest.MonkeyPatch) -> None:
     assert MAX_CLIENTS * (2 * MAX_BUFFERED + MAX_READ) < 256 * 1024**2
     monkeypatch.setattr("sleepcast.nomad.server.MAX_CLIENTS", 2)

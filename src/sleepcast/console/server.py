@@ -1,6 +1,7 @@
 """The web server: the page's files, the one WebSocket, who may open either, the port, and a clean end.
 
-The printed address carries a token, which the page itself and its socket require; the other files hold no secret.
+The printed address carries a token, which the page itself and its socket require; the other files hold no secret. The
+page takes the token out of the browser's address bar; when it is loaded again, the browser has it (`static/token.js`).
 A request must name the host that was asked for, and a socket must be opened by a page of this server: another site's
 script in the same browser can neither connect nor read.
 """
@@ -9,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import logging
 import os
 import re
 import socket
@@ -26,7 +28,7 @@ import uvicorn
 from starlette.applications import Starlette
 from starlette.datastructures import MutableHeaders
 from starlette.requests import HTTPConnection, Request
-from starlette.responses import PlainTextResponse, Response
+from starlette.responses import HTMLResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -35,6 +37,7 @@ from starlette.websockets import WebSocket
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
 from sleepcast.console.incoming import MAX_BYTES
+from sleepcast.console.lobby import Greeter, Lobby, LobbyServer, Quiet, protocol_in
 from sleepcast.console.network import Fleet, NetworkBackend
 from sleepcast.console.nomads.backend import NomadsBackend
 from sleepcast.console.nomads.dialogue import NomadDialogue
@@ -45,7 +48,8 @@ from sleepcast.console.replay import ReplayBackend
 from sleepcast.console.session import Session
 from sleepcast.console.swarm_dialogue import SwarmDialogue
 from sleepcast.console.view import Pace, SwarmView
-from sleepcast.core.clock import Clock
+from sleepcast.core.clock import Clock, WallClock
+from sleepcast.core.doorkeeper import sentences_of
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.hosts import is_loopback
 from sleepcast.station import Station
@@ -60,6 +64,7 @@ ANY_ADDRESS = frozenset({"0.0.0.0", "::"})
 """Hosts that stand for every address of this machine; no browser can open them."""
 FAREWELL = 1
 """Seconds that open connections get to end."""
+QUIET = Quiet()
 NOTHING = nullcontext()
 """Nothing that is to be begun with a page and ended with it."""
 
@@ -208,8 +213,11 @@ async def serve_pages(
     token = token_urlsafe(16)
     taken: int = listener.getsockname()[1]
     url = f"http://{_in_url(_reachable(address.host))}:{taken}/?token={token}"
+    door, lobby = PageAccess(token, hosts, taken), Lobby(WallClock(), say)
     config = uvicorn.Config(
-        make(PageAccess(token, hosts, taken)),
+        Greeter(make(door), lobby, door.knows),
+        http=protocol_in(lobby),
+        backlog=lobby.at_once,
         log_level="error",
         access_log=False,
         ws_max_size=MAX_BYTES,
@@ -220,18 +228,23 @@ async def serve_pages(
     )
     with closing(listener), around:
         say(_invitation(url, address.browser and _has_screen()))  # from here on Ctrl-C ends the loop in good order
-        await _run(uvicorn.Server(config), live, listener)
+        asyncio.get_running_loop().set_exception_handler(sentences_of(say))
+        logging.getLogger("asyncio").addFilter(QUIET)
+        await _run(LobbyServer(config), live, lobby, listener)
 
 
-async def _run(server: uvicorn.Server, live: Callable[[], Coroutine[Any, Any, None]], listener: socket.socket) -> None:
+async def _run(
+    server: uvicorn.Server, live: Callable[[], Coroutine[Any, Any, None]], lobby: Lobby, listener: socket.socket
+) -> None:
     """Serve while that runs; what ends it ends the server and is raised."""
-    running = asyncio.create_task(live())
+    running, sweeping = asyncio.create_task(live()), asyncio.create_task(lobby.sweep())
     running.add_done_callback(lambda _: setattr(server, "should_exit", True))
     try:
         await server.serve(sockets=[listener])
     finally:
         running.cancel()
-        await asyncio.wait({running})
+        sweeping.cancel()
+        await asyncio.wait({running, sweeping})
     if not running.cancelled():
         running.result()
 
@@ -329,6 +342,18 @@ REFUSED = (
     "This is sleepcast, but the address lacks the right token.\n"
     "Open the address that was printed where sleepcast was started; it changes with every start.\n"
 )
+ENTRANCE = f"""<!doctype html>
+<html lang="en">
+<meta charset="utf-8">
+<title>sleepcast</title>
+<link rel="icon" href="static/icon.svg">
+<p hidden>{REFUSED.replace(chr(10), " ").strip()}</p>
+<noscript>{REFUSED.replace(chr(10), " ").strip()}</noscript>
+<script type="module" src="static/enter.js"></script>
+</html>
+"""
+"""What is served in place of the page without the token: a browser that was here before finds it again. An address that
+carries none is no error yet, or each time that a page is loaded again would look like one."""
 
 
 class PageAccess:
@@ -344,6 +369,10 @@ class PageAccess:
         host = connection.headers.get("host", "").casefold()
         given = connection.query_params.get("token", "")
         return self._names_us(host, connection) and compare_digest(given.encode(), self._token.encode())
+
+    def is_foreign(self, connection: HTTPConnection) -> bool:
+        """Whether it names a host of somebody else's."""
+        return not self._names_us(connection.headers.get("host", "").casefold(), connection)
 
     def _names_us(self, host: str, connection: HTTPConnection) -> bool:
         arrived = (connection.scope.get("server") or ("",))[0]
@@ -371,7 +400,7 @@ def make_app(
 
     async def front(request: Request) -> Response:
         if not door.knows(request):
-            return PlainTextResponse(REFUSED, 403)
+            return HTMLResponse(ENTRANCE, 403 if door.is_foreign(request) or "token" in request.query_params else 200)
         text = (STATIC / page).read_text("utf-8").replace("<body>", body, 1)
         return Response(text, media_type="text/html")
 

@@ -16,6 +16,7 @@ from math import inf
 from typing import Protocol
 
 from sleepcast.core.clock import Clock, WallClock
+from sleepcast.core.doorkeeper import QUEUE, TURNS, Doorkeeper, room, sentences_of
 from sleepcast.core.errors import SleepcastError
 from sleepcast.nomad.relay import RealAddress, Relay
 from sleepcast.nomad.server_connection import PAGE, ManualClient, ServerConnection
@@ -30,6 +31,12 @@ DEFAULT_PORT = 7019
 LOCAL_HOST = "127.0.0.1"
 MAX_CLIENTS = 1000
 """Connections at once: many for each of many robots, and their buffers are less than 200 MB together."""
+MAX_STRANGERS = 128
+"""Of these, that have not asked anything yet."""
+FIRST_WORD = 60.0
+"""Seconds for a client to ask its first request: the C library does so as soon as it is connected."""
+SWEEP = 1.0
+"""Seconds between two looks for those that take longer."""
 MAX_READ = 64 * 1024
 """Bytes that are read from a client at a time."""
 SLICE = 0.004
@@ -88,6 +95,7 @@ class Nserver:
         self.lines: set[ServerConnection] = set()
         self.companions: list[Companion] = []
         self.waiting: set[ServerConnection | ManualClient] = set()
+        self._strangers = Doorkeeper(room(MAX_STRANGERS), FIRST_WORD, clock or WallClock(), said)
         self._hands: dict[int, ManualClient] = {}
         self._servers: list[asyncio.Server] = []
         self._news = asyncio.Event()
@@ -102,19 +110,26 @@ class Nserver:
     async def listen(self, hosts: Sequence[str], port: int) -> None:
         """Listen on these addresses, all on one port; 0 takes any that is free. Raises ServerError."""
         loop = asyncio.get_running_loop()
+        loop.set_exception_handler(sentences_of(self.service.say))
         try:
             for host in hosts:
                 listener = _listener(host, self.port or port)
                 address, self.service.port = listener.getsockname()[:2]
                 if not ip_address(address).is_loopback:
                     self.service.say(f"whoever can reach {host} can drive these robots: their wire knows no passwords")
-                self._servers.append(await loop.create_server(lambda: ServerConnection(self), sock=listener))
+                self._servers.append(
+                    await loop.create_server(
+                        lambda: ServerConnection(self), sock=listener, backlog=room(MAX_STRANGERS) // TURNS
+                    )
+                )
+                listener.listen(QUEUE)
         except ServerError:
             await self.close()
             raise
 
     async def run(self, pace: ServerPace) -> None:
         """Let time pass until a client that may has ended the server; however this ends, all connections are closed."""
+        sweeping = asyncio.create_task(self._sweep())
         try:
             while not self.service.quitting:
                 if self.service.lockstep:
@@ -122,7 +137,13 @@ class Nserver:
                 else:
                     await self._keep_pace(pace)
         finally:
+            sweeping.cancel()
             await self.close()
+
+    async def _sweep(self) -> None:
+        while True:
+            await asyncio.sleep(SWEEP)
+            self._strangers.sweep()
 
     async def close(self) -> None:
         """Stop listening and hang up; real robots are stopped."""
@@ -207,12 +228,19 @@ class Nserver:
     # ---- for the lines
 
     def admit(self, line: ServerConnection) -> bool:
-        """Take a new connection; False if there are too many."""
-        if len(self.lines) >= MAX_CLIENTS:
-            self.service.say(f"{line.session.peer} is turned away: {MAX_CLIENTS} clients are enough")
+        """Take a new connection; False if there are too many. One that has not asked anything yet only takes the place
+        of others of this sort."""
+        most = room(MAX_CLIENTS, 2)
+        if len(self.lines) - len(self._strangers) >= most:
+            self.service.say(f"{line.session.peer} is turned away: {most} clients are enough")
             return False
         self.lines.add(line)
+        self._strangers.enter(line)
         return True
+
+    def know(self, line: ServerConnection) -> None:
+        """It has asked something."""
+        self._strangers.leave(line)
 
     def news(self) -> None:
         """A client waits, or has gone."""

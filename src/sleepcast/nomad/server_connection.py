@@ -42,6 +42,9 @@ class Host(Protocol):
     def admit(self, line: ServerConnection) -> bool:
         """Take a new connection; False if there are too many."""
 
+    def know(self, line: ServerConnection) -> None:
+        """This connection asks something."""
+
     def news(self) -> None:
         """A connection has asked, got its answer, or gone."""
 
@@ -100,7 +103,7 @@ class ServerConnection(asyncio.BufferedProtocol):
 
     def look(self) -> None:
         """Send the reply that is waited for if it is time."""
-        if self.wait is not None and (reply := self.wait.ready()) is not None:
+        if self.wait is not None and not self.is_closing() and (reply := self.wait.ready()) is not None:
             self.wait = None
             self._host.waiting.discard(self)
             self._transport.write(reply)
@@ -109,6 +112,14 @@ class ServerConnection(asyncio.BufferedProtocol):
     def end(self) -> None:
         """The server ends."""
         self._transport.close()
+
+    def is_closing(self) -> bool:
+        """Whether it is closed, or about to be."""
+        return self._transport.is_closing()
+
+    def abort(self) -> None:
+        """Close it at once."""
+        self._transport.abort()
 
     def _serve(self) -> None:
         """Answer what has come, for one turn."""
@@ -122,6 +133,7 @@ class ServerConnection(asyncio.BufferedProtocol):
             if request is None:
                 break
             self.asked = self._loop.time()
+            self._host.know(self)
             found = answer(self.session, request)
             if isinstance(found, bytes):
                 self._transport.write(found)

@@ -145,7 +145,7 @@ class Server:
 
     def send(self, events: Iterable[Event]) -> None:
         """See `Link`."""
-        if self._writer is None or self._events.asked:
+        if self._writer is None or self._events.asked or self._writer.is_closing():
             return
         now, waiting = asyncio.get_running_loop().time(), self._writer.transport.get_write_buffer_size()
         if not waiting:

@@ -42,7 +42,7 @@ export class Link {
     const name = world.scene?.names[world.marks.chosen];
     if (name !== undefined) parts.set("robot", name);
     if (drawer.current) parts.set("pane", drawer.current);
-    const hash = parts.size ? `#${parts}` : window.location.pathname + window.location.search;
+    const hash = parts.size ? `#${parts}` : window.location.pathname + window.location.search; // a token only where nothing is kept
     window.history.replaceState(null, "", hash);
   }
 }

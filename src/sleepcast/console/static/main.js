@@ -18,6 +18,7 @@ import { splitter } from "./splitter.js";
 import { swarmPanes } from "./swarmpanes.js";
 import { givenTheme, theme } from "./theme.js";
 import { Time } from "./time.js";
+import { socket } from "./token.js";
 import { Undo } from "./undo.js";
 import { Wire } from "./wire.js";
 import { World } from "./world.js";
@@ -27,7 +28,7 @@ const press = (id) => find(id).click();
 const embedded = document.body.classList.contains("embedded"); // in a notebook, whose widget carries the messages
 const nomads = document.body.classList.contains("nomads"); // robots that programs drive, not a swarm with minds of its own
 
-const wire = new Wire(embedded ? () => new Port() : () => new WebSocket(address()), !embedded);
+const wire = new Wire(embedded ? () => new Port() : () => new WebSocket(socket()), !embedded);
 const world = new World(document.querySelector(".world"));
 const undo = new Undo(find("undone"));
 const drawer = new Drawer(document.querySelector(".drawer"));
@@ -35,13 +36,6 @@ const time = new Time(document, wire);
 new Safety(document, wire);
 const panes = (nomads ? nomadPanes : swarmPanes)({ find, press, wire, world, drawer, embedded, undo, follow, refused });
 const { robot, senses } = panes;
-
-function address() {
-  const found = new URL("live", window.location.href);
-  found.protocol = found.protocol.replace("http", "ws");
-  found.search = window.location.search; // the session's token
-  return found;
-}
 
 // ---- from the desk
 

@@ -2,16 +2,13 @@
 
 import { showLine } from "../line.js";
 import { theme } from "../theme.js";
+import { admitted, socket } from "../token.js";
 import { Refusal, Wire } from "../wire.js";
 import { Chart, sign } from "./chart.js";
 import { short } from "../scales.js";
 
 const find = (id) => document.getElementById(id);
-const address = new URL("live", window.location.href);
-address.protocol = address.protocol.replace("http", "ws");
-address.search = window.location.search; // the session's token
-
-const wire = new Wire(() => new WebSocket(address));
+const wire = new Wire(() => new WebSocket(socket()));
 const chart = new Chart(find("chart"), find("tip"));
 let measures = {}; // what each name means
 let chosen = null; // the point whose runs are listed: {name, mark}
@@ -103,10 +100,7 @@ chart.addEventListener("choose", async ({ detail }) => {
 
 function row(run) {
   const link = Object.assign(document.createElement("a"), { textContent: `Open run ${run.number}`, target: "_blank", rel: "noopener" });
-  const to = new URL("run", window.location.href);
-  to.search = window.location.search;
-  to.searchParams.set("number", run.number);
-  link.href = to.href;
+  link.href = admitted("run", { number: run.number }).href;
   const line = document.createElement("tr");
   const cell = (content, kind = "") => {
     const made = Object.assign(document.createElement("td"), { className: kind });

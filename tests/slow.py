@@ -73,6 +73,8 @@ SLOW = {
     "cli/test_store.py": 13,
     "cli/test_ends.py": 8,
     "console/test_server.py": 7,
+    "console/test_lobby.py": 15,
+    "experiments/test_trust.py": 10,
     "loop/test_many.py": 7,
     "cli/test_demo.py": 12,
     "bridges/test_nomad.py": 9,

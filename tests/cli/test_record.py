@@ -183,6 +183,25 @@ def test_a_full_disk_ends_the_recording_with_a_sentence_and_not_the_run(world: P
     assert load_recording(file).version, "what was written is still a recording"
 
 
+def test_a_recording_that_cannot_begin_leaves_no_file(world: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither on a disk that is full from the start, nor where something else prevents it."""
+    said: list[str] = []
+    file = world / "run.mcap"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
+    try:
+        with Recorder(file, load(world), 3, version="test", complain=said.append) as recorder:
+            assert recorder.failed
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert said == [f"cannot record to {file}: File too large. The run goes on; nothing of it is recorded"]
+    assert not file.exists()
+    monkeypatch.setattr(Recorder, "_save", lambda _: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        Recorder(file, load(world), 3, version="test", complain=said.append)
+    assert not file.exists()
+
+
 def test_a_chunk_that_went_in_before_the_disk_was_full_is_kept(world: Path) -> None:
     said: list[str] = []
     file = world / "run.mcap"

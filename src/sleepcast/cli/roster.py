@@ -10,6 +10,7 @@ import click
 
 from sleepcast.api.connection import CHANNEL, FLEET
 from sleepcast.cli.streams import put
+from sleepcast.core.ages import ago
 from sleepcast.core.errors import MisuseError, did_you_mean, printable
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def roster(fleet: str, channel: str, expect: str | None, forget: str | None, as_
         return 0
     put(f"{len(heard)} robots were heard in the fleet {printable(fleet)}")
     for name, at in heard:
-        put(f"  {printable(name)}  {_ago(now - at)}")
+        put(f"  {printable(name)}  {ago(now - at)}")
     missing = [name for name in expected.names if name not in contacts.heard]
     for name in missing:
         put(f"  {printable(name)}  never heard")
@@ -92,10 +93,3 @@ def _expect(said: str, contacts: PeerCache, kept: FleetFile) -> None:
         kept.write(
             Expectation.of(sorted(contacts.heard, key=natural_order)) if said == HEARD else read_expectation(said)
         )
-
-
-def _ago(seconds: float) -> str:
-    for length, unit in ((86_400.0, "days"), (3_600.0, "h"), (60.0, "min")):
-        if seconds >= 2.0 * length:
-            return f"{seconds / length:.0f} {unit} ago"
-    return f"{max(0.0, seconds):.0f} s ago"

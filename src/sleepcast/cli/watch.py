@@ -14,6 +14,7 @@ from sleepcast.cli.air import operator
 from sleepcast.cli.eval import NegativeNumbersAllowed
 from sleepcast.cli.options import every_option
 from sleepcast.cli.streams import announce, complain, put
+from sleepcast.core.ages import ago
 from sleepcast.core.errors import MisuseError, did_you_mean, printable
 
 if TYPE_CHECKING:
@@ -178,7 +179,7 @@ class Window:
             return [
                 name,
                 "never",
-                "" if heard is None else f"heard {_age(now - heard)} ago",
+                "" if heard is None else f"heard {ago(now - heard)}",
                 "",
                 *("" for _ in columns),
             ]

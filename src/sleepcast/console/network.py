@@ -16,6 +16,7 @@ from sleepcast.console.driver import Driver
 from sleepcast.console.frames import SILENT
 from sleepcast.console.operators import OperatorsDesk
 from sleepcast.console.view import MindView, RuleView, SwarmView
+from sleepcast.core.ages import ago
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError, printable
 from sleepcast.language import Explanation
@@ -241,7 +242,7 @@ class NetworkBackend(Backend):
         age = self._fleet.age(mind.name)
         if age is None:
             return ["has sent no telemetry"]
-        old = [f"last telemetry {age:.0f} s ago"] if age > self._station.stale_after else []
+        old = [f"last telemetry {ago(age)}"] if age > self._station.stale_after else []
         return super()._states(mind) + self._fleet.states(mind.name) + old
 
     def _show_rule(self, rule: RuleView) -> outgoing.ShownRule:

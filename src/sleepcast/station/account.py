@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.message import NOT_STORED
 from sleepcast.channel.message_batch import natural_order
+from sleepcast.core.ages import ago
 from sleepcast.core.errors import printable
 from sleepcast.core.units import shown_value
 from sleepcast.language.vocabulary import Vocabulary, unit_of
@@ -262,7 +263,7 @@ class Account:
     def ago(self, name: str) -> str:
         """When a robot was last heard, in words."""
         heard = self.heard_at(name)
-        return "never heard" if heard is None else f"last heard {self.now - heard:.0f} s ago"
+        return "never heard" if heard is None else f"last heard {ago(self.now - heard)}"
 
 
 def account(command: Command, now: float, heard: Seconds) -> Account:

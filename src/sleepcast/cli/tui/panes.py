@@ -16,6 +16,7 @@ from prompt_toolkit.utils import get_cwidth
 from sleepcast.channel import Kind
 from sleepcast.cli.account import FEW
 from sleepcast.cli.describe import answer_text
+from sleepcast.core.ages import ago
 from sleepcast.core.errors import printable
 from sleepcast.core.units import shown
 from sleepcast.language import Variable
@@ -60,10 +61,10 @@ def safety(session: Session, width: int) -> Line:
             text = "STOP: F9 or Ctrl-X"
         return [("class:warned" if stopped else "", _filled(f" {text}", width))]
     found = session.station.accounting(latch.id)
-    ago = f"{max(0.0, session.station.now - latch.message.issued):.0f} s ago"
+    when = ago(session.station.now - latch.message.issued)
     if latch.kind is Kind.STOP:
-        return [("class:stop", _filled(f" STOP {ago}: stopped {found.n_matched}, {_silence(found)}", width))]
-    return [("class:warned", _filled(f" RELEASE {ago}: released {found.n_matched}, {_silence(found)}", width))]
+        return [("class:stop", _filled(f" STOP {when}: stopped {found.n_matched}, {_silence(found)}", width))]
+    return [("class:warned", _filled(f" RELEASE {when}: released {found.n_matched}, {_silence(found)}", width))]
 
 
 def _of_all(session: Session) -> str:

@@ -37,6 +37,7 @@ import json
 import os
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO, FileIO
 from math import inf
@@ -252,7 +253,13 @@ class Recorder:
         }
         if rotation != ONE_FILE:
             _refuse(part_file(file, 2))
-        self._begin(_create(file), 0.0)
+        output = _create(file)
+        try:
+            self._begin(output, 0.0)
+        except BaseException:  # who refuses to record leaves no file behind
+            output.close()
+            file.unlink(missing_ok=True)
+            raise
         self._saver = Thread(target=self._keep_saving, name="recording", daemon=True)
         self._saver.start()
 
@@ -399,6 +406,11 @@ class Recorder:
             self.failed = True
             self._cut(start)
             reason = error.strerror or str(error)
+            if not start:
+                with suppress(OSError):
+                    self.file.unlink()
+                self._complain(f"cannot record to {self.file}: {reason}. The run goes on; nothing of it is recorded")
+                return
             self._complain(
                 f"cannot record any further to {self.file}: {reason}. "
                 "The run goes on; the recording holds what came before"

@@ -73,7 +73,7 @@ QUICK: dict[str, Callable[[], Proof]] = {
     "amplification": lambda: amplification(5.0),
     "repairs": lambda: repairs((2, 20), (Network(0.001), Network(0.3, 0.1)), 5),
     "flood": lambda: flood(10, 2, 2),
-    "questions": lambda: questions([["swarm", "60"]], 1),
+    "questions": lambda: questions([["swarm", "60"]], 1, ["burst", "steady"]),
     "latency": lambda: latency(20, 2, 30),
 }
 IN_NETWORKS = frozenset({"rewrite", "catch_up", "once", "census", "stop"})

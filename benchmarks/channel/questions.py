@@ -1,8 +1,8 @@
-"""STOP, and an operator's commands, while somebody with an observer's key asks as much as he can.
+"""STOP, and an operator's commands, while somebody with a trusted key asks, looks, tells or commands as much as he can.
 
 Real processes on the loopback, on the two cores of one machine: robots (a `sleepcast swarm`, or a `sleepcast node`),
-an operator's desk, and one who asks (`asker`). Each trial sends STOP, RELEASE and a command, and takes from the robots'
-own notes when each body was told to halt. Beside both attacks the same is done without any.
+an operator's desk, and one who floods them (`asker`). Each trial sends STOP, RELEASE and a command, and takes from the
+robots' own notes when each body was told to halt. The same is done without any attack.
 """
 
 from __future__ import annotations
@@ -16,17 +16,16 @@ from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from benchmarks.channel.asker import GUEST
+from benchmarks.channel.asker import GUESTS, SORTS
 from benchmarks.channel.flood import AT_LAST, SETTLED, Air
 from benchmarks.channel.proofs import Proof, seconds
 from benchmarks.report import Bar, number
 from sleepcast.api.progress import steps
 
-SORTS = {"": "none", "burst": "200 of 2.5 kB in 1 s", "steady": "125 a second of 1 kB"}
 HALTED = 0.3
 """Seconds in which all bodies have been told to halt."""
-BEGUN = {"burst": 1.0, "steady": 4.0}
-"""Seconds after which an attack is at its worst."""
+BURST, BEGUN = 1.0, 4.0
+"""Seconds after which a burst, or another attack, is at its worst."""
 LIFE = 5.0
 """Seconds for which a command is good."""
 TRIALS_END = 6.0
@@ -44,13 +43,14 @@ class Asked:
     silent: int = 0
 
 
-def questions(fleets: Sequence[Sequence[str]], trials: int) -> Proof:
-    """Each of these fleets (the words of a command), so many times under each attack."""
+def questions(fleets: Sequence[Sequence[str]], trials: int, sorts: Sequence[str] = tuple(SORTS)) -> Proof:
+    """Each of these fleets (the words of a command), so many times under each attack, and without one."""
     rows: list[Sequence[str]] = []
     bars: list[Bar] = []
     for words in fleets:
         name = " ".join(words)
-        for sort, told in SORTS.items():
+        for sort in ("", *sorts):
+            told = SORTS[sort].told if sort else "none"
             found = tried(words, sort, trials)
             shares = [seconds(found.stops, share) for share in (0.5, 1.0)]
             times = [*shares, max(found.confirmed), max(found.answered)]
@@ -58,7 +58,7 @@ def questions(fleets: Sequence[Sequence[str]], trials: int) -> Proof:
             if sort:
                 bars.append(Bar(f"{name}, {told}: all bodies halted", shares[1], HALTED, "s", at_least=False))
                 bars.append(Bar(f"{name}, {told}: a command answered by all", times[3], LIFE, "s", at_least=False))
-    heads = ["robots", "questions", "halted: 50 %, s", "100 %, s", "confirmed, s", "command answered, s", "silent"]
+    heads = ["robots", "attack", "halted: 50 %, s", "100 %, s", "confirmed, s", "command answered, s", "silent"]
     return Proof("questions", heads, rows, bars, f"{trials} trials each; times of the worst trial")
 
 
@@ -68,13 +68,13 @@ def tried(words: Sequence[str], sort: str, trials: int) -> Asked:
     count = int(words[1]) if words[0] == "swarm" else len(words)
     with TemporaryDirectory(prefix="sleepcast-questions-") as place:
         folder = Path(place)
-        with Air(folder, words, [GUEST.public]) as air:
+        with Air(folder, words, [guest.public for guest in GUESTS.values()]) as air:
             for _ in range(20):
                 if air.desk.order("ask", text="1", patience=2.0)["answers"] == count:
                     break
-            for _ in steps(trials, f"{' '.join(words)}, questions: {SORTS[sort]}", quiet=False):
+            for _ in steps(trials, f"{' '.join(words)}, {sort or 'no attack'}", quiet=False):
                 with air.attacked("asker", sort) if sort else nullcontext():
-                    time.sleep(BEGUN.get(sort, SETTLED))
+                    time.sleep(BURST if sort == "burst" else BEGUN if sort else SETTLED)
                     told = air.desk.order("stop", patience=AT_LAST + LIFE)
                     found.silent += int(str(told["n_silent"]))
                     found.confirmed.append(float(str(told["took"])))

@@ -13,12 +13,14 @@ from hypothesis import strategies as st
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import (
+    ANSWERS_TO_OTHERS,
     MAX_REASSEMBLIES,
     OLDEST,
     SKEW,
     STOPS_A_SECOND,
     STOPS_AT_ONCE,
     VERIFIED_A_SECOND,
+    VERIFIED_BY_OPERATOR,
     VERIFIED_IN_ALL,
     WINDOW,
     Admission,
@@ -233,6 +235,25 @@ def test_forgeries_under_many_keys_are_looked_at_at_a_rate_in_all() -> None:
     assert VERIFIED_IN_ALL <= here.counts[DropReason.FORGED] <= 2.0 * VERIFIED_IN_ALL + 1.0, (
         "a second's worth, and a second"
     )
+
+
+def test_answers_to_others_keep_out_no_answer_to_us() -> None:
+    clock = ManualClock(NOW)
+    door = admission(robot=False, rate=VERIFIED_BY_OPERATOR, clock=clock)
+    door.own = b"desk-1."
+    told = [
+        only(encode(message(number, "r1", Kind.ANSWER, body={"command": f"{asker}.{number}"}), "lab", ROBOTS))
+        for number, asker in enumerate(("guest-1",) * 2_500 + ("desk-1",) * 500, 1)
+    ]
+    came = [door.enter(datagram) for datagram in told]
+    assert all(came[2_500:])
+    assert 1_500 < sum(each is not None for each in came[:2_500]) <= ANSWERS_TO_OTHERS
+
+
+def test_a_desk_hears_others_at_the_pace_of_robots() -> None:
+    door = admission(robot=False, rate=VERIFIED_BY_OPERATOR, clock=ManualClock(NOW))
+    asked = [only(encode(message(number, kind=Kind.ASK), "lab", DESK)) for number in range(1, 401)]
+    assert sum(door.enter(datagram) is not None for datagram in asked) <= VERIFIED_A_SECOND
 
 
 def parts_of(text: str, sequence: int = 1) -> list[bytes]:

@@ -41,8 +41,10 @@ VERIFIED_A_SECOND = 200.0
 VERIFIED_IN_ALL = 4_000.0
 """The same for all keys together, without STOPs: a quarter of a core's time, however many key ids a forger knows."""
 VERIFIED_BY_OPERATOR = 4_000.0
-"""The same for one key at an operator, whom a thousand robots with one key may answer at once: a quarter of a core's
+"""The same for one key of robots at an operator, whom a thousand of them may answer at once: a quarter of a core's
 time."""
+ANSWERS_TO_OTHERS = 2_000.0
+"""Of these, answers to messages of others, for all keys together: who asks much does not keep out what we asked."""
 STOPS_A_SECOND = 5_000.0
 """Signatures of STOPs that a robot checks in a second, for all keys together: a third of a core's time. Of 80,000 in a
 second it checks one in sixteen; a real STOP is sent a hundred times in its first second."""
@@ -197,6 +199,11 @@ class Admission:
         self._budgets: dict[bytes, RateLimit] = {}
         in_all = VERIFIED_IN_ALL * self._rate / usual
         self._in_all = RateLimit(in_all, in_all, self._chance, clock.now())
+        self._of_others = VERIFIED_A_SECOND * self._rate / usual
+        to_others = ANSWERS_TO_OTHERS * self._rate / usual
+        self._to_others = RateLimit(to_others, to_others, self._chance, clock.now())
+        self.own = b""
+        """How the ids of our own messages begin, b"" if we expect no answers."""
         self._open = FairTable[tuple[bytes, str, int, int], Reassembly, bytes](MAX_REASSEMBLIES, lost=self.no_room)
         self._timeless = frozenset({Kind.STOP}) if robot else TO_OPERATOR | {Kind.STOP}
         """Kinds that are accepted whatever their times say: in doubt a robot stops, and a robot's message is judged by
@@ -281,7 +288,7 @@ class Admission:
         if not key.owner.endswith("*") and self._knows(part, key.owner):
             return DropReason.REPEATED
         budget = self._times if tells_time else self._untimely_budget if untimely is not None else None
-        if not (self._has_time(part, now) if budget is None else budget.take(now)):
+        if not (self._has_time(part, key, now) if budget is None else budget.take(now)):
             return untimely or DropReason.TOO_MANY
         if not key.signed(part.signed, part.signature):
             return DropReason.FORGED
@@ -352,13 +359,18 @@ class Admission:
         waiting = self._open.get((part.key, sender, part.epoch, part.sequence))
         return waiting is not None and part.number in waiting.pieces
 
-    def _has_time(self, part: Fragment, now: float) -> bool:
-        """Whether one more signature may be checked. An operator has no limit for all keys together."""
+    def _has_time(self, part: Fragment, key: PublicKey, now: float) -> bool:
+        """Whether one more signature may be checked. An operator has no limit for all keys together, and one for
+        answers to others; what is no robot's it hears at the pace of robots."""
         if part.kind is Kind.STOP:
             return self._stops.take(now)
+        to_others = self.own and part.kind is Kind.ANSWER and part.parts == 1 and self.own not in part.payload
+        if to_others and not self._to_others.take(now):
+            return False
         found = self._budgets.get(part.key)
         if found is None:
-            found = self._budgets[part.key] = RateLimit(self._rate, self._rate, self._chance, now)
+            rate = self._rate if self.robot or key.role is Role.ROBOT else self._of_others
+            found = self._budgets[part.key] = RateLimit(rate, rate, self._chance, now)
         return found.take(now) and (not self.robot or self._in_all.take(now))
 
     def missing(self, key: bytes, sender: str, epoch: int, sequence: int) -> tuple[int, ...]:

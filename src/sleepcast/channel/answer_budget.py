@@ -17,8 +17,11 @@ from sleepcast.channel.message import AGAIN, FOR, NOT, Message
 
 ANSWER_RATE = 64_000.0
 """Bytes of answers to one asker in a second, from one process: two hundred short answers, or one long one."""
-ANSWER_RATE_EACH = 2_000.0
-"""The same for each of its robots besides: several questions a second to all of a thousand."""
+ANSWER_RATE_EACH = 1_000.0
+"""The same for each of its robots besides: ten questions a second to all of sixty."""
+ANSWER_RATE_MOST = 640_000.0
+"""The same for all of them: three thousand short answers, fewer than an operator verifies, and three times what a desk
+asks for."""
 ANSWER_BURST = 256_000.0
 """Bytes that may go at once: all that one robot can tell of itself, twice."""
 ANSWER_BURST_SECONDS = 2.0
@@ -66,12 +69,12 @@ class AnswerBudget:
     @property
     def rate(self) -> float:
         """Bytes a second for each asker."""
-        return ANSWER_RATE + ANSWER_RATE_EACH * self.robots
+        return min(ANSWER_RATE + ANSWER_RATE_EACH * self.robots, ANSWER_RATE_MOST)
 
     @property
     def burst(self) -> float:
         """Bytes at once for each asker."""
-        return ANSWER_BURST + ANSWER_BURST_SECONDS * ANSWER_RATE_EACH * self.robots
+        return ANSWER_BURST + ANSWER_BURST_SECONDS * (self.rate - ANSWER_RATE)
 
     def ask(self, question: Message, names: Collection[str], now: float) -> Verdict:
         """Whether to let in a question to robots of these names, at `now` (s), which then costs its least."""

@@ -32,7 +32,7 @@ from sleepcast.channel.admission import Admission, RateLimit, TokenBucket
 from sleepcast.channel.clock_sync import MAX_TRIP, NONCE_BYTES, TimeRequest
 from sleepcast.channel.envelope import MAX_PARTS, Fragment, encode
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal
-from sleepcast.channel.message import KEYS, TIME, Kind, Message, Role, age_of
+from sleepcast.channel.message import KEYS, TIME, Kind, Message, Role, age_of, message_id
 from sleepcast.channel.repair_timer import RepairTimer
 from sleepcast.channel.sequencer import (
     MAX_STREAMS,
@@ -161,6 +161,7 @@ class ReliableDelivery:
         keep: Callable[[], None] = lambda: None,
     ) -> None:
         self.name, self.epoch, self.admission = name, epoch, admission
+        admission.own = b"" if admission.robot else message_id(name, epoch, 0)[:-1].encode()
         self.sequencer = Sequencer(chance, admission.skew, admission.no_room)
         self.overheard = 0
         self._key, self._chance = key, chance

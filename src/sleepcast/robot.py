@@ -14,10 +14,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import cos, nan, pi, remainder
+from math import cos, isnan, nan, pi, remainder
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from sleepcast.core.model import HostFunction, NamedArea, Quantity
+from sleepcast.core.model import HostFunction, NamedArea, Quantity, RestState
 
 BRAKING = 0.8
 """Share of the acceleration that coming to rest in time counts on."""
@@ -189,6 +189,33 @@ class Failsafe(Protocol):
 
     def let_go(self) -> None:
         """Nobody drives it any more: bring it to where it is safe. Nothing old resumes by itself."""
+
+
+@runtime_checkable
+class RestSensing(Protocol):
+    """A body that knows whether it has come to rest."""
+
+    def rest_state(self) -> RestState | None:
+        """How it moves now, by what was measured last; None if one like this does not measure it."""
+
+
+@runtime_checkable
+class Settling(Protocol):
+    """A body that can be at rest at once, as only a simulated one can."""
+
+    def settle(self) -> None:
+        """Be at rest, as one that has never moved."""
+
+
+def rest_state_of(model: RobotModel, speed: float, turn_rate: float, resting: float, lag: float) -> RestState:
+    """The state of a body that moves at this speed (m/s) and turns at this rate (rad/s; NaN: does not say), and brakes
+    as its limits say. resting: m/s up to which it counts as at rest, since measurements are not exact; lag: s for which
+    it may go on before it brakes."""
+    going = abs(speed)
+    fastest = going if isnan(turn_rate) else going + abs(turn_rate) * model.geometry.radius
+    if fastest <= resting:
+        return RestState(0.0, 0.0)
+    return RestState(fastest, going * lag + going * going / (2.0 * BRAKING * model.limits.acceleration))
 
 
 # ---- many simulated bodies, driven axis by axis: what a server of such robots needs of their world

@@ -154,3 +154,33 @@ def test_a_stop_that_no_disk_holds_is_no_success_and_the_next_life_begins_stoppe
     with swarm(2, channel, "--store", str(store)):
         robots = json.loads(called("watch", "--once", "--json", "--channel", channel).out)["robots"]
         assert [(robot["stopped"], robot["doubt"]) for robot in robots] == [(True, "its store has lost its marker")] * 2
+
+
+def test_it_goes_on_until_all_are_at_rest(channel: str) -> None:
+    """A craft of bravo brakes at 0.5 m/s2, so it has accepted STOP long before it stands."""
+
+    def on_air(*arguments: str) -> Called:
+        return called(*arguments, "--channel", channel)
+
+    def moving(found: Called) -> dict[str, dict[str, float]]:
+        return dict(json.loads(found.out)["stopping"])
+
+    def driven() -> Called:
+        """Who moves when STOP is accepted; once more where robots of a busy machine did not hear of it in time."""
+        on_air("release")
+        on_air("send", "--all", "(DRIVE 8m/s 0)", "--hold", "4")
+        return on_air("stop", "--accepted", "--json")
+
+    with swarm(2, channel):
+        accepted = again_until(lambda found: len(moving(found)) == 2, driven)
+        assert accepted.status == 0, "that is what was asked for"
+        for state in moving(accepted).values():
+            assert state["distance"] == pytest.approx(state["speed"] ** 2)
+        done = on_air("stop")
+        assert done.status == 0
+        assert "stopped 2: r1, r2\n  at rest 2\n  silent 0" in done.out
+        assert "still moving" in done.err
+        assert "AT REST" in on_air("watch", "--once").out
+        found = json.loads(on_air("stop", "--json").out)
+        assert (found["n_at_rest"], found["n_stopping"], found["n_accepted"]) == (2, 0, 0)
+        assert (found["at_rest"], found["stopping"]) == (["r1", "r2"], {})

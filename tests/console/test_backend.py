@@ -261,7 +261,7 @@ class TestStop:
         assert sentence.startswith("STOP: 0 of 20 robots report stopped; silent: rover1 (last heard 0 s ago)")
         assert sentence.endswith("and 17 more.")
         stand.run()
-        assert safety(stand) == (True, "STOP: all 20 robots report stopped.")
+        assert safety(stand) == (True, "STOP: all 20 robots are at rest.")
         assert all(node.stopped for node in stand.swarm.minds.values())
         assert stand.desk.driver.frame[1] & 2
         stand.desk.release()
@@ -273,6 +273,22 @@ class TestStop:
         stand.desk.driver.set_pace(running=False)
         stand.desk.stop()
         assert "0 of 20 robots report stopped. Time stands still" in safety(stand)[1]
+
+    def test_tells_stopping_and_at_rest_apart(self, stand: Stand) -> None:
+        stand.station.send("(DRIVE 5m/s 0)", everybody=True)
+        stand.run(5.0)
+        stand.desk.stop()
+        stand.run(1.0)
+        row = stand.desk.commands().rows[-1]
+        assert (row.kind, row.matched, row.moving) == ("stop", 20, 20)
+        said = safety(stand)[1]
+        assert said.startswith("STOP: all 20 robots report stopped; 20 still move: rover")
+        assert said.endswith("m to go), and 17 more.")
+        assert stand.desk._robot(0).state[0].startswith("stopping (")
+        stand.run(5.0)
+        assert safety(stand)[1] == "STOP: all 20 robots are at rest."
+        assert stand.desk.commands().rows[-1].moving == 0
+        assert "at rest" in stand.desk._robot(0).state
 
     def test_before_time_begins_it_says_at_once_that_no_robot_moves(self, tmp_path: Path) -> None:
         swarm = Swarm(simulator(tmp_path))
@@ -291,7 +307,7 @@ class TestStop:
         before = view.poses()
         station.send("(DRIVE 1m/s 0)", everybody=True)
         waiting.run()
-        assert safety(waiting) == (True, "STOP: all 20 robots report stopped.")
+        assert safety(waiting) == (True, "STOP: all 20 robots are at rest.")
         assert view.poses() == before, "no robot has moved by a command that was sent after it"
 
     def test_a_key_held_down_gives_one_stop_and_not_hundreds(self, stand: Stand) -> None:

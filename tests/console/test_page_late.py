@@ -296,7 +296,7 @@ def test_a_stop_that_nobody_answers_says_so_and_goes_out_again(program: Program,
     expect(stopped).to_have_text("STOP was sent, but the station has not confirmed it. Do not rely on it.")
     between.deaf = False
     between.cut()  # what was sent on that line is lost
-    expect(stopped).to_have_text("STOP: all 20 robots report stopped.")
+    expect(stopped).to_have_text("STOP: all 20 robots are at rest.")
     blank.locator("#release").click()
     expect(stopped).to_be_hidden()
     blank.wait_for_timeout(1500)

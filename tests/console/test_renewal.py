@@ -246,7 +246,7 @@ def test_a_person_starts_another_run_from_the_bar(context: BrowserContext, tmp_p
         page.get_by_role("button", name="Start", exact=True).click()
         expect(page.locator("#achieved")).to_have_text(re.compile("running"))
         page.locator("#text").press("F9")
-        expect(page.locator("#stopped-text")).to_have_text("STOP: all 20 robots report stopped.")
+        expect(page.locator("#stopped-text")).to_have_text("STOP: all 20 robots are at rest.")
         page.locator("#renew").click()
         expect(page.get_by_role("spinbutton", name="Robots")).to_have_value("20")
         page.locator("#new-run").get_by_role("spinbutton", name="Robots").fill("7")

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sleepcast.api.events import EventQueue, FleetEvent
 from sleepcast.api.table import DataTable, Numbers, Texts
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.model import RestState
 from sleepcast.language import Explanation
 from sleepcast.station import Account, Command, Preview, Station
 from sleepcast.station.validation import is_mere_test
@@ -65,8 +66,21 @@ class CommandResult:
 
     @property
     def matched(self) -> tuple[str, ...]:
-        """The robots that obeyed; of a question, that answered; of STOP, that are stopped."""
+        """The robots that obeyed; of a question, that answered; of STOP, that have accepted it: see `at_rest`."""
         return self.account.matched
+
+    @property
+    def at_rest(self) -> tuple[str, ...]:
+        """Of STOP: the robots that have accepted it and say that they are at rest."""
+        rest = self.account.rest
+        return () if rest is None else rest.at_rest
+
+    @property
+    def stopping(self) -> dict[str, RestState]:
+        """Of STOP: those that have accepted it and are not at rest yet, each with its `speed` (m/s) and the `distance`
+        that it may still go (m); NaN for unknown."""
+        rest = self.account.rest
+        return {} if rest is None else rest.stopping
 
     @property
     def not_matched(self) -> tuple[str, ...]:

@@ -35,7 +35,8 @@ from typing import ClassVar, Self
 
 from sleepcast.core.clock import Clock, WallClock
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.robot import Limits, Reading, RobotModel, Setpoint
+from sleepcast.core.model import RestState
+from sleepcast.robot import Limits, Reading, RobotModel, Setpoint, rest_state_of
 
 UNATTENDED = 1.0
 """Seconds without a look from the mind after which the body is brought to rest."""
@@ -55,6 +56,8 @@ TELL_AGAIN = 5.0
 """Seconds for which what has brought it to rest again and again is told once."""
 LAG = 0.25
 """Seconds from a look at what is ahead to when what follows from it is done: two rounds, and ticks of the robot."""
+SLOWEST = 0.05
+"""Share of its greatest speed up to which a slow robot counts as at rest."""
 FRESH = 1.0
 """Seconds after which what was measured counts as unknown: the robot, or the way to it, has got stuck."""
 
@@ -94,6 +97,8 @@ class BridgedBody(ABC):
     """Whether the robot is told its motion in each round, or only another one."""
     KEEPS_ACCELERATION: ClassVar[bool] = False
     """Whether the robot itself changes its speed no faster than its limits say."""
+    RESTING: ClassVar[float] = 0.05
+    """m/s up to which the robot counts as at rest: as far as what it measures differs from 0 then."""
     FAILURES: ClassVar[tuple[type[Exception], ...]] = (OutOfReachError, OSError)
     """What is raised where the robot cannot be reached."""
     REFUSALS: ClassVar[tuple[type[Exception], ...]] = (MisuseError,)
@@ -227,6 +232,26 @@ class BridgedBody(ABC):
             if still and self._motion.sort != "speeds":  # how much of it is left, nobody knows
                 self._motion = REST
         self._wake.set()
+
+    def rest_state(self) -> RestState | None:
+        """By the sensors of a reading, `speed` and `turn_rate`, or what a bridge knows better; None without a sensor of
+        speed. Unknown while it is out of reach."""
+        if all(sensor.name != "speed" for sensor in self.model.sensors):
+            return None
+        speed, turn_rate = (nan, nan) if self._lost is not None else self.course_measured()
+        resting = min(self.RESTING, SLOWEST * self.model.limits.speed)
+        return rest_state_of(self.model, speed, turn_rate, resting, LAG)
+
+    def course_measured(self) -> tuple[float, float]:
+        """At which speed it goes, in whatever direction, and at which rate it turns, m/s and rad/s; NaN for unknown."""
+        known = self._sensed()
+        return known.get("speed", nan), known.get("turn_rate", nan)
+
+    def _sensed(self) -> dict[str, float]:
+        """The values of its sensors, none of them while they are too old."""
+        if self.stale and not self._in_step:
+            return {}
+        return dict(zip((sensor.name for sensor in self.model.sensors), self.reading().values, strict=True))
 
     @property
     def stale(self) -> bool:
@@ -400,8 +425,7 @@ class BridgedBody(ABC):
         course = self.course(motion)
         if course is None:
             return ""
-        names, values = (sensor.name for sensor in self.model.sensors), self.reading().values
-        known = dict(zip(names, values, strict=True)) if self._in_step or not self.stale else {}
+        known = self._sensed()
         x, y, heading, speed, turning = (known.get(n, nan) for n in ("x", "y", "heading", "speed", "turn_rate"))
         wanted, turn = course
         if self.model.limits.fence is not None and isnan(x + y + heading):

@@ -185,6 +185,9 @@ NOT_STORED = "not stored"
 """At the end of an answer's fault: it was done, but could not be written, so a restart may forget it."""
 REFINED = {UNKNOWN: "not matched", HELD: "matched"}
 """Outcomes that are sent as one that every receiver knows, and a field that has their own name."""
+MOTION = "motion"
+"""In an answer to a STOP, and in telemetry: how the stopped body moves: m/s, and m until it is at rest; null for
+unknown."""
 RULE = "rule"
 """In a REPORT: the name of the rule that a robot has deactivated because of its faults."""
 TIME = "time"

@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING
 from sleepcast.core.errors import printable
 
 if TYPE_CHECKING:
+    from sleepcast.core.model import RestState
+    from sleepcast.language import Vocabulary
     from sleepcast.station.account import Account
+    from sleepcast.station.rest import RestAccount
     from sleepcast.station.sent import Command
     from sleepcast.station.validation import Forecast
 
@@ -31,7 +34,26 @@ def as_dict(command: Command, found: Account) -> dict[str, object]:
     about = {"id": command.id, "kind": str(command.kind), "text": command.message.text} | among(found)
     faults = {"faults": found.faults} if len(found.fault) <= MANY else {}
     counts = _counted(names) | {"n_silent": found.n_silent}
-    return {**about, **counts, **faults, **(census(found) if command.kind == ASK else {})}
+    more = census(found) if command.kind == ASK else resting(found.rest) if found.rest is not None else {}
+    return {**about, **counts, **faults, **more}
+
+
+def resting(found: RestAccount) -> dict[str, object]:
+    """Who of those that have accepted a STOP is at rest, who still moves and how far each may still go, and who does
+    not tell."""
+    from sleepcast.station.account import rest_counts
+
+    counts: dict[str, object] = {f"n_{sort}": count for sort, count in rest_counts(found).items()}
+    if found.n_stopping <= MANY:
+        counts["stopping"] = {name: state_as_dict(state) for name, state in found.stopping.items()}
+    few = {"at_rest": found.at_rest, "accepted": found.accepted}
+    return counts | {sort: list(names) for sort, names in few.items() if len(names) <= MANY}
+
+
+def state_as_dict(state: RestState) -> dict[str, object]:
+    """How a stopped robot moves: its speed and how far it may still go, SI; None for unknown."""
+    speed, distance = (None if each != each else each for each in state)
+    return {"at_rest": state.at_rest, "speed": speed, "distance": distance}
 
 
 def among(found: Account) -> dict[str, object]:
@@ -79,8 +101,8 @@ def forecast_text(found: Forecast) -> str:
     return f"{listed('would obey', found.yes)}; {may}; would not {len(found.no)}{undecided}"
 
 
-def account_lines(command: Command, found: Account) -> Iterator[str]:
-    """The account, for a person."""
+def account_lines(command: Command, found: Account, vocabulary: Vocabulary | None = None) -> Iterator[str]:
+    """The account, for a person. vocabulary: says in which units speeds and places are read."""
     from sleepcast.language import format_value
 
     if not found.total:
@@ -95,6 +117,8 @@ def account_lines(command: Command, found: Account) -> Iterator[str]:
         yield f"  {found.values.count} know it: min {least}, mean {mean}, max {greatest}"
     elif command.kind == ASK and len(found.matched):
         yield "  none of them knows the value: it is unknown there"
+    elif found.rest is not None and found.n_matched and vocabulary is not None:
+        yield f"  {found.rest.sentence(vocabulary, FEW)}"
     elif command.kind == "command":
         yield f"  {listed('noted outside it by' if leasing else 'did not match', found.not_matched)}"
         if found.n_unknown:

@@ -1,4 +1,4 @@
-"""`sleepcast stop`: stop every robot on the air, and go on until each of them has confirmed it."""
+"""`sleepcast stop`: stop every robot on the air, and go on until each of them has confirmed it and is at rest."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from sleepcast.api.connection import AirOptions, expectation, station_for
-from sleepcast.cli.account import account_lines, as_dict
+from sleepcast.cli.account import FEW, account_lines, as_dict
 from sleepcast.cli.air import operator
 from sleepcast.cli.interrupts import Interrupts, Terminated
 from sleepcast.cli.options import NumberRange
@@ -50,17 +50,22 @@ NAMED = 3
     type=NumberRange(0.0),
     help="Give up on silent robots after S seconds (default: at Ctrl-C).",
 )
+@click.option("--accepted", is_flag=True, help="End when all robots have accepted STOP, at rest or not.")
 @operator
-def stop(air: AirOptions, seconds: float | None, as_json: bool) -> int:
+def stop(air: AirOptions, seconds: float | None, accepted: bool, as_json: bool) -> int:
     """Stop every robot that receives it, and keep it stopped until `sleepcast release`. Any trusted key may do so.
 
     STOP is repeated until every robot that is expected (--expect, `sleepcast roster --expect`) or was ever heard has
     confirmed it, or until Ctrl-C. Without a terminal, and without a list of expected robots, it gives up after ten
-    seconds. The exit status is 0 only if all robots confirm that they have stopped, and stay so over a restart.
+    seconds. A robot that confirms STOP brakes, which takes its time: the command goes on until those that tell their
+    speed are at rest, for 30 seconds at most, and says how far each may still go. With --accepted it does not wait for
+    that. The exit status is 0 only if all robots confirm that they have stopped, and stay so over a restart, and none
+    says that it still moves.
 
     \b
     Examples:
       sleepcast stop
+      sleepcast stop --accepted
       sleepcast stop --expect 100
       sleepcast stop --timeout 30 --json
     """
@@ -74,15 +79,20 @@ def stop(air: AirOptions, seconds: float | None, as_json: bool) -> int:
             until = sent.message.issued + (patience if seconds is None else seconds)
             try:
                 _insist(station, sent, until, interrupts.check)
+                if not accepted:
+                    _await_rest(station, sent, interrupts.check)
             except (KeyboardInterrupt, Terminated) as error:
                 complain(f"ended by {str(error) or 'Ctrl-C'}; STOP is not sent any more")
             found = station.accounting(sent.id)
-            _show(sent, found, as_json)
+            _show(station, sent, found, as_json)
             if not found.complete:
                 complain(f"not confirmed by {found.n_silent} {found.scope}")
             if found.n_not_stored:
                 complain(f"{NOT_LASTING}: keep {_robots(found.n_not_stored)} powered, or in sight, until RELEASE")
-        sound = found.complete and found.n_matched and not found.n_not_stored and not found.flawed
+            moving = 0 if accepted or found.rest is None else found.rest.n_stopping
+            if moving and found.rest is not None:
+                complain(f"not at rest: {found.rest.who_moves(station.vocabulary, FEW)}")
+        sound = found.complete and found.n_matched and not (found.n_not_stored or found.flawed or moving)
         return 0 if sure and sound else 1
 
 
@@ -125,6 +135,23 @@ def _insist(station: NetworkStation, sent: Command, until: float, check: Callabl
             _tell_reasons(station, status.clear)
 
 
+def _await_rest(station: NetworkStation, sent: Command, check: Callable[[], None]) -> None:
+    """Go on until nobody who has confirmed says that it still moves, as long as the desk asks them, telling how far
+    they may still go. check: raises what ends it early."""
+    from sleepcast.station.rest import REST_SECONDS
+
+    with Status() as status:
+
+        def rests() -> bool:
+            check()
+            found = sent.resting
+            moving = found.who_moves(station.vocabulary, NAMED)
+            status.show(f"at rest {found.n_at_rest}, still moving {found.n_stopping}: {moving}")
+            return not found.n_stopping
+
+        station.wait_until(rests, sent.message.issued + REST_SECONDS, PAUSE)
+
+
 def _our_key(station: NetworkStation) -> str:
     delivery = station.session.delivery
     return printable(f"the key of {delivery.name} ({delivery.role}, {delivery.key_id.hex()})")
@@ -161,9 +188,9 @@ def _reasons(station: NetworkStation) -> Iterator[str]:
     )
 
 
-def _show(sent: Command, found: Account, as_json: bool) -> None:
+def _show(station: NetworkStation, sent: Command, found: Account, as_json: bool) -> None:
     if as_json:
         put(json.dumps(as_dict(sent, found)))
         return
-    for line in account_lines(sent, found):
+    for line in account_lines(sent, found, station.vocabulary):
         put(line)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from sleepcast.api.connection import AirOptions, observing_station
+from sleepcast.cli.account import state_as_dict
 from sleepcast.cli.air import operator
 from sleepcast.cli.eval import NegativeNumbersAllowed
 from sleepcast.cli.options import every_option
@@ -137,6 +138,8 @@ class Window:
         values = {key: None if value != value else value for key, value in _values(mind, columns).items()}
         said = mind.telemetry
         found |= {"told": now - mind.reported_at, "stopped": mind.stopped, "driven": said.driven}
+        rest = mind.rest_state()
+        found["motion"] = None if rest is None else state_as_dict(rest)
         found |= {"catching_up": said.catching_up, "doubt": mind.doubt}
         found |= {"flags": _flags(mind), "groups": sorted(said.groups)}
         return found | {"rules": len(mind.rules()), "values": values}
@@ -186,7 +189,8 @@ class Window:
         age = now - mind.reported_at
         late = "silent " if age > self.station.stale_after else ""
         said = mind.telemetry
-        found = ["STOPPED"] * mind.stopped + ["driven"] * said.driven + ["catching up"] * said.catching_up
+        stopped = [_stopped(mind, self._unit("speed") or "m/s")] if mind.stopped else []
+        found = stopped + ["driven"] * said.driven + ["catching up"] * said.catching_up
         state = " ".join(found + _flags(mind))
         values = _values(mind, columns)
         return [
@@ -236,6 +240,16 @@ def _values(mind: RemoteMind, columns: Sequence[str]) -> dict[str, float]:
 def _flags(mind: RemoteMind) -> list[str]:
     found = dict(mind.variables())
     return [flag for flag in FLAGS if found.get(flag, 0.0) > 0.0]
+
+
+def _stopped(mind: RemoteMind, unit: str) -> str:
+    """Whether a stopped robot is at rest, still moves, or does not tell; in few letters."""
+    from sleepcast.core.units import shown
+
+    rest = mind.rest_state()
+    if rest is None or rest.at_rest:
+        return "STOPPED" if rest is None else "AT REST"
+    return f"STOPPING {shown(rest.speed, unit, 3)}"
 
 
 def _age(seconds: float) -> str:

@@ -8,6 +8,7 @@ from sleepcast.console.driver import AT_START
 from sleepcast.console.failing import FailingRules, ShownFailing
 from sleepcast.console.view import SwarmView
 from sleepcast.core.errors import printable
+from sleepcast.language import Vocabulary
 from sleepcast.station import Account, Command, Station
 from sleepcast.station.account import values_in_words
 
@@ -24,8 +25,8 @@ class CommandRow(msgspec.Struct, frozen=True):
     standing: whether it has no deadline. values: what was answered to a question, in words. scope: among whom silence
     was counted, in words. unknown: those whose test was neither true nor false. held: those among the matched that were
     to move, and did not because STOP holds them. not_stored: those that have done it, but may forget it over a restart.
-    waiting: why the silent ones could not answer yet, "" if they
-    could. failing: rules that it brought and that fail now."""
+    waiting: why the silent ones could not answer yet, "" if they could. failing: rules that it brought and that fail
+    now. moving: those that have accepted STOP and are not at rest yet."""
 
     id: str
     kind: str
@@ -44,10 +45,12 @@ class CommandRow(msgspec.Struct, frozen=True):
     not_stored: int = 0
     waiting: str = ""
     failing: tuple[ShownFailing, ...] = ()
+    moving: int = 0
 
 
-State = tuple[int, int, str, tuple[ShownFailing, ...]]
-"""What a row depends on: how many answered, how many were addressed, why robots wait, which rules fail."""
+State = tuple[int, int, int, str, tuple[ShownFailing, ...]]
+"""What a row depends on: how many answered, how many were addressed, how often robots told of coming to rest, why
+robots wait, which rules fail."""
 
 
 class AccountTable:
@@ -68,9 +71,10 @@ class AccountTable:
             known = self._rows.get(command.id)
             late = self._swarm.now() + self._began - command.message.issued > ON_ITS_WAY
             waiting = held_up if held_up and not late and command.n_silent else ""
-            state = len(command.answers), command.addressed, waiting, self.failing.of(command.id)
+            told = command.rest.version
+            state = len(command.answers), command.addressed, told, waiting, self.failing.of(command.id)
             if known is None or known[0] != state:
-                known = (state, self._row(command, self._station.accounting(command.id), *state[2:]))
+                known = (state, self._row(command, self._station.accounting(command.id), *state[3:]))
             kept[command.id] = known
         self._rows = kept
         return [row for _, row in kept.values()]
@@ -94,6 +98,7 @@ class AccountTable:
             found.n_not_stored,
             waiting,
             failing,
+            0 if found.rest is None else found.rest.n_stopping,
         )
 
     def outcomes(self, command: str, time: float) -> bytes:
@@ -119,15 +124,28 @@ class AccountTable:
             return "STOP holds: time has not begun, so no robot moves. All robots are sent STOP with the first tick."
         if not total:
             return "STOP was sent, but no robot has been heard yet: none has confirmed it."
+        came = f"{_still(found, self._swarm.vocabulary)}{_not_stored(found)}"
         if found.complete:
-            return f"STOP: all {found.scope.removeprefix('of ')} report stopped{_not_stored(found)}."
+            rests = found.rest is not None and found.rest.n_at_rest == found.n_matched
+            return f"STOP: all {found.scope.removeprefix('of ')} {'are at rest' if rests else 'report stopped'}{came}."
         if held_up:
             return (
                 f"STOP is on its way: {found.n_matched:,} of {total:,} robots report stopped. Time stands "
                 "still, so nothing moves; the others hear it with the next tick."
             )
         said = f"{found.n_matched:,} {found.scope} report stopped"
-        return f"STOP: {said}{_not_stored(found)}; silent: {found.missing(NAMED)}."
+        return f"STOP: {said}{came}; silent: {found.missing(NAMED)}."
+
+
+def _still(found: Account, vocabulary: Vocabulary) -> str:
+    """Who of those that report stopped is not known to be at rest, as the end of a sentence."""
+    rest = found.rest
+    if rest is None or not (rest.n_stopping or rest.n_accepted):
+        return ""
+    move = f"; {rest.n_stopping:,} still move: {rest.who_moves(vocabulary, NAMED)}" if rest.n_stopping else ""
+    if rest.n_accepted == found.n_matched:
+        return "; none tells whether it is at rest"
+    return f"{move}; {rest.n_accepted:,} do not tell whether they are at rest" if rest.n_accepted else move
 
 
 def _not_stored(found: Account) -> str:

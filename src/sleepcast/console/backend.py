@@ -35,6 +35,7 @@ from sleepcast.core.units import shown_value
 from sleepcast.language import Checked, Explanation, Finding, ReadError, Variable, format_value
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, SUPPORT, TIME_SLOT, unit_of
 from sleepcast.station import NO, UNKNOWN, YES, Command, NoExplanationError, Preview, Report, Station
+from sleepcast.station.rest import stopped_in_words
 from sleepcast.station.validation import Draft
 
 STOP_AGAIN = 0.5
@@ -348,7 +349,8 @@ class Backend:
     def _states(self, mind: MindView) -> list[str]:
         """What the robot is, in words."""
         flags = ((FROZEN, "frozen"), (SLEEPING, "sleeping"), (MARKED, "marked"))
-        return ["stopped"] * mind.stopped + [word for slot, word in flags if mind.values[slot] > 0.0]
+        stopped = [stopped_in_words(mind.rest_state(), self._swarm.vocabulary)] if mind.stopped else []
+        return stopped + [word for slot, word in flags if mind.values[slot] > 0.0]
 
     def _lacks(self, index: int) -> list[str]:
         """That the robot has used up what it drives with, in words."""

@@ -69,6 +69,9 @@ class Fleet(SwarmView, Protocol):
     def stopped(self, since: float) -> int:
         """How many robots report stopped, of those whose telemetry is of later (station's clock)."""
 
+    def moving(self, since: float) -> int:
+        """How many of those say that they still move."""
+
     def standing(self) -> str:
         """Robots that stand although there may have been no STOP, and why, in a sentence; "" if there are none."""
 
@@ -228,7 +231,8 @@ class NetworkBackend(Backend):
         if not found.sentence:
             stopped, size = self._fleet.stopped(since), self._station.fleet_size
             scope = of_robots(max(size, len(self._fleet.minds)), size > 0)
-            said = f"{by}{stopped:,} {scope} report stopped."
+            moving = f"; {moves:,} of these still move" if (moves := self._fleet.moving(since)) else ""
+            said = f"{by}{stopped:,} {scope} report stopped{moving}."
             if standing := self._fleet.standing():
                 said += f" {standing[0].upper()}{standing[1:]}."
             found = outgoing.Safety(found.latched or stopped > 0, said)

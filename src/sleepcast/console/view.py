@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.console.sensing import BodyView
-from sleepcast.core.model import ReadyCommand
+from sleepcast.core.model import ReadyCommand, RestState
 from sleepcast.fleet.failing import FailingRule
 from sleepcast.fleet.marks import FleetMarks
 from sleepcast.language import Vocabulary
@@ -111,6 +111,9 @@ class RuleView(Protocol):
 
 class MindView(Mind, Protocol):
     """A mind that can be looked into from here."""
+
+    def rest_state(self) -> RestState | None:
+        """Whether the stopped body has come to rest; None if it does not tell."""
 
     def variables(self) -> Iterable[tuple[str, float]]:
         """Every variable by name with its value in SI, NaN for unknown."""

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from sleepcast.core.units import NONE, UNITS, Dimension
 
@@ -98,3 +98,15 @@ class ReadyCommand:
     about: str = ""
     blank: str = ""
     needs: int = 0
+
+
+class RestState(NamedTuple):
+    """Whether a body is at rest, and how far it may still go until it is. speed: m/s of its fastest part, 0 at rest;
+    distance: m. NaN where it does not know."""
+
+    speed: float
+    distance: float
+
+    @property
+    def at_rest(self) -> bool:
+        return self.speed == 0.0

@@ -13,10 +13,11 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from sleepcast.channel.message import Message
-from sleepcast.fleet.state import FleetState, Index, Mask, Rows
+from sleepcast.core.model import RestState
+from sleepcast.fleet.state import Column, FleetState, Index, Mask, Rows
 from sleepcast.language.vocabulary import FROZEN, SLEEPING
 from sleepcast.mind.authority import Latch
-from sleepcast.robot import Robot
+from sleepcast.robot import RestSensing, Robot
 
 MAX_LATCHES = 16
 """Stored latches above which those that no robot has any more are removed."""
@@ -33,12 +34,21 @@ class ManyBodies(Protocol):
     def hold(self, robots: Index, still: Mask, /) -> None: ...
 
 
+@runtime_checkable
+class ManyRestSensing(Protocol):
+    """Bodies that know many at once whether they have come to rest."""
+
+    def rest_states(self, robots: Index, /) -> tuple[Column, Column]:
+        """See `RestState`: speeds and distances."""
+
+
 class FleetBodies:
     """The bodies of a fleet's robots. bodies: `ManyBodies`, or a list of bodies, each possibly a `Robot`."""
 
     def __init__(self, state: FleetState, bodies: Sequence[object | None]) -> None:
         self._state, self._bodies = state, bodies
         self._many = bodies if isinstance(bodies, ManyBodies) else None
+        self._telling = bodies if isinstance(bodies, ManyRestSensing) else None
         self._any_still = False
         """Whether any body is held still."""
 
@@ -102,6 +112,15 @@ class FleetBodies:
         for body in map(self._bodies.__getitem__, rows.robots.tolist()):
             if isinstance(body, Robot):
                 body.release()
+
+    def rest_states(self, robots: Index) -> tuple[Column, Column] | None:
+        """Speeds and distances of these robots, see `RestState`; None if such bodies do not tell."""
+        return None if self._telling is None else self._telling.rest_states(robots)
+
+    def rest_state(self, robot: int) -> RestState | None:
+        """Whether one body has come to rest; None if it does not tell."""
+        body = self._bodies[robot]
+        return body.rest_state() if isinstance(body, RestSensing) else None
 
     def resting(self, rows: Rows) -> Mask | None:
         """Which of these robots sleep or are frozen, None if none of them does."""

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from sleepcast.channel.message import FOR, HELD, HOPS, NOT, UNKNOWN, Kind, Message, hops_left, is_addressed
 from sleepcast.channel.message_batch import Answers, MessageBatch, NameIndex
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.model import RestState
 from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.bodies import FleetBodies
 from sleepcast.fleet.evaluation import Noted, fault_text
@@ -110,6 +111,10 @@ class RobotView:
     @property
     def stopped(self) -> bool:
         return bool(self._fleet.state.stopped[self.place])
+
+    def rest_state(self) -> RestState | None:
+        """See `Node.rest_state`."""
+        return self._fleet.telemetry.rest_state(self.place)
 
     @property
     def dropped(self) -> int:
@@ -308,7 +313,7 @@ class Fleet(Mapping[str, RobotView]):
         self.evaluation_log = EvaluationLog(self.memory)
         self.scheduler = BatchScheduler(self.memory)
         self._bodies = FleetBodies(self.state, bodies)
-        self.telemetry = FleetTelemetry(self.state, self.minds)
+        self.telemetry = FleetTelemetry(self.state, self.minds, self._bodies)
         """The latest telemetry of each robot."""
         self._read_set = ReadSet(self.memory)
         self.inbox = Inbox(count)

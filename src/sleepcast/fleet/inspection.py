@@ -29,7 +29,9 @@ from numpy.typing import NDArray
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.message_batch import ascending
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.model import RestState
 from sleepcast.core.serial import Array
+from sleepcast.fleet.bodies import FleetBodies
 from sleepcast.fleet.evaluation import Evaluation, by_the_living, distinct
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory, Found, Given
@@ -167,10 +169,11 @@ NOT_YET = "its telemetry does not yet hold what the test reads"
 
 
 class FleetTelemetry:
-    """The latest telemetry of a fleet, and previews on it. state: of the fleet; minds: its table."""
+    """The latest telemetry of a fleet, and previews on it. state: of the fleet; minds: its table; bodies: of the
+    robots."""
 
-    def __init__(self, state: FleetState, minds: Minds) -> None:
-        self._state, self._minds = state, minds
+    def __init__(self, state: FleetState, minds: Minds, bodies: FleetBodies) -> None:
+        self._state, self._minds, self._bodies = state, minds, bodies
         self._then = state.shadow()
         self._stopped: Mask = np.zeros(state.count, np.bool_)
         self._large = state.count >= MANY
@@ -192,6 +195,14 @@ class FleetTelemetry:
         """Which of these robots were stopped at their latest telemetry."""
         found: Mask = self._stopped[robots]
         return found
+
+    def rest_state(self, robot: int) -> RestState | None:
+        """Whether the body of a robot has come to rest; None if it does not tell."""
+        return self._bodies.rest_state(robot)
+
+    def rest_states(self, robots: Index) -> tuple[Column, Column] | None:
+        """How the bodies of these robots, which are telling of themselves, move: see `FleetBodies.rest_states`."""
+        return self._bodies.rest_states(robots)
 
     def state(self) -> TelemetryState:
         """The telemetry as plain data."""

@@ -25,7 +25,7 @@ from weakref import WeakKeyDictionary
 import msgspec
 
 from sleepcast.channel.message import MAX_TEXT
-from sleepcast.core.model import Constant, HostFunction, Quantity
+from sleepcast.core.model import Constant, HostFunction, Quantity, RestState
 from sleepcast.core.serial import UNREADABLE
 from sleepcast.core.units import UNITS, Dimension
 from sleepcast.language.explain import Explanation, Step
@@ -68,6 +68,8 @@ Name = Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
 Words = Annotated[str, msgspec.Meta(max_length=1_024)]
 Text = Annotated[str, msgspec.Meta(max_length=16_384)]
 Exponents = tuple[int, int, int]
+Motion = tuple[float | None, float | None]
+"""Speed, m/s, and how far the body still goes, m; None for unknown."""
 
 
 class TelemetryError(ValueError):
@@ -191,7 +193,8 @@ class TelemetryRecord(msgspec.Struct):
     type, mind: digests of the texts. values: float64, little endian, SI, NaN for unknown: every variable of the
     vocabulary in its order, except for the active flags of buffers, which are bits of `active`. running: which of
     the mind's rules are active, as bits, lowest first. user: user variables; groups: those it is in. catching_up:
-    whether it rests until it has the standing commands that others have.
+    whether it rests until it has the standing commands that others have. motion: see `rest_state`; None if it is not
+    stopped, or does not tell.
     """
 
     type: Annotated[bytes, msgspec.Meta(min_length=DIGEST_BYTES, max_length=DIGEST_BYTES)]
@@ -205,11 +208,17 @@ class TelemetryRecord(msgspec.Struct):
     driven: bool = False
     doubt: Annotated[str, msgspec.Meta(max_length=MAX_DOUBT)] = ""
     catching_up: bool = False
+    motion: Motion | None = None
 
     def body(self) -> dict[str, object]:
         """The record as part of an answer's body; what is rarely so is left out unless it is."""
         fields = msgspec.structs.asdict(self)
-        return {key: value for key, value in fields.items() if value or key not in ("doubt", "catching_up")}
+        return {key: value for key, value in fields.items() if value or key not in ("doubt", "catching_up", "motion")}
+
+    @property
+    def rest_state(self) -> RestState | None:
+        """Whether the stopped body has come to rest; None if it is not stopped, or does not tell."""
+        return read_motion(self.motion) if self.stopped else None
 
     def numbers(self) -> Sequence[float]:
         """The values, NaN for unknown: the support variables except for the active flags, sensors, actuators."""
@@ -360,6 +369,24 @@ def read_telemetry(record: object) -> TelemetryRecord:
     if len(found.values) % 8:
         raise TelemetryError(f"{len(found.values)} bytes of numbers of eight bytes each")
     return found
+
+
+def motion_of(state: RestState) -> Motion:
+    """How a body moves, as it goes over the air."""
+    return _finite(state.speed), _finite(state.distance)
+
+
+def read_motion(said: object) -> RestState | None:
+    """How a stopped body moves, as a body says it; None for what says nothing."""
+    match said:
+        case [speed, distance]:
+            return RestState(_amount(speed), _amount(distance))
+    return None
+
+
+def _amount(said: object) -> float:
+    """A number that is not below 0; NaN for anything else."""
+    return float(said) if isinstance(said, int | float) and 0.0 <= said < inf else nan
 
 
 def read_vocabulary(text: str) -> Vocabulary:

@@ -22,6 +22,7 @@ from sleepcast.channel.message import (
     LEASE,
     LOOK,
     MATCHED,
+    MOTION,
     NOT_STORED,
     RULE,
     UNKNOWN,
@@ -34,6 +35,7 @@ from sleepcast.channel.message import (
 )
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.model import RestState
 from sleepcast.language.explain import Explanation, Recollection, explain, foretell, rehearse
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.lint import Checked, check
@@ -60,12 +62,13 @@ from sleepcast.mind.limits import (
 from sleepcast.mind.merging import enqueue, place_of
 from sleepcast.mind.pace import Pace
 from sleepcast.mind.rules import in_order
+from sleepcast.mind.telemetry import Motion, motion_of
 from sleepcast.mind.views import Result, RuleView
 from sleepcast.node.linking import VariableTable
 from sleepcast.node.memory import RobotMemory, Voice
 from sleepcast.node.scheduler import RuleRecord, Scheduler
 from sleepcast.node.telemetry import NOTHING, BodyState, Details, answer_inspection
-from sleepcast.robot import Failsafe, Robot
+from sleepcast.robot import Failsafe, RestSensing, Robot
 
 MAX_RECOLLECTIONS = 64
 """Evaluations of messages that a robot can still explain."""
@@ -388,6 +391,15 @@ class Node:
             self._memory.held = True
         self._memory.variables.stop()
 
+    def rest_state(self) -> RestState | None:
+        """Whether its body has come to rest; None if that is not known of such a body."""
+        return self.body.rest_state() if isinstance(self.body, RestSensing) else None
+
+    def _motion(self) -> Motion | None:
+        """How its body moves while it is stopped."""
+        state = self.rest_state() if self.stopped else None
+        return None if state is None else motion_of(state)
+
     def _stop(self, message: Message) -> None:
         if not self.authority.may_stop(message, self._now):
             self._answer(message, "fault", fault=ENDED)
@@ -400,7 +412,8 @@ class Node:
         if is_addressed(
             message.body, self.name
         ):  # every robot that receives STOP stops; robots that it is not addressed to need not report it again
-            self._answer(message, "stopped", fault=fault)
+            motion = self._motion()
+            self._answer(message, "stopped", fault=fault, details={} if motion is None else {MOTION: [*motion]})
 
     def _release(self, message: Message) -> None:
         if self.doubt and message.issued < age_of(
@@ -496,7 +509,7 @@ class Node:
         memory = self._memory
         if message.kind is Kind.ASK and LOOK in message.body:
             stops = self.authority.stops(now)
-            state = BodyState(self.stopped, self.driven, self.doubt, self.catching_up, stops)
+            state = BodyState(self.stopped, self.driven, self.doubt, self.catching_up, stops, self._motion())
             self._answer(message, "answer", details=answer_inspection(message.body, memory, state, self.why))
             return
         if message.kind is Kind.COMMAND and LEASE in message.body:

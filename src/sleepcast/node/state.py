@@ -20,6 +20,7 @@ from sleepcast.mind.state import MindState, OperatorState, RuleState
 from sleepcast.node.memory import RobotMemory
 from sleepcast.node.node import Node
 from sleepcast.node.scheduler import RuleSet
+from sleepcast.robot import Settling
 
 UNFIT = (*(ValueError, TypeError, LookupError, ArithmeticError), *(AttributeError, RecursionError, SleepcastError))
 """Exceptions that unchecked plain data may cause while a mind is restored."""
@@ -85,7 +86,9 @@ def restore(state: MindState, node: Node, away: float) -> list[str]:
 
 
 def stand(node: Node, doubt: str) -> list[str]:
-    """Start a robot as stopped; returns sentences that say what did not come to rest."""
+    """Start a robot as stopped, and a simulated body at rest; returns sentences that say what did not come to rest."""
+    if isinstance(node.body, Settling):
+        node.body.settle()
     try:
         node.halt(doubt)
     except SleepcastError as error:

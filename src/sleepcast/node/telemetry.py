@@ -15,6 +15,7 @@ from sleepcast.mind.rules import in_order
 from sleepcast.mind.telemetry import (
     MAX_TEXT_BYTES,
     MindRecord,
+    Motion,
     TelemetryRecord,
     as_text,
     bits,
@@ -36,13 +37,15 @@ class InspectionError(SleepcastError):
 
 @dataclass(frozen=True, slots=True)
 class BodyState:
-    """What a node knows of its body, and of who holds it: see `Node`. stops: see `Authority.stops`."""
+    """What a node knows of its body, and of who holds it: see `Node`. stops: see `Authority.stops`. motion: see
+    `TelemetryRecord`."""
 
     stopped: bool
     driven: bool
     doubt: str
     catching_up: bool
     stops: Sequence[object]
+    motion: Motion | None
 
 
 def answer_inspection(
@@ -85,6 +88,7 @@ def telemetry(memory: RobotMemory, state: BodyState) -> TelemetryRecord:
         state.driven,
         state.doubt,
         state.catching_up,
+        state.motion,
     )
 
 

@@ -248,6 +248,10 @@ class Robots(Sequence[Body]):
         """See `Robot.hold`; still: one flag per robot."""
         self._bodies.held[robots] = still
 
+    def rest_states(self, robots: Whole) -> tuple[Floats, Floats]:
+        """See `RestState`: speeds and distances."""
+        return self._bodies.rest_states(robots)
+
     # ---- the functions of `Body`, with one array for each argument
 
     def drive(self, robots: Whole, speed: Floats, turn_rate: Floats) -> None:

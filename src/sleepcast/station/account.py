@@ -13,6 +13,7 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.channel import Kind
 from sleepcast.channel.message import NOT_STORED
 from sleepcast.channel.message_batch import natural_order
 from sleepcast.core.ages import ago
@@ -29,6 +30,7 @@ from sleepcast.station.answers import (
     TEST_UNKNOWN,
     Answers,
 )
+from sleepcast.station.rest import RestAccount
 from sleepcast.station.roster import Index, Seconds, of_robots
 from sleepcast.station.sent import Command, nameless, silent
 
@@ -64,9 +66,10 @@ class Histogram:
 @dataclass(frozen=True, eq=False)
 class Account:
     """What became of one command, names in the order of the roster. For a STOP, matched means that the robot says it
-    is stopped; for a RELEASE, that it is not stopped any more; for a question, that it has answered. held: those among
-    the matched that were to move, and did not, because STOP holds them. unknown: their test was neither true nor false.
-    not_stored: those that a restart may make forget what they answered, wherever else they are counted.
+    is stopped, and `rest` tells who of them is at rest; for a RELEASE, that it is not stopped any more; for a question,
+    that it has answered. held: those among the matched that were to move, and did not, because STOP holds them.
+    unknown: their test was neither true nor false. not_stored: those that a restart may make forget what they answered,
+    wherever else they are counted.
 
     codes: by place, as in `Answers.codes`; addressed: so many of them, from the first on, count as silent.
     heard: when each was last heard (s of the desk's clock, -inf: never). only, size: see `Command`.
@@ -81,6 +84,7 @@ class Account:
     answers: Answers
     only: Index | None = None
     size: int = 0
+    rest: RestAccount | None = None
 
     @cached_property
     def counts(self) -> list[int]:
@@ -229,6 +233,11 @@ class Account:
         """Whether every robot has been heard from."""
         return not self.n_silent
 
+    @property
+    def stands(self) -> bool:
+        """Of a STOP: whether every robot has accepted it, and none of them says that it still moves."""
+        return self.complete and not (self.rest and self.rest.n_stopping)
+
     def sentence(self) -> str:
         """The account for a person: `matched 29, did not match 970, fault 0, silent 1 of 1,000 robots: r12 (last heard
         8 s ago)`; with those that STOP holds, and those whose test was unknown, where there are any."""
@@ -258,7 +267,8 @@ class Account:
 
     def to_dict(self) -> dict[str, object]:
         """The counts, as the command line prints them."""
-        return {"text": self.text} | {sort: getattr(self, f"n_{sort}") for sort in COUNTED}
+        counts = {"text": self.text} | {sort: getattr(self, f"n_{sort}") for sort in COUNTED}
+        return counts if self.rest is None else counts | rest_counts(self.rest)
 
     def ago(self, name: str) -> str:
         """When a robot was last heard, in words."""
@@ -270,9 +280,14 @@ def account(command: Command, now: float, heard: Seconds) -> Account:
     """The account of `command` at `now`. heard: when each robot was last heard (-inf: never), by place."""
     answers = command.answers
     codes = answers.codes.copy()
-    return Account(
-        command.id, command.text, now, codes, command.addressed, heard.copy(), answers, command.only, command.size
-    )
+    rest = command.resting if command.kind is Kind.STOP else None
+    asked = command.only, command.size, rest
+    return Account(command.id, command.text, now, codes, command.addressed, heard.copy(), answers, *asked)
+
+
+def rest_counts(found: RestAccount) -> dict[str, object]:
+    """How many have accepted a STOP and are at rest, still move, or do not tell."""
+    return {"at_rest": found.n_at_rest, "stopping": found.n_stopping, "accepted": found.n_accepted}
 
 
 def values_in_words(command: Command, account: Account, vocabulary: Vocabulary) -> str:

@@ -6,6 +6,7 @@ repeats    robots that are not accounted for are asked again: for STOP until all
            robots included that are first heard after it; for everything else while it is good. A STOP, a RELEASE and a
            question are sent again as a new message that names the first one and the robots that are to answer; a
            command, which must not be evaluated twice, goes out as it was, and its answer is requested
+rest       robots that have accepted STOP and still moved are looked at until they are at rest
 heartbeat  keeps robots moving that are driven by this desk
 others     messages of other operators are heard, too: a RELEASE is not repeated once somebody stops the robots again
 """
@@ -38,6 +39,7 @@ from sleepcast.channel.message import (
     TO_OPERATOR,
     TOOK,
     WITHIN,
+    Inspection,
     Role,
 )
 from sleepcast.channel.message import MATCHED as WOULD
@@ -53,6 +55,7 @@ from sleepcast.mind.authority import FORGOTTEN, MAX_MARKS, Life, Mark, mark_of, 
 from sleepcast.station.account import COUNTED, account
 from sleepcast.station.answers import MATCHED
 from sleepcast.station.journal.journal import Journal, JournalEvent
+from sleepcast.station.rest import LOOK_SELDOM, RestWatch
 from sleepcast.station.roster import NOBODY_SAID, Expectation, Index, RobotNames, Roster
 from sleepcast.station.sent import Command, SentCommands
 from sleepcast.station.station import REPEAT_AFTER, STALE_AFTER, Station
@@ -318,6 +321,7 @@ class NetworkStation(Station):
         self._drivers: deque[Command] = deque(maxlen=MAX_DRIVERS)
         """Commands that may have set robots in motion, since they were last stopped."""
         self._beat = -inf
+        self._rest_watch = RestWatch()
         self.clocks = WrongClocks()
         """Of the robots."""
         self._stops = FairTable[Life, KnownStop, str](MAX_STOPS)
@@ -517,7 +521,7 @@ class NetworkStation(Station):
     def due(self) -> float:
         """When there is something to be sent again, or a heartbeat, s of Unix time."""
         beat = self._beat + LEASE / 3.0 if self.holding and self._drives() else inf
-        return min(beat, self._retransmission.due())
+        return min(beat, self._retransmission.due(), self._rest_watch.due())
 
     def conclude(self) -> None:
         """Write the results of all commands into the journal, before the desk leaves the air."""
@@ -593,9 +597,20 @@ class NetworkStation(Station):
         with self._lock:
             now = self._clock.now()
             self._retransmission.attend(now)
+            self._watch_rest(now)
             if self.holding and self._drives() and now - self._beat >= LEASE / 3.0:
                 self._beat = now
                 self.session.delivery.post(Kind.HEARTBEAT, now, deadline=now + LEASE)
+
+    def _watch_rest(self, now: float) -> None:
+        """Look at robots that have accepted our STOP, if it holds, and may have come to rest."""
+        latch = self._sent.latch
+        if latch is None or latch.kind is not Kind.STOP:
+            self._rest_watch.over()
+            return
+        wanted = self._rest_watch.wanted(latch.id, latch.message.issued, latch.resting, now)
+        if wanted:
+            self.post(Kind.ASK, body={LOOK: Inspection.TELEMETRY}, only=wanted, seconds=LOOK_SELDOM)
 
     def _note_again(self, command: Command) -> None:
         if not command.is_look:

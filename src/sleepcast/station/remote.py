@@ -24,6 +24,7 @@ from typing import NamedTuple, Protocol
 from sleepcast.channel.message import LOOK, OF, TELEMETRY, Inspection, Kind, Message
 from sleepcast.channel.message_batch import natural_order
 from sleepcast.core.errors import SleepcastError, printable
+from sleepcast.core.model import RestState
 from sleepcast.language.explain import Explanation
 from sleepcast.language.functions import FUNCTIONS
 from sleepcast.language.parts import Part
@@ -102,6 +103,10 @@ class RemoteMind:
     @property
     def stopped(self) -> bool:
         return self.telemetry.stopped
+
+    def rest_state(self) -> RestState | None:
+        """Whether it has come to rest while it is stopped; None if it is not stopped, or does not tell."""
+        return self.telemetry.rest_state
 
     @property
     def doubt(self) -> str:

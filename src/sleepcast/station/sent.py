@@ -13,8 +13,9 @@ from sleepcast.channel.message import LOOK
 from sleepcast.channel.message_batch import NameIndex, ascending
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.serial import Array, SerialError
-from sleepcast.station.answers import SILENT, Answers
+from sleepcast.station.answers import MATCHED, SILENT, Answers
 from sleepcast.station.leases import in_words
+from sleepcast.station.rest import RestAccount, RestStates
 from sleepcast.station.roster import Index
 from sleepcast.station.serialized import CommandState
 
@@ -41,11 +42,14 @@ class Command:
         self.size = size
         self.expected: Index = np.empty(0, np.intp) if expected is None else expected
         self.answers = Answers(names)
+        self.rest = RestStates(names)
+        """Of a STOP: which of those that have accepted it are at rest."""
 
     def state(self) -> CommandState:
         expected = Array.of(self.expected.astype(np.int32))
         only = None if self.only is None else Array.of(self.only.astype(np.int32))
-        return CommandState(self.message, self.addressed, expected, self.last_sent, self.answers.state(), only)
+        kept = (expected, self.last_sent, self.answers.state(), only, self.rest.state())
+        return CommandState(self.message, self.addressed, *kept)
 
     @classmethod
     def restored(cls, state: CommandState, names: NameIndex) -> Command:
@@ -56,6 +60,8 @@ class Command:
         found.addressed = found.size = state.addressed  # of a swarm, whose robots are all on the roster
         found.only = None if state.only is None else ascending(state.only, state.addressed)
         found.answers.restore(state.answers)
+        if state.rest is not None:
+            found.rest.restore(state.rest)
         return found
 
     @property
@@ -85,6 +91,11 @@ class Command:
         """It is for those as well that have come onto the roster since."""
         self.answers.make_room()
         self.addressed = len(self.answers.codes)
+
+    @property
+    def resting(self) -> RestAccount:
+        """Of a STOP: who is at rest among those that have accepted it."""
+        return self.rest.among(self.answers.codes == MATCHED)
 
     @property
     def silent(self) -> NDArray[np.bool_]:
@@ -195,6 +206,7 @@ class SentCommands:
         self.latch = latches[-1] if latches else None
         for command in self._commands.values():
             command.answers.go_back(time)
+            command.rest.forget()  # robots will tell anew
 
     def state(self) -> tuple[list[CommandState], CommandState | None]:
         """The commands and the latch."""

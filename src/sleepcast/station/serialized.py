@@ -22,6 +22,14 @@ class CommandAnswersState(msgspec.Struct, array_like=True):
     faults: tuple[str, ...]
 
 
+class RestStatesState(msgspec.Struct, array_like=True):
+    """See `RestStates`."""
+
+    told: Array
+    speed: Array
+    distance: Array
+
+
 class CommandState(msgspec.Struct, array_like=True):
     """See `Command`."""
 
@@ -31,6 +39,7 @@ class CommandState(msgspec.Struct, array_like=True):
     last_sent: float
     answers: CommandAnswersState
     only: Array | None = None
+    rest: RestStatesState | None = None
 
 
 class EntryState(msgspec.Struct, array_like=True):

@@ -36,6 +36,7 @@ from sleepcast.station.commanded import CommandedTimes
 from sleepcast.station.failures import RuleFailures
 from sleepcast.station.journal.journal import Journal, JournalEvent, MemoryJournal, PendingEntry, Report, WriteBatch
 from sleepcast.station.journal.snapshot import dump_journal, restore_journal
+from sleepcast.station.rest import motion_said
 from sleepcast.station.roster import Index, RobotNames, Roster
 from sleepcast.station.sent import Command, SentCommands
 from sleepcast.station.serialized import AccountState, ReportState, StationState
@@ -423,6 +424,7 @@ class Station:
                 answer = answer_from(message.body, now)
                 if command is not None and answer is not None and place is not None:
                     command.answers.add(place, answer)
+                self._take_rest(place, message)
                 if TELEMETRY in message.body or (command is not None and command.is_look):
                     return
             else:
@@ -445,6 +447,8 @@ class Station:
                 command = self._sent.find(said.command)
                 if command is not None:
                     command.answers.take(batch.robots, batch.places, said, now)
+                    if command is self._sent.latch:
+                        self._take_rests(batch.robots)
                 counts = np.bincount(said.sort[batch.places], minlength=len(said.sorts)).tolist()
                 found = {word: count for word, count in zip(said.sorts, counts, strict=True) if count}
                 details = {"kind": batch.kind.value, "robots": len(batch), "outcomes": found}
@@ -484,6 +488,22 @@ class Station:
         there = robots[stopped == (latest.kind is Kind.STOP)]
         said = Answers.alike(latest.id, len(there), "stopped")
         latest.answers.take(there, np.arange(len(there)), said, now)
+        self._take_rests(there)
+
+    def _take_rest(self, place: int | None, message: Message) -> None:
+        """A robot may tell whether it has come to rest since the STOP that holds."""
+        latest, state = self._sent.latch, motion_said(message)
+        if latest is not None and latest.kind is Kind.STOP and place is not None and state is not None:
+            latest.rest.add(place, state)
+
+    def _take_rests(self, robots: Index) -> None:
+        """Robots that are stopped tell how they move, where their minds tell that of many at once."""
+        latest = self._sent.latch
+        if latest is None or latest.kind is not Kind.STOP or self._fleet_telemetry is None:
+            return
+        states = self._fleet_telemetry.rest_states(robots)
+        if states is not None:
+            latest.rest.take(robots, *states)
 
     def _note(
         self,

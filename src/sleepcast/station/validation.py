@@ -324,6 +324,9 @@ class FleetTelemetry(TelemetryTable, Protocol):
     def stopped(self, robots: Index) -> Mask:
         """Which of these robots were stopped at their latest telemetry."""
 
+    def rest_states(self, robots: Index) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """How these robots move, which are telling of themselves: see `RestState`. None if they do not tell that."""
+
 
 @runtime_checkable
 class SharedNames(Protocol):

@@ -15,7 +15,7 @@ from math import hypot, inf, isclose, isfinite, isnan, nan
 from sleepcast.bridges import BridgedBody, OutOfReachError
 from sleepcast.bridges.body import LATEST, ROUND, UNATTENDED
 from sleepcast.core.clock import ManualClock
-from sleepcast.robot import Limits, Robot, Setpoint
+from sleepcast.robot import Limits, RestSensing, Robot, Setpoint
 
 
 @dataclass
@@ -146,6 +146,28 @@ class RobotContract:
         rig.robot.stop()
         assert rig.robot.stopped
 
+    def test_a_stopped_robot_tells_when_it_is_at_rest(self, rig: Rig) -> None:
+        """If it is one that tells: never at rest before it is, nor farther to go than its limits allow."""
+        limits, robot = rig.robot.model.limits, rig.robot
+        if not isinstance(robot, RestSensing):
+            return
+        robot.act(Setpoint(speed=limits.speed, turn_rate=0.0))
+        rig.wait(rig.time_to_full_speed())
+        rig.robot.sense()
+        before = robot.rest_state()
+        if before is None:
+            return
+        assert isclose(before.speed, limits.speed, rel_tol=0.2)
+        way = limits.speed * limits.speed / (2.0 * limits.acceleration)
+        assert 0.5 * way <= before.distance <= 2.0 * way + limits.speed
+        robot.stop()
+        rig.wait(rig.time_to_full_speed())
+        rig.robot.sense()
+        after = robot.rest_state()
+        assert after is not None
+        assert after.at_rest
+        assert after.distance == 0.0
+
     def test_release_resumes_nothing_by_itself(self, rig: Rig) -> None:
         full = Setpoint(speed=rig.robot.model.limits.speed, turn_rate=0.0)
         rig.robot.act(full)
@@ -235,6 +257,9 @@ class BridgeContract(RobotContract):
         rig.cut()
         self._wait_until(rig, lambda: bool(rig.body.lost))
         rig.body.stop()
+        unknown = rig.body.rest_state()
+        assert unknown is not None
+        assert not unknown.at_rest, "nobody knows what it does"
         rig.mend()
         self._wait_until(rig, lambda: not rig.body.lost)
         rig.body.act(Setpoint(rig.body.model.limits.speed, 0.0))

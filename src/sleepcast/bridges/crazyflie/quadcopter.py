@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
-from math import cos, inf, isfinite, nan, pi, radians, remainder, sin
+from math import cos, hypot, inf, isfinite, nan, pi, radians, remainder, sin
 from typing import Protocol
 
 from sleepcast.bridges import Opening
@@ -194,6 +194,12 @@ class CrazyflieBody(BridgedBody):
                 float(self._has(FLIES)) if isfinite(info) else nan,
             ),
         )
+
+    def course_measured(self) -> tuple[float, float]:
+        if self.stale or len(self._values) < len(LOGGED):
+            return nan, nan
+        _, _, _, along_x, along_y, _, turning, _, _ = (self._values[name] for name in LOGGED)
+        return hypot(along_x, along_y), radians(turning)
 
     def seek(self) -> None:
         self._copter.close()

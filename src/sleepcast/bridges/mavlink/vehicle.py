@@ -224,6 +224,8 @@ class MavlinkVehicle(BridgedBody):
         """What it does not follow."""
         self._place = (nan,) * 4  # x, y, heading, height
         self._pace = (nan,) * 3  # speed, turn rate, climb rate
+        self._ground_speed = nan
+        """m/s, in whatever direction."""
         self._state = (nan,) * 4  # battery, volts, GPS fix, satellites
         self._orders = Orders(self._send_command)
         self._begun: Motion | None = None
@@ -242,6 +244,11 @@ class MavlinkVehicle(BridgedBody):
         values = (x, y, heading, speed, turn, height, climb, armed, mode, *self._state)
         pairs = zip(values, self.model.sensors, strict=True)
         return Reading(max(self._fixed, 0.0), tuple(v if s.low <= v <= s.high else nan for v, s in pairs))
+
+    def course_measured(self) -> tuple[float, float]:
+        if self.stale:
+            return nan, nan
+        return hypot(self._ground_speed, self._pace[2]), self._pace[1]
 
     def sense(self) -> Reading:
         with self._lock:
@@ -512,6 +519,7 @@ class MavlinkVehicle(BridgedBody):
         east, north = message.vy / 100.0, message.vx / 100.0
         self._place = (x, y, heading, message.relative_alt / 1000.0)
         self._pace = (east * cos(heading) + north * sin(heading), self._pace[1], -message.vz / 100.0)
+        self._ground_speed = hypot(east, north)
         self._fixed = self._clock.now()
 
     def _check_boot(self, seconds: float) -> None:

@@ -27,6 +27,7 @@ from sleepcast.station.sent import Command
 if TYPE_CHECKING:
     from sleepcast.cli.tui.commands import Spot
     from sleepcast.cli.tui.session import Session
+    from sleepcast.station.remote import RemoteMind
 
 Line = list[tuple[str, str]]
 """Pieces of a line, each with its style."""
@@ -63,7 +64,7 @@ def safety(session: Session, width: int) -> Line:
     found = session.station.accounting(latch.id)
     when = ago(session.station.now - latch.message.issued)
     if latch.kind is Kind.STOP:
-        return [("class:stop", _filled(f" STOP {when}: stopped {found.n_matched}, {_silence(found)}", width))]
+        return [("class:stop", _filled(f" STOP {when}: {_stopped(session, found, 1)}", width))]
     return [("class:warned", _filled(f" RELEASE {when}: released {found.n_matched}, {_silence(found)}", width))]
 
 
@@ -94,7 +95,7 @@ def robots(session: Session, width: int, height: int, first: int) -> list[Line]:
         heard, mind = roster[name], session.mind(name)
         age = float("inf") if heard is None else max(0.0, session.station.now - heard)
         lost = age > lost_after
-        letters = ("?" if mind is None else "S" if mind.stopped else "o") + ("L" if lost else " ")
+        letters = ("?" if mind is None else _state(mind)) + ("L" if lost else " ")
         style = "class:warned" if lost or mind is None else "class:stopped" if mind.stopped else ""
         code = _outcome(latest, silent, name)
         cells = [_value(session, name, each).rjust(room - 8) for each in session.shown]
@@ -103,6 +104,12 @@ def robots(session: Session, width: int, height: int, first: int) -> list[Line]:
         answered = "class:warned" if code in "F-UH" else ""
         found.append([(style, f"{letters} "), (answered, clipped(printable(text), width - 3))])
     return found or _plain("no robot heard yet: are robots up, on this channel, with these keys?", width)
+
+
+def _state(mind: RemoteMind) -> str:
+    """A letter: S of one that is stopped, s of one that is and still moves, o of another."""
+    rest = mind.rest_state()
+    return ("S" if rest is None or rest.at_rest else "s") if mind.stopped else "o"
 
 
 def robots_title(session: Session) -> str:
@@ -172,7 +179,8 @@ def _command(session: Session, command: Command, width: int) -> Iterator[Line]:
     yield [("class:when", f"{when} "), ("bold", clipped(printable(f"{standing}{kind}{text}"), width - 9))]
     found = session.station.accounting(command.id)
     style = "class:warned" if found.n_fault or found.n_silent or found.n_not_stored else ""
-    for line in _folded(printable(_became(command, found)), width - 2)[:MOST_LINES]:
+    became = _stopped(session, found, FEW) if command.kind is Kind.STOP else _became(command, found)
+    for line in _folded(printable(became), width - 2)[:MOST_LINES]:
         yield [(style, f"  {line}")]
     for name in found.fault[:1]:
         fault = printable(f"  fault on {name}: {found.answers[name].fault or ''}")
@@ -186,8 +194,13 @@ def _became(command: Command, found: Account) -> str:
         values = found.values
         mean = f" mean {values.mean:.4g} ({span((values.least, values.greatest))})," if values is not None else ""
         return f"answered {found.n_matched},{mean} {_silence(found)}"
-    verb = "stopped" if command.kind is Kind.STOP else "released"
-    return f"{verb} {found.n_matched}, {_silence(found)}"
+    return f"released {found.n_matched}, {_silence(found)}"
+
+
+def _stopped(session: Session, found: Account, most: int) -> str:
+    """How many have accepted a STOP, who of them is not at rest, at most so many by name, and who is silent."""
+    rest = found.rest.sentence(session.station.vocabulary, most) if found.rest and found.n_matched else ""
+    return f"stopped {found.n_matched}, {_silence(found)}{rest and f'; {rest}'}"
 
 
 # ---- reports

@@ -20,6 +20,7 @@ from sleepcast.console import Outline, RuleView, SafetyOrder, Scene
 from sleepcast.console.sensing import BodyView
 from sleepcast.console.view import Picture
 from sleepcast.core.errors import SleepcastError, printable
+from sleepcast.core.model import RestState
 from sleepcast.core.units import LENGTH, UNITS
 from sleepcast.fleet.failing import FailingRule, most_first
 from sleepcast.language import Explanation, Variable, Vocabulary
@@ -59,6 +60,10 @@ class SilentRobot:
 
     def __init__(self, name: str, vocabulary: Vocabulary) -> None:
         self.name, self.values = name, [nan] * vocabulary.size
+
+    def rest_state(self) -> RestState | None:
+        """Nothing is known."""
+        return None
 
     def declared(self, key: str) -> Declared | None:
         """Nothing is known."""
@@ -298,6 +303,11 @@ class FleetAdapter:
     def stopped(self, since: float) -> int:
         """How many robots report stopped, of those whose telemetry is of later."""
         return sum(mind.stopped for mind in self._telemetry.minds.values() if mind.reported_at >= since)
+
+    def moving(self, since: float) -> int:
+        """How many of those say that they still move."""
+        told = (mind.rest_state() for mind in self._telemetry.minds.values() if mind.reported_at >= since)
+        return sum(rest is not None and not rest.at_rest for rest in told)
 
     def standing(self) -> str:
         """Robots that stand although there may have been no STOP, and why."""

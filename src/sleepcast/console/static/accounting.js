@@ -47,7 +47,7 @@ export class Accounting extends EventTarget {
         cell.textContent = waiting ? "–" : row[outcome].toLocaleString("en");
         cell.classList.toggle("none", waiting || row[outcome] === 0);
       });
-      entry.line.classList.toggle("held", row.held > 0);
+      entry.line.classList.toggle("held", row.held > 0 || row.moving > 0);
       entry.line.querySelector(".held-up").textContent = heldUp(row);
       this.fail(entry.line, row.failing);
       if (row.kind === "ask") entry.line.querySelector(".values").textContent = row.values;
@@ -60,7 +60,7 @@ export class Accounting extends EventTarget {
     this.root.querySelector("#no-commands").hidden = rows.length > 0;
     this.root.querySelector("#account").hidden = rows.length === 0;
     const now = this.get(this.chosen);
-    if (before && now && [...OUTCOMES, "held", "not_stored", "waiting"].some((what) => before[what] !== now[what])) this.changed("counted");
+    if (before && now && [...OUTCOMES, "held", "not_stored", "moving", "waiting"].some((what) => before[what] !== now[what])) this.changed("counted");
     if (!now && this.chosen) this.choose("");
   }
 
@@ -161,11 +161,12 @@ function sortOf(row) {
   return sort ? [Object.assign(document.createElement("span"), { className: "sort", textContent: sort })] : [];
 }
 
-// Why robots have not done what the command says, although it was for them; or may forget that they have.
+// Why robots have not done what the command says, although it was for them, or not yet; or may forget that they have.
 function heldUp(row) {
   const held = row.held > 0 ? `held by STOP: ${row.held.toLocaleString("en")}` : "";
   const lost = row.not_stored > 0 ? `not stored: ${row.not_stored.toLocaleString("en")}` : "";
-  return [row.waiting && `waiting: ${row.waiting}`, held, lost].filter(Boolean).join(" · ");
+  const moving = row.moving > 0 ? `still moving: ${row.moving.toLocaleString("en")}` : "";
+  return [row.waiting && `waiting: ${row.waiting}`, held, moving, lost].filter(Boolean).join(" · ");
 }
 
 // Bytes from the base64 text that JSON carries.

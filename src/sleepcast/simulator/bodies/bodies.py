@@ -275,9 +275,25 @@ class Bodies:
             (self.encoder_x, self.encoder_y, self.encoder_heading),
         ):
             across[number], up[number], towards[number] = x, y, heading
+        self.settle(number)
+        self.forget()
+
+    def settle(self, number: int) -> None:
+        """Let a body be at rest at once, where it is."""
         for still in (self.speed, self.left, self.right, self.bumper, self.hit_x, self.hit_y):
             still[number] = 0.0
-        self.forget()
+
+    def rest_states(self, which: Whole) -> tuple[Floats, Floats]:
+        """Speed of the fastest part of each of these bodies, m/s, and how far it goes until it is at rest if it brakes
+        as fast as it may, m."""
+        fastest, acceleration = np.abs(self.speed), np.empty(self.count)
+        for part, those in zip(self.parts, self.of_each_sort, strict=True):
+            acceleration[those] = part.limits.acceleration
+            if part.laws.track:
+                wheels = np.maximum(np.abs(part.left), np.abs(part.right))
+                fastest[those] = np.maximum(fastest[those], wheels)
+        speed: Floats = self.speed[which]
+        return fastest[which], speed * speed / (2.0 * acceleration[which])
 
     def act(self, actuator: str, which: Whole | slice, values: Floats) -> None:
         """Set one actuator of these bodies to `values`, leaving the other one's wanted value; see `Body.act`."""

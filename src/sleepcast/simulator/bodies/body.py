@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from sleepcast.core.errors import SleepcastError
-from sleepcast.core.model import HostFunction, Quantity
+from sleepcast.core.model import HostFunction, Quantity, RestState
 from sleepcast.core.units import LENGTH, NONE, RATE, SPEED
 from sleepcast.robot import Geometry, Reading, RobotModel, Setpoint
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Mode, Saying
@@ -61,6 +61,13 @@ class Body:
 
     def hold(self, still: bool) -> None:
         self._bodies.held[self.number] = still
+
+    def rest_state(self) -> RestState:
+        speed, distance = self._bodies.rest_states(np.array([self.number]))
+        return RestState(float(speed[0]), float(distance[0]))
+
+    def settle(self) -> None:
+        self._bodies.settle(self.number)
 
     # ---- functions for expressions; see FUNCTIONS
 

@@ -2,8 +2,8 @@
 
     python -m benchmarks.channel [PROOF ...] [--quick] [--json]
 
-Proofs: rewrite, catch_up, once, census, stop, forgery, drops, amplification, repairs, flood, questions, latency;
-without any, all of them. Hosts are network namespaces joined by a bridge, each with losses of its own (`lab`);
+Proofs: rewrite, catch_up, once, census, stop, forgery, drops, amplification, repairs, flood, questions, latency,
+durable; without any, all of them. Hosts are network namespaces joined by a bridge, each with losses of its own (`lab`);
 everything is measured in this one run. Nobody need be root.
 """
 
@@ -18,6 +18,7 @@ from dataclasses import asdict
 from benchmarks.channel import proofs
 from benchmarks.channel.amplification import amplification
 from benchmarks.channel.drops import drops
+from benchmarks.channel.durable import durable
 from benchmarks.channel.flood import flood
 from benchmarks.channel.fuzz import DATAGRAMS, fuzz
 from benchmarks.channel.lab import why_not
@@ -61,6 +62,7 @@ FULL: dict[str, Callable[[], Proof]] = {
     "flood": lambda: flood(10, 2, 20),
     "questions": lambda: questions([["swarm", "10"], ["swarm", "60"], ["node"]], 5),
     "latency": lambda: latency(100, 2, 150),
+    "durable": lambda: durable(200, 40, 40),
 }
 QUICK: dict[str, Callable[[], Proof]] = {
     "rewrite": lambda: proofs.rewrite(Size(4, 5, 1), (0.0, 0.3)),
@@ -75,6 +77,7 @@ QUICK: dict[str, Callable[[], Proof]] = {
     "flood": lambda: flood(10, 2, 2),
     "questions": lambda: questions([["swarm", "60"]], 1, ["burst", "steady"]),
     "latency": lambda: latency(20, 2, 30),
+    "durable": lambda: durable(8, 4, 4),
 }
 IN_NETWORKS = frozenset({"rewrite", "catch_up", "once", "census", "stop"})
 

@@ -257,6 +257,54 @@ def test_an_end_that_was_cut_off_stays_seen_after_more_was_written(journal: Sqli
     assert "entries 4 to 5 are missing" in verified(file).broken
 
 
+@pytest.mark.parametrize(
+    "statements",
+    [
+        ["CREATE TRIGGER swallow BEFORE INSERT ON entries BEGIN SELECT RAISE(IGNORE); END"],
+        ["CREATE TRIGGER change AFTER INSERT ON entries BEGIN DELETE FROM about; END"],
+        ["ALTER TABLE entries RENAME TO old", "CREATE VIEW entries AS SELECT * FROM old WHERE who != 'desk'"],
+        [
+            "ALTER TABLE entries RENAME TO old",
+            "CREATE VIEW entries AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i FROM n) SELECT i number FROM n",
+        ],
+        ["ALTER TABLE entries DROP COLUMN event", "ALTER TABLE entries ADD COLUMN event TEXT AS ('refused')"],
+    ],
+)
+def test_a_file_that_says_something_else_than_its_lines_is_refused(
+    journal: SqliteJournal, file: Path, statements: list[str]
+) -> None:
+    """A trigger that swallows what is written, a view that leaves something out or never ends, a column that lies."""
+    fill(journal, 1, 3)
+    journal.close()
+    tamper(file, *statements)
+    for use in (lambda: SqliteJournal(file, ManualClock()), lambda: verified(file), lambda: found(file, Query())):
+        with pytest.raises(JournalError, match="its tables are not those of a journal"):
+            use()
+
+
+def test_what_somebody_adds_for_himself_is_nobodys_harm(journal: SqliteJournal, file: Path) -> None:
+    fill(journal, 1, 3)
+    tamper(file, "CREATE INDEX mine ON entries (event)", "CREATE TABLE notes (x)", "CREATE VIEW sent AS SELECT 1")
+    with closing(SqliteJournal(file, ManualClock())) as again:
+        fill(again, 4, 5)
+    assert (verified(file).count, verified(file).broken) == (5, "")
+
+
+def test_a_moment_is_found_without_reading_everything(journal: SqliteJournal, file: Path, clock: ManualClock) -> None:
+    with journal.together():
+        for number in range(1, 401):
+            clock.advance(1.0)
+            fill(journal, number, number)
+    steps: list[int] = []
+    for since, until, numbers in ((1398.0, None, [398, 399, 400]), (None, 1003.0, [1, 2, 3]), (5000.0, None, [])):
+        with JournalReader(file) as reader:
+            reader._live.set_progress_handler(lambda: steps.append(1) or 0, 100)
+            query = Query(0, since, until, "(ST)")
+            assert [each.entry.number for each in reader.search(query, 20)] == numbers
+            assert [each.entry.number for each in reader.search(query)] == numbers
+    assert len(steps) < 3 * 400 * 10 / 100, "a hundred of SQLite's steps each"
+
+
 def test_a_tool_cannot_change_it_by_accident(journal: SqliteJournal, file: Path) -> None:
     fill(journal, 1, 2)
     with closing(sqlite3.connect(file)) as connection:

@@ -312,10 +312,31 @@ def _is_journal(connection: sqlite3.Connection, file: Path) -> bool:
                 f"{file} has format {version}, which is newer than this sleepcast, which reads format {FORMAT}: "
                 "update sleepcast"
             )
+        if not _is_as_made(connection):
+            raise JournalError(
+                f"the journal {file}: its tables are not those of a journal, so what it says is not what was written, "
+                "and what is written may be lost: choose another with --journal"
+            )
         return True
     if application or version or used:
         raise NoJournalError(f"{file} is an SQLite file, but not a journal: choose another with --journal")
     return False
+
+
+def _is_as_made(connection: sqlite3.Connection) -> bool:
+    """Whether a file has the tables of a journal. A view in their place could say anything, a trigger could swallow
+    what is written. Those against accidents may be missing, and indexes be added: the chain needs neither."""
+    with closing(sqlite3.connect(":memory:")) as model:
+        model.executescript(f"{SCHEMA}{KEPT};")
+        ours, here = _shape(model), _shape(connection)
+    tables = {each for each in ours if each[0] == "table"}
+    return tables <= here <= ours
+
+
+def _shape(connection: sqlite3.Connection) -> set[tuple[str, ...]]:
+    """The tables of a journal, and the views and triggers that go by their names."""
+    query = "SELECT type, name, tbl_name, sql FROM sqlite_schema WHERE type != 'index' AND tbl_name IN (?, ?)"
+    return set(connection.execute(query, ("entries", "about")))
 
 
 @contextmanager

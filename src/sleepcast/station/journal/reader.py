@@ -20,7 +20,7 @@ from sleepcast.station.journal.file import (
 from sleepcast.station.journal.journal import JournalError, JournalEvent
 
 MAX_ARCHIVES = 100_000
-"""Archives of one journal: more than a folder holds with comfort; files that name each other in a circle end here."""
+"""Archives of one journal: more than a folder holds with comfort."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,11 +45,17 @@ class Query:
 
     def where(self) -> tuple[str, list[str | float]]:
         """The condition in SQL, and what its question marks stand for."""
-        parts: list[tuple[str, list[str | float]]] = [("number > ?", [self.after])]
-        if self.since is not None:
-            parts.append(("written >= ?", [self.since]))
+        # The index gives the numbers between which all of them lie. Without the plus signs, or with a bound more,
+        # SQLite would go through every entry in the order of their numbers.
+        parts: list[tuple[str, list[str | float]]] = []
+        if self.since is None:
+            parts.append(("number > ?", [self.after]))
+        else:
+            first = "SELECT coalesce(min(+number), 9e18) FROM entries WHERE written >= ?"
+            parts.append((f"number > max(?, ({first}) - 1) AND written >= ?", [self.after, self.since, self.since]))
         if self.until is not None:
-            parts.append(("written <= ?", [self.until]))
+            last = "SELECT coalesce(max(+number), 0) FROM entries WHERE written <= ?"
+            parts.append((f"number <= ({last}) AND written <= ?", [self.until, self.until]))
         if self.text:
             said = "lower(json_extract(line, '$.text') || ' ' || json_extract(line, '$.details'))"
             parts.append((f"instr({said}, lower(?)) > 0", [self.text]))
@@ -91,8 +97,10 @@ class JournalReader:
                 if not file.is_file():
                     self.lost = origin.archive
                     break
-                origin = self._origin(file)
+                before, origin = origin, self._origin(file)
                 self._parts.append((file, origin))
+                if origin.number >= before.number:  # it names one that came later, perhaps itself
+                    break
             self._parts.reverse()
             self._stack = stack.pop_all()
         return self

@@ -12,11 +12,14 @@ import pytest
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed here")
 
+from cyclonedds.idl import make_idl_struct
+from cyclonedds.idl.types import float32
+
 from bridges.ros2_robot import OverDds, domain_for
 from sleepcast.bridges.ros2.fleet import Ros2Fleet
 from sleepcast.bridges.ros2.link import Ros2Network
 from sleepcast.bridges.ros2.mapping import TURTLEBOT
-from sleepcast.bridges.ros2.messages import BatteryState, Bool, LaserScan, Odometry, Twist
+from sleepcast.bridges.ros2.messages import BatteryState, Bool, LaserScan, Odometry, Twist, dds_type
 from sleepcast.core.settings import SettingsError
 
 DOMAIN = domain_for(2)
@@ -73,6 +76,25 @@ def test_robots_are_found_with_what_they_lack_and_go_again(fleet: Ros2Fleet) -> 
     kept.clear()
     over.participant = None  # type: ignore[assignment]
     until(lambda: not fleet.look())
+
+
+def test_a_layout_that_is_none_of_ours_is_doubted(fleet: Ros2Fleet) -> None:
+    """It is a robot all the same: whether DDS joins them is known as soon as it has a body."""
+    odd: Any = make_idl_struct("Odd", dds_type("sensor_msgs", "BatteryState"), {"percentage": float32})
+    over = OverDds("", DOMAIN)
+    kept = [*whole("/scout1", over), over.writer("/scout2/battery_state", odd), over.writer("/scout2/odom", Odometry)]
+    kept.append(over.reader("/scout2/cmd_vel", Twist))
+
+    def doubts() -> list[str]:
+        return [each.doubt for robot in fleet.look().values() for each in robot.topics if each.doubt]
+
+    until(lambda: len(fleet.look()) == 2 and doubts())
+    assert doubts() == [
+        "/scout2/battery_state has a sensor_msgs/BatteryState of another layout than that of ROS 2: perhaps nothing "
+        "passes by it"
+    ]
+    assert fleet.look()["/scout2"].is_robot
+    del kept
 
 
 def test_names_that_are_none_are_no_robots(fleet: Ros2Fleet) -> None:

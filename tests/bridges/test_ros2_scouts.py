@@ -181,6 +181,7 @@ def test_velocities_with_times_drive_as_well_and_foreign_clocks_are_told(scene: 
         (ahead(nan), "linear.x is nan"),
         (ahead(0.1, -inf), "angular.z is -inf"),
         (ahead(1e9), "linear.x is 1e+09, beyond 1,000"),
+        (ahead(5e-324), "linear.x is 4.94066e-324, as rclpy has it of a whole number: say 1.0, not 1"),
         (Twist(Vector3(0.1, nan)), "linear.y is nan"),
     ],
 )

@@ -250,7 +250,7 @@ def test_a_list_of_what_is_there(channel: str) -> None:
         while (found := called(*look, "2")).out.splitlines()[1:] != wanted:
             assert time.monotonic() < end, found
         assert found.status == 0
-        odom = {"topic": "/scout1/odom", "type": "Odometry", "direction": "in", "wrong": ""}
+        odom = {"topic": "/scout1/odom", "type": "Odometry", "direction": "in", "wrong": "", "doubt": ""}
         told: dict[str, Any] = {"robots": []}
         while not told["robots"] or told["robots"][0]["topics"][0] != odom:  # not all has been found in two seconds
             assert time.monotonic() < end, told

@@ -176,7 +176,7 @@ def _list(fleet: Ros2Fleet, named: list[str], seconds: float, as_json: bool) -> 
         complain(fleet.nobody())
     put(f"{len(robots)} robot{'' if len(robots) == 1 else 's'} in {seconds:g} s")
     for namespace, robot in robots.items():
-        wrong = [each.wrong for each in robot.topics if each.wrong]
+        wrong = [each.wrong or each.doubt for each in robot.topics if each.wrong or each.doubt]
         put(f"{namespace or '/'}: {'; '.join(wrong) if wrong else 'all topics are there'}")
     for namespace in lost if named else [each for each in found if each not in robots]:
         put(f"{namespace or '/'} is no robot of this mapping: {'; '.join(_lacks(found, namespace))}")
@@ -197,7 +197,13 @@ def _as_dict(found: Mapping[str, RobotThere], robots: Mapping[str, RobotThere], 
 
 def _robot_dict(robot: RobotThere) -> dict[str, object]:
     topics = [
-        {"topic": each.topic, "type": each.sort, "direction": "in" if each.comes else "out", "wrong": each.wrong}
+        {
+            "topic": each.topic,
+            "type": each.sort,
+            "direction": "in" if each.comes else "out",
+            "wrong": each.wrong,
+            "doubt": each.doubt,
+        }
         for each in robot.topics
     ]
     return {"namespace": robot.namespace, "topics": topics}

@@ -25,8 +25,8 @@ MAX_NAMESPACES = 1_000
 
 class TopicThere(NamedTuple):
     """A topic of a mapping in a namespace. comes: whether the robot publishes it. wrong: why nothing passes by it, ""
-    if something does; missing: because nobody else has it. names: what it gives or takes, in expressions. vital:
-    whether the robot cannot do without it."""
+    if something does; missing: because nobody else has it; doubt: why perhaps nothing does, which is known as soon as
+    there is a body. names: what it gives or takes, in expressions. vital: whether the robot cannot do without it."""
 
     topic: str
     sort: str
@@ -35,6 +35,7 @@ class TopicThere(NamedTuple):
     missing: bool
     names: tuple[str, ...]
     vital: bool
+    doubt: str = ""
 
 
 class RobotThere(NamedTuple):
@@ -138,7 +139,7 @@ class Ros2Fleet:
             yield self._topic(sink, False, names, sink is mapping.drive)
 
     def _topic(self, ours: Source | Sink, comes: bool, names: tuple[str, ...], vital: bool) -> TopicThere:
-        from sleepcast.bridges.ros2.link import misfit
+        from sleepcast.bridges.ros2.link import doubt, misfit
 
         others = [each for each in self._seen.get(ours.topic, ()) if each.publishes == comes]
         reasons = [misfit(each, ours.sort, ours.qos) for each in others]
@@ -147,7 +148,9 @@ class Ros2Fleet:
             if "" in reasons
             else next(iter(reasons), f"nobody {'publishes' if comes else 'listens at'} {ours.topic}")
         )
-        return TopicThere(ours.topic, ours.sort, comes, wrong, not others, names, vital)
+        doubts = [] if wrong else [doubt(each, ours.sort) for each in others]
+        unsure = "" if "" in doubts else next(iter(doubts), "")
+        return TopicThere(ours.topic, ours.sort, comes, wrong, not others, names, vital, unsure)
 
 
 def _listed(names: tuple[str, ...]) -> str:

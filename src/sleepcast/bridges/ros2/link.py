@@ -391,6 +391,17 @@ def misfit(other: Endpoint, sort: str, qos: str) -> str:
     return stays_apart(other)
 
 
+def doubt(other: Endpoint, sort: str) -> str:
+    """That its layout is none of ours, in a sentence, of an end which DDS has not tried to join; "" otherwise. sort: of
+    the topic, as mappings call it."""
+    known = {layout_of(READ[sort][0]), *([layout_of(SHORT[sort])] if other.publishes and sort in SHORT else [])}
+    if not other.layout or other.layout in known:
+        return ""
+    return (
+        f"{other.topic} has a {ros_type(other.sort)} of another layout than that of ROS 2: perhaps nothing passes by it"
+    )
+
+
 def stays_apart(other: Endpoint) -> str:
     """That DDS does not join another program's topic with ours although its type and grade fit, in a sentence; "" if
     it does."""

@@ -271,10 +271,11 @@ def sectors_of(scan: LaserScan, turned: float = 0.0) -> tuple[float, ...]:
         raise ValueError("a scan whose angles are no numbers")
     least, most = _bounds("scan", scan.range_min, scan.range_max, bool(scan.ranges))
     for number, ray in enumerate(scan.ranges):
-        distance = _measured(ray, least, most)
-        sector = int((angle + number * step) // 1.0) % SECTORS
-        if not found[sector] <= distance and distance == distance:
-            found[sector] = distance
+        distance = ray if least <= ray <= most else _measured(ray, least, most)
+        if distance == distance:
+            sector = int((angle + number * step) // 1.0) % SECTORS
+            if not found[sector] <= distance:
+                found[sector] = distance
     return tuple(found)
 
 

@@ -20,6 +20,7 @@ from collections.abc import Awaitable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import count
 from math import isfinite
+from sys import float_info
 from typing import Any, NamedTuple
 
 from cyclonedds.core import DDSException
@@ -403,6 +404,8 @@ def wrong_velocity(twist: Twist) -> str:
             value = getattr(vector, axis)
             if not isfinite(value):
                 return f"{part}.{axis} is {value}"
+            if 0.0 < abs(value) < float_info.min:
+                return f"{part}.{axis} is {value:g}, as rclpy has it of a whole number: say 1.0, not 1"
             if abs(value) > FASTEST:
                 return f"{part}.{axis} is {value:g}, beyond {FASTEST:,.0f}"
     return ""

@@ -283,7 +283,7 @@ class TestStop:
         assert (row.kind, row.matched, row.moving) == ("stop", 20, 20)
         said = safety(stand)[1]
         assert said.startswith("STOP: all 20 robots report stopped; 20 still move: rover")
-        assert said.endswith("m to go), and 17 more.")
+        assert said.endswith("m to go), and 19 more.")
         assert stand.desk._robot(0).state[0].startswith("stopping (")
         stand.run(5.0)
         assert safety(stand)[1] == "STOP: all 20 robots are at rest."

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.geodesy import FARTHEST, LocalMap, Origin
+from sleepcast.core.model import RestState
 from sleepcast.language import read
 from sleepcast.station.remote import RemoteMind
 from sleepcast.tak.event import Event
@@ -98,6 +99,15 @@ def test_a_group_is_the_area_around_its_robots(
     assert (links[:1] == links[-1:]) is (points != 2), "an area is closed, a line is not"
     drawn = [ground.metres(*map(float, link.split(","))) for link in links]
     assert all(found and min(math.dist(found, place) for place in places) < 0.02 for found in drawn)
+
+
+@pytest.mark.parametrize(
+    ("state", "said"), [(None, "STOPPED"), (RestState(0.0, 0.0), "STOPPED"), (RestState(2.0, 4.0), "STOPPING")]
+)
+def test_a_stopped_robot_that_still_moves_is_told(ground: LocalMap, state: RestState | None, said: str) -> None:
+    found = SimpleNamespace(**{**vars(mind("r1", (0.0, 0.0), "bravo")), "stopped": True, "rest_state": lambda: state})
+    (event,) = Picture(ground, "fleet").events([cast(RemoteMind, found)], 100.0, 1.0, 5.0)
+    assert event.remarks == f"{said}; in bravo"
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,8 @@ ON_ITS_WAY = 1.0
 """Simulated s after which the answers to a command have come, so that who is silent then is not only waiting."""
 NAMED = 3
 """Silent robots named in the sentence about STOP."""
+FARTHEST = 1
+"""Robots named there that still move, those that go farthest: how far is what a person must know."""
 
 
 class CommandRow(msgspec.Struct, frozen=True):
@@ -142,7 +144,7 @@ def _still(found: Account, vocabulary: Vocabulary) -> str:
     rest = found.rest
     if rest is None or not (rest.n_stopping or rest.n_accepted):
         return ""
-    move = f"; {rest.n_stopping:,} still move: {rest.who_moves(vocabulary, NAMED)}" if rest.n_stopping else ""
+    move = f"; {rest.n_stopping:,} still move: {rest.who_moves(vocabulary, FARTHEST)}" if rest.n_stopping else ""
     if rest.n_accepted == found.n_matched:
         return "; none tells whether it is at rest"
     return f"{move}; {rest.n_accepted:,} do not tell whether they are at rest" if rest.n_accepted else move

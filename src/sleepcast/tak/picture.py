@@ -88,9 +88,7 @@ class Picture:
         self, mind: RemoteMind, values: Mapping[str, float], where: tuple[float, float], now: float, stale: float
     ) -> Event:
         groups = sorted(mind.telemetry.groups)
-        rest = mind.rest_state()
-        still = "STOPPED" if rest is None or rest.at_rest else "STOPPING"
-        states = [*([still] if mind.stopped else []), *([f"in {', '.join(groups)}"] if groups else [])]
+        states = [*([_stopped(mind)] if mind.stopped else []), *([f"in {', '.join(groups)}"] if groups else [])]
         supply = next((values[name] for name in BATTERIES if 0.0 <= values.get(name, math.nan) <= 1.0), None)
         heading, speed = values.get("heading", math.nan), values.get("speed", math.nan)
         return Event(
@@ -199,3 +197,9 @@ def hull(points: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
 
 def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _stopped(mind: RemoteMind) -> str:
+    """Whether a stopped robot is known to move still."""
+    rest = mind.rest_state()
+    return "STOPPED" if rest is None or rest.at_rest else "STOPPING"

@@ -17,6 +17,7 @@ from sleepcast.language import Checked
 from sleepcast.station import MemoryJournal
 from sleepcast.station.journal.journal import JournalError
 from sleepcast.station.remote import RemoteMinds, TelemetryClient
+from station.test_rest import Boat
 
 
 class Seat:
@@ -265,6 +266,23 @@ def test_stop_is_sent_at_once_and_a_key_held_down_is_one_stop(seat: Seat) -> Non
     assert "S  r0" in seat.shown()
     session.stop()
     assert seat.kinds() == [Kind.COMMAND, Kind.STOP, Kind.STOP]
+
+
+def test_stopping_and_at_rest_are_told_apart(seat: Seat) -> None:
+    boat = Boat(seat.scene, 3.0)
+    seat.scene.fleet["r0"].node.body = boat
+    seat.session.stop()
+    boat.begin()
+    seat.run(3.0)
+    shown = seat.shown(120)
+    assert "; still moving 1: r0 (1." in shown
+    assert "m to go), rest unknown 2" in shown
+    assert "s  r0" in shown
+    assert "S  r1" in shown
+    seat.run(6.0)
+    shown = seat.shown(120)
+    assert "; at rest 1, rest unknown 2" in shown
+    assert "S  r0" in shown
 
 
 def test_release_wants_its_key_twice_in_a_moment(seat: Seat) -> None:

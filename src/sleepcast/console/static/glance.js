@@ -66,7 +66,7 @@ export class Glance {
   tell(scene, { flags }) {
     const count = (flag) => flags.reduce((sum, each) => sum + (each & flag ? 1 : 0), 0).toLocaleString("en");
     const said = [
-      [count(STILL), "held still"],
+      [count(STILL), "stopped or held"],
       ...(scene.supplies.length ? [[count(EXHAUSTED), `without ${scene.supplies.join(" or ")}`]] : []),
       [count(SILENT), "not heard lately"],
       ...(scene.unheard ? [[scene.unheard.toLocaleString("en"), "never heard"]] : []),

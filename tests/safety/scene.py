@@ -141,20 +141,33 @@ class Scene:
         self._desks: dict[str, NetworkStation] = {}
         self.fleet = {f"r{i}": self._robot(f"r{i}", i) for i in range(self.robots)}
 
-    def _session(self, name: str, key: KeyPair, robot: bool, zero: float = 0.0) -> tuple[ChannelSession, Wire]:
-        wire = self._wires[name] = Wire(self, name)
+    def _session(
+        self, name: str, key: KeyPair, robot: bool, zero: float = 0.0, end: str = ""
+    ) -> tuple[ChannelSession, Wire]:
+        wire = self._wires[end or name] = Wire(self, end or name)
         clock = self._clocks.setdefault(name, Shifted(self.clock))
         admission = Admission(self.trust, FLEET, clock, robot=robot)
         epoch = int(self.clock.now() * 1000.0)
         delivery = ReliableDelivery(name, epoch, key, admission, Random(self.chance.random()))
         return ChannelSession(wire, delivery, clock, Random(self.chance.random()), zero), wire
 
-    def _robot(self, name: str, number: int) -> Robot:
+    def _robot(self, name: str, number: int, end: str = "") -> Robot:
         body = Body()
-        session, wire = self._session(name, KEYS["r*"], robot=True, zero=self.clock.now())
+        session, wire = self._session(name, KEYS["r*"], robot=True, zero=self.clock.now(), end=end)
         node = Node(name, VOCABULARY, number=number, body=body, lease=self.lease, tells=self.tells, on_air=self.on_air)
         node.sense((float(number), 0.5), 0.0)
         return Robot(node, session, wire, body)
+
+    def another(self, name: str, number: int = 7) -> Robot:
+        """Another robot of this name, as `NAME again`, with another id. It begins to listen now."""
+        end = f"{name} again"
+        self.fleet[end] = self._robot(name, number, end)
+        return self.fleet[end]
+
+    def restart(self, name: str) -> Robot:
+        """The robot's process ends, and another one begins, with nothing in its mind."""
+        self.fleet[name] = self._robot(name, self.fleet[name].node.number)
+        return self.fleet[name]
 
     def desk(
         self,
@@ -167,7 +180,7 @@ class Scene:
         expected: which robots there are, as somebody has said."""
         if owner not in self._desks:
             session, _ = self._session(owner, KEYS[owner], robot=False)
-            names = self.fleet if heard is None else heard
+            names = [robot.node.name for robot in self.fleet.values()] if heard is None else heard
             self._desks[owner] = NetworkStation(
                 session,
                 self._clocks[owner],

@@ -49,6 +49,7 @@ class ConnectedFleet(Fleet):
         super().__init__(station)
         station.holding, station.between = True, self._pass_on  # a STOP waits for no other thread's question
         self.telemetry, self.channel = telemetry, channel
+        station.alarm = logging.getLogger("sleepcast").warning
         self._began, self._looked, self._asked = station.now, -inf, -inf
         self._end = finalize(self, ends.close)
 
@@ -141,6 +142,11 @@ class ConnectedFleet(Fleet):
             return ask_why(self.station, self.telemetry, robot, None if sent is None else sent.id)
 
     # ---- what is so now
+
+    @property
+    def notices(self) -> list[str]:
+        """What a person should know now, as sentences: names that several robots have, wrong clocks, forgeries."""
+        return self.station.notices()
 
     @property
     def names(self) -> Sequence[str]:

@@ -110,6 +110,7 @@ def observing_station(
             expected=expected,
         )
         station.commanded.note(commanded)
+        minds.conflicts = station.conflicts
         telemetry = TelemetryClient(station, minds)
         station.listeners.append(telemetry.hear)
         try:
@@ -187,12 +188,15 @@ def sessions_for(
     if store is not None:
         store.listen(listening)
     multiplexer, clock = Multiplexer(open_transport(air.channel), listening.admission.drops), UnixClock()
+    listening.admission.conflicts.hold({delivery.name: delivery.epoch for delivery in deliveries})
     answers = multiplexer.answers
     receiver = Receiver(multiplexer.port(ROBOT_KINDS), listening, clock, names=names, answers=answers)
     sessions = [
         ChannelSession(multiplexer.port(()), delivery, clock, _chance(), listens=False, answers=answers)
         for delivery in deliveries
     ]
+    for session in sessions:
+        session.conflicts = listening.admission.conflicts
     return multiplexer, receiver, sessions
 
 

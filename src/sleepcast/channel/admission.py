@@ -22,7 +22,9 @@ from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Fragment, Pie
 from sleepcast.channel.fair_table import FairTable
 from sleepcast.channel.keys import MAY, PublicKey, Trust
 from sleepcast.channel.message import TO_OPERATOR, Kind, Message, Role
+from sleepcast.channel.name_conflicts import NameConflicts
 from sleepcast.channel.sequencer import StoredWindow
+from sleepcast.channel.transports.transport import address_of
 from sleepcast.core.clock import Clock
 
 WINDOW = 4_096
@@ -169,8 +171,8 @@ class Admission:
     skew: largest accepted clock difference, s. None is the default of either. chance: random source for floods.
 
     offsets: measured differences between our clock and those of senders of heartbeats; clocks: those that differ by
-    more than is allowed. drops: dropped datagrams; counts: the same by reason; taken: accepted datagrams; passed:
-    messages.
+    more than is allowed; conflicts: names that several robots have. drops: dropped datagrams; counts: the same by
+    reason; taken: accepted datagrams; passed: messages.
     """
 
     def __init__(
@@ -193,6 +195,7 @@ class Admission:
         self.skew = SKEW if skew is None else skew
         self.offsets, self.clocks = ClockOffsets(self.skew), WrongClocks(_MAX_TIMELY)
         self._heard = ReplayWindows(self.no_room)
+        self.conflicts = NameConflicts(self._chance, self.skew)
         self._changed: set[tuple[bytes, str, int]] = set()
         stops = (STOPS_A_SECOND if robot else STOPS_BY_OPERATOR) * self._rate / usual
         self._stops = RateLimit(stops, STOPS_AT_ONCE * stops, self._chance, clock.now())
@@ -380,13 +383,13 @@ class Admission:
 
     def _completed(self, part: Fragment, piece: Piece, datagram: bytes, role: Role) -> Admitted | None:
         """The message, if this was its last missing part."""
-        content, datagrams = piece.content, (datagram,)
+        content, datagrams = piece.content, (bytes(datagram),)
         if part.parts > 1:
             which = part.key, piece.sender, part.epoch, part.sequence
             waiting = self._open.get(which) or Reassembly(part.parts)
             if part.parts != waiting.parts:
                 raise EnvelopeError("a message whose parts disagree on how many there are")
-            waiting.pieces[part.number] = content, datagram
+            waiting.pieces[part.number] = content, bytes(datagram)
             if len(waiting.pieces) < part.parts:
                 if which not in self._open:  # the oldest gives way, not the one of which parts came last
                     self._open.put(part.key, which, waiting)
@@ -399,6 +402,9 @@ class Admission:
         now = self._clock.now()
         ahead = part.issued - now if self._untimely(part, now) is not None else 0.0
         message = read_message(part, piece.sender, content, role.value, ahead)
+        if role is Role.ROBOT and not ahead:
+            key = self.trust.find(part.key)
+            self.conflicts.hear(message, now, address_of(datagram), lambda name: key is not None and key.is_of(name))
         if self.robot and role is not Role.ROBOT and (ahead or abs(part.issued - now) <= self.skew):
             self._compare_clocks(piece.sender, ahead, now)
         if part.kind is Kind.HEARTBEAT:

@@ -202,6 +202,12 @@ DRIVER = "driver"
 """In what a robot tells other robots: the operator who drives it, if one does."""
 MISSED = "missed"
 """Ids of commands that never reached a robot in time."""
+OTHERS = "others"
+"""In an answer: other robots that have its sender's name, each by its epoch, with the seconds since it was heard."""
+NAMES = "names"
+"""In a DIGEST: the robots for which it speaks, with their epochs (`name_conflicts`)."""
+INTRODUCE = "introduce"
+"""In an ASK: the robots addressed are to send a DIGEST with their names."""
 
 
 class LeaseAction(StrEnum):

@@ -178,6 +178,9 @@ class ReliableDelivery:
         self._time_request: TimeRequest | None = None
         self._time_replies = RateLimit(TIME_REPLIES_A_SECOND, TIME_REPLIES_A_SECOND, chance, 0.0)
         self._repair_bytes = RepairBudget()
+        self._conflicts = admission.conflicts
+        if admission.robot:
+            self._conflicts.hold({name: epoch})
 
     # ---- sending
 
@@ -271,6 +274,7 @@ class ReliableDelivery:
         nobody's rules, and sends none before its first command."""
         if self.admission.robot:
             self.sequencer.since = now
+            self._conflicts.begin(now)
             self._digest_timer.restart(now)
 
     def is_catching_up(self, now: float) -> bool:
@@ -321,6 +325,8 @@ class ReliableDelivery:
         if message.kind is Kind.REQUEST:
             self._repair_requested(message, now)
             return []
+        if message.kind is Kind.ASK:
+            self._conflicts.ask(message, now)
         if message.kind is not Kind.COMMAND or message.role == Role.ROBOT:
             return [message]  # messages between robots are neither ordered nor repaired
         name = part.key, part.epoch
@@ -343,6 +349,7 @@ class ReliableDelivery:
                 self.admission.forget_clocks()
                 request.set_clock(behind, message.sender)
                 self.sequencer.since = now + behind  # do not wait for messages that were dropped until now
+                self._conflicts.begin(now + behind)
         elif (
             Kind.HEARTBEAT in MAY[self.role]
             and (isinstance(nonce, bytes) and len(nonce) == NONCE_BYTES)
@@ -523,15 +530,16 @@ class ReliableDelivery:
         if self._time_request is not None and self._time_request.due <= now:
             self._say(Kind.REPORT, self._time_request.question(now), now)
             self.admission.nonce = self._time_request.nonce
-        if self._digest_timer.is_due(now):
-            self._say(Kind.DIGEST, self._digest(now), now)
+        if self._digest_timer.is_due(now) or self._conflicts.due() <= now:
+            self._say(Kind.DIGEST, self._digest(now) | self._conflicts.introduction(now), now)
         return self.posted(), found
 
     def due(self) -> float:
         """When to call `step` next, s of Unix time; earlier calls do no harm."""
         later = min(self._later[0].time if self._later else inf, self._stop_repeats.time)
         ask = inf if self._time_request is None else self._time_request.due
-        return -inf if self._out else min(later, ask, self.sequencer.due(), self._digest_timer.due())
+        digest = min(self._digest_timer.due(), self._conflicts.due())
+        return -inf if self._out else min(later, ask, self.sequencer.due(), digest)
 
     def skipped(self) -> list[Skipped]:
         """The commands that never arrived, since the last call."""

@@ -36,6 +36,7 @@ from sleepcast.channel.message import (
     MAX_NAME,
     MISSED,
     NOT,
+    OTHERS,
     WITHIN,
     Kind,
     Message,
@@ -104,6 +105,8 @@ class ChannelSession:
         self.transport, self.delivery, self.zero = transport, delivery, zero
         self._clock, self._chance, self._answers = clock, chance, answers or AnswerBudget()
         self._answers.robots += delivery.admission.robot
+        self.conflicts = delivery.admission.conflicts
+        """Whose names others have as well; of the receiver, where it is shared."""
         self.ends: list[Callable[[], None]] = []
         self._heard: list[Message] = []
         self._missed: list[Skipped] = []
@@ -270,15 +273,21 @@ class ChannelSession:
         return encoded_size(message, self.delivery.admission.fleet)
 
     def _post(self, message: Message) -> None:
-        deadline = None if isinf(message.deadline) else message.deadline + self.zero
+        deadline, now = None if isinf(message.deadline) else message.deadline + self.zero, self._clock.now()
         self.delivery.post(
             message.kind,
-            self._clock.now(),
+            now,
             text=message.text,
             deadline=deadline,
             standing=message.standing,
-            body=message.body,
+            body=self._with_others(message, now) if message.kind is Kind.ANSWER else message.body,
         )
+
+    def _with_others(self, answer: Message, now: float) -> dict[str, object]:
+        """The body of an answer, which tells of other robots with our name, where there is room for that."""
+        others = self.conflicts.others(self.delivery.name, now)
+        body = {**answer.body, OTHERS: others} if others else answer.body
+        return answer.body if others and len(content_of(answer.text, body)) > MAX_CONTENT else body
 
     def flush(self) -> None:
         """Send what was queued; anything else is due only after we have listened."""

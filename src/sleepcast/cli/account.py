@@ -35,7 +35,8 @@ def as_dict(command: Command, found: Account) -> dict[str, object]:
     faults = {"faults": found.faults} if len(found.fault) <= MANY else {}
     counts = _counted(names) | {"n_silent": found.n_silent}
     more = census(found) if command.kind == ASK else resting(found.rest) if found.rest is not None else {}
-    return {**about, **counts, **faults, **more}
+    conflicts = {"conflicts": dict(found.conflicts)} if found.conflicts else {}
+    return {**about, **counts, **faults, **conflicts, **more}
 
 
 def resting(found: RestAccount) -> dict[str, object]:
@@ -133,6 +134,10 @@ def account_lines(command: Command, found: Account, vocabulary: Vocabulary | Non
         yield f"  fault on {name}: {printable(found.answers[name].fault or '')}"
     if len(found.fault) > FEW:
         yield f"  faults on {len(found.fault)} robots in all"
+    for name in _sorted(tuple(found.conflicts))[:FEW]:
+        yield f"  {printable(found.conflicts[name])}"
+    if len(found.conflicts) > FEW:
+        yield f"  several robots have each of {len(found.conflicts)} names in all"
     yield f"  {found.silence(FEW)}"
 
 

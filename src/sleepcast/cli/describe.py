@@ -10,10 +10,10 @@ from sleepcast.channel.clock_sync import differs
 from sleepcast.channel.drops import NoticeLog
 from sleepcast.channel.message import TOOK, outcome_of
 from sleepcast.cli.standard_memory import reported_body
-from sleepcast.core.clock import WallClock
+from sleepcast.core.clock import UnixClock, WallClock
 from sleepcast.core.errors import printable
 from sleepcast.language import format_value
-from sleepcast.station.journal.journal import JournalEntry, JournalEvent
+from sleepcast.station.journal.journal import CONFLICT, JournalEntry, JournalEvent
 
 SHOWN = 5
 """Names that are listed."""
@@ -61,8 +61,13 @@ def heard_text(admission: Admission) -> str:
 
 
 def notices_of(admission: Admission) -> NoticeLog:
-    """What is going on at a door, as lines for a terminal."""
-    return NoticeLog(admission.drops, admission.trust, WallClock(), admission.clocks.of_operators)
+    """What is going on at a robot's door, as lines for a terminal."""
+    clock = UnixClock()
+
+    def others() -> list[str]:
+        return [*admission.clocks.of_operators(), *admission.conflicts.of_own(clock.now())]
+
+    return NoticeLog(admission.drops, admission.trust, WallClock(), others)
 
 
 def _sent(entry: JournalEntry) -> str:
@@ -83,7 +88,7 @@ def _refused(entry: JournalEntry) -> str:
 
 
 def _heard(entry: JournalEntry) -> str:
-    return answer_text(entry.details)
+    return entry.text if entry.details.get("kind") == CONFLICT else answer_text(entry.details)
 
 
 def _repeated(entry: JournalEntry) -> str:

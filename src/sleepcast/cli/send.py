@@ -271,6 +271,7 @@ def release(air: AirOptions, as_json: bool) -> int:
 def gathered(station: NetworkStation, sent: Command, patience: float, as_json: bool) -> int:
     """Collect the answers, and print the account. The exit status is 1 if anything went wrong on a robot."""
     station.gather(sent, patience)
+    station.settle(sent, patience)
     _show(station, sent, as_json)
     return 1 if station.accounting(sent.id).n_fault else 0
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from sleepcast.api.connection import AirOptions, expectation, station_for
-from sleepcast.cli.account import FEW, account_lines, as_dict
+from sleepcast.cli.account import FEW, account_lines, as_dict, listed
 from sleepcast.cli.air import operator
 from sleepcast.cli.interrupts import Interrupts, Terminated
 from sleepcast.cli.options import NumberRange
@@ -37,6 +37,7 @@ PAUSE = 0.05
 STRANGERS = 4
 """Unknown keys on the air that are printed, those with the most messages."""
 NOT_LASTING = "STOP could not be stored everywhere, so a restart may forget it"
+CONFLICT = "several robots have one name, so no account by names is sure: give each a name of its own"
 NAMED = 3
 """Silent robots that are named while it goes on; the account at the end names more."""
 
@@ -59,8 +60,8 @@ def stop(air: AirOptions, seconds: float | None, accepted: bool, as_json: bool) 
     confirmed it, or until Ctrl-C. Without a terminal, and without a list of expected robots, it gives up after ten
     seconds. A robot that confirms STOP brakes, which takes its time: the command goes on until those that tell their
     speed are at rest, for 30 seconds at most, and says how far each may still go. With --accepted it does not wait for
-    that. The exit status is 0 only if all robots confirm that they have stopped, and stay so over a restart, and none
-    says that it still moves.
+    that. The exit status is 0 only if all robots confirm that they have stopped, and stay so over a restart, none
+    says that it still moves, and each has a name of its own.
 
     \b
     Examples:
@@ -87,12 +88,15 @@ def stop(air: AirOptions, seconds: float | None, accepted: bool, as_json: bool) 
             _show(station, sent, found, as_json)
             if not found.complete:
                 complain(f"not confirmed by {found.n_silent} {found.scope}")
+            if found.conflicts:
+                complain(f"{CONFLICT}: {listed('names', tuple(found.conflicts))}")
             if found.n_not_stored:
                 complain(f"{NOT_LASTING}: keep {_robots(found.n_not_stored)} powered, or in sight, until RELEASE")
             moving = 0 if accepted or found.rest is None else found.rest.n_stopping
             if moving and found.rest is not None:
                 complain(f"not at rest: {found.rest.who_moves(station.vocabulary, FEW)}")
-        sound = found.complete and found.n_matched and not (found.n_not_stored or found.flawed or moving)
+        wrong = found.conflicts or found.n_not_stored or found.flawed or moving
+        sound = found.complete and found.n_matched and not wrong
         return 0 if sure and sound else 1
 
 
@@ -116,6 +120,8 @@ def _insist(station: NetworkStation, sent: Command, until: float, check: Callabl
     ends it early."""
     nobody = not (sent.size or sent.addressed)
     until = min(until, station.answered(sent) + GRACE) if nobody else until
+    from sleepcast.station.retransmission import SETTLE
+
     reasons = sent.message.issued + PATIENCE
     with Status() as status:
 
@@ -128,7 +134,8 @@ def _insist(station: NetworkStation, sent: Command, until: float, check: Callabl
             if not found.n_matched and station.now >= reasons:
                 reasons = inf
                 _tell_reasons(station, status.clear)
-            return not (sent.n_silent or nobody)
+            answered = station.listened >= station.answered(sent) + SETTLE  # others of the same names, too
+            return (not (sent.n_silent or nobody or station.is_deciding) and answered) or station.is_over(sent)
 
         station.wait_until(confirmed, until, PAUSE)
         if not sent.answers and reasons < inf:

@@ -32,6 +32,8 @@ MOST_ROWS = 10_000
 """Robots in one table that is printed as a whole."""
 AROUND = 6
 """Lines of a terminal that the table cannot have: its head, its frame, and what stands under it."""
+SHARED = "SHARED NAME"
+"""The state of a name that several robots have."""
 FLAGS = ("frozen", "sleeping", "marked")
 PAUSE = 0.05
 """Seconds between two looks at whether something has come."""
@@ -140,7 +142,7 @@ class Window:
         found |= {"told": now - mind.reported_at, "stopped": mind.stopped, "driven": said.driven}
         rest = mind.rest_state()
         found["motion"] = None if rest is None else state_as_dict(rest)
-        found |= {"catching_up": said.catching_up, "doubt": mind.doubt}
+        found |= {"catching_up": said.catching_up, "doubt": mind.doubt, "shared": name in self.station.shared_names}
         found |= {"flags": _flags(mind), "groups": sorted(said.groups)}
         return found | {"rules": len(mind.rules()), "values": values}
 
@@ -191,6 +193,7 @@ class Window:
         said = mind.telemetry
         stopped = [_stopped(mind, self._unit("speed") or "m/s")] if mind.stopped else []
         found = stopped + ["driven"] * said.driven + ["catching up"] * said.catching_up
+        found += [SHARED] * (name in self.station.shared_names)
         state = " ".join(found + _flags(mind))
         values = _values(mind, columns)
         return [

@@ -338,10 +338,12 @@ class NetworkSwarm:
         self._give(self.receiver.stops())
 
     def _give(self, messages: Sequence[Message]) -> None:
-        """Pass these messages to every mind except their sender."""
+        """Pass these messages to every mind except their sender, which is this one only if the epoch is, too."""
         for member in self.members if messages else ():
-            name = member.node.name
-            member.session.hear(each for each in messages if each.sender != name or each.role != Role.ROBOT)
+            own = member.node.name, member.session.delivery.epoch
+            member.session.hear(
+                each for each in messages if (each.sender, each.epoch) != own or each.role != Role.ROBOT
+            )
             self._receive(member)
 
     def _tend(self, member: Member, now: float, skipped: Sequence[Skipped], *, news: bool) -> None:

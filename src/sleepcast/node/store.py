@@ -23,6 +23,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
+from random import SystemRandom
 
 import msgspec
 
@@ -59,6 +60,9 @@ LOOK_EVERY = 1.0
 """Period, s, at which the store checks whether rules have changed something on their own."""
 TRY_AGAIN = 5.0
 """Delay, s, before a failed write is tried again."""
+APART = 1_000
+"""By how much two lives may differ in number where the clock has not gone on: so two robots whose stores are copies of
+one begin different lives, and are noticed."""
 MAX_BEGUN = 3
 """Process lives in which a standing command is begun: if it ends all of them, it is reported as interrupted."""
 MAX_UNWRITTEN = 100_000
@@ -123,7 +127,10 @@ class Store:
     def life(self, name: str) -> int:
         """Begin a new life of this robot; returns its number, higher than those of all its lives before."""
         before = self._remembered(name)
-        before.epoch = max(int(self._clock.now() * 1000.0), before.epoch + 1)
+        later = before.epoch + SystemRandom().randint(
+            1, APART
+        )  # copies of a store, with clocks that stand still, differ
+        before.epoch = max(int(self._clock.now() * 1000.0), later)
         self._unwritten.lives[before.number] = name, before
         return before.epoch
 

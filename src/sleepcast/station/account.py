@@ -6,7 +6,8 @@ is silent, with the time at which it was last heard.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf
 
@@ -72,7 +73,7 @@ class Account:
     wherever else they are counted.
 
     codes: by place, as in `Answers.codes`; addressed: so many of them, from the first on, count as silent.
-    heard: when each was last heard (s of the desk's clock, -inf: never). only, size: see `Command`.
+    heard: when each was last heard (s of the desk's clock, -inf: never). only, size, conflicts: see `Command`.
     """
 
     command: str
@@ -85,6 +86,7 @@ class Account:
     only: Index | None = None
     size: int = 0
     rest: RestAccount | None = None
+    conflicts: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def counts(self) -> list[int]:
@@ -271,7 +273,9 @@ class Account:
         return counts if self.rest is None else counts | rest_counts(self.rest)
 
     def ago(self, name: str) -> str:
-        """When a robot was last heard, in words."""
+        """When a robot was last heard, in words; of a name with several robots, that one of them is missing."""
+        if name in self.conflicts:
+            return "several robots have this name, and not all have answered"
         heard = self.heard_at(name)
         return "never heard" if heard is None else f"last heard {ago(self.now - heard)}"
 
@@ -281,7 +285,7 @@ def account(command: Command, now: float, heard: Seconds) -> Account:
     answers = command.answers
     codes = answers.codes.copy()
     rest = command.resting if command.kind is Kind.STOP else None
-    asked = command.only, command.size, rest
+    asked = command.only, command.size, rest, dict(command.conflicts)
     return Account(command.id, command.text, now, codes, command.addressed, heard.copy(), answers, *asked)
 
 

@@ -138,6 +138,12 @@ class Answers(Mapping[str, Answer]):
             self._fault[robots] = np.where(fault > 0, fault + len(self._faults), 0)
             self._faults += faults
 
+    def forget(self, robot: int) -> None:
+        """Count the robot at a place as one that has not answered."""
+        if robot < len(self._outcome) and self._outcome[robot]:
+            self._outcome[robot] = 0
+            self._count -= 1
+
     def go_back(self, time: float) -> None:
         """Forget what was answered after `time`, s."""
         late = self._heard > time

@@ -31,7 +31,7 @@ def look_around(
     answers are waited for beyond their time, and what is missing as long again."""
     began = station.now
     station.gather(telemetry.look(robots), patience)
-    station.wait_until(lambda: not telemetry.learning(began), station.now + patience)
+    station.wait_until(lambda: not (telemetry.learning(began) or station.is_deciding), station.now + patience)
 
 
 def ask_first(station: NetworkStation, telemetry: TelemetryClient, text: str) -> None:

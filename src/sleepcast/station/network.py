@@ -13,10 +13,10 @@ others     messages of other operators are heard, too: a RELEASE is not repeated
 
 from __future__ import annotations
 
-from collections import OrderedDict, deque
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import inf
+from math import inf, nan
 
 import msgspec
 import numpy as np
@@ -27,14 +27,11 @@ from sleepcast.channel.clock_sync import WrongClocks
 from sleepcast.channel.fair_table import FairTable
 from sleepcast.channel.keys import MAY
 from sleepcast.channel.message import (
-    AGAIN,
-    AGE,
     ENDS,
-    FIRST,
     FOR,
+    INTRODUCE,
     LOOK,
     MAX_NAME,
-    NOT,
     STOPS,
     TO_OPERATOR,
     TOOK,
@@ -44,184 +41,40 @@ from sleepcast.channel.message import (
 )
 from sleepcast.channel.message import MATCHED as WOULD
 from sleepcast.channel.message import UNKNOWN as UNSURE
-from sleepcast.channel.reliable import ReliableDelivery
+from sleepcast.channel.name_conflicts import UNDECIDED_FOR
 from sleepcast.channel.session import MAX_SPREAD, ChannelSession
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.model import RestState
 from sleepcast.language.parts import rules
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.mind.authority import FORGOTTEN, MAX_MARKS, Life, Mark, mark_of, marks_and_ages
 from sleepcast.station.account import COUNTED, account
-from sleepcast.station.answers import MATCHED
-from sleepcast.station.journal.journal import Journal, JournalEvent
+from sleepcast.station.answers import MATCHED, Answer
+from sleepcast.station.journal.journal import CONFLICT, Journal, JournalEvent
 from sleepcast.station.rest import LOOK_SELDOM, RestWatch
-from sleepcast.station.roster import NOBODY_SAID, Expectation, Index, RobotNames, Roster
-from sleepcast.station.sent import Command, SentCommands
-from sleepcast.station.station import REPEAT_AFTER, STALE_AFTER, Station
+from sleepcast.station.retransmission import LATCHING, SETTLE, Retransmission
+from sleepcast.station.roster import NOBODY_SAID, Expectation, Index, RobotNames
+from sleepcast.station.sent import Command
+from sleepcast.station.shared_names import SHARED, SharedNames
+from sleepcast.station.station import STALE_AFTER, Station
 from sleepcast.station.validation import (
     DEADLINE,
+    MAX_LISTED,
     NO,
     UNDECIDED,
     UNKNOWN,
     YES,
     Audience,
+    DoubtError,
     Draft,
+    Mask,
     Minds,
+    Preview,
     SendPolicy,
     Validated,
 )
-
-SETTLE = 0.15
-"""Seconds after the time for answers before a robot counts as missed: for a tick, and the way there and back."""
-MAX_NAMED = 400
-"""Names in a message that is sent again: two to four datagrams; where more are missed, all robots answer again."""
-MAX_IN_STOP = 700
-"""Bytes of names in a STOP: it stays one datagram, because in a flood of forgeries each datagram may be lost."""
-RELEASE_SELDOM = 30.0
-"""Seconds between two RELEASEs for robots that stay silent, at most: it has no deadline, and they may come back."""
-MAX_AGAIN = 4_096
-"""Messages sent again whose answers are still known to be meant for the first one."""
-LATCHING = frozenset({Kind.STOP, Kind.RELEASE})
-
-
-class Retransmission:
-    """Of one desk. delivery: where messages leave; sent, roster: the desk's own. within: seconds over which so many
-    robots are to spread their answers. note: called with each command of which something is sent again; over: with each
-    that has timed out."""
-
-    def __init__(
-        self,
-        delivery: ReliableDelivery,
-        sent: SentCommands,
-        roster: Roster,
-        within: Callable[[int], float],
-        note: Callable[[Command], None],
-        over: Callable[[Command], None],
-    ) -> None:
-        self._delivery, self._sent, self._roster, self._within = delivery, sent, roster, within
-        self._note, self._over = note, over
-        self._due: dict[str, float] = {}
-        """When those that are not accounted for are next asked again, s, by the id of the command."""
-        self._first: OrderedDict[str, str] = OrderedDict()
-        """Of messages sent again, by their ids, that of the first one."""
-        self._given_up: str | None = None
-        """The id of the STOP that was given up."""
-
-    def begin(self, command: str, answered: float) -> None:
-        """Go after this command once the time for its answers is over (s of Unix time)."""
-        self._due[command] = answered + SETTLE
-
-    def give_up(self, command: str) -> None:
-        """Wait no longer for answers to this command."""
-        self._given_up = command
-        self._end(command)
-
-    def end(self) -> None:
-        """Go after nothing any more."""
-        for command in list(self._due):
-            self._end(command)
-
-    def _end(self, command_id: str) -> None:
-        command = self._sent.find(command_id)
-        if self._due.pop(command_id, None) is not None and command is not None:
-            self._over(command)
-
-    def overtaken(self, by: Kind) -> None:
-        """Another operator has stopped or released the robots: our message to the contrary is over."""
-        latch = self._sent.latch
-        if latch is not None and by in LATCHING and latch.kind is not by:
-            self.give_up(latch.id)
-
-    def due(self) -> float:
-        """When there is something to be sent again, s of Unix time."""
-        return min(self._due.values(), default=inf)
-
-    def known(self, message: Message) -> Message:
-        """A robot's message, in which an answer to a repeated message names the first one."""
-        first = self._first.get(str(message.body.get("command")))
-        return message if first is None else msgspec.structs.replace(message, body={**message.body, "command": first})
-
-    def attend(self, now: float) -> None:
-        """Ask those again that are not accounted for."""
-        latch = self._sent.latch
-        if latch is not None and latch.kind is Kind.STOP and latch.id != self._given_up:
-            latch.extend()
-            if latch.n_silent:
-                self._due.setdefault(latch.id, now)
-        for command_id, when in list(self._due.items()):
-            if when <= now:
-                self._pursue(command_id, now)
-
-    def _pursue(self, command_id: str, now: float) -> None:
-        command = self._sent.find(command_id)
-        if command is None or not command.n_silent or not self._still_good(command, now):
-            self._end(command_id)
-            return
-        silent = command.n_silent
-        within = self._within(min(silent, MAX_NAMED) if command.kind is Kind.COMMAND else silent)
-        self._note(command)
-        if command.kind is Kind.COMMAND:
-            self._ask_again(command, within, now)
-        else:
-            self._send_again(command, within, now)
-        pause, age = 0.0, now - command.message.issued
-        if command.kind is Kind.STOP:
-            pause = REPEAT_AFTER
-        elif age > DEADLINE:  # less and less often, since a command may be good for an hour, and a RELEASE has no end
-            pause = min(age / 2.0, RELEASE_SELDOM if command.kind is Kind.RELEASE else inf)
-        self._due[command_id] = now + max(within + SETTLE, pause)
-
-    def _ask_again(self, command: Command, within: float, now: float) -> None:
-        """Have those that are missed say their answer again. They may have missed the command as well: it goes
-        out once more, which no robot evaluates twice."""
-        self._delivery.repeat(command.message.sequence, now)
-        missed = self._missed(command)
-        if not missed:  # not everybody: those that are known first
-            places = np.flatnonzero(command.silent)[:MAX_NAMED].tolist()
-            missed = {FOR: [self._roster.names[place] for place in places]}
-        body = {AGAIN: command.id, WITHIN: within, **missed}
-        self._delivery.post(Kind.ASK, now, deadline=now + DEADLINE, body=body)
-
-    def _send_again(self, command: Command, within: float, now: float) -> None:
-        message = command.message
-        body = {**message.body, FIRST: command.id, AGE: now - message.issued, WITHIN: within, **self._missed(command)}
-        deadline = None if message.kind is Kind.RELEASE else message.deadline
-        again = self._delivery.post(message.kind, now, text=message.text, deadline=deadline, body=body)
-        self._first[again.id] = command.id
-        if len(self._first) > MAX_AGAIN:
-            self._first.popitem(last=False)
-
-    def _still_good(self, command: Command, now: float) -> bool:
-        """Whether it is still to be gone after: of STOP and RELEASE only the last one is, a one-shot command until its
-        deadline, all else for `DEADLINE`."""
-        if command.kind in LATCHING:
-            return command is self._sent.latch
-        message = command.message
-        if command.kind is Kind.COMMAND and not message.standing:
-            return now < message.deadline
-        return now < min(message.deadline, message.issued + DEADLINE)
-
-    def _missed(self, command: Command) -> dict[str, object]:
-        """Which robots are to answer a repeated message, as fields of its body: all, if there are too many names."""
-        names, missed = self._roster.names, [self._roster.names[at] for at in np.flatnonzero(command.silent).tolist()]
-        if _fits(command.kind, missed) and not command.n_nameless:
-            return {FOR: missed}
-        there = [names[place] for place in np.flatnonzero(command.answers.codes).tolist()]
-        if FOR not in command.message.body and _fits(command.kind, there):
-            return {NOT: there}
-        return {}
-
-
-def _fits(kind: Kind, names: Sequence[str]) -> bool:
-    """Whether this number of names fits into a message of this kind."""
-    if kind is not Kind.STOP:
-        return len(names) <= MAX_NAMED
-    return len(names) <= MAX_NAMED and sum(len(name.encode()) + 2 for name in names) <= MAX_IN_STOP
-
-
-# ---- the desk
-
 
 ANSWERS_A_SECOND = 1_000.0
 """Answers that are asked for in a second: 200 kB on the air, a fifth of what a slow radio carries."""
@@ -262,6 +115,9 @@ class Poll:
     asked: float = -inf
     taken: float = -inf
     said: Mapping[str, int] = field(default_factory=dict)
+
+
+def _unheard(sentence: str) -> None: ...
 
 
 def _nothing() -> None:
@@ -310,6 +166,8 @@ class NetworkStation(Station):
         self.session, self.within, self.holding = session, within, False
         self.between: Callable[[], None] = _nothing
         """Called while it waits, each time something may have come: other threads may use the desk then."""
+        self.alarm: Callable[[str], None] = _unheard
+        """Takes a sentence when it comes out that several robots have one name."""
         self.news: deque[Message] = deque(maxlen=MAX_NEWS)
         self.listened = -inf
         """Everything that came up to this time (s of Unix time) has been heard. A wait is over when this reaches its
@@ -324,6 +182,9 @@ class NetworkStation(Station):
         self._rest_watch = RestWatch()
         self.clocks = WrongClocks()
         """Of the robots."""
+        self.conflicts = delivery.admission.conflicts
+        """Names that several robots have."""
+        self._shared = SharedNames(self.conflicts, self._sent, self._roster)
         self._stops = FairTable[Life, KnownStop, str](MAX_STOPS)
         """The latest STOP that is known of each other sender."""
         for name, time in (heard or {}).items():
@@ -342,7 +203,14 @@ class NetworkStation(Station):
     def validate(self, draft: Draft) -> Validated:
         """As every station; raises RoleError for what our key may not send, too."""
         self._validate_role(Kind.COMMAND, draft.text, draft.standing or self._changes_rules(draft.text))
-        return super().validate(draft)
+        found = super().validate(draft)
+        if self.caution.doubts and not draft.confirmed:
+            try:
+                self._shared.validate(found.places, self._clock.now())
+            except DoubtError as error:
+                self._refuse(draft.text, error)
+                raise
+        return found
 
     def post(
         self,
@@ -372,7 +240,8 @@ class NetworkStation(Station):
             for message in heard:
                 would = message.body.get(WOULD)
                 if message.body.get("command") == asked.id and isinstance(would, bool):
-                    said[message.sender] = YES if would else UNDECIDED if message.body.get(UNSURE) is True else NO
+                    code = YES if would else UNDECIDED if message.body.get(UNSURE) is True else NO
+                    said[message.sender] = code if said.get(message.sender, code) == code else UNKNOWN
 
         self._program(text)
         asked = self.post(Kind.ASK, text=text, body={WOULD: True}, only=only)
@@ -381,8 +250,15 @@ class NetworkStation(Station):
             self.gather(asked, patience)
         finally:
             self.listeners.remove(listen)
+        for place in np.flatnonzero(asked.silent).tolist():  # what one robot of several says is not what its name says
+            said.pop(self._roster.names[place], None)
         self._polled = Poll(text, asked.message.issued, self.now, said)
         return asked, self._polled
+
+    def _preview(self, program: Program) -> Preview:
+        """As every station; whether a name obeys that several robots have, nobody can say."""
+        found, shared = super()._preview(program), self._shared.places(self._clock.now())
+        return found.without(shared[shared < len(found.codes)], SHARED) if len(shared) else found
 
     def _judged(self, program: Program, audience: Audience) -> tuple[NDArray[np.uint8], Index | None]:
         codes, places = super()._judged(program, audience)
@@ -439,6 +315,7 @@ class NetworkStation(Station):
             self.commanded.note(command.message.issued, command.only)
             if not command.message.standing:
                 self._drivers.append(command)
+        self._shared.begin(command, self._clock.now())
         self.pump_out()
 
     def _compose(
@@ -477,6 +354,8 @@ class NetworkStation(Station):
                 if message.kind in TO_OPERATOR:
                     if not self._is_new(message):
                         continue
+                    if message.ahead:  # its clock is wrong, and it answers us: this is of now
+                        self.conflicts.hear(msgspec.structs.replace(message, issued=self.now), self.now)
                     heard.append(self._retransmission.known(message))
                     self._take_in(heard[-1])
                     self._learn_stops(heard[-1])
@@ -510,6 +389,13 @@ class NetworkStation(Station):
         over and the roster is empty."""
         self.wait_until(lambda: not self.awaits(command), self.answered(command) + patience)
 
+    def settle(self, command: Command, patience: float) -> None:
+        """Gather what robots of the same names have to say as well: a name may have answered before another robot that
+        has it."""
+        told = self.answered(command) + SETTLE
+        self.wait_until(lambda: self.listened >= told and not self.is_deciding, told + 2.0 * UNDECIDED_FOR)
+        self.gather(command, patience)
+
     def awaits(self, command: Command) -> bool:
         """Whether a robot may still answer: one is silent, or the roster is empty."""
         return command.n_silent > 0 or not (command.size or command.addressed)
@@ -541,6 +427,47 @@ class NetworkStation(Station):
             clocks.note(message.sender, message.ahead, message.key)
         return abs(clocks.ahead(message.sender) - message.ahead) <= skew
 
+    def _count(self, command: Command, place: int, message: Message, answer: Answer) -> None:
+        self._shared.take(command, place, message, answer, self._clock.now())
+
+    def _rest_of(self, message: Message) -> RestState | None:
+        return self._shared.slowest_rest(message, super()._rest_of(message))
+
+    def _update_latch(self, robots: Index, stopped: Mask, now: float) -> None:
+        plain = self._shared.is_plain(robots, self._clock.now())
+        super()._update_latch(robots[plain], stopped[plain], now)
+
+    def values(self, text: str, places: Index | None = None) -> tuple[NDArray[np.float64], RobotNames]:
+        """As every station; a name has no value that several robots have."""
+        found, asked = super().values(text, places)
+        shared = self._shared.places(self._clock.now())
+        found[np.isin(np.arange(len(found)) if places is None else places, shared)] = nan
+        return found, RobotNames(self._roster.names, np.setdiff1d(asked.places, shared))
+
+    @property
+    def shared_names(self) -> frozenset[str]:
+        """The names on the roster that several robots have."""
+        return frozenset(self._roster.names[place] for place in self._shared.places(self._clock.now()).tolist())
+
+    @property
+    def is_deciding(self) -> bool:
+        """Whether it is being found out if a robot has restarted, or another one has its name."""
+        return bool(self.conflicts.undecided(self._clock.now()))
+
+    def is_over(self, command: Command) -> bool:
+        """Whether only robots are missing that were heard under the name of another one, and are not heard any more."""
+        return self._shared.is_over(command, self._clock.now())
+
+    def _attend_names(self, now: float) -> None:
+        """Ask robots that may have one name, count their answers again, and write down what has come out."""
+        names = [name for name in self.conflicts.to_probe(now) if self._roster.names.place(name) is not None]
+        if names:
+            looks = {LOOK: Inspection.TELEMETRY.value, INTRODUCE: True}
+            self.post(Kind.ASK, body=looks, only=names[:MAX_LISTED])
+        for name, text in self._shared.review(now).items():
+            self._note(JournalEvent.HEARD, name, text=text, details={"kind": CONFLICT})
+            self.alarm(text)
+
     def _overhear(self, message: Message) -> None:
         """Another operator speaks."""
         if message.kind is Kind.HEARTBEAT or LOOK in message.body:
@@ -564,10 +491,14 @@ class NetworkStation(Station):
         return np.array([place for place in places if place is not None], np.intp)
 
     def notices(self) -> list[str]:
-        """What is going on that a person should know of, as sentences: clocks that are wrong, forgeries, keys that
-        nobody trusts."""
-        admission = self.session.delivery.admission
-        return self.clocks.of_robots(DEADLINE) + [notice.text for notice in admission.drops.notices(admission.trust)]
+        """What is going on that a person should know of, as sentences: names that several robots have, clocks that are
+        wrong, forgeries, keys that nobody trusts."""
+        admission, found = self.session.delivery.admission, self._shared.sentences(self._clock.now())
+        return (
+            found
+            + self.clocks.of_robots(DEADLINE)
+            + [notice.text for notice in admission.drops.notices(admission.trust)]
+        )
 
     def _learn_stops(self, answer: Message) -> None:
         """A robot tells which STOPs hold it, each with the seconds since it came."""
@@ -596,6 +527,7 @@ class NetworkStation(Station):
         """Ask those again that are not accounted for, and send a heartbeat if one is due."""
         with self._lock:
             now = self._clock.now()
+            self._attend_names(now)
             self._retransmission.attend(now)
             self._watch_rest(now)
             if self.holding and self._drives() and now - self._beat >= LEASE / 3.0:

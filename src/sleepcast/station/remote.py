@@ -23,6 +23,7 @@ from typing import NamedTuple, Protocol
 
 from sleepcast.channel.message import LOOK, OF, TELEMETRY, Inspection, Kind, Message
 from sleepcast.channel.message_batch import natural_order
+from sleepcast.channel.name_conflicts import NameConflicts
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.core.model import RestState
 from sleepcast.language.explain import Explanation
@@ -92,6 +93,8 @@ class RemoteMind:
 
     def __init__(self, name: str, minds: RemoteMinds, telemetry: TelemetryRecord, now: float) -> None:
         self.name, self.telemetry, self.reported_at = name, telemetry, now
+        self.others: dict[int, bool] = {}
+        """Other robots of this name, by epoch: whether each is stopped."""
         self.values: list[float] = []
         self._minds = minds
 
@@ -102,7 +105,8 @@ class RemoteMind:
 
     @property
     def stopped(self) -> bool:
-        return self.telemetry.stopped
+        """Whether it is stopped, and so are others that have its name."""
+        return self.telemetry.stopped and all(self.others.values())
 
     def rest_state(self) -> RestState | None:
         """Whether it has come to rest while it is stopped; None if it is not stopped, or does not tell."""
@@ -211,6 +215,10 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         self.refused: dict[Digest, str] = {}
         self.malformed = 0
         """How much of the telemetry was malformed."""
+        self.conflicts: NameConflicts | None = None
+        """Names that several robots have: of these only one is shown, the one that was shown before."""
+        self._shown: dict[str, int] = {}
+        """Which that is, by its epoch."""
         self._fitted: dict[Digest, SlotMap] = {}
         self._texts: dict[Digest, str] = {}
         """The texts of types and minds, as they were received."""
@@ -278,10 +286,29 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         try:
             if isinstance(sent, str):
                 return self._take_text(sent)
-            return self._take_telemetry(message.sender, read_telemetry(sent), now)
+            telemetry = read_telemetry(sent)
+            if self._is_of_another(message, telemetry, now):
+                return []
+            return self._take_telemetry(message.sender, telemetry, now)
         except TelemetryError:
             self.malformed += 1
             return []
+
+    def _is_of_another(self, message: Message, telemetry: TelemetryRecord, now: float) -> bool:
+        """Whether another robot has the same name that is shown already: a robot does not jump to and fro."""
+        found = () if self.conflicts is None else self.conflicts.holders(message.sender, now)
+        epochs, mind = {each.epoch for each in found if each.contested}, self._minds.get(message.sender)
+        if mind is None or self._shown.get(message.sender) not in epochs:
+            self._shown[message.sender] = message.epoch
+            if len(self._shown) > MAX_TELLERS:
+                del self._shown[next(iter(self._shown))]
+        others = epochs - {self._shown.get(message.sender)}
+        if mind is not None:
+            mind.others = {epoch: mind.others.get(epoch, False) for epoch in others}
+        if mind is None or message.epoch not in others:
+            return False
+        mind.others[message.epoch] = telemetry.stopped
+        return True
 
     def _take_telemetry(self, name: str, telemetry: TelemetryRecord, now: float) -> list[RemoteMind]:
         if name not in self._minds and len(self._minds) + len(self._waiting) >= MAX_TELLERS:

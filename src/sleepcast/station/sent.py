@@ -25,7 +25,8 @@ class Command:
 
     addressed: how many robots, from the first on, were on the roster when it went out; only: the places of those among
     them for whom it was, None for all. expected: the places of those of which the desk was certain that they would
-    obey. answers: by robot, the first answer of each. size: how many robots there are for whom it is, also such as
+    obey. answers: by robot, the first answer of each. conflicts: names that several robots have, each with a sentence
+    that says who of them has answered. size: how many robots there are for whom it is, also such as
     were never heard; 0 where nobody knows.
     """
 
@@ -44,6 +45,7 @@ class Command:
         self.answers = Answers(names)
         self.rest = RestStates(names)
         """Of a STOP: which of those that have accepted it are at rest."""
+        self.conflicts: dict[str, str] = {}
 
     def state(self) -> CommandState:
         expected = Array.of(self.expected.astype(np.int32))

@@ -25,13 +25,14 @@ from sleepcast.channel.message import FOR, RULE, TELEMETRY
 from sleepcast.channel.message_batch import Answers, MessageBatch
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.model import RestState
 from sleepcast.core.serial import SerialError, pack, room_for, unpack
 from sleepcast.language import Checked, CheckError, Explanation, check
 from sleepcast.language.parts import acts
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.account import Account, account
-from sleepcast.station.answers import Outcome, answer_from
+from sleepcast.station.answers import Answer, Outcome, answer_from
 from sleepcast.station.commanded import CommandedTimes
 from sleepcast.station.failures import RuleFailures
 from sleepcast.station.journal.journal import Journal, JournalEvent, MemoryJournal, PendingEntry, Report, WriteBatch
@@ -423,7 +424,7 @@ class Station:
                 command = self._sent.find(message.body.get("command"))
                 answer = answer_from(message.body, now)
                 if command is not None and answer is not None and place is not None:
-                    command.answers.add(place, answer)
+                    self._count(command, place, message, answer)
                 self._take_rest(place, message)
                 if TELEMETRY in message.body or (command is not None and command.is_look):
                     return
@@ -432,6 +433,10 @@ class Station:
             details = {"kind": message.kind.value, **message.body}
             subject = message.body.get("command", "")
             self._note(JournalEvent.HEARD, message.sender, subject=str(subject), details=details)
+
+    def _count(self, command: Command, place: int, message: Message, answer: Answer) -> None:
+        """Count what the robot at a place answers."""
+        command.answers.add(place, answer)
 
     def hear_many(self, batch: MessageBatch) -> None:
         """Take in what many robots say at once; their places are those of the roster. Reports are heard one by one, as
@@ -492,9 +497,13 @@ class Station:
 
     def _take_rest(self, place: int | None, message: Message) -> None:
         """A robot may tell whether it has come to rest since the STOP that holds."""
-        latest, state = self._sent.latch, motion_said(message)
+        latest, state = self._sent.latch, self._rest_of(message)
         if latest is not None and latest.kind is Kind.STOP and place is not None and state is not None:
             latest.rest.add(place, state)
+
+    def _rest_of(self, message: Message) -> RestState | None:
+        """How a stopped robot moves, as it says."""
+        return motion_said(message)
 
     def _take_rests(self, robots: Index) -> None:
         """Robots that are stopped tell how they move, where their minds tell that of many at once."""

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf, nan
 from typing import NamedTuple, Protocol, runtime_checkable
@@ -411,6 +411,12 @@ class Preview:
     everybody: bool
     oldest: float
     nameless: int = 0
+
+    def without(self, robots: Index, why: str) -> Preview:
+        """The same, but for the robots at these places, of which the desk cannot say for another reason."""
+        codes, reason = self.codes.copy(), self.reason.copy()
+        codes[robots], reason[robots] = UNKNOWN, len(self.listed) + 1
+        return replace(self, codes=codes, reason=reason, listed=(*self.listed, why))
 
     def count(self, code: int) -> int:
         """How many robots there are of this code."""

@@ -88,7 +88,9 @@ class Picture:
         self, mind: RemoteMind, values: Mapping[str, float], where: tuple[float, float], now: float, stale: float
     ) -> Event:
         groups = sorted(mind.telemetry.groups)
-        states = [*([_stopped(mind)] if mind.stopped else []), *([f"in {', '.join(groups)}"] if groups else [])]
+        shared = ["SEVERAL ROBOTS HAVE THIS NAME"] if mind.others else []
+        stopped, within = [_stopped(mind)] if mind.stopped else [], [f"in {', '.join(groups)}"] if groups else []
+        states = [*shared, *stopped, *within]
         supply = next((values[name] for name in BATTERIES if 0.0 <= values.get(name, math.nan) <= 1.0), None)
         heading, speed = values.get("heading", math.nan), values.get("speed", math.nan)
         return Event(

@@ -42,6 +42,21 @@ def listen_for(transport: Transport, wanted: Iterable[Kind]) -> None:
         transport.ignore(frozenset(Kind) - frozenset(wanted))
 
 
+class AddressedDatagram(bytes):
+    """A received datagram with the address that it came from (host, port), where the transport knows one."""
+
+    address: tuple[str, int] | None = None
+
+
+def address_of(datagram: bytes) -> str:
+    """Where a datagram came from, as HOST:PORT; "" where nobody knows."""
+    address = datagram.address if isinstance(datagram, AddressedDatagram) else None
+    if address is None:
+        return ""
+    host, port = address
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
 class WakeUp:
     """A file descriptor that is readable while there is something to receive, for transports without a socket of their
     own. It may be set from any thread."""

@@ -25,6 +25,7 @@ from sleepcast.channel.envelope import MAX_DATAGRAM, kind_of
 from sleepcast.channel.message import TO_OPERATOR, Kind
 from sleepcast.channel.transports.address import EXAMPLE, AddressError, split_address
 from sleepcast.channel.transports.bpf_filter import drop_kinds, keep_kinds
+from sleepcast.channel.transports.transport import AddressedDatagram
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError, did_you_mean
 
@@ -153,7 +154,7 @@ class UdpTransport:
         return [datagram for datagram in came if kind_of(datagram) is Kind.STOP]
 
     def _received(self, receiving: socket.socket, most: int) -> list[bytes]:
-        found = []
+        found: list[bytes] = []
         for _ in range(most):
             try:
                 datagram, sender = receiving.recvfrom(MAX_DATAGRAM + 1)
@@ -162,7 +163,9 @@ class UdpTransport:
             except OSError:  # an error about datagrams sent earlier
                 continue
             if sender[:2] != self._own:
-                found.append(datagram)
+                addressed = AddressedDatagram(datagram)
+                addressed.address = sender[:2]
+                found.append(addressed)
         return found
 
     def ignore(self, kinds: Iterable[Kind]) -> None:

@@ -85,7 +85,7 @@ def _silence(found: Account) -> str:
 
 def robots(session: Session, width: int, height: int, first: int) -> list[Line]:
     """The robots from the place `first` on, a line each: state, name, answer to the last command, age, groups."""
-    roster = session.station.roster
+    roster, shared = session.station.roster, session.station.shared_names
     names = session.listed(roster)[first : first + height]
     latest = next(reversed(session.station.commands()), None)
     silent = None if latest is None else latest.silent
@@ -95,8 +95,8 @@ def robots(session: Session, width: int, height: int, first: int) -> list[Line]:
         heard, mind = roster[name], session.mind(name)
         age = float("inf") if heard is None else max(0.0, session.station.now - heard)
         lost = age > lost_after
-        letters = ("?" if mind is None else _state(mind)) + ("L" if lost else " ")
-        style = "class:warned" if lost or mind is None else "class:stopped" if mind.stopped else ""
+        letters = ("2" if name in shared else "?" if mind is None else _state(mind)) + ("L" if lost else " ")
+        style = "class:warned" if lost or mind is None or name in shared else "class:stopped" if mind.stopped else ""
         code = _outcome(latest, silent, name)
         cells = [_value(session, name, each).rjust(room - 8) for each in session.shown]
         cells += [",".join(sorted(mind.telemetry.groups))] if mind is not None and mind.telemetry.groups else []

@@ -45,6 +45,7 @@ RADIUS = 0.2
 """m: a robot of unknown size; the page draws it large enough to be seen."""
 FARTHEST = 1e7
 """m: positions farther away are ignored; robots stay on the Earth."""
+SHARED = "several robots have this name: what is shown is of one of them"
 CATCHING_UP = "at rest until it has all standing commands"
 EMPTY = (0.0, 0.0, 10.0, 10.0)
 """m: the map before any position is known."""
@@ -314,11 +315,14 @@ class FleetAdapter:
         return self._telemetry.minds.standing()
 
     def states(self, robot: str) -> list[str]:
-        """Why this one rests."""
+        """Why this one rests, and whether it is one of several."""
         mind = self._telemetry.minds.get(robot)
+        shared = [SHARED] * (robot in self._station.shared_names)
         if mind is None:
-            return []
-        return [f"until RELEASE, as {mind.doubt}"] * bool(mind.doubt) + [CATCHING_UP] * mind.telemetry.catching_up
+            return shared
+        return (
+            shared + [f"until RELEASE, as {mind.doubt}"] * bool(mind.doubt) + [CATCHING_UP] * mind.telemetry.catching_up
+        )
 
     def notices(self) -> list[str]:
         """What else is going on that a person should know of."""

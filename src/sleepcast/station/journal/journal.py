@@ -39,6 +39,10 @@ class JournalEvent(StrEnum):
     silent (names); n_not_stored if there are any."""
 
 
+CONFLICT = "conflict"
+"""The kind, in the details of HEARD, of an entry whose text says which robots have one name."""
+
+
 @dataclass(frozen=True, slots=True)
 class JournalEntry:
     """One line of the journal. number: from 1, without gaps. time: s of the desk's clock. who: the operator's desk or

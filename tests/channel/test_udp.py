@@ -20,6 +20,7 @@ from sleepcast.channel.keys import KeyPair
 from sleepcast.channel.message import Role
 from sleepcast.channel.transports import open_transport
 from sleepcast.channel.transports.address import AddressError
+from sleepcast.channel.transports.transport import address_of
 from sleepcast.channel.transports.udp import MOST_STOPS, UdpError
 
 
@@ -91,3 +92,16 @@ def test_all_else_is_heard_behind_a_flood_of_stops() -> None:
         found = receiving.receive()
         assert found.count(flood) == MOST_STOPS
         assert found[-1] == command
+
+
+def test_a_datagram_has_the_address_of_its_sender() -> None:
+    uri = f"udp://239.255.83.76:{free_port()}?interface=lo"
+    with closing(open_transport(uri)) as here, closing(open_transport(uri)) as there:
+        (heard,) = encode(Message("r1", 1, 1, Kind.ANSWER, 1.0), "lab", ROBOTS)
+        there.send(heard)
+        select.select([here], [], [], PATIENCE)
+        (found,) = here.receive()
+        assert found == heard
+        host, _, port = address_of(found).rpartition(":")
+        assert host
+        assert 0 < int(port) < 65_536

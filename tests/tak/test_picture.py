@@ -72,8 +72,8 @@ def mind(name: str, place: tuple[float, float], group: str) -> RemoteMind:
     """A robot that was heard at 100 s."""
     told = SimpleNamespace(groups=(group,))
     values = {"x": place[0], "y": place[1]}
-    found = SimpleNamespace(name=name, reported_at=100.0, stopped=False, telemetry=told, variables=values.items)
-    return cast(RemoteMind, found)
+    about = {"name": name, "reported_at": 100.0, "stopped": False, "telemetry": told, "others": {}}
+    return cast(RemoteMind, SimpleNamespace(**about, variables=values.items))
 
 
 @pytest.mark.parametrize(
@@ -108,6 +108,13 @@ def test_a_stopped_robot_that_still_moves_is_told(ground: LocalMap, state: RestS
     found = SimpleNamespace(**{**vars(mind("r1", (0.0, 0.0), "bravo")), "stopped": True, "rest_state": lambda: state})
     (event,) = Picture(ground, "fleet").events([cast(RemoteMind, found)], 100.0, 1.0, 5.0)
     assert event.remarks == f"{said}; in bravo"
+
+
+def test_a_name_that_several_robots_have_is_told(ground: LocalMap) -> None:
+    found = mind("r1", (0.0, 0.0), "bravo")
+    found.others[7] = False
+    (event,) = Picture(ground, "fleet").events([found], 100.0, 1.0, 5.0)
+    assert event.remarks == "SEVERAL ROBOTS HAVE THIS NAME; in bravo"
 
 
 @pytest.mark.parametrize(

@@ -99,6 +99,10 @@ class Bodies:
         self.radii: Floats = self._each([sort.geometry.radius for sort in sorts])
         self.slides = self._each([float(sort.slides) for sort in sorts]) > 0.0
         """Which bodies slide along what they touch."""
+        self.rolls = self._each([float(sort.wheels is not None) for sort in sorts]) > 0.0
+        """Which bodies go on wheels, whose speeds are `left` and `right`."""
+        self.brakes: Floats = self._each([sort.limits.acceleration for sort in sorts])
+        """How fast bodies change their speed, m/s2."""
         self.limits, self.geometry = robots.limits, robots.geometry
         self.fence = (0.0, 0.0, scenario.width, scenario.height)
         self.world = World(scenario.shapes)
@@ -286,14 +290,10 @@ class Bodies:
     def rest_states(self, which: Whole) -> tuple[Floats, Floats]:
         """Speed of the fastest part of each of these bodies, m/s, and how far it goes until it is at rest if it brakes
         as fast as it may, m."""
-        fastest, acceleration = np.abs(self.speed), np.empty(self.count)
-        for part, those in zip(self.parts, self.of_each_sort, strict=True):
-            acceleration[those] = part.limits.acceleration
-            if part.laws.track:
-                wheels = np.maximum(np.abs(part.left), np.abs(part.right))
-                fastest[those] = np.maximum(fastest[those], wheels)
-        speed: Floats = self.speed[which]
-        return fastest[which], speed * speed / (2.0 * acceleration[which])
+        speed: Floats = np.abs(self.speed[which])
+        wheels = np.maximum(np.abs(self.left[which]), np.abs(self.right[which]))
+        fastest: Floats = np.where(self.rolls[which], np.maximum(speed, wheels), speed)
+        return fastest, speed * speed / (2.0 * self.brakes[which])
 
     def act(self, actuator: str, which: Whole | slice, values: Floats) -> None:
         """Set one actuator of these bodies to `values`, leaving the other one's wanted value; see `Body.act`."""

@@ -201,11 +201,12 @@ class Ros2Network:
     def _check_joined(self, now: float) -> bool:
         """Ask DDS which of the others it has joined with ours; whether anything has changed by it."""
         self._check_at, changed = now + CHECK_EVERY, False
+        joined = cache(_joined)  # asked once of each of ours, however many are at the other end
         for key, since in list(self._unjoined.items()):
             before = self._known[key]
             ours = {end: made for made, each in self._ours.get(before.topic, ()) if (end := each()) is not None}
             ours = {end: made for end, made in ours.items() if _is_other_end(end, before)}
-            if any(key in _joined(end) for end in ours):
+            if any(key in joined(end) for end in ours):
                 del self._unjoined[key]
                 apart = ""
             elif not ours or now - max(since, *ours.values()) < JOINED:

@@ -54,6 +54,7 @@ SLOW = {
     "console/test_fork.py": 14,
     "loop/test_rerun.py": 4,
     "cli/test_stop.py": 25,
+    "cli/test_shared_names.py": 14,
     "cli/test_warm_up.py": 14,
     "test_docs.py": 13,
     "api/test_connected.py": 13,

@@ -9,9 +9,9 @@ import msgspec
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import ROBOT_KINDS, Admission
 from sleepcast.channel.drops import DropCounter
-from sleepcast.channel.envelope import kind_of
+from sleepcast.channel.envelope import MAX_CONTENT, kind_of
 from sleepcast.channel.keys import KeyPair, Trust
-from sleepcast.channel.message import AGAIN, FOR, WITHIN, Role
+from sleepcast.channel.message import AGAIN, FOR, OTHERS, WITHIN, Role
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.session import MAX_ANSWERED, ChannelSession, Multiplexer, wait_together
 from sleepcast.channel.transports import open_transport
@@ -236,3 +236,21 @@ def test_a_robot_that_hears_stop_waits_no_longer() -> None:
     assert not waits_as_long(Kind.STOP, robot=True, seconds=20.0)
     assert waits_as_long(Kind.COMMAND, robot=True, seconds=0.1)
     assert waits_as_long(Kind.STOP, robot=False, seconds=0.1)
+
+
+def test_an_answer_tells_of_other_robots_of_the_name_where_there_is_room() -> None:
+    air = Air("r1")
+    (robot,) = air.robots
+    robot.conflicts.begin(START)
+    robot.conflicts.hear(Message("r1", 9, 1, Kind.STOP, START + 0.5, role=Role.ROBOT), START + 0.5)
+    asked = ask(air)
+    air.run(1.0)
+    answer(robot, asked, 1.0)
+    longest = MAX_CONTENT - 45
+    robot.send(Message("r1", 0, 0, Kind.ANSWER, 0.0, body={"command": asked.id, "value": "9" * longest}))
+    air.run(0.1)
+    first, second = [message.body.get(OTHERS) for message in air.desk.receive() if message.kind is Kind.ANSWER]
+    assert isinstance(first, list)
+    assert first[0][0] == 9
+    assert 0.4 < first[0][1] < 0.7
+    assert second is None, "the answer itself goes before"

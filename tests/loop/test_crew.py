@@ -264,6 +264,16 @@ def test_who_commands_under_a_robots_name_is_heard_by_that_robot_too(field: Fiel
     namesake.close()
 
 
+def test_a_robot_hears_another_one_of_its_name_and_not_itself(field: Field) -> None:
+    """They are told apart by their epochs, before an echo is dropped."""
+    for epoch, heard in ((field.life, False), (field.life + 1, True)):
+        told = Message("r3", epoch, 90 + epoch, Kind.COMMAND, field.clock.now(), text="(MARK)", role=Role.ROBOT)
+        field.crew._give([told])
+        queues = {member.node.name: len(member.node._queue) for member in field.crew.members}
+        assert queues["r4"] == epoch - field.life + 1
+        assert queues["r3"] == heard
+
+
 def test_a_quiet_crew_is_quiet_and_its_minds_sleep(field: Field) -> None:
     field.run(20.0)
     before = field.receiver.delivery.admission.passed

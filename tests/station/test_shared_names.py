@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-from safety.scene import KEYS, Robot, Scene
+from safety.scene import KEYS, START, Robot, Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import LOOK, Inspection
 from sleepcast.channel.name_conflicts import LASTS
+from sleepcast.console import Scene as Ground
+from sleepcast.console.adapters.channel import EMPTY, FleetAdapter
 from sleepcast.station import DoubtError
 from sleepcast.station.journal.journal import CONFLICT
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import RemoteMinds, TelemetryClient
-from sleepcast.station.validation import SendPolicy
+from sleepcast.station.validation import YES, SendPolicy
 
 R1, AGAIN = "r1", "r1 again"
 
@@ -212,3 +214,31 @@ def test_a_key_that_is_no_robots_makes_no_conflict() -> None:
         scene.say(Message("anna", epoch, epoch, Kind.STOP, scene.clock.now()), KEYS["anna"])
         scene.run(0.1)
     assert scene.desk().notices() == []
+
+
+def test_a_page_names_them() -> None:
+    scene, _ = shared()
+    minds = RemoteMinds()
+    desk = scene.desk(minds=minds)
+    telemetry = TelemetryClient(desk, minds)
+    desk.listeners.append(telemetry.hear)
+    fleet = FleetAdapter(desk, telemetry, Ground("air", "", "robots", (), EMPTY, "m", ()), 1.0, START)
+    known(scene)
+    telemetry.look()
+    scene.run(1.0)
+    assert fleet.states("r1") == ["several robots have this name: what is shown is of one of them"]
+    assert fleet.states("r0") == []
+    assert fleet.notices()[0].startswith("2 robots have the name r1, ")
+
+
+def test_asked_themselves_they_must_agree() -> None:
+    scene, _ = shared()
+    desk = known(scene)
+    text = "(WHEN (> id 5) (JOIN bravo))"
+    for busy, would in ((text, set()), ("(WHEN (> id 0) (JOIN bravo))", {"r1", "r2"})):
+        monkey = desk.gather
+        desk.gather = lambda command, patience: scene.run(1.0)  # type: ignore[method-assign]
+        asked, poll = desk.poll(busy, 0.0)
+        desk.gather = monkey  # type: ignore[method-assign]
+        assert {name for name, code in poll.said.items() if code == YES} == would
+        assert desk.accounting(asked.id).n_silent == 0

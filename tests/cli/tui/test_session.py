@@ -383,3 +383,19 @@ def test_nothing_that_came_from_the_air_reaches_the_terminal_as_it_is(seat: Seat
 )
 def test_texts_are_cut_by_columns(text: str, width: int, seen: str) -> None:
     assert panes.clipped(text, width) == seen
+
+
+def test_a_name_that_two_robots_have_is_marked_and_a_command_to_it_is_asked_about_twice(seat: Seat) -> None:
+    seat.scene.another("r1")
+    seat.run(4.0)
+    assert "2  r1" in seat.shown()
+    assert "o  r0" in seat.shown()
+    assert "2 robots have the name r1" in "".join(text for _, text in panes.notice(seat.session, 60))
+    session = seat.session
+    session.address("r1")
+    before = len(seat.kinds())
+    assert not session.enter("(DRIVE 1)"), "the text stays typed"
+    assert "2 robots have the name r1" in session.said
+    assert len(seat.kinds()) == before
+    assert session.enter("(DRIVE 1)")
+    assert len(seat.kinds()) == before + 1

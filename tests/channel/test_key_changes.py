@@ -10,6 +10,7 @@ import pytest
 from channel.air import DESK, ROBOTS, Air, Party
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.drops import DropReason
+from sleepcast.channel.envelope import look
 from sleepcast.channel.keys import (
     MAX_CHANGES,
     MAX_KEYS,
@@ -138,6 +139,56 @@ def test_what_of_a_revoked_key_was_still_waited_for_is_not_obeyed_any_more() -> 
     change(air.desk, air, thief=ANNA.id)
     air.run(6.0)
     assert texts(air.robots[0]) == []
+
+
+def test_replays_of_a_revoked_key_move_nobody_and_nobody_helps_to_replay_them() -> None:
+    """Whoever has recorded everything that a key has ever said replays it after the revocation, to old and new robots,
+    asks for it, and tells of it; a robot that was started again knows no better."""
+    air = Air(2, seed=8, trusted=KNOWN)
+    chief, anna, watch = (air.join(name, key) for name, key in (("chief", CHIEF), ("anna", ANNA), ("watch", WATCH)))
+    recorded: list[bytes] = []
+    send = air._send
+
+    def record(who: int, datagram: bytes, now: float) -> None:
+        recorded.append(datagram)
+        send(who, datagram, now)
+
+    air._send = record  # type: ignore[method-assign]
+    say(chief, air, "(RULE a 1)", standing=True)
+    say(anna, air, "(SETQ a 1)")
+    chief.delivery.post(Kind.STOP, air.clock.now())
+    anna.delivery.post(Kind.RELEASE, air.clock.now())
+    anna.delivery.post(Kind.HEARTBEAT, air.clock.now())
+    air.run(3.0)
+    stored = air.robots[0].delivery.news()
+    change(air.desk, air, one=CHIEF.id, two=ANNA.id)
+    air.run(3.0)
+    chief.on = anna.on = air.desk.on = False
+    late = air.join("r99", ROBOTS)
+    again = air.join("r0", ROBOTS)
+    for party in (late, again):
+        for key in (CHIEF.id, ANNA.id):
+            party.delivery.admission.trust.take(KeyChange(revoke=frozenset({key})))
+    again.delivery.restore(stored, air.clock.now())
+    parties = [*air.robots, late, again]
+    for party in parties:
+        party.got.clear()
+    theirs = [datagram for datagram in recorded if look(datagram).key in (CHIEF.id, ANNA.id)]
+    assert {look(datagram).kind for datagram in theirs} >= {Kind.COMMAND, Kind.STOP, Kind.RELEASE, Kind.HEARTBEAT}
+    wanted: list[object] = [[key, epoch, [1, 2, 3]] for key in (CHIEF.id, ANNA.id) for epoch in range(1, 6)]
+    watch.delivery._say(Kind.REQUEST, {"want": wanted}, air.clock.now())
+    watch.delivery._say(Kind.DIGEST, {"have": [[CHIEF.id, epoch, 0] for epoch in range(1, 6)]}, air.clock.now())
+    told = len(recorded)
+    air.run(3.0)
+    again_sent = {look(datagram).key for datagram in recorded[told:]}
+    assert not again_sent & {CHIEF.id, ANNA.id}, "nobody sends again what a revoked key has said"
+    for party in parties:
+        passed = party.delivery.admission.passed
+        for datagram in theirs:
+            assert party.delivery.take(datagram, air.clock.now()) == []
+        assert party.delivery.admission.passed == passed
+        assert not {CHIEF.id, ANNA.id} & {key for key, _ in party.delivery.sequencer.standing()}
+        assert not {message.sender for message in party.got} & {"chief", "anna"}
 
 
 @pytest.mark.parametrize("key", [ANNA, WATCH, ROBOTS, CHIEF], ids=lambda key: str(key.public.role))

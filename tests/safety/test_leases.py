@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from random import Random
+
 import pytest
 
 from safety.scene import KEYS, Scene
@@ -211,3 +213,49 @@ def test_whoever_takes_all_leases_leaves_room_for_those_of_others(granted: bool)
     assert not settled(leases, "anna", LeaseAction.TAKE, "bravo")
     assert leases.objection("bert", ["bravo", "h8"], 0.0)
     assert len(leases.state(0.0)) == MAX_LEASES
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_two_operators_never_hold_one_robot_at_once_while_clocks_jump(seed: int) -> None:
+    """Both take the group again and again over a bad radio, while the clocks of robots are set by up to what is allowed
+    and farther: no lease ends early, none lasts longer than its seconds, and nobody else commands meanwhile."""
+    made = Scene(robots=2, loss=0.3, twice=0.2, delay=0.1, seed=seed)
+    made.set_clock("bert", 1.0)
+    made.desk("chief").send("(WHEN (> x 0) (JOIN bravo))")
+    made.run(0.5)
+    robot, chance, seconds = made.fleet["r1"], Random(seed), 0.4
+    speeds, had, until = {"anna": 1.0, "bert": 2.0}, "", 0.0
+    holders = set()
+    for step in range(24):
+        often, seldom = ("anna", "bert") if step // 6 % 2 else ("bert", "anna")
+        who = often if chance.random() < 0.8 else seldom
+        made.desk(who).post(Kind.COMMAND, body=lease_body(LeaseAction.TAKE, "bravo", seconds))
+        made.desk(who).send(f"(DRIVE {speeds[who]})", everybody=True)
+        if step % 5 == 3:
+            made.set_clock("r1", chance.choice((-1.5, 1.5, 3_600.0, -86_400.0)))
+        for _ in range(4):
+            robot.body.driven.clear()
+            made.run(0.05)
+            state = robot.node.authority.leases.state(made._clocks["r1"].now() - robot.session.zero)
+            holder, left = (str(state["bravo"][0]), float(state["bravo"][1])) if state else ("", 0.0)
+            assert left <= seconds + 1e-6
+            if had == holder != "":
+                assert {*robot.body.driven} <= {speeds[had]}, "only the holder commands"
+            elif had and holder:
+                assert made.clock.now() >= until - 0.01, "it had not ended yet"
+            had, until = holder, made.clock.now() + left
+            holders.add(holder)
+    assert holders >= {"anna", "bert"}
+
+
+def test_a_lease_does_not_last_longer_because_a_clock_was_set_back_before_a_restart() -> None:
+    """What is left of it begins to run when the robot is there again."""
+    leases = Leases()
+    assert not settled(leases, "anna", LeaseAction.TAKE, "bravo", seconds=60.0)
+    again = Leases()
+    again.restore(leases.state(20.0), 1_000_000.0)
+    assert again.objection("bert", ["bravo"], 1_000_039.9)
+    assert not again.objection("bert", ["bravo"], 1_000_040.1)
+    assert not settled(again, "anna", LeaseAction.TAKE, "bravo", seconds=0.0)
+    again.restore({"bravo": ["anna", 1e12]}, 0.0)
+    assert not again.objection("bert", ["bravo"], MAX_LEASE + 0.1), "a damaged store gives nobody a lease for ever"

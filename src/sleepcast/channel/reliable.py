@@ -406,16 +406,22 @@ class ReliableDelivery:
 
     def restore(self, kept: DeliveryState, since: float) -> None:
         """Restore the state of an earlier process. kept: the latest of all changes; since: when it began to listen, s.
-        Standing commands that were not handled yet are left out: they come again."""
+        Standing commands that were not handled yet are left out: they come again; and those of a revoked key, unless
+        they are vouched for."""
         self.sequencer.since = since
         rules = {progress.stream: progress.rules for progress in kept.streams}
-        dealt_with = [each for each in kept.standing if each.number <= rules.get(each.stream, 0)]
+        handled = [each for each in kept.standing if each.number <= rules.get(each.stream, 0)]
+        dealt_with = [each for each in handled if self._counts(each.stream, each.datagrams)]
         numbers: dict[StreamId, list[int]] = {}
         for each in dealt_with:
             numbers.setdefault(each.stream, []).append(each.number)
         self.sequencer.restore(kept.streams, {name: sorted(found) for name, found in numbers.items()})
         self._store.restore(dealt_with)
         self.admission.restore(kept.windows)
+
+    def _counts(self, stream: StreamId, datagrams: Iterable[bytes]) -> bool:
+        """Whether a command counts: its key is not revoked, or it is vouched for."""
+        return not self._is_revoked(stream) or all(map(self.admission.trust.vouches, datagrams))
 
     # ---- repair
 
@@ -507,13 +513,17 @@ class ReliableDelivery:
             each
             for each in asked
             if self._store.silent_since(stream, each[0], silent_since, each[1:])
+            and self._counts(stream, self._store.datagrams(stream, each[0]))
             and not (len(each) == 1 and self._repairs.is_pending((stream, each[0]), now))
         ]
         due = now + self._repairs.wait()
-        wanted = [each for each in wanted if self._repair_bytes.plan(key, self._store.size(stream, each[0]), now)]
+        wanted = [each for each in wanted if self._repair_bytes.plan(key, self._size(stream, each[0]), now)]
         if wanted:
             heappush(self._later, Repair(due, next(self._tie), stream, wanted, silent_since, key))
             self._repairs.begin([(stream, each[0]) for each in wanted if len(each) == 1], now, due)
+
+    def _size(self, stream: StreamId, number: int) -> int:
+        return sum(map(len, self._store.datagrams(stream, number)))
 
     # ---- time
 
@@ -550,7 +560,7 @@ class ReliableDelivery:
             self._out += job.datagrams
             return
         for number, *parts in job.wanted:
-            if not self._repair_bytes.carry_out(job.key, self._store.size(job.stream, number), now):
+            if not self._repair_bytes.carry_out(job.key, self._size(job.stream, number), now):
                 continue
             found = self._store.take(job.stream, number, now, job.silent_since, parts)
             if found:

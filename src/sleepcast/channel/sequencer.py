@@ -424,10 +424,10 @@ class MessageStore:
         kept = self._find(stream, number)
         return kept is not None and any(kept.heard[part] < time for part in _named(kept, parts))
 
-    def size(self, stream: StreamId, number: int) -> int:
-        """Bytes of a stored command, 0 if it is not stored."""
+    def datagrams(self, stream: StreamId, number: int) -> tuple[bytes, ...]:
+        """The datagrams of a stored command; none if it is not stored."""
         kept = self._find(stream, number)
-        return 0 if kept is None else sum(map(len, kept.datagrams))
+        return () if kept is None else kept.datagrams
 
     def take(
         self, stream: StreamId, number: int, now: float, since: float = inf, parts: Sequence[int] = ()

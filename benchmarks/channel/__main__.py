@@ -17,6 +17,7 @@ from dataclasses import asdict
 
 from benchmarks.channel import proofs
 from benchmarks.channel.amplification import amplification
+from benchmarks.channel.crowds import crowds
 from benchmarks.channel.drops import drops
 from benchmarks.channel.durable import durable
 from benchmarks.channel.flood import flood
@@ -59,6 +60,7 @@ FULL: dict[str, Callable[[], Proof]] = {
     "drops": lambda: drops(20_000),
     "amplification": lambda: amplification(60.0),
     "repairs": lambda: repairs((2, 5, 20, 100), NETWORKS, 10),
+    "crowds": lambda: crowds((20, 200), NETWORKS, 10),
     "flood": lambda: flood(10, 2, 20),
     "questions": lambda: questions([["swarm", "10"], ["swarm", "60"], ["node"]], 5),
     "latency": lambda: latency(100, 2, 150),
@@ -74,6 +76,7 @@ QUICK: dict[str, Callable[[], Proof]] = {
     "drops": lambda: drops(500),
     "amplification": lambda: amplification(5.0),
     "repairs": lambda: repairs((2, 20), (Network(0.001), Network(0.3, 0.1)), 5),
+    "crowds": lambda: crowds((20,), (Network(0.001), Network(0.3)), 5),
     "flood": lambda: flood(10, 2, 2),
     "questions": lambda: questions([["swarm", "60"]], 1, ["burst", "steady"]),
     "latency": lambda: latency(20, 2, 30),

@@ -208,6 +208,56 @@ def test_what_others_had_is_forgotten_when_keys_change(receiver: board.Talk) -> 
     assert receiver.ask(told)["matter"] == [True, False]
 
 
+def test_stops_of_one_key_push_out_none_of_another_and_hold_until_a_release_names_them(receiver: board.Talk) -> None:
+    """As on every node, with less room: what is lost is counted by the mark `?`."""
+    receiver.ask({"fleet": "lab", "now": 1_800_000_001_000, "nonce": ""})
+    stops = [["anna", 1, 5, "key of anna"], *(["watch", epoch, 1, "key of watch"] for epoch in range(1, 71))]
+    before = [["bert", 3, 4]]  # as 0.2.0 stored it
+    found = receiver.ask(
+        {"before": before, "stops": stops, "releases": [["watch", []], ["anna", []], ["chief", before]]}
+    )
+    held, left = found["held"], found["left"]
+    assert isinstance(held, list)
+    assert isinstance(left, list)
+    assert ["anna", 1, 5] in held
+    assert ["bert", 3, 4] in held
+    assert len(held) == 16
+    assert found["freed"] == [False, False, False]
+    assert {row[0] for row in left} == {"watch", "?"}
+    (forgotten,) = (row for row in left if row[0] == "?")
+    more = receiver.ask({"stops": [["?", 0, 0, "key"]], "releases": [["chief", left]]})
+    assert more["freed"] == [False], "one more STOP came after that RELEASE was sent"
+    assert more["left"] == [["?", 0, forgotten[2] + 1]]
+    assert more["names"] == f"?-0.{forgotten[2] + 1}"
+    assert receiver.ask({"stops": [], "releases": [["chief", more["left"]]]})["freed"] == [True]
+    again = receiver.ask({"stops": stops, "releases": [["?", []], ["watch", held]]})
+    assert again["freed"] == [False, False], "its number never begins again"
+
+
+def test_digests_of_one_key_hide_nothing_of_what_another_tells(receiver: board.Talk) -> None:
+    now = 1_800_000_001_000
+    receiver.ask({"fleet": "lab", "now": now, "nonce": ""})
+    honest = {"digests": [[(1, 9)]], "key": DESK.id.hex(), "now": now}
+    assert receiver.ask(honest)["matter"] == [True]
+    for start in range(100, 400, 30):
+        lies = [[(epoch, 7) for epoch in range(start, start + 30)]]
+        receiver.ask({"digests": lies, "key": DESK.id.hex(), "now": now, "teller": "aa"})
+    assert receiver.ask(honest)["matter"] == [False], "it is still known"
+
+
+def test_nobody_pushes_out_the_streams_and_numbers_of_others(receiver: board.Talk) -> None:
+    now = 1_800_000_001_000
+    receiver.ask({"fleet": "lab", "now": now, "nonce": ""})
+    begun = [("aa" * 8, 1, True), ("bb" * 8, 1, False), *(("cc" * 8, epoch, False) for epoch in range(70))]
+    heard = [("aa" * 8, "anna", 1), ("bb" * 8, "bert", 1), *(("cc" * 8, f"r{number}", 1) for number in range(200))]
+    found = receiver.ask({"begun": begun, "begun_by": heard, "now": now})
+    for table, room in (("streams", 8), ("heard", 32)):
+        keys = found[table]
+        assert isinstance(keys, list)
+        assert len(keys) == room
+        assert {"aa" * 8, "bb" * 8} < {*keys}
+
+
 def test_it_signs_as_others_do(receiver: board.Talk) -> None:
     vector = next(each for each in VECTORS["messages"] if each["role"] == "operator" and not each["message"]["body"])
     message = vector["message"]

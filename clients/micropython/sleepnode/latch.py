@@ -2,54 +2,61 @@
 
 from micropython import const
 
+from sleepnode.trust import make_room
+
 _MAX_MARKS = const(16)
-"""Senders, per epoch, whose STOPs are remembered; beyond, the one that has been silent longest is dropped."""
+"""Senders, per epoch, whose STOPs are remembered; beyond, one of the key that has the most is dropped, and if it holds,
+counted."""
+_FORGOTTEN = "?"
+"""Stands in the place of the sender of those."""
 
 
 class Latch:
-    """holding, ended: rows of [sender, epoch, number]: the latest STOP of each that holds, and up to which all have
-    ended."""
+    """holding, ended: rows of [sender, epoch, number, key]: the latest STOP of each that holds, and up to which all
+    have ended. key: of its sender, as text; it does not say which STOP it is."""
 
     def __init__(self):
         self.holding, self.ended = [], []
 
-    def restore(self, rows):
-        """The STOPs that held before a restart. Raises ValueError if these are none."""
-        self.holding = [each[:3] for each in _rows(rows)]
-        if rows != self.holding:
-            raise ValueError
-
     def stop(self, mark, body):
-        """Whether to obey a STOP with this mark, [sender, epoch, number]: always, unless a RELEASE has ended it."""
+        """Whether to obey a STOP with this mark, [sender, epoch, number, key]: always, unless a RELEASE has ended
+        it."""
         mark = _first(mark, body)
+        if mark[0] == _FORGOTTEN:  # nobody has this name
+            make_room("forget", self.holding, self.ended)
+            return True
         if any([_covers(each, mark) for each in self.ended]):
             return False
-        _put(self.holding, mark)
+        _put(self.holding, mark, self.ended)
         return True
 
     def release(self, mark, body):
         """Take a RELEASE; whether no STOP holds any more."""
-        own = _first(mark, body)
-        ends = [own] + [each[:3] for each in _rows(body.get("ends"))]
+        own = [_first(mark, body)] if mark[0] != _FORGOTTEN else []
+        ends = own + [each[:3] for each in marks_in(body.get("ends"))]
         over = [each for each in self.holding if any([_covers(end, each) for end in ends])]
         self.holding = [each for each in self.holding if each not in over]
-        for each in over + [own]:
-            _put(self.ended, each)
+        for each in over + own:
+            _put(self.ended, each, None)
         return not self.holding
 
     def names(self):
-        return ", ".join(["%s-%d.%d" % tuple(each) for each in self.holding])
+        return ", ".join(["%s-%d.%d" % tuple(each[:3]) for each in self.holding])
+
+    def rows(self):
+        """What holds, for others."""
+        return [each[:3] for each in self.holding]
 
 
 def _first(mark, body):
     """The mark that counts: of the first copy, if this one is sent again."""
     first, begin = body.get("first"), "%s-%d." % (mark[0], mark[1])
     if isinstance(first, str) and first.startswith(begin) and first[len(begin) :].isdigit():
-        return [mark[0], mark[1], min(mark[2], int(first[len(begin) :]))]
+        return [mark[0], mark[1], min(mark[2], int(first[len(begin) :])), mark[3]]
     return mark
 
 
-def _rows(said):
+def marks_in(said):
     found = said[:64] if isinstance(said, list) else []
     return [
         each
@@ -62,12 +69,13 @@ def _covers(mark, other):
     return mark[:2] == other[:2] and mark[2] >= other[2]
 
 
-def _put(marks, mark):
-    """The highest mark of each sender and epoch, the latest ones last."""
+def _put(marks, mark, ended):
+    """Keep the highest mark of each sender and epoch, the latest ones last. ended: as in `crowding.marks`."""
     for each in marks:
         if each[:2] == mark[:2]:
             mark = mark if mark[2] >= each[2] else each
             marks.remove(each)
             break
     marks.append(mark)
-    del marks[:-_MAX_MARKS]
+    if len(marks) >= _MAX_MARKS:  # one place is for those that are counted
+        make_room("marks", marks, _MAX_MARKS, ended)

@@ -18,7 +18,7 @@ from sleepnode.mind import Mind
 from sleepnode.radio import Clock
 from sleepnode.reader import Refused, unload
 from sleepnode.streams import Streams
-from sleepnode.trust import Trust, key_id, load_key, not_stored
+from sleepnode.trust import Trust, key_id, load_key, make_room, not_stored
 
 _ASK = const(1)
 _STOP = const(2)
@@ -335,7 +335,7 @@ class Node:
             waiting[at] = piece
             if len(waiting) < parts:
                 if len(self.pieces) > 2:
-                    del self.pieces[min([each for each in self.pieces if self.pieces[each] is not waiting])]
+                    make_room("pieces", self.pieces, (which, epoch, number))
                 return
             del self.pieces[which, epoch, number]
         try:
@@ -358,7 +358,7 @@ class Node:
         which, kind, epoch, number = message[:4]
         body, role, now = message[8], self.trust.keys[which][_ROLE], self.clock.now()
         if kind == _DIGEST:
-            self._streams.compare(body.get("have"), self._commands, now)
+            self._streams.compare(body.get("have"), self._commands, now, which)
             return
         if kind == _HEARTBEAT and "time" in body:
             self._take_time(message, now)
@@ -397,7 +397,7 @@ class Node:
             self._drop(_NO_ROOM)
 
     def _commands(self, which):
-        return not self.trust.objection(which, _RELEASE)  # which operators and commanders may send
+        return not self.trust.objection(which, _STANDING)  # digests tell of nothing else
 
     def _is_addressed(self, body):
         only, others = body.get("for"), body.get("not", [])
@@ -407,7 +407,7 @@ class Node:
 
     def _obey_stop(self, message):
         body = message[8]
-        if not self.latch.stop([message[6], message[2], message[3]], body):
+        if not self.latch.stop([message[6], message[2], message[3], message[0].hex()], body):
             self._answer(message, "fault", None, "a RELEASE that was sent later has ended this STOP")
             return
         fault = self._keep_stops(self._halt())
@@ -433,14 +433,10 @@ class Node:
     def _restore_stops(self):
         """Stay stopped if a STOP held before the restart, or if nobody can tell."""
         try:
-            from sleepnode.keeping import kept
+            from sleepnode.keeping import stops
 
-            self.latch.restore(kept(self._stops_file))
+            self.latch.holding = stops(self._stops_file)
             self._kept = self.latch.holding[:]
-        except OSError:
-            return  # none was ever written
-        except ValueError:
-            self.latch.restore([["?", 0, 0]])  # a RELEASE that names it ends it: desks ask what holds
         finally:
             unload("keeping")
         if self.latch.holding:
@@ -460,7 +456,7 @@ class Node:
         return ""
 
     def _obey_release(self, message):
-        free = self.latch.release([message[6], message[2], message[3]], message[8])
+        free = self.latch.release([message[6], message[2], message[3], message[0].hex()], message[8])
         if free:
             self.stopped = self.mind.held = False
             self.body.release()

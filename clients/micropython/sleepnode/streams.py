@@ -7,7 +7,11 @@ import random
 
 from micropython import const
 
+from sleepnode.trust import make_room
+
 _MAX_STREAMS = const(8)
+_TOLD_FOR = const(600000)
+"""How long what others tell is remembered: it is not verified."""
 _MAX_WAITING = const(4)
 _MAX_WANTED = const(16)
 _SLACK = const(250)
@@ -41,15 +45,16 @@ def _time(seconds):
 
 
 class Streams:
-    """since: when the robot began to listen. missed: how many commands never came in time. theirs: the latest standing
-    commands that others have, as far as it is known. eager: whether to ask for more of them as soon as none waits.
+    """since: when the robot began to listen. missed: how many commands never came in time. theirs: by the key of who
+    has told, the latest standing commands that others have. eager: whether to ask for more of them as soon as none
+    waits.
 
     A digest here says what this robot lacks, and it can resend nothing: so it follows digests of others that tell of
     more, not each standing command."""
 
     def __init__(self, since):
         self.since, self.missed = since, 0
-        self.eager, self.theirs, self._old = False, {}, None
+        self.eager, self.theirs, self._old, self._told = False, {}, None, 0
         self._streams = {}
         self._alike, self._interval, self._speaks, self._ends = 0, _SOONEST, 0, 0
         self.news(since)
@@ -58,8 +63,7 @@ class Streams:
         found = self._streams.get(name)
         if found is None:
             if len(self._streams) >= _MAX_STREAMS:
-                without = [each for each in self._streams if not self._streams[each][_RULES]]
-                del self._streams[(without or list(self._streams))[0]]
+                make_room("streams", self._streams, name[0])
             found = self._streams[name] = [0, 0, {}, {}]
         return found
 
@@ -149,16 +153,15 @@ class Streams:
         """Whether it is worth verifying somebody's digest: it tells of more than we know of, or spares us our own."""
         theirs = self._by_stream(have, may)
         spares = self._speaks is not None and self._alike < _ENOUGH
-        return self._tells_more(theirs, self.theirs) or (spares and theirs == self._by_stream(self.have(), may))
+        return self._tells_more(theirs, True) or (spares and theirs == self._by_stream(self.have(), may))
 
-    def compare(self, have, may, now):
-        """Somebody's digest: ask soon if it tells of more than we have. may: tells whether a key may command."""
+    def compare(self, have, may, now, teller):
+        """A digest of this key: ask soon if it tells of more than we have. may: tells whether a key may send standing
+        commands."""
         theirs = self._by_stream(have, may)
-        if self._tells_more(theirs, {}):
-            for each in self.theirs:  # of some streams one neighbour has more, of others another one
-                if each in theirs or len(theirs) < _MAX_STREAMS:
-                    theirs[each] = max(theirs.get(each, 0), self.theirs[each])
-            self.theirs = theirs
+        if self._tells_more(theirs, False):
+            make_room("told", self.theirs, teller, theirs)
+            self._told = now
             self.news(now)
         elif theirs == self._by_stream(self.have(), may):
             self._alike += 1
@@ -172,7 +175,7 @@ class Streams:
 
     def is_behind(self):
         """Whether others are known to have more standing commands."""
-        return self._tells_more(self.theirs, {})
+        return any([self._tells_more(theirs, False) for theirs in self.theirs.values()])
 
     def is_catching_up(self, now):
         """Whether its rules must wait: it takes standing commands that are old, and one to come may replace them."""
@@ -180,11 +183,15 @@ class Streams:
         return since < _PATIENCE and (since < _QUIET or self.is_behind())
 
     def _tells_more(self, theirs, known):
-        """Whether there is more than we have, and than is known to be there."""
+        """Whether there is more than we have, and if `known`, than is known to be there."""
         ours = self._streams
-        return any(
-            [theirs[each] > max(known.get(each, 0), ours[each][_RULES] if each in ours else 0) for each in theirs]
-        )
+        for each in theirs:
+            most = ours[each][_RULES] if each in ours else 0
+            if known:
+                most = max([most] + [told.get(each, 0) for told in self.theirs.values()])
+            if theirs[each] > most:
+                return True
+        return False
 
     def news(self, now):
         """There is news: send a digest soon."""
@@ -193,6 +200,8 @@ class Streams:
 
     def is_due(self, now):
         """Whether to send a digest now."""
+        if now - self._told > _TOLD_FOR:
+            self.theirs = {}
         speak = self._speaks is not None and self._speaks <= now
         if speak:
             self._speaks = None

@@ -37,7 +37,7 @@ def told(node, body):
         found["catching_up"] = True
     more = {"told": found}
     if node.latch.holding:
-        more["stops"] = [each + [0.0] for each in node.latch.holding]
+        more["stops"] = [each + [0.0] for each in node.latch.rows()]
     return more
 
 

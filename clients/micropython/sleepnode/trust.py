@@ -31,6 +31,16 @@ _UNUSABLE = (OSError, ValueError, KeyError, TypeError, AttributeError)
 _WHY = "%s cannot be used (%r): copy it again from where `sleepcast keys` has put it"
 
 
+def make_room(what, *of):
+    """Let one entry of a full table give way: `what` is a function of `crowding.py`."""
+    try:
+        from sleepnode import crowding
+
+        getattr(crowding, what)(*of)
+    finally:
+        unload("crowding")
+
+
 def key_id(public):
     return hashlib.sha256(public).digest()[:8]
 
@@ -125,7 +135,7 @@ class Trust:
         heard = self._heard.get(name)
         if heard is None:
             if len(self._heard) >= _MAX_SENDERS:
-                del self._heard[min(self._heard, key=lambda each: self._heard[each][2])]
+                make_room("heard", self._heard, name[0])
             heard = self._heard[name] = [number, 1, 0]
         elif number > heard[0]:
             heard[1] = (heard[1] << min(number - heard[0], _WINDOW) | 1) & (1 << _WINDOW) - 1

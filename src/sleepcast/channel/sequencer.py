@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
-from math import exp, inf, log1p
+from math import exp, inf, log1p, log2
 from random import Random
 from typing import NamedTuple
 
@@ -273,6 +273,11 @@ SOONEST, LATEST = 0.4, 60.0
 """Seconds of the shortest interval, while there is news, and of the longest."""
 ENOUGH = 2
 """Equal digests of others in an interval after which ours is omitted."""
+CROWD, SOONEST_SLOW = 8, 6.4
+"""Equal digests in an interval, of which most came too late to keep others from being sent: more than these, and the
+shortest interval grows, up to so many seconds."""
+_SHRINK = 0.9
+"""Factor of the shortest interval after one with fewer."""
 STEEPNESS = 10.0
 """How rarely `mostly_late` draws small numbers: enough for some ten thousand parties."""
 
@@ -285,16 +290,20 @@ def mostly_late(chance: Random, steepness: float = STEEPNESS) -> float:
 
 
 class DigestTimer:
-    """One party's timer. chance: for the moment within each interval. It is idle until the first restart."""
+    """One party's timer. chance: for the moment within each interval. It is idle until the first restart.
+
+    soonest: the shortest interval, s. Within it all but the first few are to stay silent; but on a slow network they
+    hear those too late, and a thousand may send before. So it grows with the number of equal digests that come, as the
+    waits of repairs do (`repair_timer`), and becomes shorter again when few come."""
 
     def __init__(self, chance: Random) -> None:
-        self._chance = chance
+        self._chance, self.soonest = chance, SOONEST
         self._interval, self._ends, self._speaks, self._alike = SOONEST, inf, inf, 0
 
     def restart(self, now: float) -> None:
         """A party's digest differs: begin the shortest interval, unless it is running."""
-        if self._ends == inf or self._interval > SOONEST:
-            self._begin(now, SOONEST)
+        if self._ends == inf or self._interval > self.soonest:
+            self._begin(now, self.soonest)
 
     def agree(self) -> None:
         """A party has sent a digest equal to ours."""
@@ -306,7 +315,11 @@ class DigestTimer:
         if self._speaks <= now:
             self._speaks = inf
         if self._ends <= now:
-            self._begin(now, min(2.0 * self._interval, LATEST))
+            if self._alike > CROWD:
+                self.soonest = min(max(self.soonest, self._interval * log2(self._alike)), SOONEST_SLOW)
+            else:
+                self.soonest = max(_SHRINK * self.soonest, SOONEST)
+            self._begin(now, min(max(2.0 * self._interval, self.soonest), LATEST))
         return speak
 
     def due(self) -> float:

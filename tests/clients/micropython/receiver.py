@@ -9,6 +9,7 @@ from sleepnode import ed25519
 from sleepnode.body import Body
 from sleepnode.cbor import Malformed
 from sleepnode.envelope import content, look, names, payload, sealed, signed
+from sleepnode.keeping import keep, stops
 from sleepnode.node import Node
 
 REASONS = [
@@ -125,18 +126,38 @@ for line in sys.stdin:
         for each in asked["digests"]:
             have = [[which, epoch, number] for epoch, number in each]
             found.append(streams.matters(have, lambda key: True))
-            streams.compare(have, lambda key: True, asked["now"])
+            streams.compare(have, lambda key: True, asked["now"], bytes.fromhex(asked.get("teller", "00")))
         print(json.dumps({"matter": found}))
+    elif "stops" in asked:
+        latch = node.latch
+        if "before" in asked:
+            keep("before.json", asked["before"])
+            latch.holding = stops("before.json")
+        for each in asked["stops"]:
+            latch.stop(each, {})
+        held, freed = latch.rows(), []
+        for sender, ends in asked["releases"]:
+            freed.append(latch.release([sender, 1, 2**40, "key of " + sender], {"ends": ends}))
+        print(json.dumps({"held": held, "freed": freed, "left": latch.rows(), "names": latch.names()}))
+    elif "begun" in asked:
+        streams, found = node._streams, []
+        for key, epoch, standing in asked["begun"]:
+            streams.take((bytes.fromhex(key), epoch), 5, standing, {}, [0, 0, 0, 5, 0], asked["now"])
+        for key, sender, epoch in asked["begun_by"]:
+            node.trust.note((bytes.fromhex(key), sender, epoch), 5)
+        known = [name[0].hex() for name in streams._streams]
+        print(json.dumps({"streams": known, "heard": [name[0].hex() for name in node.trust._heard]}))
     elif "waits" in asked:
         node._jobs, node._streams._speaks = [bytes.fromhex(each) for each in asked["waits"]], 0
-        node._streams.theirs = {(bytes.fromhex(asked["key"]), 1): asked["told"]}
+        node._streams.theirs = {b"r": {(bytes.fromhex(asked["key"]), 1): asked["told"]}}
+        node._streams._told = node.clock.now()
         node._calm = node.tick + asked["calm"]
         node._speak(asked["now"])
         print(json.dumps({"said": [each[1] for each in node.out], "eager": node._streams.eager}))
     elif "follows" in asked:
         streams, which = node._streams, bytes.fromhex(asked["key"])
         streams.take((which, 1), 9, False, asked["follows"], None, asked["now"])
-        streams.compare([[which, 1, asked["told"]]], lambda key: True, asked["now"])
+        streams.compare([[which, 1, asked["told"]]], lambda key: True, asked["now"], b"r")
         print(json.dumps({"wanted": [each[2] for each in streams.wanted(asked["now"] + 1000)]}))
     else:
         print(json.dumps({"became": take(node, bytes.fromhex(asked["datagram"]))}))

@@ -34,3 +34,13 @@ def test_a_full_roster_takes_in_no_more_names(monkeypatch: pytest.MonkeyPatch) -
     found = Roster(["a", "b", "c", "d"])
     assert found.hear("e", 1.0) is None
     assert list(found.names) == ["a", "b", "c"]
+
+
+def test_names_that_one_key_invents_leave_room_for_robots_of_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Robots may share a key, so whoever has it can speak as any number of them."""
+    monkeypatch.setattr(roster, "MAX_ROBOTS", 6)
+    monkeypatch.setattr(roster, "MAX_OF_KEY", 3)
+    full = Roster()
+    assert [full.hear(f"s{number}", 1.0, "key of s*") for number in range(5)] == [0, 1, 2, None, None]
+    assert [full.hear(name, 2.0, "key of r*") for name in ("r1", "r2", "s1")] == [3, 4, 1]
+    assert list(full.names) == ["s0", "s1", "s2", "r1", "r2"]

@@ -358,6 +358,8 @@ class NetworkStation(Station):
                         self.conflicts.hear(msgspec.structs.replace(message, issued=self.now), self.now)
                     heard.append(self._retransmission.known(message))
                     self._take_in(heard[-1])
+                    if self._roster.names.place(message.sender) is None and message.key:
+                        self.session.delivery.admission.no_room(bytes.fromhex(message.key))
                     self._learn_stops(heard[-1])
                     self._learn_time(heard[-1])
                 elif message.role != Role.ROBOT or message.kind is Kind.STOP:

@@ -9,6 +9,7 @@ A file that a person writes has names between blanks, commas or lines; what foll
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
@@ -29,6 +30,8 @@ from sleepcast.station.serialized import RosterState
 
 MAX_ROBOTS = 1_000_000
 """Robots on one roster; names beyond it are not taken in, so that a forger cannot fill the memory with names."""
+MAX_OF_KEY = MAX_ROBOTS // 2
+"""Of them, those that are first heard under one key: robots may share one, and who has it can invent names."""
 
 Index = NDArray[np.intp]
 Seconds = NDArray[np.float64]
@@ -57,6 +60,8 @@ class Roster:
 
     def __init__(self, names: Iterable[str] = (), size: int = 0) -> None:
         self.size = size
+        self._of: Counter[str] = Counter()
+        """How many names were first heard under each key."""
         self.names = names.copy() if isinstance(names, NameIndex) else NameIndex()
         self.heard: Seconds = np.full(len(self.names), -inf)
         self.reported: Seconds = np.full(len(self.names), -inf)
@@ -88,9 +93,13 @@ class Roster:
                 self.heard, self.reported = _longer(self.heard), _longer(self.reported)
         return place
 
-    def hear(self, name: str, now: float) -> int | None:
-        """Store that a robot was heard at `now`, and return its place."""
-        place = self.enrol(name)
+    def hear(self, name: str, now: float, key: str = "") -> int | None:
+        """Store that a robot was heard at `now` under this key ("" if nobody signs), and return its place; None without
+        room for one more."""
+        place = self.names.place(name)
+        if place is None and (not key or self._of[key] < MAX_OF_KEY):
+            place = self.enrol(name)
+            self._of[key] += 1
         if place is not None:
             self.heard[place] = now
         return place

@@ -415,7 +415,7 @@ class Station:
     def _take_in(self, message: Message) -> None:
         with self._lock:
             now = self._clock.now()
-            place = self._roster.hear(message.sender, now)
+            place = self._roster.hear(message.sender, now, message.key)
             if message.kind is Kind.REPORT:
                 self.reports.append(Report(message.sender, now, message.body))
                 if place is not None and RULE in message.body:

@@ -87,6 +87,10 @@ def test_what_robots_told_before_a_command_does_not_foresee_who_obeys_the_next(c
         process.wait()
         found = called("who", "(WHEN (IN bravo) (MARK))", "--channel", channel)
         assert "would not 0\n  unknown 3: r1 (it" in found.out  # was commanded since its last news, or that is too old
+        for more in ((), ("--anyway",), ("--only", "r2")):  # robots that have left refuse nothing
+            sent = called("send", "--all", "(DRIVE 1)", "--channel", channel, *more)
+            assert "takes 2 arguments, got 1 at 1:1, by the names of scout (r1, r2, r3)" in sent.err
+            assert "silent" in sent.out, (sent, more)
 
 
 def test_a_name_that_no_robot_has_is_told_before_anything_is_sent(channel: str, tmp_path: Path) -> None:

@@ -248,8 +248,9 @@ class Fleet(ABC):
     # ---- the operator's desk
 
     @abstractmethod
-    def _prepare(self, text: str, sure: bool) -> None:
-        """Learn what the desk has to know before it sends a text. sure: whether it is meant as it stands."""
+    def _prepare(self, text: str, sure: bool, only: Sequence[str] | None) -> None:
+        """Learn what the desk has to know before it sends a text to these robots (None: all). sure: whether it is meant
+        as it stands."""
 
     def preview(self, text: str) -> Preview:
         """Who would obey an expression now, by what robots last reported to the desk: `yes`, `no`, and `unknown` with
@@ -275,8 +276,8 @@ class Fleet(ABC):
         moment. count: how many robots are meant, which a real fleet asks for where many may obey. sure: it is meant as
         it stands, though the checker doubts it; otherwise names that no robot has give a UserWarning. The rest, and
         what is raised: see `Station.send`."""
-        self._prepare(text, sure)
-        self._warn(text, sure)
+        self._prepare(text, sure, only)
+        self._warn(text, sure, only)
         with self._turn():
             sent = self.station.send(
                 text,
@@ -303,17 +304,17 @@ class Fleet(ABC):
         """Ask for the value of an expression over the radio; nothing changes on the robots. The answers are in
         `values`. sure: it is meant as it stands, though the fleet has no such name. Raises what `Station.ask`
         raises."""
-        self._warn(text, sure)
+        self._warn(text, sure, only)
         with self._turn():
-            sent = self.station.ask(text, only=only, but=but)
+            sent = self.station.ask(text, only=only, but=but, anyway=sure)
         return self._until(sent, wait)
 
-    def _warn(self, text: str, sure: bool) -> None:
+    def _warn(self, text: str, sure: bool, only: Sequence[str] | None) -> None:
         """Warn the caller's caller of names that no robot has, unless it is sure."""
         if sure:
             return
         try:
-            checked = self.station.check(text)
+            checked = self.station.check(text, only=only)
         except SleepcastError:
             return  # the desk says it, and writes it down
         for finding in checked.findings:

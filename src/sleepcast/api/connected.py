@@ -98,15 +98,15 @@ class ConnectedFleet(Fleet):
                 look_around(self.station, self.telemetry)
                 self._looked = self.station.now
 
-    def _prepare(self, text: str, sure: bool) -> None:
+    def _prepare(self, text: str, sure: bool, only: Sequence[str] | None) -> None:
         with self._turn():
-            ask_first(self.station, self.telemetry, text)
+            ask_first(self.station, self.telemetry, text, only=only, anyway=sure)
             if not sure:
-                self._refuse_unknown(text)
+                self._refuse_unknown(text, only)
 
-    def _refuse_unknown(self, text: str) -> None:
+    def _refuse_unknown(self, text: str, only: Sequence[str] | None) -> None:
         """Raises UnknownNameError for names that no robot has, where all have told theirs."""
-        names, robots = unknown_names(self.station, self.telemetry, text)
+        names, robots = unknown_names(self.station, self.telemetry, text, only)
         if names:
             raise UnknownNameError(names, robots)
 
@@ -127,7 +127,7 @@ class ConnectedFleet(Fleet):
         with self._turn():
             if not sure and may_be_known_to_robots(self.station, text):
                 look_around(self.station, self.telemetry, patience=AHEAD)
-                self._refuse_unknown(text)
+                self._refuse_unknown(text, only)
         return super().ask(text, wait=wait, only=only, but=but, sure=sure)
 
     def release(self, *, wait: float = WAIT) -> CommandResult:

@@ -86,7 +86,7 @@ class SimulatedFleet(Fleet):
         self._changed()
         return result
 
-    def _prepare(self, text: str, sure: bool) -> None:
+    def _prepare(self, text: str, sure: bool, only: Sequence[str] | None) -> None:
         """Nothing: the desk looks into its robots."""
 
     def why(self, robot: str, sent: CommandResult | None = None) -> Explanation:

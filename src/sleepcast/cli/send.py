@@ -17,6 +17,8 @@ from sleepcast.cli.streams import complain, put, somebody_there
 from sleepcast.core.errors import SleepcastError, and_more
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sleepcast.station.network import NetworkStation
     from sleepcast.station.remote import TelemetryClient
     from sleepcast.station.sent import Command
@@ -93,12 +95,13 @@ def send(
         station.holding = hold is not None
         if not blind:
             _refuse_early(station, draft)
-            ask_first(station, telemetry, text)
-        warn(station, telemetry, text)
+            ask_first(station, telemetry, text, only=audience.only, anyway=anyway)
+        warn(station, telemetry, text, audience.only, anyway=anyway)
         if not (blind or anyway):
-            draft = replace(draft, undecided=refuse_unknown(station, telemetry, text, as_json, doubts=True))
+            insists = refuse_unknown(station, telemetry, text, as_json, only=audience.only, doubts=True)
+            draft = replace(draft, undecided=insists)
         draft = _confirmed(station, telemetry, draft, as_json)
-        complain(forecast_text(station.forecast(text, only=audience.only)))
+        complain(forecast_text(station.forecast(text, only=audience.only, anyway=draft.confirmed)))
         draft = _settled(station, draft, as_json)
         status = _in_stages(station, draft, as_json) if staged else _at_once(station, draft, as_json)
         if hold is not None:
@@ -106,26 +109,41 @@ def send(
         return status
 
 
-def warn(station: NetworkStation, telemetry: TelemetryClient, text: str) -> None:
-    """Print what the checker doubts, with the names of the robots that have sent telemetry."""
+def warn(
+    station: NetworkStation,
+    telemetry: TelemetryClient,
+    text: str,
+    only: Sequence[str] | None = None,
+    *,
+    anyway: bool = False,
+) -> None:
+    """Print what the checker doubts, with the names of the robots that have sent telemetry. only, anyway: as for
+    `Station.check`."""
     if telemetry.minds:
-        checked = station.check(text)
+        checked = station.check(text, only=only, anyway=anyway)
         for line in (*(finding.render(text) for finding in checked.warnings), *and_more(checked.more)):
             complain(line)
 
 
 def refuse_unknown(
-    station: NetworkStation, telemetry: TelemetryClient, text: str, as_json: bool, *, doubts: bool = False
+    station: NetworkStation,
+    telemetry: TelemetryClient,
+    text: str,
+    as_json: bool,
+    *,
+    only: Sequence[str] | None = None,
+    doubts: bool = False,
 ) -> bool:
     """Let the desk refuse names that no robot has, where all have sent their names; gives whether a person insists.
     doubts: whether a person is asked about these besides."""
     from sleepcast.station.asking import unknown_names
     from sleepcast.station.validation import UnknownNameError
 
-    names, robots = unknown_names(station, telemetry, text)
+    names, robots = unknown_names(station, telemetry, text, only)
     person = not as_json and somebody_there()
     if person and doubts:  # these are asked about with all else that is doubted
-        names = [name for name in names if name not in {doubt.unknown for doubt in station.check(text).doubts}]
+        doubted = {doubt.unknown for doubt in station.check(text, only=only).doubts}
+        names = [name for name in names if name not in doubted]
     if not names:
         return False
     if person and click.confirm(f"{UnknownNameError(names, robots).why}. Send it all the same?", err=True):
@@ -139,7 +157,7 @@ def _confirmed(station: NetworkStation, telemetry: TelemetryClient, draft: Draft
     from sleepcast.station.validation import DoubtError
 
     try:
-        checked = station.check(draft.text)
+        checked = station.check(draft.text, only=draft.audience.only, anyway=draft.confirmed)
     except SleepcastError:
         return draft  # `settle` says it, and writes it down
     if draft.confirmed or checked.errors or not checked.doubts or as_json or not somebody_there():
@@ -178,7 +196,7 @@ def _refuse_early(station: NetworkStation, draft: Draft) -> None:
     if station.caution.strict or not station.names:
         return  # which names there are, and who is there, is known only from their telemetry
     try:
-        may: int | None = station.forecast(draft.text, only=draft.audience.only).may
+        may: int | None = station.forecast(draft.text, only=draft.audience.only, anyway=draft.confirmed).may
     except UnknownRobotError:
         return  # it may be there all the same: all robots are asked for telemetry
     except SleepcastError:
@@ -245,10 +263,10 @@ def ask(text: str, anyway: bool, air: AirOptions, as_json: bool) -> int:
     with observing_station(air, complain) as (station, telemetry):
         if not anyway and may_be_known_to_robots(station, text):
             look_around(station, telemetry, patience=AHEAD)
-        warn(station, telemetry, text)
+        warn(station, telemetry, text, anyway=anyway)
         if not anyway:
             refuse_unknown(station, telemetry, text, as_json)
-        return gathered(station, station.ask(text), PATIENCE, as_json)
+        return gathered(station, station.ask(text, anyway=anyway), PATIENCE, as_json)
 
 
 @click.command("release", short_help="End a stop.")

@@ -122,6 +122,8 @@ class Backend:
             return outgoing.Previewed(serial, [found])
         findings = [_show_finding(finding, text) for finding in checked.findings]
         findings += [outgoing.ShownFinding("warning", line, 0, 0, line) for line in and_more(checked.more)]
+        if checked.errors and checked.by:
+            findings.append(outgoing.ShownFinding("error", checked.by, 0, 0, checked.by))
         if checked.program is None:
             return outgoing.Previewed(serial, findings, checked.cost)
         return self._previewed(serial, checked, findings, self._station.preview(text))

@@ -96,10 +96,12 @@ class Findings:
 
 
 class CheckError(MisuseError):
-    """An expression that no robot could run; its text lists the errors with carets. more: errors besides these."""
+    """An expression that no robot could run; its text lists the errors with carets. more: errors besides these. by:
+    see `Checked`."""
 
-    def __init__(self, findings: Sequence[Finding], text: str, more: int = 0) -> None:
-        super().__init__("\n".join([*(finding.render(text) for finding in findings), *and_more(more)]))
+    def __init__(self, findings: Sequence[Finding], text: str, more: int = 0, by: str = "") -> None:
+        shown = (finding.render(text) for finding in findings)
+        super().__init__("\n".join([*shown, *and_more(more), *filter(None, [by])]))
         self.findings, self.text = findings, text
 
 

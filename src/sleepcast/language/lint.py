@@ -24,13 +24,15 @@ from sleepcast.language.vocabulary import Variable, VariableKind
 @dataclass(frozen=True, slots=True)
 class Checked:
     """A text that was checked. found: what is wrong or doubtful in it. program: None if there is any error. cost: its
-    static bound in steps. dimension: of its value, None where that is not known."""
+    static bound in steps. dimension: of its value, None where that is not known. by: whose names make it wrong, in a
+    sentence; or, where they do not count, who they are; "" where it is the same for all."""
 
     text: str
     found: Findings
     program: Program | None
     cost: int
     dimension: Dimension | None = None
+    by: str = ""
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -68,7 +70,7 @@ class Checked:
     def required(self) -> Program:
         """The program. Raises CheckError with every error if there is none."""
         if self.program is None:
-            raise CheckError(self.errors, self.text, self.counts["error"] - len(self.errors))
+            raise CheckError(self.errors, self.text, self.counts["error"] - len(self.errors), self.by)
         return self.program
 
 

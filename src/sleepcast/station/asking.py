@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from sleepcast.core.errors import SleepcastError
@@ -34,14 +35,22 @@ def look_around(
     station.wait_until(lambda: not (telemetry.learning(began) or station.is_deciding), station.now + patience)
 
 
-def ask_first(station: NetworkStation, telemetry: TelemetryClient, text: str) -> None:
+def ask_first(
+    station: NetworkStation,
+    telemetry: TelemetryClient,
+    text: str,
+    *,
+    only: Sequence[str] | None = None,
+    anyway: bool = False,
+) -> None:
     """Request telemetry, and let robots decide themselves whose decision does not follow from it; nothing is done.
-    Raises what `preview` raises."""
+    only, anyway: as for `Station.check`. Raises what `preview` raises."""
     look_around(station, telemetry, patience=AHEAD)
-    unknown = station.preview(text).unknown
+    unknown = station.preview(text, only=only, anyway=anyway).unknown
     asked = [name for name, why in unknown.items() if why not in (NEVER_HEARD, STALE, COMMANDED, CHANCE, TEST_UNKNOWN)]
     if asked:
-        station.poll(text, AHEAD, only=asked if len(asked) <= MAX_LISTED else None)
+        whom = asked if len(asked) <= MAX_LISTED else None
+        station.poll(text, AHEAD, only=whom, anyway=anyway)
 
 
 def may_be_known_to_robots(station: NetworkStation, text: str) -> bool:
@@ -49,14 +58,18 @@ def may_be_known_to_robots(station: NetworkStation, text: str) -> bool:
     ReadError."""
     checked, names = station.check(text), station.learned
     groups = () if checked.program is None else (p for p in walk(checked.program.root) if p.op == "in")
-    return bool(checked.unknown) or any(names.declared(part.name) is None for part in groups)
+    return bool(checked.unknown or checked.by) or any(names.declared(part.name) is None for part in groups)
 
 
-def unknown_names(station: NetworkStation, telemetry: TelemetryClient, text: str) -> tuple[list[str], int]:
-    """The names in a text that no robot has, and how many robots have sent all of theirs; none where not all have.
-    Raises ReadError."""
-    robots = len(telemetry.minds) if telemetry.minds.complete else 0
-    return (station.check(text).unknown, robots) if robots else ([], 0)
+def unknown_names(
+    station: NetworkStation, telemetry: TelemetryClient, text: str, only: Sequence[str] | None = None
+) -> tuple[list[str], int]:
+    """The names in a text that no robot has, and how many robots have sent all of theirs, of those that are there and
+    that it is for; none where not all have. Raises ReadError."""
+    present, minds = station.present(only), telemetry.minds
+    if not all(name in minds and minds[name].learned is not None for name in present):
+        return [], 0
+    return (station.check(text, only=only).unknown, len(present)) if present else ([], 0)
 
 
 def ask_why(station: NetworkStation, telemetry: TelemetryClient, robot: str, command: str | None) -> Explanation:

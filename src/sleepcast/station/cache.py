@@ -113,6 +113,7 @@ class TelemetryCache:
             return -inf
         if state.version != VERSION:
             return -inf
+        minds.began = now
         for name, at, telemetry in state.tellers[:MAX_TELLERS]:
             if 0 < len(name) <= MAX_NAME and isfinite(at) and now - at <= MAX_AGE:
                 minds.take(_answer(name, msgspec.to_builtins(telemetry, builtin_types=(bytes,))), min(at, now))

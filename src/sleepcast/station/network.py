@@ -46,6 +46,7 @@ from sleepcast.channel.session import MAX_SPREAD, ChannelSession
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.model import RestState
+from sleepcast.language import Checked
 from sleepcast.language.parts import rules
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
@@ -54,6 +55,7 @@ from sleepcast.station.account import COUNTED, account
 from sleepcast.station.answers import MATCHED, Answer
 from sleepcast.station.journal.journal import CONFLICT, Journal, JournalEvent
 from sleepcast.station.rest import LOOK_SELDOM, RestWatch
+from sleepcast.station.remote import RemoteMinds
 from sleepcast.station.retransmission import LATCHING, SETTLE, Retransmission
 from sleepcast.station.roster import NOBODY_SAID, Expectation, Index, RobotNames
 from sleepcast.station.sent import Command
@@ -75,6 +77,7 @@ from sleepcast.station.validation import (
     SendPolicy,
     Validated,
 )
+from sleepcast.station.whose_names import check_for
 
 ANSWERS_A_SECOND = 1_000.0
 """Answers that are asked for in a second: 200 kB on the air, a fifth of what a slow radio carries."""
@@ -91,6 +94,8 @@ MAX_DRIVERS = 64
 MAX_STOPS = 4 * MAX_MARKS
 """STOPs of others that are remembered; beyond, one that is known by the key that has told of the most is forgotten. A
 RELEASE names `MAX_MARKS`, and the next one the others."""
+PRESENT_FOR = 30.0
+"""Seconds after which a robot that was not heard may have left: its names then inform, and refuse nothing."""
 MAX_NEWS = 100
 """Messages of other operators that are stored, to be shown."""
 
@@ -172,6 +177,7 @@ class NetworkStation(Station):
         self.listened = -inf
         """Everything that came up to this time (s of Unix time) has been heard. A wait is over when this reaches its
         end, not when the clock does: a process that stood still meanwhile has not heard yet what came in time."""
+        self._began = clock.now()
         self._polled = Poll()
         self._retransmission = Retransmission(
             delivery, self._sent, self._roster, self._within, self._note_again, self._note_account
@@ -231,7 +237,22 @@ class NetworkStation(Station):
         good, places = inf if standing else seconds, audience.places(self._roster)
         return self._broadcast(kind, text, standing, good, only=places, body=said)
 
-    def poll(self, text: str, patience: float, *, only: Sequence[str] | None = None) -> tuple[Command, Poll]:
+    def check(self, text: str, *, only: Sequence[str] | None = None, anyway: bool = False) -> Checked:
+        """See `Station`; of robots that differ, those decide that are there, and that it is for (`whose_names`)."""
+        if not isinstance(self._minds, RemoteMinds):
+            return super().check(text)
+        return check_for(text, self.learned, self._minds, self.present(only), anyway=anyway)
+
+    def present(self, only: Sequence[str] | None = None) -> list[str]:
+        """The robots, of these or of all, that this desk itself has heard a short while ago."""
+        with self._lock:
+            since = max(self._began, self._clock.now() - PRESENT_FOR)
+            names = RobotNames(self._roster.names, np.flatnonzero(self._roster.heard[: len(self._roster)] >= since))
+            return [name for name in names if only is None or name in only]
+
+    def poll(
+        self, text: str, patience: float, *, only: Sequence[str] | None = None, anyway: bool = False
+    ) -> tuple[Command, Poll]:
         """Ask robots whether they would obey; nothing is done. For a while the desk goes by what they say where it
         cannot tell by itself. Raises what `ask` raises."""
         said: dict[str, int] = {}
@@ -243,7 +264,7 @@ class NetworkStation(Station):
                     code = YES if would else UNDECIDED if message.body.get(UNSURE) is True else NO
                     said[message.sender] = code if said.get(message.sender, code) == code else UNKNOWN
 
-        self._program(text)
+        self._program(text, only=only, anyway=anyway)
         asked = self.post(Kind.ASK, text=text, body={WOULD: True}, only=only)
         self.listeners.append(listen)
         try:
@@ -306,7 +327,7 @@ class NetworkStation(Station):
 
     def _changes_rules(self, text: str) -> bool:
         try:
-            return rules(self._program(text).root)
+            return rules(self._program(text, anyway=True).root)
         except SleepcastError:  # sending it reports the error
             return False
 

@@ -63,6 +63,8 @@ MAX_WAIT = 300.0
 """Seconds between two such requests at most: a text that is too long to send costs next to nothing."""
 FEW = 3
 """Names in a sentence."""
+REUNITE = 30.0
+"""Seconds for which robots that told their names keep others from having one of them for something else."""
 AT_ONCE = 32
 """Robots that are asked in one message."""
 
@@ -225,7 +227,11 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         self._learned: OrderedDict[Digest, SymbolTable] = OrderedDict()
         self._minds: dict[str, RemoteMind] = {}
         self._waiting: dict[str, RemoteMind] = {}
-        """Robots whose names are not known yet."""
+        """Robots whose names are not known yet, or cannot be united with those of others."""
+        self._united = -inf
+        """When the names of all types were united last, s."""
+        self.began = -inf
+        """When the desk began, s: what is older was told to an earlier one."""
         self._asked: OrderedDict[Digest, tuple[float, float, int]] = OrderedDict()
         """What was asked for: when it may be asked for again, how long was waited for that, how often it was."""
 
@@ -237,6 +243,16 @@ class RemoteMinds(Mapping[str, RemoteMind]):
 
     def __len__(self) -> int:
         return len(self._minds)
+
+    @property
+    def known(self) -> list[str]:
+        """All robots that have sent telemetry, also such as cannot be foreseen."""
+        return [*self._minds, *self._waiting]
+
+    def type_of(self, name: str) -> Digest | None:
+        """The type that a robot has told, None if it has told none."""
+        mind = self._minds.get(name) or self._waiting.get(name)
+        return None if mind is None else mind.telemetry.type
 
     def learned(self, mind: Digest) -> SymbolTable | None:
         """What robots of this mind have learned, if it is known."""
@@ -285,7 +301,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         sent = message.body.get(TELEMETRY)
         try:
             if isinstance(sent, str):
-                return self._take_text(sent)
+                return self._take_text(sent, now)
             telemetry = read_telemetry(sent)
             if self._is_of_another(message, telemetry, now):
                 return []
@@ -319,6 +335,8 @@ class RemoteMinds(Mapping[str, RemoteMind]):
             self._minds.pop(name, None)
             mind.telemetry, mind.reported_at = telemetry, now
             self._waiting[name] = mind
+            if telemetry.type in self.refused and now - self._united >= REUNITE:
+                return self._unite(now)  # those who stood against it may have left
             return []
         before = mind.telemetry, mind.reported_at
         mind.telemetry, mind.reported_at = telemetry, now
@@ -331,13 +349,13 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         self._minds[name] = mind
         return [mind]
 
-    def _take_text(self, text: str) -> list[RemoteMind]:
+    def _take_text(self, text: str, now: float) -> list[RemoteMind]:
         """Take a vocabulary or a mind, if any robot has it."""
         which = digest(text)
         if any(mind.telemetry.type == which for mind in self._waiting.values()) and len(self.types) < MAX_TYPES:
             self.types[which] = read_vocabulary(text)
             self._texts[which] = text
-            return self._unite(which)
+            return self._unite(now)
         minds = [mind for mind in self._minds.values() if mind.telemetry.mind == which]
         if minds and which not in self._learned:
             self._learned[which], self._texts[which] = SymbolTable(read_mind(text)), text
@@ -345,16 +363,22 @@ class RemoteMinds(Mapping[str, RemoteMind]):
                 del self._texts[self._learned.popitem(last=False)[0]]
         return []
 
-    def _unite(self, news: Digest) -> list[RemoteMind]:
-        """Merge the vocabulary of a new type, which moves the numbers of all robots."""
-        own = list(self.vocabulary.user_slots)
-        self.vocabulary, self._fitted, self.refused = merge_schemas(self.types)
+    def _unite(self, now: float) -> list[RemoteMind]:
+        """Merge the vocabularies of all types, which moves the numbers of all robots. Where two cannot be merged, the
+        type of robots that are there comes first, then the one that was heard first."""
+        own, self._united = list(self.vocabulary.user_slots), now
+        since = max(self.began, now - REUNITE)
+        there = {m.telemetry.type for m in (*self._minds.values(), *self._waiting.values()) if m.reported_at >= since}
+        order = sorted(self.types, key=lambda each: each not in there)
+        self.vocabulary, self._fitted, self.refused = merge_schemas({each: self.types[each] for each in order})
         for key in own:
             _user_slot(key, self.vocabulary)
+        for name in [name for name, mind in self._minds.items() if mind.telemetry.type in self.refused]:
+            self._waiting[name] = self._minds.pop(name)
         found = list(self._minds.values())
         for mind in found:
             mind.place(self._fitted[mind.telemetry.type], self.vocabulary)
-        for mind in [mind for mind in self._waiting.values() if mind.telemetry.type == news]:
+        for mind in [mind for mind in self._waiting.values() if mind.telemetry.type in self._fitted]:
             try:
                 found += self._take_telemetry(mind.name, mind.telemetry, mind.reported_at)
             except TelemetryError:

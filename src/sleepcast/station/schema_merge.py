@@ -2,7 +2,7 @@
 
 A name is in it if any type has it; its range is the widest. What is a number that each type has for itself (a constant
 that not all of them have alike) is a variable here, since it differs from robot to robot. A name that is a function on
-one type and a number on another cannot be both: the type that was heard later is left out, and its robots cannot be
+one type and a number on another cannot be both: the type that comes later is left out, and its robots cannot be
 foreseen.
 """
 

@@ -37,7 +37,7 @@ class Stages:
 
     def __init__(self, station: NetworkStation, draft: Draft) -> None:
         station.validate(draft)
-        found = station.forecast(draft.text)
+        found = station.forecast(draft.text, anyway=draft.confirmed)
         candidates = [*found.yes, *found.unknown]
         tenth = 1 + ceil(SHARE * len(candidates))
         self._station, self._draft = station, draft
@@ -57,7 +57,7 @@ class Stages:
             standing=draft.standing,
             deadline=draft.deadline,
             everybody=draft.everybody,
-            count=self._station.forecast(draft.text, only=audience.only, but=audience.but).may,
+            count=self._station.forecast(draft.text, only=audience.only, but=audience.but, anyway=draft.confirmed).may,
             only=audience.only,
             but=audience.but,
             confirmed=draft.confirmed,

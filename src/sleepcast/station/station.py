@@ -192,8 +192,10 @@ class Station:
 
     # ---- before sending
 
-    def check(self, text: str) -> Checked:
-        """Everything that is wrong or doubtful in `text`, in the names of the fleet. Raises ReadError."""
+    def check(self, text: str, *, only: Sequence[str] | None = None, anyway: bool = False) -> Checked:
+        """Everything that is wrong or doubtful in `text`, in the names of the fleet. only: it is for these robots, None
+        for all; anyway: robots' names are to make nothing wrong, for a sender who insists. Both matter where robots
+        differ, and some have left. Raises ReadError."""
         return check(text, self.learned)
 
     @property
@@ -201,9 +203,10 @@ class Station:
         """The names that the fleet knows, what robots have learned over the air among them."""
         return FleetNames(self.vocabulary, self._minds)
 
-    def preview(self, text: str) -> Preview:
-        """Who would obey `text` now. Raises ReadError, and CheckError for a text that no robot could run."""
-        return self._preview(self._program(text))
+    def preview(self, text: str, *, only: Sequence[str] | None = None, anyway: bool = False) -> Preview:
+        """Who would obey `text` now. only, anyway: as for `check`. Raises ReadError, and CheckError for a text that no
+        robot could run."""
+        return self._preview(self._program(text, only=only, anyway=anyway))
 
     def _preview(self, program: Program) -> Preview:
         since = self.commanded.of(len(self._roster))
@@ -231,9 +234,12 @@ class Station:
         found[known], reason, _ = self._table.values(program, fresh)
         return found, RobotNames(self._roster.names, fresh[reason > 0])
 
-    def _program(self, text: str, *, sure: bool = True) -> Program:
-        """The program of a text that may be sent. sure: whether its sender means it although it is doubted."""
-        checked = self.check(text)
+    def _program(
+        self, text: str, *, sure: bool = True, only: Sequence[str] | None = None, anyway: bool = False
+    ) -> Program:
+        """The program of a text that may be sent. sure: whether its sender means it although it is doubted. only,
+        anyway: as for `check`."""
+        checked = self.check(text, only=only, anyway=anyway)
         program = checked.required()
         if self.caution.strict and checked.findings:
             raise CheckError(checked.findings, text, checked.more)
@@ -248,7 +254,8 @@ class Station:
     def validate(self, draft: Draft) -> Validated:
         """Everything that `send` does before it sends, and raises; nothing is sent."""
         try:
-            program = self._program(draft.text, sure=draft.confirmed or not self.caution.doubts)
+            sure, only = draft.confirmed or not self.caution.doubts, draft.audience.only
+            program = self._program(draft.text, sure=sure, only=only, anyway=draft.confirmed)
             there = len(self._roster) + self._roster.nameless
             validate_address(program, draft.everybody or draft.audience.named, there)
             seconds = validate_type(program, draft.standing, draft.deadline)
@@ -264,10 +271,17 @@ class Station:
         expected = np.flatnonzero(codes == YES)
         return Validated(draft.standing, seconds, expected if places is None else places[expected], places, body)
 
-    def forecast(self, text: str, *, only: Sequence[str] | None = None, but: Sequence[str] | None = None) -> Forecast:
-        """Who would obey, of these. Raises ReadError, CheckError, UnknownRobotError."""
+    def forecast(
+        self,
+        text: str,
+        *,
+        only: Sequence[str] | None = None,
+        but: Sequence[str] | None = None,
+        anyway: bool = False,
+    ) -> Forecast:
+        """Who would obey, of these. anyway: as for `check`. Raises ReadError, CheckError, UnknownRobotError."""
         audience = Audience(only, but)
-        codes, places = self._judged(self._program(text), audience)
+        codes, places = self._judged(self._program(text, only=only, anyway=anyway), audience)
         there = np.arange(len(codes)) if places is None else places
         sorts = (YES, NO, UNKNOWN, UNDECIDED)
         yes, no, unknown, undecided = (RobotNames(self._roster.names, there[codes == code]) for code in sorts)
@@ -313,15 +327,22 @@ class Station:
         settled = self.validate(Draft(text, standing, deadline, everybody, count, audience, confirmed, undecided))
         return self._broadcast(Kind.COMMAND, text, *settled)
 
-    def ask(self, text: str, *, only: Sequence[str] | None = None, but: Sequence[str] | None = None) -> Command:
+    def ask(
+        self,
+        text: str,
+        *,
+        only: Sequence[str] | None = None,
+        but: Sequence[str] | None = None,
+        anyway: bool = False,
+    ) -> Command:
         """Ask robots for the value of an expression; nothing changes on them, whatever the expression does.
 
-        Who answers is accounted for as who matched. only, but: as for `send`. Raises ReadError and CheckError for a
-        text that no robot could run, UnknownRobotError and AudienceError.
+        Who answers is accounted for as who matched. only, but: as for `send`; anyway: as for `check`. Raises ReadError
+        and CheckError for a text that no robot could run, UnknownRobotError and AudienceError.
         """
         audience = Audience(only, but)
         try:
-            self._program(text)
+            self._program(text, only=only, anyway=anyway)
             places, body = audience.places(self._roster), audience.body()
         except SleepcastError as error:
             self._refuse(text, error)

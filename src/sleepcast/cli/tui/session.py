@@ -189,7 +189,7 @@ class Session:
             counted = self._counted(text + ")" * missing)
             return ForecastText(f"{counted} ({waits})" if counted else waits)
         try:
-            checked = self.station.check(text)
+            checked = self.station.check(text, only=self._only(self.to))
         except ReadError as error:
             return ForecastText(spot=Spot(error.reason, text, error.start, error.end, True))
         return ForecastText(self._counted(text), marked_finding(checked))
@@ -200,7 +200,7 @@ class Session:
             count = 1 if self.to.robot else max(self.station.fleet_size, len(self.station.roster))
             return f"a question to {_robots(count)}"
         try:
-            found = self.station.preview(self.to.wrapped(text, self.sort))
+            found = self.station.preview(self.to.wrapped(text, self.sort), only=self._only(self.to))
         except SleepcastError:
             return ""
         codes = found.codes
@@ -213,6 +213,10 @@ class Session:
         why = f" ({reason})" if unknown and reason and not self.to.robot else ""
         who = ", EVERYBODY" if found.everybody and not self.to.robot else ""
         return f"would obey: yes {yes}, no {no}, unknown {unknown}{why}{who}"
+
+    @staticmethod
+    def _only(to: Addressee) -> list[str] | None:
+        return [to.robot] if to.robot else None
 
     # ---- sending
 
@@ -248,8 +252,9 @@ class Session:
         to = request.to
         if self.staging is not None:
             raise MisuseError("a command is still sent in stages: wait until that is over, or stop the robots")
-        only = [to.robot] if to.robot else None
-        checked = self.station.check(request.text)  # places are of what was typed, without what is put before
+        only = self._only(to)
+        # places are of what was typed, without what is put before
+        checked = self.station.check(request.text, only=only)
         checked.required()
         text = to.wrapped(request.text, request.sort)
         if request.sort is CommandType.ASK:

@@ -1,0 +1,124 @@
+"""Whose names decide what a text means to robots on the air.
+
+A desk knows names of robots that are there, and of others that were heard once and may have left, or be different ones
+by now. All of them are known names; but only robots that are there can make a text wrong, and of these only those that
+it is for. What else is known informs.
+
+A text is checked in all names that were ever heard, as a rule with nothing to find. If robots' names make it wrong, it
+is checked again in those of the robots that it is for and that are there; for a sender who insists, in those of nobody.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from copy import copy
+from dataclasses import replace
+
+from sleepcast.channel.message_batch import natural_order
+from sleepcast.core.errors import printable
+from sleepcast.core.model import Constant, HostFunction
+from sleepcast.language import Checked, check
+from sleepcast.language.functions import MANY
+from sleepcast.language.symbols import Declared, Names
+from sleepcast.language.vocabulary import Binding, Variable, Vocabulary
+from sleepcast.station.remote import RemoteMind, RemoteMinds
+from sleepcast.station.schema_merge import merge_schemas
+
+FEW = 3
+"""Robots in a sentence."""
+
+
+class NamesOfSome:
+    """The names of some robots only (a `Names` for the checker), in the slots of the whole fleet's vocabulary. hearsay:
+    which sorts of names count besides that only others have: their functions then take whatever they are given."""
+
+    def __init__(self, minds: RemoteMinds, robots: Iterable[str], hearsay: Sequence[type] = ()) -> None:
+        self._minds: dict[tuple[bytes, frozenset[str], frozenset[str]], RemoteMind] = {}
+        """One of each sort that has learned the same."""
+        types = dict.fromkeys(found for name in robots if (found := minds.type_of(name)) in minds.types)
+        for name in robots:
+            if (mind := minds.get(name)) is not None:
+                self._minds.setdefault((mind.telemetry.mind, mind.groups, frozenset(mind.telemetry.user)), mind)
+        self._all = minds
+        some = merge_schemas({each: minds.types[each] for each in types if each})[0]
+        self.vocabulary = _restricted(minds.vocabulary, some, tuple(hearsay))
+
+    def declared(self, key: str) -> Declared | None:
+        """What the first of them that knows `key` has learned under it."""
+        return next((found for mind in self._minds.values() if (found := mind.known(key)) is not None), None)
+
+    def heard(self) -> Iterable[str]:
+        """Every name that any robot has learned: suggestions inform."""
+        return self._all.heard()
+
+
+def _restricted(whole: Vocabulary, some: Vocabulary, hearsay: tuple[type, ...]) -> Vocabulary:
+    """The vocabulary of some robots, whose variables have the slots that they have in the whole fleet's."""
+    found = copy(whole)
+    found.user_slots = dict(whole.user_slots)
+    found.bindings = {key: _lenient(binding) for key, binding in whole.bindings.items() if isinstance(binding, hearsay)}
+    for key, binding in some.bindings.items():
+        if isinstance(binding, Variable):
+            place = whole.bindings.get(key)
+            if not isinstance(place, Variable):  # another type has something else there, so that there is no slot
+                found.bindings.pop(key, None)
+                continue
+            binding = replace(binding, slot=place.slot)
+        found.bindings[key] = binding
+    return found
+
+
+def _lenient(binding: Binding) -> Binding:
+    """A function that takes whatever it is given; all else as it is."""
+    if not isinstance(binding, HostFunction):
+        return binding
+    return replace(binding, dimensions=(None,) * MANY, least=0, arguments="...")
+
+
+HEARSAY: tuple[Sequence[type], ...] = ((HostFunction, Variable, Constant), (HostFunction,), ())
+"""What of the names of others counts besides: as much as makes nothing wrong."""
+
+
+def check_for(text: str, names: Names, minds: RemoteMinds, robots: Sequence[str], *, anyway: bool = False) -> Checked:
+    """Check a text for robots that are there. names: all that were ever heard. anyway: its sender insists, so robots'
+    names refuse nothing. Raises ReadError."""
+    whole = check(text, names)
+    if not whole.errors:
+        return whole
+    found = check(text, NamesOfSome(minds, robots))
+    bare = check(text, NamesOfSome(minds, ())) if found.errors else found
+    if bare.errors:
+        return found  # no robot could run it, whatever its names
+    if found.errors and not anyway:
+        return replace(found, by=f"This is so by the names of {_whose(text, minds, robots)}")
+    there = () if found.errors else robots
+    tries = (check(text, NamesOfSome(minds, there, hearsay)) for hearsay in HEARSAY)
+    return _informed(next((each for each in tries if not each.errors), bare), whole, minds, set(there))
+
+
+def _informed(found: Checked, whole: Checked, minds: RemoteMinds, there: set[str]) -> Checked:
+    """What is right for those who decide, with a warning of what others' names say to it."""
+    whose = _whose(whole.text, minds, [name for name in minds.known if name not in there])
+    kept = found.found.kept
+    for at, finding in enumerate(kept):
+        if finding.unknown and finding.unknown not in whole.unknown:  # somebody has it, so it is no slip
+            kept[at] = replace(finding, unknown="", confirm=False)
+    for error in whole.errors:
+        found.found.note("warning", f"{error.message}, by the names of {whose}", error.start, error.end)
+    return replace(found, by=whose)
+
+
+def _whose(text: str, minds: RemoteMinds, robots: Sequence[str]) -> str:
+    """The types, and some of the robots, of those whose names alone make a text wrong; of all, if none do alone."""
+    types: dict[bytes, list[str]] = {}
+    for name in sorted(robots, key=natural_order):
+        types.setdefault(minds.type_of(name) or b"", []).append(name)
+    guilty = {key: names for key, names in types.items() if check(text, NamesOfSome(minds, names)).errors} or types
+    return " and ".join(_named(minds.types.get(key), names) for key, names in guilty.items())
+
+
+def _named(found: Vocabulary | None, names: Sequence[str]) -> str:
+    kind = "" if found is None else found.name
+    more = f" and {len(names) - FEW} more" if len(names) > FEW else ""
+    listed = f"{', '.join(names[:FEW])}{more}"
+    return printable(f"{kind} ({listed})" if kind else listed)

@@ -1,0 +1,180 @@
+"""Robots that have left inform a desk and refuse nothing; of those that are there, those decide that a text is for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import pytest
+
+from safety.scene import Scene
+from sleepcast.channel import Kind, Message
+from sleepcast.core.model import Quantity
+from sleepcast.language import CheckError, HostFunction, Vocabulary
+from sleepcast.mind.telemetry import vocabulary_text
+from sleepcast.node.node import Node
+from sleepcast.station.asking import unknown_names
+from sleepcast.station.network import PRESENT_FOR, NetworkStation
+from sleepcast.station.remote import TelemetryClient
+from sleepcast.station.validation import Draft
+from station.far import Far
+
+DRIVE = "(DRIVE 0.2m/s)"
+
+
+def _drive(body: object, *speeds: float) -> None:
+    """Nothing: only its name is of interest."""
+
+
+def rover(name: str, *functions: HostFunction, sensors: tuple[Quantity, ...] = ()) -> Vocabulary:
+    return Vocabulary(name, sensors=(Quantity("x", "m"), *sensors), functions=functions)
+
+
+SCOUT = rover(
+    "scout",
+    HostFunction("DRIVE", _drive, (None, None), arguments="speed turn_rate"),
+    HostFunction("SONAR", _drive, (None,), acts=False, arguments="i"),
+)
+BOARD = rover("board", HostFunction("DRIVE", _drive, (None,), arguments="speed"))
+BUOY = rover("buoy", sensors=(Quantity("sonar", "m"),))
+
+
+class Fleet:
+    """A desk, and robots of several types that it hears when they tell."""
+
+    def __init__(self, **types: Vocabulary) -> None:
+        self.scene = Scene(robots=0)
+        nodes = {name: Node(name, found, number=at) for at, (name, found) in enumerate(types.items(), 1)}
+        self.far = Far(nodes, self.scene.clock)
+        for node in nodes.values():
+            node.sense(tuple(1.0 for _ in node.vocabulary.sensors), 0.0)
+        self.desk: NetworkStation = self.scene.desk(heard=(), minds=self.far.minds)
+
+    def tell(self, *names: str) -> None:
+        """These robots tell of themselves now."""
+        self.far.look(names)
+        self.desk.vocabulary = self.far.minds.vocabulary
+        for name in names:
+            self.desk.hear(Message(name, 1, 1, Kind.ANSWER, 0.0, body={"command": "chief-1.1"}))
+        for mind in self.far.minds.values():
+            self.desk.observe(mind.reported_at, [mind])
+
+    def leave(self) -> None:
+        """Nobody is heard for a while."""
+        self.scene.clock.advance(PRESENT_FOR + 1.0)
+
+    def may(self, text: str, **more: object) -> int:
+        return self.desk.forecast(text, **more).may  # type: ignore[arg-type]
+
+
+def said(fleet: Fleet, text: str, only: Iterable[str] | None = None) -> str:
+    """What the desk says of a text that is for these, "" if it may be sent."""
+    try:
+        fleet.desk.validate(Draft(text, everybody=True, audience=Draft("").audience._replace(only=only)))  # type: ignore[arg-type]
+    except CheckError as error:
+        return str(error)
+    return ""
+
+
+def test_a_robot_that_has_left_refuses_nothing() -> None:
+    """(DRIVE 0.2m/s), right for the board, was refused on the word of a scout that was heard once."""
+    fleet = Fleet(r1=SCOUT, tiny=BOARD)
+    fleet.tell("r1")
+    assert "DRIVE speed turn_rate) takes 2 arguments, got 1" in said(fleet, DRIVE)
+    fleet.leave()
+    assert said(fleet, DRIVE) == ""
+    fleet.tell("tiny")
+    assert said(fleet, DRIVE) == ""
+    assert "takes 1" in said(fleet, "(DRIVE 1 2 3)") or "1 to 2" in said(fleet, "(DRIVE 1 2 3)")
+
+
+def test_what_was_told_to_an_earlier_desk_informs_only() -> None:
+    fleet = Fleet(r1=SCOUT)
+    fleet.far.look(["r1"])
+    fleet.desk.vocabulary = fleet.far.minds.vocabulary
+    assert fleet.desk.present() == []
+    checked = fleet.desk.check(DRIVE)
+    assert not checked.errors
+    (finding,) = checked.findings
+    assert finding.message == "(DRIVE speed turn_rate) takes 2 arguments, got 1 at 1:1, by the names of scout (r1)"
+    assert (finding.severity, checked.unknown) == ("warning", [])
+    assert fleet.desk.check("(DRIVE)", only=["tiny"]).program is not None
+    assert fleet.desk.check("(+ DRIVE 1)").unknown == [], "it is known, so it is no slip"
+    assert fleet.desk.check("(DRIVE 1 2)").findings == ()
+
+
+def test_the_sentence_says_whose_names_decide() -> None:
+    fleet = Fleet(r1=SCOUT, r2=SCOUT, r10=SCOUT, r3=SCOUT, tiny=BUOY)
+    fleet.tell("r1", "r2", "r10", "r3", "tiny")
+    refused = said(fleet, DRIVE)
+    assert refused.endswith("This is so by the names of scout (r1, r2, r3 and 1 more)")
+    assert "names of" not in said(fleet, "(SQRT 1 2)"), "no robot could run it"
+
+
+def test_those_decide_that_a_text_is_for() -> None:
+    fleet = Fleet(r1=SCOUT, tiny=BUOY)
+    fleet.tell("r1", "tiny")
+    assert "buoy" not in said(fleet, DRIVE)
+    assert said(fleet, DRIVE, ["tiny"]) == ""
+    assert said(fleet, DRIVE, ["r1"]).endswith("This is so by the names of scout (r1)")
+
+
+def test_who_insists_is_refused_by_no_robots_names() -> None:
+    fleet = Fleet(r1=SCOUT)
+    fleet.tell("r1")
+    draft = Draft(DRIVE, everybody=True, confirmed=True)
+    assert fleet.desk.validate(draft).seconds > 0
+    assert fleet.may(DRIVE, anyway=True) == 1
+    fleet.desk.ask(DRIVE, anyway=True)
+    with pytest.raises(CheckError):
+        fleet.desk.ask(DRIVE)
+    with pytest.raises(CheckError):
+        fleet.desk.validate(Draft("(SQRT 1 2)", everybody=True, confirmed=True))
+
+
+def test_what_robots_learned_that_have_left_refuses_nothing_either() -> None:
+    fleet = Fleet(r1=SCOUT, r2=SCOUT)
+    fleet.far.nodes["r1"].evaluate("(RULE patrol (SLEEP))")
+    fleet.far.nodes["r1"].evaluate("(DEFVAR charge 1)")
+    fleet.tell("r1")
+    assert "already a rule" in said(fleet, "(JOIN patrol)")
+    fleet.leave()
+    fleet.tell("r2")
+    assert said(fleet, "(JOIN patrol)") == ""
+    assert said(fleet, "(PROGN (JOIN charge) (DEFUN patrol (a) a))") == ""
+
+
+def test_of_two_types_that_cannot_be_united_those_decide_that_are_there() -> None:
+    """SONAR is a function of scouts and a number of buoys: whoever was heard first kept the other out for ever."""
+    fleet = Fleet(r1=SCOUT, tiny=BUOY)
+    fleet.tell("r1")
+    fleet.tell("tiny")
+    assert set(fleet.far.minds) == {"r1"}
+    assert list(fleet.far.minds.refused.values()) == ["sonar is a number here and a function of scout"]
+    assert said(fleet, "(WHEN (> sonar 1m) (SLEEP))", ["tiny"]) == ""
+    fleet.leave()
+    fleet.tell("tiny")
+    assert set(fleet.far.minds) == {"tiny"}
+    assert list(fleet.far.minds.refused.values()) == ["sonar is a function here and a number of buoy"]
+    assert len(fleet.desk.preview("(WHEN (> sonar 0.5m) (SLEEP))").yes) == 1
+
+
+def test_a_name_is_unknown_by_the_word_of_robots_that_are_there() -> None:
+    fleet = Fleet(r1=SCOUT, r2=SCOUT, tiny=BOARD)
+    client = TelemetryClient(fleet.desk, fleet.far.minds)
+    fleet.tell("r1", "r2")
+    assert unknown_names(fleet.desk, client, "(TUMBEL)") == (["TUMBEL"], 2)
+    assert unknown_names(fleet.desk, client, "(TUMBEL)", ["r1"]) == (["TUMBEL"], 1)
+    fleet.desk.hear(Message("tiny", 1, 1, Kind.ANSWER, 0.0, body={"command": "chief-1.1"}))
+    assert unknown_names(fleet.desk, client, "(TUMBEL)") == ([], 0), "one that is there has not told its names"
+    fleet.leave()
+    assert unknown_names(fleet.desk, client, "(TUMBEL)") == ([], 0), "nobody is there"
+
+
+def test_the_names_of_some_are_in_the_slots_of_all() -> None:
+    fleet = Fleet(tiny=BUOY, boat=rover("boat", sensors=(Quantity("depth", "m"),)))
+    fleet.tell("tiny", "boat")
+    whole = fleet.far.minds.vocabulary
+    assert vocabulary_text(whole) != ""
+    checked = fleet.desk.check("(WHEN (> (+ sonar x) 1m) (SLEEP))", only=["tiny"])
+    assert checked.findings == ()
+    assert fleet.desk.preview("(WHEN (> sonar 0.5m) (SLEEP))").yes == ("tiny",)

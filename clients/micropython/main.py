@@ -17,16 +17,17 @@ class Rover:
     """Something that drives: here only in numbers."""
 
     def __init__(self):
-        self.speed = self.x = 0.0
+        self.speed = self.turn_rate = self.x = 0.0
         self.lamp = 0.0
         self._since = time.ticks_ms()
 
-    def drive(self, speed):
+    def drive(self, speed, turn_rate):
         self.where()
         self.speed = max(-0.5, min(0.5, speed))  # the body's own limit: no expression can pass it
+        self.turn_rate = max(-2.0, min(2.0, turn_rate))  # for your motors: these numbers know no heading
 
     def stop(self):
-        self.drive(0.0)
+        self.drive(0.0, 0.0)
 
     def where(self):
         now = time.ticks_ms()
@@ -46,7 +47,7 @@ def start(config):
     body.sensor("speed", lambda: rover.speed, "m/s", -0.5, 0.5)
     body.sensor("fuel", lambda: config.get("fuel"), "", 0, 1)
     body.actuator("lamp", rover.light, "", 0, 1)
-    body.function("DRIVE", rover.drive, 1)
+    body.function("DRIVE", rover.drive, 2)  # the speed and turn rate that DRIVE takes on all robots
     body.function("ST", rover.stop)
     radio = Radio(config["address"], config["port"], config.get("interface") or "")
     return Node(

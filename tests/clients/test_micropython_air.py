@@ -189,7 +189,7 @@ def test_sixty_rules_fit_into_a_whole_node_and_it_goes_on_obeying(folder: Path, 
             desk.forge("", Kind.STOP)
         assert desk.ask("", Kind.STOP)["outcome"] == "stopped"
         assert desk.ask("", Kind.RELEASE)["outcome"] == "released"
-        assert desk.ask("(WHEN (> fuel 50%) (DRIVE 0.3m/s))")["outcome"] == "matched"
+        assert desk.ask("(WHEN (> fuel 50%) (DRIVE 0.3m/s 0))")["outcome"] == "matched"
 
 
 def test_rules_that_may_have_been_replaced_do_nothing(folder: Path, channel: str, tmp_path: Path) -> None:
@@ -214,15 +214,15 @@ def test_a_stop_holds_after_a_restart_and_so_does_one_that_may_be_lost(
             stopped = desk.ask("", Kind.STOP)
             assert (stopped["outcome"], stopped["fault"]) == ("stopped", None)
         with tiny(folder, alone, tmp_path):
-            assert "stopped" in str(desk.ask("(DRIVE 0.3m/s)")["fault"])
+            assert "stopped" in str(desk.ask("(DRIVE 0.3m/s 0)")["fault"])
             assert desk.ask("", Kind.RELEASE)["outcome"] == "released"
-            assert desk.ask("(DRIVE 0.3m/s)")["outcome"] == "matched"
+            assert desk.ask("(DRIVE 0.3m/s 0)")["outcome"] == "matched"
         stops.write_text('{"holding": []}')
         with tiny(folder, alone, tmp_path):
-            assert "stopped" in str(desk.ask("(DRIVE 0.3m/s)")["fault"])
+            assert "stopped" in str(desk.ask("(DRIVE 0.3m/s 0)")["fault"])
         stops.write_text("[[")
         with tiny(folder, alone, tmp_path):
-            assert "stopped" in str(desk.ask("(DRIVE 0.3m/s)")["fault"])
+            assert "stopped" in str(desk.ask("(DRIVE 0.3m/s 0)")["fault"])
             assert "the STOP ?-0.0 holds" in str(desk.ask("", Kind.RELEASE)["fault"])
             told = desk.ask("", Kind.ASK, body={"look": "telemetry"})
             assert told["stops"] == [["?", 0, 0, 0.0]]
@@ -266,7 +266,7 @@ class Tiny:
     def restart(self) -> bool:
         self._life.close()
         self._life.enter_context(tiny(self._folder, self._channel, self._at))
-        return "stopped" in str(self.desk.ask("(DRIVE 0.3m/s)")["fault"])
+        return "stopped" in str(self.desk.ask("(DRIVE 0.3m/s 0)")["fault"])
 
 
 def test_what_it_answers_is_stored_or_it_says_so(folder: Path, channel: str, tmp_path: Path) -> None:
@@ -286,7 +286,7 @@ def test_it_is_one_of_the_swarm(folder: Path, channel: str, tmp_path: Path) -> N
         tell = "(WHEN (= id 1) (TELL (WHEN (= id 9) (SETQ lamp (IN late)))))"
         until(lambda: bool(account(channel, "send", tell, "--anyway")["matched"]) and value(channel, "lamp") == 1.0)
         # Driven, it comes to rest when its operator is gone for longer than the lease.
-        until(lambda: decided(channel, "(WHEN (= id 9) (DRIVE 0.3m/s))")[0] == ["tiny"])
+        until(lambda: decided(channel, "(WHEN (= id 9) (DRIVE 0.3m/s 0))")[0] == ["tiny"])
         until(lambda: value(channel, "(IF (> x 0m) speed 9)") == 0.0)
         # It stops with the others, and is released with them.
         until(lambda: sorted(account(channel, "stop")["matched"]) == ALL)

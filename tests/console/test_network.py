@@ -169,7 +169,7 @@ def test_predicates_by_hand_work_on_the_air(air: Page) -> None:
     found = air.ask("pick", marks=base64.b64encode(b"\x07\0").decode())
     assert (found["type"], found["count"]) == ("picked", 3)
     assert found["tests"]
-    assert air.ask("preview", text=f"(WHEN {found['tests'][0]} (MARK))")["yes"] == 3
+    counted(air, f"(WHEN {found['tests'][0]} (MARK))", "yes", 3)
     spread = air.ask("spread", text="(> id 5)", at=6)
     assert (sum(spread["every"]), spread["whole"]) == (12, True)
     assert air.ask("addalert", text="(KNOWN winked)")["type"] == "refused"  # nobody has that name yet

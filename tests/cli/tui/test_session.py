@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import pytest
@@ -89,10 +89,10 @@ def test_a_preview_that_takes_long_keeps_no_key_waiting(seat: Seat, monkeypatch:
     monkeypatch.setattr("sleepcast.cli.tui.session.time.perf_counter", lambda: spent)
     check = seat.station.check
 
-    def slow(text: str) -> Checked:
+    def slow(text: str, *, only: Sequence[str] | None = None, anyway: bool = False) -> Checked:
         nonlocal spent
         spent += 0.3
-        return check(text)
+        return check(text, only=only, anyway=anyway)
 
     monkeypatch.setattr(seat.station, "check", slow)
     assert seat.foreseen("(WHEN (> id 0) (ST))") == "would obey: yes 2, no 1, unknown 0"

@@ -96,7 +96,8 @@ class Window:
             station.check(text).required()
 
     def columns(self) -> list[str]:
-        """The variables that are shown. Raises MisuseError for one that no robot has, once any has sent telemetry."""
+        """The variables that are shown. Raises MisuseError for one that no robot has, once those that are there have
+        sent telemetry."""
         from sleepcast.language import Variable
 
         names = [name for mind in list(self.telemetry.minds.values())[:1] for name, _ in mind.variables()]
@@ -105,7 +106,9 @@ class Window:
         known = {*variables, *vocabulary.user_slots}
         if self._wanted is None:
             return [name for name in USUAL if name in known]
-        for name in self._wanted if names else ():
+        there = self.station.present()
+        told = there and all(name in self.telemetry.minds for name in there)
+        for name in self._wanted if told else ():
             if name.casefold() not in known:
                 raise MisuseError(f"no robot has a variable {name}{did_you_mean(name, names)}")
         return list(self._wanted)

@@ -54,8 +54,8 @@ from sleepcast.mind.authority import FORGOTTEN, MAX_MARKS, Life, Mark, mark_of, 
 from sleepcast.station.account import COUNTED, account
 from sleepcast.station.answers import MATCHED, Answer
 from sleepcast.station.journal.journal import CONFLICT, Journal, JournalEvent
-from sleepcast.station.rest import LOOK_SELDOM, RestWatch
 from sleepcast.station.remote import RemoteMinds
+from sleepcast.station.rest import LOOK_SELDOM, RestWatch
 from sleepcast.station.retransmission import LATCHING, SETTLE, Retransmission
 from sleepcast.station.roster import NOBODY_SAID, Expectation, Index, RobotNames
 from sleepcast.station.sent import Command

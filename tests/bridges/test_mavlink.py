@@ -149,6 +149,24 @@ def test_a_copter_takes_off_goes_somewhere_and_does_not_leave_its_fence() -> Non
     assert rig.sensed()["height"] == pytest.approx(30.0, abs=0.2), "the ceiling"
 
 
+def test_a_vehicle_that_moves_in_any_direction_is_not_at_rest() -> None:
+    """Also one that climbs, whose speed along its heading is 0."""
+    rig = MavlinkRig("copter").ready()
+    body = rig.vehicle_body
+    body.take_off(5.0)
+    rig.wait(4.0)
+    body.climb(1.0)
+    rig.wait(1.0)
+    assert rig.sensed()["speed"] == 0.0
+    climbing = body.rest_state()
+    assert climbing is not None
+    assert climbing.speed == pytest.approx(1.0)
+    assert climbing.distance > 0.0
+    rig.body.stop()
+    rig.wait(1.0)
+    assert body.rest_state() == (0.0, 0.0)
+
+
 def test_stop_holds_a_vehicle_that_flies_by_itself() -> None:
     rig = MavlinkRig("copter").ready()
     rig.vehicle_body.set_mode(COPTER["RTL"])

@@ -56,8 +56,8 @@ TELL_AGAIN = 5.0
 """Seconds for which what has brought it to rest again and again is told once."""
 LAG = 0.25
 """Seconds from a look at what is ahead to when what follows from it is done: two rounds, and ticks of the robot."""
-SLOWEST = 0.05
-"""Share of its greatest speed up to which a slow robot counts as at rest."""
+STANDSTILL, SLOWEST = 0.05, 0.05
+"""m/s up to which a robot counts as at rest, and the share of its greatest speed up to which a slow one does."""
 FRESH = 1.0
 """Seconds after which what was measured counts as unknown: the robot, or the way to it, has got stuck."""
 
@@ -97,8 +97,9 @@ class BridgedBody(ABC):
     """Whether the robot is told its motion in each round, or only another one."""
     KEEPS_ACCELERATION: ClassVar[bool] = False
     """Whether the robot itself changes its speed no faster than its limits say."""
-    RESTING: ClassVar[float] = 0.05
-    """m/s up to which the robot counts as at rest: as far as what it measures differs from 0 then."""
+    RESTING: ClassVar[float | None] = None
+    """m/s up to which the robot counts as at rest: as far as what it measures differs from 0 then. None: `STANDSTILL`,
+    or `SLOWEST` of its greatest speed if that is less."""
     FAILURES: ClassVar[tuple[type[Exception], ...]] = (OutOfReachError, OSError)
     """What is raised where the robot cannot be reached."""
     REFUSALS: ClassVar[tuple[type[Exception], ...]] = (MisuseError,)
@@ -239,7 +240,7 @@ class BridgedBody(ABC):
         if all(sensor.name != "speed" for sensor in self.model.sensors):
             return None
         speed, turn_rate = (nan, nan) if self._lost is not None else self.course_measured()
-        resting = min(self.RESTING, SLOWEST * self.model.limits.speed)
+        resting = min(STANDSTILL, SLOWEST * self.model.limits.speed) if self.RESTING is None else self.RESTING
         return rest_state_of(self.model, speed, turn_rate, resting, LAG)
 
     def course_measured(self) -> tuple[float, float]:

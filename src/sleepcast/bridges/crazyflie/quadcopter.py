@@ -95,6 +95,9 @@ class CrazyflieBody(BridgedBody):
     TAKEOFF says another one. stop_all: sends the emergency stop to all of its radio channel, or raises OutOfReachError
     or OSError; None where nothing can."""
 
+    RESTING = 0.1
+    """How far it drifts about the spot on which it hovers."""
+
     def __init__(
         self,
         open: Callable[[], Quadcopter],

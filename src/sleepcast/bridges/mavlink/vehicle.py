@@ -178,6 +178,9 @@ class MavlinkVehicle(BridgedBody):
     origin: of x and y; None for the first place at which it is. ceiling: m. Its motions besides "speeds" are "goto" (x,
     y, height; m), "takeoff" (height), "climb" (m/s), and "mode" (its number), which only its failsafe is."""
 
+    RESTING = 0.3
+    """What a GPS tells of a vehicle that stands."""
+
     def __init__(
         self,
         link: Link,

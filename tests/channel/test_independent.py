@@ -31,7 +31,11 @@ from sleepcast.core.clock import ManualClock
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "wire.md").read_text(encoding="utf-8")
-FIELDS = [value for key, value in vars(message).items() if key.isupper() and isinstance(value, str)]
+FIELDS = [
+    value
+    for key, value in vars(message).items()
+    if key.isupper() and isinstance(value, str) and value != message.NOT_STORED  # a fault, no field
+]
 """Fields of a message's body."""
 VECTORS: dict[str, list[dict[str, Any]]] = json.loads((ROOT / "docs" / "wire-vectors.json").read_text(encoding="utf-8"))
 

@@ -164,6 +164,16 @@ def test_the_account_names_those_that_go_farthest_in_the_units_of_the_fleet() ->
     assert (nobody.n_at_rest, nobody.n_stopping, nobody.n_accepted) == (0, 0, 0), "who has not accepted is silent"
 
 
+def test_a_name_that_several_robots_have_is_not_known_to_be_at_rest() -> None:
+    """One of them may be, while the other one moves."""
+    scene, desk, boats = sailing({"r0": 0.0, "r1": 0.0})
+    sent = stopped(scene, desk, boats)
+    desk.commands()[-1].conflicts["r1"] = "two robots are called r1"
+    found = desk.accounting(sent.command).rest
+    assert found is not None
+    assert (found.at_rest, found.accepted) == (("r0",), ("r1", "r2"))
+
+
 def test_it_is_kept_in_a_snapshot() -> None:
     states = RestStates(NameIndex(["r0", "r1"]))
     assert states.state() is None

@@ -70,10 +70,12 @@ class RestStates:
         """Know nothing of it."""
         self._told, self._speed, self._distance = np.zeros(0, np.bool_), np.empty(0), np.empty(0)
 
-    def among(self, accepted: Mask) -> RestAccount:
-        """The account of those that have accepted the STOP, by place."""
+    def among(self, accepted: Mask, shared: Sequence[int] = ()) -> RestAccount:
+        """The account of those that have accepted the STOP, by place. shared: names that several robots have, of which
+        nobody knows who told last."""
         length = max(len(accepted), len(self._told))
         known = longer(self._told, length) & longer(accepted, length)
+        known[[place for place in shared if place < length]] = False
         speed, distance = longer(self._speed, length), longer(self._distance, length)
         rests, moves = known & (speed == 0.0), np.flatnonzero(known & (speed != 0.0))
         accepts = np.flatnonzero(longer(accepted, length) & ~known)

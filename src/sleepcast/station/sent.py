@@ -97,7 +97,9 @@ class Command:
     @property
     def resting(self) -> RestAccount:
         """Of a STOP: who is at rest among those that have accepted it."""
-        return self.rest.among(self.answers.codes == MATCHED)
+        places = map(self.answers.names.place, self.conflicts)
+        shared = [place for place in places if place is not None]
+        return self.rest.among(self.answers.codes == MATCHED, shared)
 
     @property
     def silent(self) -> NDArray[np.bool_]:

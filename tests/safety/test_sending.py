@@ -7,6 +7,7 @@ import pytest
 from safety.scene import Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import FOR, NOT
+from sleepcast.console.adapters.channel import AskedWhy
 from sleepcast.language import CheckError
 from sleepcast.station import (
     CommandTypeError,
@@ -402,3 +403,19 @@ def test_a_stage_is_judged_by_answers_that_came_in_time_though_nobody_listened_m
     desk.pump()
     staged.attend()
     assert [stage.good for stage in staged.done] == [True]
+
+
+def test_a_page_waits_for_an_explanation_until_it_has_heard_what_came_in_time() -> None:
+    scene = Scene(robots=1)
+    minds = RemoteMinds()
+    desk = scene.desk(minds=minds)
+    telemetry = TelemetryClient(desk, minds)
+    desk.listeners.append(telemetry.hear)
+    desk.send("(WHEN (> id 0) (DRIVE 1))")
+    scene.run(0.5)
+    asked = AskedWhy(desk, telemetry, telemetry.ask_why("r0", None), "r0")
+    scene.run(5.0, busy=("chief",))
+    assert (asked.answer(), asked.waited(3.0)) == (None, False)
+    desk.pump()
+    assert asked.waited(3.0)
+    assert asked.answer() is not None

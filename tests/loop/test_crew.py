@@ -24,8 +24,8 @@ from sleepcast.core.clock import ManualClock
 from sleepcast.language import Vocabulary
 from sleepcast.loop import vocabulary_of
 from sleepcast.loop.real import Member, NetworkSwarm
-from sleepcast.mind.limits import QUESTIONS_SHARE
-from sleepcast.mind.pace import LOOK_EVERY, Pace
+from sleepcast.mind.evaluation_budget import LOOK_EVERY, EvaluationBudget
+from sleepcast.mind.limits import SECONDS_AT_ONCE
 from sleepcast.node.node import Node
 from sleepcast.simulator import Body, Simulator
 from small_worlds import simulator
@@ -168,23 +168,23 @@ def test_a_question_with_more_faults_than_a_message_has_room_for_ends_no_robot(f
 def test_who_had_to_wait_evaluates_first_in_the_next_tick(field: Field, monkeypatch: pytest.MonkeyPatch) -> None:
     asker = field.session("guest", GUEST, open_transport(field.medium, field.clock))
     asker.send(Message("guest", 1, 1, Kind.ASK, field.clock.now() - START, text="(+ 1 id)"))
-    evaluate, order = Pace.evaluate, list[str]()
+    evaluate, work, order = EvaluationBudget.evaluate, ManualClock(), list[list[str]]()
+    monkeypatch.setattr(field.crew.budget, "_work", work)
 
-    def evaluated(pace: Pace, message: Message, evaluation: Callable[[Message], None]) -> None:
+    def evaluated(budget: EvaluationBudget, message: Message, evaluation: Callable[[Message], None]) -> None:
         def slow(message: Message) -> None:
-            field.clock.advance(0.011)
+            work.advance(SECONDS_AT_ONCE / 4.5)
             evaluation(message)
 
-        evaluate(pace, message, slow)
+        evaluate(budget, message, slow)
 
-    monkeypatch.setattr(Pace, "evaluate", evaluated)
-    while len(order) < 20:
-        field.run(0.01, ticking=False)
+    monkeypatch.setattr(EvaluationBudget, "evaluate", evaluated)
+    for _ in range(4):
+        field.run(1.0, ticking=False)
         field.crew.step()
-        order += sorted(message.sender for message in asker.receive() if message.kind is Kind.ANSWER)
-    assert sorted(order) == sorted(f"r{number}" for number in range(20))
-    tick = field.crew.simulator.scenario.tick
-    assert field.crew.simulator.tick >= 20 * 0.011 / (QUESTIONS_SHARE * tick + 0.011)
+        heard = asker.receive()
+        order.append(sorted(message.sender for message in heard if message.kind is Kind.ANSWER))
+    assert order == [sorted(f"r{5 * turn + number}" for number in range(5)) for turn in range(4)]
     asker.close()
 
 

@@ -9,26 +9,26 @@ import pytest
 from language.cases import Setting
 from sleepcast.channel.message import Kind, Message, Role
 from sleepcast.core.clock import ManualClock
-from sleepcast.mind.limits import MAX_QUESTIONS, MAX_QUEUE, QUESTIONS_SHARE
-from sleepcast.mind.pace import Pace
+from sleepcast.mind.evaluation_budget import EvaluationBudget
+from sleepcast.mind.limits import MAX_QUESTIONS, MAX_QUEUE, SECONDS_AT_ONCE
 from sleepcast.node.node import MAX_BACKLOG, Node
 
 TICK = 0.1
-EACH = 0.004
+EACH = 0.01
 """Seconds that every evaluation takes."""
 
 
 class Slow:
-    """A robot that takes its time; the clock stands still otherwise."""
+    """A robot that takes its time."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.clock, self.numbers, self.ticks = ManualClock(), 0, 0
+        self.clock, self.work, self.numbers, self.ticks = ManualClock(), ManualClock(), 0, 0
         self.robot = Node("r1", Setting().vocabulary(), on_air=True)
-        self.robot.pace = Pace(self.clock, TICK, lambda: None)
+        self.robot.budget = EvaluationBudget(self.clock, self.work, lambda: None)
         obey: Callable[[Message, float], None] = self.robot._obey
 
         def slow(message: Message, now: float) -> None:
-            self.clock.advance(EACH)
+            self.work.advance(EACH)
             obey(message, now)
 
         monkeypatch.setattr(self.robot, "_obey", slow)
@@ -46,8 +46,9 @@ class Slow:
     def tick(self) -> list[tuple[str, object]]:
         """Whom it answers in one tick, and what."""
         self.ticks += 1
-        assert self.robot.pace is not None
-        self.robot.pace.begin()
+        self.clock.advance(TICK)
+        assert self.robot.budget is not None
+        self.robot.budget.begin()
         self.robot.think(self.ticks, self.ticks * TICK)
         said = self.robot.take_outbox()
         return [(str(message.body["command"]).partition("-")[0], message.body["outcome"]) for message in said]
@@ -64,12 +65,12 @@ def test_an_operator_is_answered_in_the_same_tick_whatever_others_ask(slow: Slow
     slow.hear("desk", Kind.ASK, "marked", Role.OPERATOR, issued=1.1)
     found = slow.tick()
     assert [each for each in found if each[0] == "desk"] == [("desk", "matched"), ("desk", "answer")]
-    assert len(found) - 2 == pytest.approx(QUESTIONS_SHARE * TICK / EACH, abs=1.0)
+    assert len(found) - 2 == pytest.approx(SECONDS_AT_ONCE / EACH, abs=1.0)
 
 
 def test_every_question_that_waits_is_answered_in_the_end(slow: Slow) -> None:
     slow.ask(30)
-    found = [answer for _ in range(8) for answer in slow.tick()]
+    found = [answer for _ in range(10) for answer in slow.tick()]
     assert found == [("guest", "answer")] * 30
     assert not list(slow.robot.waiting)
 
@@ -85,7 +86,6 @@ def test_who_asks_takes_no_room_from_others_and_is_told(slow: Slow) -> None:
 
 
 def test_a_tick_evaluates_no_more_commands_than_elsewhere(slow: Slow) -> None:
-    assert slow.robot.pace is not None
     for _ in range(2 * MAX_QUEUE):
         slow.hear("desk", Kind.COMMAND, "(MARK)", Role.OPERATOR)
     answered = 0

@@ -23,6 +23,13 @@ class WallClock:
         return time.monotonic()
 
 
+class WorkClock:
+    """Seconds for which the thread that asks has worked: it stands still while others have the processor."""
+
+    def now(self) -> float:
+        return time.thread_time()
+
+
 def _passed() -> float:
     """Seconds that pass, those in which the computer sleeps among them, whatever is done to its clock."""
     return time.clock_gettime(time.CLOCK_BOOTTIME) if hasattr(time, "CLOCK_BOOTTIME") else time.monotonic()

@@ -29,10 +29,10 @@ from sleepcast.channel import Channel
 from sleepcast.channel.message import Message, Role
 from sleepcast.channel.sequencer import Skipped
 from sleepcast.channel.session import GATHER_FOR, ChannelSession, Multiplexer, Receiver
-from sleepcast.core.clock import Clock, WallClock
+from sleepcast.core.clock import Clock, WallClock, WorkClock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop.durable import Durability, Keeper
-from sleepcast.mind.pace import Pace
+from sleepcast.mind.evaluation_budget import EvaluationBudget
 from sleepcast.node.node import Node
 from sleepcast.robot import Failsafe, Robot, Setpoint
 
@@ -150,10 +150,6 @@ def run_robots(
         running.durability.close()
 
 
-IN_STEP = 0.1
-"""Seconds of a tick by which evaluations of a body in step are measured: its own time stands still meanwhile."""
-
-
 class RunningMinds:
     """The minds of `run_robots`, all together: no STOP waits until another mind has thought, or its disk has
     written."""
@@ -166,7 +162,8 @@ class RunningMinds:
         fails: Callable[[EmbodiedMind, SleepcastError], None] | None,
     ) -> None:
         self.durability = Durability(self._hear_stops)
-        self.pace = Pace(clock if tick else WallClock(), tick or IN_STEP, self._hear_stops)
+        # A body in step is its own clock, which stands still meanwhile.
+        self.budget = EvaluationBudget(clock if tick else WallClock(), WorkClock(), self._hear_stops)
         self._minds, self._fails, self._turn = minds, fails, 0
         self._running: list[EmbodiedMind] = []
 
@@ -179,17 +176,17 @@ class RunningMinds:
         self._think()
         for mind, messages in self.durability.after(self._keepers(), self._running):
             self._try(mind, partial(mind.say, messages))
-            self.pace.look()
+            self.budget.look()
 
     def _think(self) -> None:
         """Let all of them evaluate, another one first in each tick; STOP is heard all the while."""
         self._turn = (self._turn + 1) % max(1, len(self._running))
-        self.pace.begin()
+        self.budget.begin()
         for mind in (*self._running[self._turn :], *self._running[: self._turn]):
             if any(each is mind for each in self._running):  # another one may have failed meanwhile
-                mind.node.pace = self.pace
+                mind.node.budget = self.budget
                 self._try(mind, mind.think)
-                self.pace.look()
+                self.budget.look()
 
     def _hear_stops(self) -> None:
         for mind in tuple(self._running):
@@ -247,15 +244,15 @@ class NetworkSwarm:
     keeper: Keeper | None = None
     time: float = 0.0
     durability: Durability = field(init=False)
-    pace: Pace = field(init=False)
+    budget: EvaluationBudget = field(init=False)
     _first: int = 0
     """Number of the member that evaluates first: the one that had to wait in the last tick."""
 
     def __post_init__(self) -> None:
         self.durability = Durability(self.hear_stops)
-        self.pace = Pace(self.clock, self.simulator.scenario.tick, self.hear_stops)
+        self.budget = EvaluationBudget(self.clock, WorkClock(), self.hear_stops)
         for member in self.members:
-            member.keeper, member.node.pace = self.keeper, self.pace
+            member.keeper, member.node.budget = self.keeper, self.budget
 
     def run(self, going: Callable[[], bool]) -> None:
         """Run while `going`, called before each tick, returns true; then stop every body. Raises what the channel
@@ -296,14 +293,14 @@ class NetworkSwarm:
         now, first = self._time(), self._first
         readings = self.simulator.readings([member.number for member in awake])
         turns = sorted(zip(awake, readings, strict=True), key=lambda turn: (turn[0].number < first, turn[0].number))
-        self.pace.begin()
+        self.budget.begin()
         for member, values in turns:
-            waited = self.pace.held_back
+            waited = self.budget.held_back
             member.node.sense(values, now)
             self._think(member, now)
-            if self.pace.held_back and not waited:
+            if self.budget.held_back and not waited:
                 self._first = member.number
-            self.pace.look()
+            self.budget.look()
 
     def listen(self, until: float) -> None:
         """Receive messages until that time of `clock`."""
@@ -386,7 +383,7 @@ class NetworkSwarm:
             for message in messages:
                 member.session.send(message)
             member.due = member.session.due()
-            self.pace.look()
+            self.budget.look()
 
 
 THOROUGH = 600

@@ -11,13 +11,16 @@ MAX_SEEN = 1_024
 """Message ids remembered so that a repeated message changes nothing."""
 
 QUESTIONS_SHARE = 0.25
-"""Share of a tick's time that the questions of one sender may take in one process, all its robots together."""
+"""Share of the time of one process that the questions of one sender may take in the long run, all robots together."""
 ALL_QUESTIONS_SHARE = 0.5
 """The same of all senders together: rules and commands have the rest."""
 COMMANDS_SHARE = 1.0
-"""The same for the commands of one operator, or for all that robots tell: others wait for one tick at most."""
+"""The same for the commands of one operator, or for all that robots tell."""
 TELLS_SHARE = 0.25
 """The same for what one robot tells."""
+SECONDS_AT_ONCE = 0.2
+"""Seconds that one sender may take at once, and all together twice as much, after a while in which they took less: a
+question to a thousand robots of one process takes some tenth of it."""
 
 TICK_STEPS = 50_000
 """Steps that one robot's rules may use in one tick: ten milliseconds on a slow computer, a tenth of a 10 Hz tick."""

@@ -46,6 +46,7 @@ from sleepcast.language.rehearsal import Answer
 from sleepcast.language.symbols import Declared, UserVariable
 from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary, buffer_number
 from sleepcast.mind.authority import ENDED, Authority, DeadManSwitch, Tells, driver_of
+from sleepcast.mind.evaluation_budget import EvaluationBudget
 from sleepcast.mind.limits import (
     MAX_FAULTS_IN_ROW,
     MAX_OUTBOX,
@@ -60,7 +61,6 @@ from sleepcast.mind.limits import (
     TELLS_TOO_OFTEN,
 )
 from sleepcast.mind.merging import enqueue, place_of
-from sleepcast.mind.pace import Pace
 from sleepcast.mind.rules import in_order
 from sleepcast.mind.telemetry import Motion, motion_of
 from sleepcast.mind.views import Result, RuleView
@@ -90,7 +90,7 @@ class Node:
     whose orders count; catching_up: see `catch_up`. lost: messages lost because a queue or the outbox was full.
     evaluated: the latest messages that it answered, their outcomes, and the robot's time; its owner stores them and
     empties the list. zero: start of its time, s of Unix time, where that matters; clock: gives that time, None if the
-    tick's time will do. keys_last: whether the keys that its channel trusts are stored, as far as they must be. pace:
+    tick's time will do. keys_last: whether the keys that its channel trusts are stored, as far as they must be. budget:
     of the evaluations in its process, None if they need not be measured.
 
     number: its `id` in expressions and random streams. seed: of the run. body: target of its vocabulary's functions
@@ -125,7 +125,7 @@ class Node:
         self.zero = 0.0
         self.clock: Clock | None = None
         self.keys_last: Callable[[], bool] = lambda: True
-        self.pace: Pace | None = None
+        self.budget: EvaluationBudget | None = None
         self._memory = RobotMemory(
             table,
             Voice(self._report, self._may_tell, self._tell, self._ping),
@@ -313,20 +313,20 @@ class Node:
 
     def _obey_waiting(self, now: float) -> None:
         """Deal with the messages that wait, in their order; those of a sender who has had its share wait on."""
-        if self.pace is None:
+        if self.budget is None:
             for _ in range(min(len(self._queue), MAX_QUEUE)):
                 self._obey(self._queue.popleft(), now)
         else:
-            self._obey_at(self.pace, now)
+            self._obey_at(self.budget, now)
 
-    def _obey_at(self, pace: Pace, now: float) -> None:
+    def _obey_at(self, budget: EvaluationBudget, now: float) -> None:
         held, left = deque[Message](), {Kind.COMMAND: MAX_QUEUE, Kind.ASK: MAX_QUEUE}
         try:
             while self._queue:
                 message = self._queue.popleft()
-                if left[message.kind] > 0 and pace.allows(message):
+                if left[message.kind] > 0 and budget.allows(message):
                     left[message.kind] -= 1
-                    pace.evaluate(message, partial(self._obey, now=now))
+                    budget.evaluate(message, partial(self._obey, now=now))
                 else:
                     held.append(message)
         finally:

@@ -1,9 +1,11 @@
-"""The pace of a process with minds on a real channel: how much of a tick the messages of each sender may take, and when
-to look for STOP meanwhile.
+"""What evaluations may cost a process with minds on a real channel: how much time the messages of each sender may take,
+and when to look for STOP meanwhile.
 
 Evaluations are bounded by steps, so none takes long; but anybody may ask, as often as signatures are verified, and each
-question is evaluated by every robot. So what a sender's messages take is measured. Who has used up a share of the tick
-waits for the next one, and all others go on. No time is measured in simulations, where only steps count.
+question is evaluated by every robot. So what a sender's messages take is measured. Each sender has an account, which
+fills by a share of the time that passes; whoever has used it up waits for a later tick, and all others go on. A full
+account is enough for a question to a thousand robots at once. No time is measured in simulations, where only steps
+count.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from collections.abc import Callable
 
 from sleepcast.channel.message import Kind, Message, Role
 from sleepcast.core.clock import Clock
-from sleepcast.mind.limits import ALL_QUESTIONS_SHARE, COMMANDS_SHARE, QUESTIONS_SHARE, TELLS_SHARE
+from sleepcast.mind.limits import ALL_QUESTIONS_SHARE, COMMANDS_SHARE, QUESTIONS_SHARE, SECONDS_AT_ONCE, TELLS_SHARE
 
 LOOK_EVERY = 0.005
 """Seconds between two looks for STOP, each of which costs some microseconds for every transport."""
@@ -22,33 +24,37 @@ Account = tuple[str, Kind]
 """Who has sent something, by its key, and whether it asks or commands; robots that share a key by their names."""
 
 
-class Pace:
-    """See the module. clock: s; tick: s. look: takes STOPs that have come, and halts the bodies."""
+class EvaluationBudget:
+    """See the module. clock: s; work: s of work of the thread that evaluates, so that nobody pays for what else runs on
+    the machine. look: takes STOPs that have come, and halts the bodies."""
 
-    def __init__(self, clock: Clock, tick: float, look: Callable[[], None]) -> None:
+    def __init__(self, clock: Clock, work: Clock, look: Callable[[], None]) -> None:
         self.held_back = False
         """Whether a message has had to wait in this tick."""
-        self._clock, self._tick, self._look = clock, tick, look
+        self._clock, self._work, self._look = clock, work, look
         self._taken: dict[Account, float] = {}
-        self._looked = clock.now()
+        """What each has taken that time has not given back yet, s."""
+        self._began = self._looked = clock.now()
 
     def begin(self) -> None:
-        """Begin another tick. Who has taken more than its share of the last one owes the rest."""
-        shares = ((account, taken - _share(account) * self._tick) for account, taken in self._taken.items())
-        self._taken = {account: left for account, left in shares if left > 0.0}
-        self.held_back = False
+        """Begin another tick."""
+        now = self._clock.now()
+        passed = max(0.0, now - self._began)
+        left = ((account, taken - _share(account) * passed) for account, taken in self._taken.items())
+        self._taken = {account: taken for account, taken in left if taken > 0.0}
+        self._began, self.held_back = now, False
 
     def allows(self, message: Message) -> bool:
         """Whether this message may be evaluated in this tick."""
-        allowed = all(self._taken.get(each, 0.0) < _share(each) * self._tick for each in _accounts(message))
+        allowed = all(self._taken.get(each, 0.0) < _room(each) for each in _accounts(message))
         self.held_back |= not allowed
         return allowed
 
     def evaluate(self, message: Message, evaluation: Callable[[Message], None]) -> None:
         """Evaluate a message at its sender's expense, and look for STOP afterwards."""
-        began = self._clock.now()
+        began = self._work.now()
         evaluation(message)
-        took = self._clock.now() - began
+        took = self._work.now() - began
         for account in _accounts(message):
             self._taken[account] = self._taken.get(account, 0.0) + took
         self.look()
@@ -67,6 +73,11 @@ def _accounts(message: Message) -> tuple[Account, ...]:
         return (message.key or message.sender, Kind.ASK), _QUESTIONS
     told = (message.sender, Kind.REPORT), _TELLS
     return told if message.role == Role.ROBOT else ((message.key or message.sender, Kind.COMMAND),)
+
+
+def _room(account: Account) -> float:
+    """Seconds that may be taken at once; no sender alone can take those of all."""
+    return SECONDS_AT_ONCE if account[0] else 2.0 * SECONDS_AT_ONCE
 
 
 def _share(account: Account) -> float:

@@ -62,8 +62,8 @@ def questions(fleets: Sequence[Sequence[str]], trials: int, sorts: Sequence[str]
     return Proof("questions", heads, rows, bars, f"{trials} trials each; times of the worst trial")
 
 
-def tried(words: Sequence[str], sort: str, trials: int) -> Asked:
-    """So many trials with this fleet, under questions of this sort."""
+def tried(words: Sequence[str], sort: str, trials: int, patience: float = AT_LAST + LIFE) -> Asked:
+    """So many trials with this fleet, under an attack of this sort. patience: s for answers."""
     found, began = Asked(), []
     count = int(words[1]) if words[0] == "swarm" else len(words)
     with TemporaryDirectory(prefix="sleepcast-questions-") as place:
@@ -75,16 +75,16 @@ def tried(words: Sequence[str], sort: str, trials: int) -> Asked:
             for _ in steps(trials, f"{' '.join(words)}, {sort or 'no attack'}", quiet=False):
                 with air.attacked("asker", sort) if sort else nullcontext():
                     time.sleep(BURST if sort == "burst" else BEGUN if sort else SETTLED)
-                    told = air.desk.order("stop", patience=AT_LAST + LIFE)
+                    told = air.desk.order("stop", patience=patience)
                     found.silent += int(str(told["n_silent"]))
                     found.confirmed.append(float(str(told["took"])))
                     began.append((float(str(told["began"])), float(str(told["ended"]))))
-                    air.desk.order("release", patience=AT_LAST)
-                    told = air.desk.order("send", text="(SETQQ e1 1)", patience=LIFE)
+                    air.desk.order("release", patience=patience)
+                    told = air.desk.order("send", text="(SETQQ e1 1)", patience=patience)
                     found.silent += int(str(told["n_silent"]))
                     found.answered.append(float(str(told["took"])) if not told["n_silent"] else inf)
-                if sort:
-                    time.sleep(TRIALS_END)
+                if len(began) < trials:
+                    time.sleep(TRIALS_END if sort else 0.0)
         notes = [json.loads(file.read_text()) for file in folder.glob("*.json")]
     halts: dict[str, list[float]] = {}
     for robot, when in (halt for each in notes for halt in each["halts"]):

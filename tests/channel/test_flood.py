@@ -1,4 +1,5 @@
-"""A flood of forgeries on the loopback, among real processes; `python -m benchmarks.channel flood` is the large one."""
+"""A flood of forgeries, or of questions, on the loopback, among real processes; `python -m benchmarks.channel flood
+questions` is the large one."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ from math import inf
 
 import pytest
 from benchmarks.channel.flood import tried
+from benchmarks.channel.questions import tried as asked
 
 RATE = 20_000
 """Forgeries a second: what a busy machine can send beside the robots."""
@@ -26,5 +28,12 @@ def test_stop_and_commands_come_through_a_flood_of_forged_stops(words: list[str]
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such filters")
 def test_stop_and_its_account_come_through_a_flood_of_anything_else() -> None:
     found = tried(["swarm", "5"], 5, "command", RATE, 1, commands=0, slack=SLACK)
+    assert max(found.stops) < inf
+    assert found.silent == 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such filters")
+def test_stop_and_commands_come_through_questions_without_end() -> None:
+    found = asked(["swarm", "5"], "steady", 1, patience=SLACK)
     assert max(found.stops) < inf
     assert found.silent == 0

@@ -156,6 +156,11 @@ class Desk:
         now = time.time()
         return Message("desk", 1, self._number, kind, now, now + 60.0, text, standing)
 
+    def send(self, message: Message, key: KeyPair) -> None:
+        """Send what somebody else says."""
+        for datagram in encode(message, "sleepcast", key):
+            self._air.send(datagram)
+
     def _send(self, message: Message, *, wrong: bool = False) -> None:
         for datagram in encode(message, "sleepcast", self._key):
             self._air.send(datagram[:-1] + bytes([datagram[-1] ^ wrong]))
@@ -298,6 +303,15 @@ def test_it_hears_the_robots_that_share_its_key(folder: Path, channel: str, tmp_
     account(channel, "send", "--standing", "--all", "(RULE shared (+ id 200))")
     with tiny(folder, channel, tmp_path, key="r*", name="r9"):
         until(lambda: value(channel, "shared", "r9") == 209.0)
+
+
+def test_it_hears_another_robot_of_its_name(folder: Path, channel: str, tmp_path: Path) -> None:
+    """What it hears under its own name is an echo only in its own epoch: here a STOP, which it used to drop."""
+    with tiny(folder, channel, tmp_path), Desk(channel) as desk:
+        assert desk.ask("(+ 1 1)", Kind.ASK)["value"] == 2.0
+        key, now = load_key(key_file(keys_folder(), "tiny")), time.time()
+        desk.send(Message("tiny", int(1000 * now), 1, Kind.STOP, now, now + 5.0), key)
+        until(lambda: desk.ask("(DRIVE 0.3m/s 0deg/s)").get("held") is True)
 
 
 class Party:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
 import subprocess
 import sys
@@ -356,3 +357,19 @@ def test_an_operators_commands_have_one_order_over_his_lives(tmp_path: Path) -> 
         assert robot.world.done == sorted(set(robot.world.done))
         assert standing <= set(robot.world.done)
         assert len(robot.world.done) >= 0.8 * len(sent)
+
+
+def test_robots_whose_stores_are_copies_begin_different_lives(tmp_path: Path) -> None:
+    """Also where no clock goes on: then two robots of one name are told apart, and noticed."""
+    clock, file = ManualClock(0.0), tmp_path / "r1.store"
+    with closing(Store(file, clock, print)) as store:
+        before = store.life("r1")
+        store.write()
+    lives = set()
+    for number in range(4):
+        copy = tmp_path / f"copy{number}.store"
+        shutil.copy(file, copy)
+        with closing(Store(copy, clock, print)) as store:
+            lives.add(store.life("r1"))
+    assert len(lives) > 1
+    assert min(lives) > before

@@ -190,7 +190,7 @@ class Node:
         """Why a datagram is dropped, 0 if its signature is to be verified. Raises Malformed."""
         part = look(datagram)
         which, kind, epoch, number = part[:4]
-        if which == self.key and names(part[8])[1] == self.name:  # other robots may share the key
+        if which == self.key and epoch == self._epoch and names(part[8])[1] == self.name:  # others may share the key
             return _OURS
         reason = self.trust.objection(which, kind)
         if reason:

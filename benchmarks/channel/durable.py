@@ -39,6 +39,7 @@ AFTER = 2.5
 PATIENCE = 30.0
 LOOK_EVERY = 0.0005
 """Seconds between two looks at the air and at the store."""
+CONFIRMED = ("stopped", "released", "matched")
 KINDS = (Kind.STOP, Kind.COMMAND, Kind.RELEASE, Kind.COMMAND)
 """What the lives are told, in turn."""
 
@@ -84,7 +85,7 @@ def durable(swarms: int, nodes: int, bridges: int, robots: int = 10) -> Proof:
 
 def killed(sort: str, robots: int, kills: int, name: str) -> Found:
     """What came of so many kills of robots of this sort."""
-    found, chance, expected, known = Found(), Random(1), False, [""]
+    found, chance, expected, known = Found(), Random(1), False, 0
     with (
         TemporaryDirectory(prefix="sleepcast-lab-") as place,
         mock.patch.dict(os.environ, _at(Path(place))),
@@ -93,13 +94,13 @@ def killed(sort: str, robots: int, kills: int, name: str) -> Found:
         for turn in steps(kills + 1, f"durable: {name}", quiet=False):
             with lives.life() as (process, desk):
                 if turn:
-                    _note(found, desk.states(known[0]), expected)
+                    _note(found, desk.states(), (expected, float(known)))
                 if turn == kills:
                     break
                 kind = KINDS[turn % len(KINDS)]
                 expected = expected if kind is Kind.COMMAND else kind is Kind.STOP
-                known[0] = f"g{turn}" if kind is Kind.COMMAND else known[0]
-                text = f"(JOIN {known[0]})" if kind is Kind.COMMAND else ""
+                known = turn if kind is Kind.COMMAND else known
+                text = f"(PROGN (DEFVAR told 0) (SETQ told {turn}))" if kind is Kind.COMMAND else ""
                 desk.tell(kind, text, chance.uniform(0.0, AFTER), found)
                 process.kill()
                 process.wait()
@@ -107,10 +108,10 @@ def killed(sort: str, robots: int, kills: int, name: str) -> Found:
     return found
 
 
-def _note(found: Found, states: dict[str, tuple[bool, bool, str]], expected: bool) -> None:
-    for stopped, knows, doubt in states.values():
+def _note(found: Found, states: dict[str, tuple[bool, float, str]], expected: tuple[bool, float]) -> None:
+    for stopped, told, doubt in states.values():
         found.doubted += bool(doubt)
-        found.forgotten += not doubt and (stopped is not expected or not knows)
+        found.forgotten += not doubt and (stopped, told) != expected
 
 
 def _at(folder: Path) -> dict[str, str]:
@@ -125,13 +126,13 @@ class Desk:
     names: Sequence[str]
     store: Path
 
-    def states(self, group: str) -> dict[str, tuple[bool, bool, str]]:
-        """Of each robot whether it is stopped, whether it is in this group ("" for none), and what it doubts."""
+    def states(self) -> dict[str, tuple[bool, float, str]]:
+        """Of each robot whether it is stopped, what it was told last, and what it doubts."""
         looks = self._ask("", {LOOK: Inspection.TELEMETRY.value})
-        told = {name: body[TELEMETRY] for name, body in looks.items()}
+        records = {name: body[TELEMETRY] for name, body in looks.items()}
         return {
-            name: (bool(each["stopped"]), not group or group in each["groups"], str(each.get("doubt", "")))
-            for name, each in told.items()
+            name: (bool(each["stopped"]), each["user"].get("told", 0.0), str(each.get("doubt", "")))
+            for name, each in records.items()
             if isinstance(each, dict)
         }
 
@@ -159,6 +160,8 @@ class Desk:
                 select.select([self.session.transport], [], [], LOOK_EVERY)
                 for each in self.session.receive():
                     if each.body.get("command") == said.id and each.sender not in heard:
+                        if each.body["outcome"] not in CONFIRMED:
+                            raise RuntimeError(f"{each.sender} has not obeyed {text or kind}: {each.body}")
                         heard[each.sender] = time.monotonic()
                         self._look(connection, said.id, rows, heard[each.sender])
                         if len(heard) == len(self.names):

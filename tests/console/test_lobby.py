@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import resource
 import socket
@@ -17,6 +18,7 @@ from playwright.sync_api import BrowserContext, expect
 
 from console.running import PATIENCE, Program, open_page
 from sleepcast.console.lobby import KNOWN_PATIENCE, MOST, Lobby
+from sleepcast.console.server import QUIET
 from sleepcast.core.clock import ManualClock
 from small_worlds import write
 
@@ -79,6 +81,14 @@ def test_half_open_connections_close_the_page_for_nobody(tmp_path: Path, say: by
     said = program.said.splitlines()
     assert sum("many connections" in line for line in said) == 1
     assert not [line for line in said if "Traceback" in line or "socket" in line]
+
+
+def test_a_write_to_somebody_who_is_gone_is_no_line_at_the_terminal() -> None:
+    def told(text: str) -> bool:
+        return QUIET.filter(logging.LogRecord("asyncio", logging.WARNING, "", 0, text, (), None))
+
+    assert told("Executing a task took 1 s")
+    assert not told("socket.send() raised exception.")
 
 
 def test_places_are_those_of_the_oldest_of_the_same_sort() -> None:

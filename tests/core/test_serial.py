@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import tracemalloc
 import zlib
 
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from sleepcast.core import serial
 from sleepcast.core.serial import Array, Arrays, SerialError, dump_arrays, load_arrays, pack, unpack, within
 
 SORTS = (np.float64, np.float32, np.int64, np.int32, np.int16, np.int8, np.uint8, np.uint64, np.bool_)
@@ -21,6 +23,50 @@ class Box(msgspec.Struct):
     name: str
     numbers: Arrays
     pairs: list[tuple[int, float]] = []
+
+
+def count(value: object) -> int:
+    """Values in a document, one after or in the other."""
+    if isinstance(value, dict):
+        return 1 + sum(count(key) + count(each) for key, each in value.items())
+    return 1 + sum(map(count, value)) if isinstance(value, list) else 1
+
+
+PLAIN = st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | st.text(max_size=400) | st.binary()
+DOCUMENTS = st.recursive(
+    PLAIN, lambda inside: st.lists(inside, max_size=40) | st.dictionaries(st.text(max_size=40), inside, max_size=20)
+)
+
+
+@settings(max_examples=40)
+@given(DOCUMENTS)
+def test_values_are_counted_without_being_made(document: object) -> None:
+    packed, values = msgspec.msgpack.encode(document), count(document)
+    assert serial._has_at_most(packed, values)
+    assert not serial._has_at_most(packed, values - 1)
+
+
+@pytest.mark.parametrize("size", [255, 256, 70_000])
+def test_long_ones_are_counted_too(size: int) -> None:
+    document = ["a" * size, b"a" * size, [0] * size, {str(number): None for number in range(size)}]
+    packed = msgspec.msgpack.encode(document)
+    assert serial._has_at_most(packed, 5 + 3 * size)
+    assert not serial._has_at_most(packed, 4 + 3 * size)
+    assert serial._has_at_most(packed[: size // 2], 5 + 3 * size)  # half of one is left to who decodes it
+
+
+def test_a_parcel_of_millions_of_values_is_refused_before_they_are_made() -> None:
+    values = serial.UNCOUNTED
+    body = b"\x83\xa4name\xa0\xa7numbers\x80\xa5pairs\xdd" + values.to_bytes(4, "big") + b"\x92\x00\x00" * values
+    data = zlib.compress(body, 9)
+    del body
+    tracemalloc.start()
+    try:
+        with pytest.raises(SerialError, match="the box has more than 262144 values"):
+            opened(data, 32 * 1024**2)
+        assert tracemalloc.get_traced_memory()[1] < 64 * 1024**2
+    finally:
+        tracemalloc.stop()
 
 
 def opened(data: bytes, most: int = MOST) -> Box:

@@ -62,3 +62,14 @@ def test_boxes_stand_side_by_side_over_uneven_numbers(tmp_path: Path) -> None:
     figure = drawn(tmp_path, table(["a", "b"], ["20", "1000", "50"]), x="robots.count", by="strategy", kind="box")
     order = re.findall(r"<text [^>]*>(20|50|1000)</text>", figure)
     assert order == ["20", "50", "1000"]
+
+
+def test_settings_of_the_folder_change_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Matplotlib looks for a matplotlibrc where the program was started, which may be anybody's folder."""
+    import matplotlib as mpl
+
+    found = table(NAMES[:2], ["1", "2"])
+    before = drawn(tmp_path, found, x="robots.count", by="strategy")
+    for key, value in {"lines.linewidth": 99.0, "text.usetex": True, "axes.facecolor": "red", "font.size": 3.0}.items():
+        monkeypatch.setitem(mpl.rcParams, key, value)
+    assert drawn(tmp_path, found, x="robots.count", by="strategy") == before

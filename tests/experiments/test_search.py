@@ -118,10 +118,12 @@ def test_one_worker_and_two_do_the_same_and_kill_9_loses_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     (tmp_path / "far_off.py").write_text(MODULE)
     file = tmp_path / "experiment.toml"
     file.write_text(TEXT.format(points=12))
-    assert main(["sweep", str(file), "--out", str(tmp_path / "two"), "--workers", "2", "--quiet", "--json"]) == 0
+    two = ["--out", str(tmp_path / "two"), "--workers", "2", "--quiet", "--json"]
+    assert main(["sweep", str(file), "--trust", *two]) == 0  # from then on the plan's folder is ours
     best = json.loads(capsys.readouterr().out)["best"]
     assert best["measure"] == "miss"
     command = [sys.executable, "-m", "sleepcast", "sweep", str(file), "--workers", "1", "--quiet", "--out"]

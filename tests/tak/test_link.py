@@ -301,3 +301,26 @@ def test_a_file_that_is_no_certificate_is_refused(tmp_path: Path) -> None:
     (tmp_path / "me.pem").write_text("no certificate")
     with pytest.raises(MisuseError, match="the certificates cannot be used"):
         open_link(f"tls://host:8089?cert={tmp_path / 'me.pem'}", print)
+
+
+def test_what_goes_to_a_connection_that_is_gone_is_not_written() -> None:
+    """Each of these writes is a warning of asyncio's at the terminal until somebody reads that it is gone."""
+
+    async def scene() -> None:
+        written: list[bytes] = []
+
+        class Gone:
+            transport = None
+
+            def is_closing(self) -> bool:
+                return True
+
+            def write(self, data: bytes) -> None:
+                written.append(data)
+
+        server = Server("127.0.0.1", 1, None, lambda _: None)
+        server._writer = Gone()  # type: ignore[assignment]  # as much of one as is looked at
+        server.send([ROBOT] * 100)
+        assert not written
+
+    asyncio.run(scene())

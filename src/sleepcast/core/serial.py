@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from math import prod
 from typing import TYPE_CHECKING, TypeVar
 
@@ -28,8 +29,22 @@ LEAST_ROOM = 512 * 1024**2
 ROOM_FOR_ONE = 4_096
 """Bytes for one robot: four times what its body and mind may take."""
 
+UNCOUNTED = 8 * 1024**2
+"""Bytes of a parcel whose values are not counted before it is decoded: they take some 200 MB at most."""
+BYTES_PER_VALUE = 128
+"""There is room for one value in so many bytes. Almost all of a real parcel are arrays, each one value, but a parcel of
+empty lists takes fifty times its own size in memory, and is compressed to a thousandth of it."""
+
 UNREADABLE = (msgspec.DecodeError, ValueError, RecursionError, SleepcastError)
 """What decoding untrusted bytes may raise."""
+
+_SIZED = {0xCA: 4, 0xCB: 8, 0xCC: 1, 0xCD: 2, 0xCE: 4, 0xCF: 8, 0xD0: 1, 0xD1: 2, 0xD2: 4, 0xD3: 8}
+_SIZED |= {0xD4: 2, 0xD5: 3, 0xD6: 5, 0xD7: 9, 0xD8: 17}
+"""Bytes after the first one, by that one, of msgpack's numbers and short extensions."""
+_LONG = {0xC4: (1, 0, 0), 0xC5: (2, 0, 0), 0xC6: (4, 0, 0), 0xC7: (1, 1, 0), 0xC8: (2, 1, 0), 0xC9: (4, 1, 0)}
+_LONG |= {0xD9: (1, 0, 0), 0xDA: (2, 0, 0), 0xDB: (4, 0, 0)}
+_LONG |= {0xDC: (2, 0, 1), 0xDD: (4, 0, 1), 0xDE: (2, 0, 2), 0xDF: (4, 0, 2)}
+"""By the first byte: bytes of the length, bytes of a type after it, and values inside for each of that length."""
 
 Body = TypeVar("Body", bound=msgspec.Struct)
 Scalar = TypeVar("Scalar", bound="np.generic")
@@ -138,7 +153,34 @@ def unpack(kind: type[Body], data: bytes, most: int, name: str) -> Body:
         raise SerialError(f"{name} is damaged") from None
     if not opened.eof:
         raise SerialError(f"{name} is not complete, or has more than {most} bytes")
+    if len(plain) > UNCOUNTED and not _has_at_most(plain, most // BYTES_PER_VALUE):
+        raise SerialError(f"{name} has more than {most // BYTES_PER_VALUE} values")
     try:
         return msgspec.msgpack.decode(plain, type=kind)
     except UNREADABLE as error:
         raise SerialError(f"{name}: {error}") from None
+
+
+def _has_at_most(plain: bytes, most: int) -> bool:
+    """Whether so many values, one after or in the other, are the whole of a msgpack document. What is no document is
+    left to those who decode it."""
+    at, left, count = 0, 1, 0
+    with suppress(IndexError):
+        while left > 0:
+            left, count = left - 1, count + 1
+            if count > most:
+                return False
+            head = plain[at]
+            at += 1
+            if 0x80 <= head < 0xA0:
+                left += (head & 0x0F) * (1 if head >= 0x90 else 2)
+            elif 0xA0 <= head < 0xC0:
+                at += head & 0x1F
+            elif head in _SIZED:
+                at += _SIZED[head]
+            elif head in _LONG:
+                size, extra, inside = _LONG[head]
+                length = int.from_bytes(plain[at : at + size], "big")
+                at += size + extra + (0 if inside else length)
+                left += inside * length
+    return True

@@ -26,8 +26,15 @@ MAX_BYTES = 1_048_576
 MAX_NUMBER = 1e9
 """Of plain numbers in a list: beyond, sums of them lose what matters."""
 
+MAX_SHOWN = 200
+"""Characters of a key in an error."""
+MAX_DEPTH = 64
+"""Tables in tables: scenarios have four. What is read for each key is as long as the way to it, so a text of a
+megabyte that is one key would fill any memory, and the standard parser takes hours for it."""
+
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?\d++)?)\s*([A-Za-z%][A-Za-z/0-9]*|)\s*")
 _NAME = r"""(?:[\w-]+|"[^"]*"|'[^']*')"""
+_DEEP = re.compile(rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{MAX_DEPTH}}}""")
 _KEY = re.compile(rf"\s*({_NAME}(?:\s*\.\s*{_NAME})*)\s*=")
 _HEADER = re.compile(rf"\s*(\[\[?)\s*({_NAME}(?:\s*\.\s*{_NAME})*)\s*\]")
 _PART = re.compile(_NAME)
@@ -99,7 +106,7 @@ class Document:
         if any(where[:n] in self._changed for n in range(1, len(where) + 1)):
             return SettingsError(f"{self.path}: over {shown_key(where)}: {sentence}")
         line = next((self.lines[where[:n]] for n in range(len(where), 0, -1) if where[:n] in self.lines), 1)
-        return SettingsError(f"{self.path}:{line}: {shown_key(where)}: {sentence}")
+        return SettingsError(f"{self.path}:{line}: {shown_key(where):.{MAX_SHOWN}}: {sentence}")
 
 
 def read_text(path: Path, most: int = MAX_BYTES, what: str = "such a file") -> str:
@@ -124,6 +131,9 @@ def toml_document(path: Path, text: str | None = None) -> Document:
         text = read_text(path)
     elif len(text) > MAX_BYTES:
         raise SettingsError(f"{path}: too long for such a file: at most {MAX_BYTES} characters")
+    if deep := _DEEP.search(text):
+        line = text.count("\n", 0, deep.start()) + 1
+        raise SettingsError(f"{path}:{line}: more than {MAX_DEPTH} tables in tables: wanted a key such as radio.loss")
     try:
         return Document(path, tomllib.loads(text), key_lines(text))
     except (ValueError, RecursionError) as error:  # numbers of thousands of digits, and lists in lists in lists

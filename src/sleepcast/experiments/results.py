@@ -18,6 +18,7 @@ import sqlite3
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from types import TracebackType
 
@@ -31,7 +32,7 @@ from sleepcast.core.settings import SettingsError
 from sleepcast.core.version import VERSION
 from sleepcast.experiments.drawing import band
 from sleepcast.experiments.git_state import git_state
-from sleepcast.experiments.plan import Experiment, Goal, Run, Value, read_experiment
+from sleepcast.experiments.plan import MAX_ROWS, Experiment, Goal, Run, Value, read_experiment
 from sleepcast.experiments.search import Tried, suggest
 
 PLAN, ABOUT, RUNS, LOCK = "experiment.toml", "about.json", "runs.sqlite", ".lock"
@@ -43,6 +44,8 @@ CREATE TABLE IF NOT EXISTS runs (
 """
 FORMAT = 1
 """Version of the file of runs, which is its `user_version`; those of a newer one are refused."""
+MAX_CELL = 64 * 1024**2
+"""Bytes of one row: a million samples of a measure have a third of it."""
 MOST_ERROR = 4_000
 """Characters of an error that are kept."""
 
@@ -266,21 +269,38 @@ def experiment_in(folder: Path) -> Experiment:
 def outcomes_in(folder: Path) -> Iterator[Outcome]:
     """Every finished run, by number. Raises ResultsError."""
     try:
+        experiment = experiment_in(folder)
         connection = sqlite3.connect(f"{(folder / RUNS).resolve().as_uri()}?mode=ro", uri=True, timeout=1.0)
         try:
             _check_format(folder, connection)
             found = connection.execute("SELECT run, error, hash, wall, samples FROM runs ORDER BY number")
-            for run, error, state, wall, samples in found:
-                rows = tuple(tuple(each) for each in json.loads(samples))
-                yield Outcome(msgspec.json.decode(run, type=Run), rows, error, state, wall)
+            for row in islice(found, MAX_ROWS):
+                yield _outcome(row, experiment)
         finally:
             connection.close()
-    except (sqlite3.Error, ValueError) as error:
+    except (sqlite3.Error, ValueError, RecursionError) as error:
         raise ResultsError(f"{folder / RUNS}: the results cannot be read: {error}") from error
 
 
+def _outcome(row: tuple[str, str, str, float, str], experiment: Experiment) -> Outcome:
+    """What a row says. Raises ValueError for what no run of this experiment has."""
+    run, error, state, wall, samples = row
+    decoded = msgspec.json.decode(run, type=Run)
+    taken = msgspec.convert(json.loads(samples), tuple[tuple[float | None, ...], ...])
+    wide = all(len(each) == 1 + len(experiment.measures) for each in taken)
+    if not wide or decoded.point.keys() != experiment.over.keys():
+        raise ValueError(f"run {decoded.number} has other measures or settings than its {PLAN}")
+    return Outcome(decoded, taken, error, state, wall)
+
+
 def _check_format(folder: Path, connection: sqlite3.Connection) -> None:
-    """Raise ResultsError for results that this program does not know."""
+    """Raise ResultsError for results that this program does not know, or that compute instead of being there: a view
+    of a few bytes may have rows without end, and a trigger may do anything to what is written."""
+    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_CELL)
+    connection.execute("PRAGMA trusted_schema = OFF")
+    others = connection.execute("SELECT name FROM sqlite_schema WHERE type IN ('view', 'trigger')").fetchall()
+    if others:
+        raise ResultsError(f"{folder}: its {RUNS} has {others[0][0]!r:.80}, which no results have: not read")
     found = connection.execute("PRAGMA user_version").fetchone()[0]
     if found > FORMAT:
         raise ResultsError(

@@ -17,7 +17,8 @@ from cli.calling import called
 from sleepcast.channel import Kind, Message
 from sleepcast.simulator import load
 from sleepcast.simulator.packing import pack
-from sleepcast.simulator.recording.recorder import MAX_RECORD, POSTED, READINGS, RULES, STATE, Recorder
+from sleepcast.simulator.recording import recording as recording_module
+from sleepcast.simulator.recording.recorder import ACCOUNTING, MAX_RECORD, POSTED, READINGS, RULES, STATE, Recorder
 from sleepcast.simulator.recording.recording import NoRecordingError, RecordingError, load_recording
 from sleepcast.simulator.scenario.scenario import Scenario
 from small_worlds import write
@@ -85,6 +86,20 @@ def test_a_few_bytes_that_unpack_to_millions_of_records_are_the_end(
     began = time.process_time()
     assert not load_recording(file).complete
     assert time.process_time() - began < 5.0, "read to the end, it takes 10 to 20 s"
+
+
+def test_what_is_kept_of_a_recording_has_a_bound(
+    tmp_path: Path, scenario: Scenario, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A megabyte may hold a gigabyte of accounts; the last one of each command counts."""
+    account = {"text": "a" * 10_000}
+    again = recording(tmp_path, scenario, *((ACCOUNTING, account | {"command": "desk/1"}) for _ in range(200)))
+    monkeypatch.setattr(recording_module, "MAX_KEPT", 100_000)
+    assert len(load_recording(again).accounting) == 1
+    again.unlink()
+    many = recording(tmp_path, scenario, *((ACCOUNTING, account | {"command": f"desk/{n}"}) for n in range(200)))
+    with pytest.raises(NoRecordingError, match="holds more than 100000 bytes"):
+        load_recording(many)
 
 
 def test_a_chunk_compressed_by_another_program_is_read(tmp_path: Path, scenario: Scenario) -> None:

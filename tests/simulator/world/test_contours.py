@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from sleepcast.core.errors import MisuseError
 from sleepcast.simulator.world.areas import inside
 from sleepcast.simulator.world.ros_map import Corner, contours
 from sleepcast.simulator.world.world import Area, Circle, Point
@@ -67,6 +69,18 @@ def test_a_hole_has_an_outline_of_its_own() -> None:
         [(0, 0), (0, 3), (4, 0), (4, 3)],
         [(1, 1), (1, 2), (3, 1), (3, 2)],
     ]
+
+
+def test_a_chessboard_of_many_pixels_is_counted_not_listed() -> None:
+    """A picture of a few kilobytes, whose outlines would be millions of corners."""
+    board = np.indices((1_200, 1_200)).sum(0) % 2 == 0
+    tracemalloc.start()
+    try:
+        with pytest.raises(MisuseError, match="have 2880000 sides; at most"):
+            contours(board)
+        assert tracemalloc.get_traced_memory()[1] < 64 * 1024**2
+    finally:
+        tracemalloc.stop()
 
 
 def test_nothing_solid_has_no_outline() -> None:

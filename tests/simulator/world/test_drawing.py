@@ -10,8 +10,10 @@ from pathlib import Path
 import pytest
 
 from sleepcast.simulator import Area, Circle, SettingsError, Shape, Simulator, Wall, load
+from sleepcast.simulator.world import drawing as drawing_module
+from sleepcast.simulator.world import svg
 from sleepcast.simulator.world.drawing import MAX_DEPTH, TOLERANCE, Drawing, read_drawing
-from sleepcast.simulator.world.svg import Arc, Bezier, PathError, read_path
+from sleepcast.simulator.world.svg import Arc, Bezier, Line, PathError, read_path
 from sleepcast.simulator.world.world import MAX_SOLIDS, Point
 from small_worlds import SCOUTS, write
 
@@ -302,6 +304,34 @@ class TestHostileFiles:
         with pytest.raises(SettingsError, match=rf"room.svg:2: more than {MAX_SOLIDS} lines: leave some out"):
             drawing(tmp_path, f'<g transform="scale(1e6)"><path d="M0 0{arcs}"/></g>')
         assert time.process_time() - start < 20.0
+
+    def test_many_curves_of_one_path_stop_where_there_is_no_room(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Each subpath fits by itself, and all of them are ten million points."""
+        made, points = [0], drawing_module._points
+        monkeypatch.setattr(drawing_module, "MAX_SOLIDS", 12_000)
+
+        def counted(line: Line, room: int) -> tuple[Point, ...]:
+            found = points(line, room)
+            made[0] += len(found)
+            return found
+
+        monkeypatch.setattr(drawing_module, "_points", counted)
+        with pytest.raises(SettingsError, match=r"room.svg:2: more than .* lines: leave some out"):
+            drawing(tmp_path, f'<g transform="scale(1e6)"><path d="{"M0 0a9 9 0 1 1 1 1" * 1_000}"/></g>')
+        assert made[0] < 30_000
+
+    def test_curves_are_counted_before_there_is_a_list_of_them(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(svg, "MAX_CURVES", 100)
+        monkeypatch.setattr(drawing_module, "MAX_CURVES", 100)
+        drawing(tmp_path, f'<path d="M0 0{"h1" * 98}"/>')
+        with pytest.raises(SettingsError, match="more than 100 curves"):
+            drawing(tmp_path, f'<path d="M0 0{"h1" * 200}"/>')
+        with pytest.raises(SettingsError, match="more than 100 curves"):
+            drawing(tmp_path, '<path d="M0 0h1h1h1"/>' * 30)
 
     @pytest.mark.parametrize(
         "inside",

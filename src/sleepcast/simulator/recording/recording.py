@@ -50,6 +50,10 @@ from sleepcast.simulator.snapshot import scenario_of
 MAX_MESSAGES = 1_000_000
 """Messages of an operator, repeats included: one per second for eleven days."""
 
+MAX_KEPT = 268_435_456
+"""Bytes of what is kept of a recording while it is read: messages, accounts, states and obstacles. A file of a megabyte
+may hold gigabytes of them, and a long run of a thousand commands holds a hundredth of this."""
+
 LEAST_RECORDS = 10_000
 """Records that any chunk may have; a larger one may have as many as it has compressed bytes, since each record has its
 own time, which takes more than a byte. So reading time grows with file size, even for compression bombs."""
@@ -127,20 +131,25 @@ def decoded(kind: type[Body], data: bytes) -> Body:
 
 def load_recording(file: Path) -> Recording:
     """The contents of `file`, without poses and readings. Raises NoRecordingError, RecordingError."""
-    found = _start(file)
+    found, kept_bytes = _start(file), dict[str, int]()
     for entry in entries(file, found):
         try:
-            _take(found, entry)
+            _take(found, entry, kept_bytes)
         except (ValueError, KeyError, TypeError, RecursionError) as error:  # msgspec's ValidationError is a ValueError
             raise NoRecordingError(f"{file}: {entry.topic} at {entry.time:g} s holds something else: {error}") from None
         kept = (found.posted, found.states, found.accounting, found.obstacles)
         if max(len(each) for each in kept) > MAX_MESSAGES:
             raise NoRecordingError(f"{file} holds more than {MAX_MESSAGES} messages of an operator, or states")
+        if kept_bytes.get("", 0) > MAX_KEPT:
+            raise NoRecordingError(f"{file} holds more than {MAX_KEPT} bytes of messages, accounts and states")
     return found
 
 
-def _take(found: Recording, entry: RecordedMessage) -> None:
-    """Store the contents of an entry, if its topic is used here."""
+def _take(found: Recording, entry: RecordedMessage, kept: dict[str, int]) -> None:
+    """Store the contents of an entry, if its topic is used here. kept: bytes that are stored, "" for all, and by
+    command, since only its last account is."""
+    if entry.topic in (OBSTACLES, POSTED, STATE):
+        kept[""] = kept.get("", 0) + len(entry.data)
     if entry.topic == OBSTACLES:
         change = unpack(WorldChange, entry.data)
         if not all(name.isascii() and name.isdigit() and len(name) < 20 for name in change.put):
@@ -148,7 +157,10 @@ def _take(found: Recording, entry: RecordedMessage) -> None:
         found.obstacles.append(change)
     if entry.topic == ACCOUNTING:
         account = decoded(dict[str, object], entry.data)
-        found.accounting[str(account["command"])] = account
+        command = str(account["command"])
+        kept[""] = kept.get("", 0) + len(entry.data) - kept.get(f"={command}", 0)
+        kept[f"={command}"] = len(entry.data)
+        found.accounting[command] = account
     if entry.topic not in (POSTED, STATE):
         return
     body = json.loads(entry.data)

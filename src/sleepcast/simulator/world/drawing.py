@@ -18,6 +18,7 @@ from xml.parsers import expat
 
 from sleepcast.core.settings import SettingsError, read_text
 from sleepcast.simulator.world.svg import (
+    MAX_CURVES,
     MAX_NUMBER,
     Line,
     Matrix,
@@ -40,6 +41,7 @@ MAX_ELEMENTS = 100_000
 """Elements of a drawing: each is converted by itself."""
 MAX_DEPTH = 128
 """Depth of nested groups."""
+TOO_MANY = f"more than {MAX_SOLIDS} lines: leave some out"
 MAX_NAME = 64
 """Characters of an id that are kept."""
 
@@ -94,23 +96,31 @@ def read_drawing(path: Path, metre: float | None, at: Point = (0.0, 0.0)) -> Dra
     upright = Matrix(scale, 0.0, 0.0, -scale, at[0] - low.real * scale, at[1] + top * scale)
     shapes, sides = [], 0
     for drawn in reader.drawn:
-        for shape in _shapes(drawn, upright):
-            sides += _sides(shape)
-            if sides > MAX_SOLIDS:
-                raise SettingsError(f"{path}:{drawn.number}: more than {MAX_SOLIDS} lines: leave some out")
-            shapes.append(shape)
+        try:
+            for shape in _shapes(drawn, upright, MAX_SOLIDS - sides):
+                sides += _sides(shape)
+                shapes.append(shape)
+        except PathError as error:
+            raise SettingsError(f"{path}:{drawn.number}: {error}") from None
+        if sides > MAX_SOLIDS:
+            raise SettingsError(f"{path}:{drawn.number}: {TOO_MANY}")
     return Drawing(tuple(shapes), at, (at[0] + page.width * scale, at[1] + page.height * scale))
 
 
-def _shapes(drawn: _Drawn, upright: Matrix) -> Iterator[Shape]:
-    """The shapes that an element becomes in the world."""
+def _shapes(drawn: _Drawn, upright: Matrix, room: int) -> Iterator[Shape]:
+    """The shapes that an element becomes in the world. room: for so many lines. Raises PathError for more."""
     around = drawn.around
     whole = upright.after(around.matrix)
     if drawn.disc and around.filled and whole.grows:
         centre = whole.of(drawn.disc[0])
         yield Circle(centre.real, centre.imag, drawn.disc[1] * whole.grows, around.name)
         return
-    lines = [(line.closed, _points(line.moved(whole.of))) for line in drawn.lines]
+    lines: list[tuple[bool, tuple[Point, ...]]] = []
+    for line in drawn.lines:
+        lines.append((line.closed, _points(line.moved(whole.of), room)))
+        room -= len(lines[-1][1]) - 1
+        if room < 0:
+            raise PathError(TOO_MANY)
     outlines = tuple(_open(points) for _, points in lines if around.filled and len(_open(points)) > 2)
     if outlines:
         yield Area(outlines, around.name)
@@ -120,13 +130,13 @@ def _shapes(drawn: _Drawn, upright: Matrix) -> Iterator[Shape]:
             yield Wall((*points, *again), around.name)
 
 
-def _points(line: Line) -> tuple[Point, ...]:
-    """Points along a line, without repeats, at most as many as fit into a world."""
+def _points(line: Line, room: int) -> tuple[Point, ...]:
+    """Points along a line, without repeats, at most two more than there is room for."""
     found: list[Point] = []
     for point in line.flat(TOLERANCE):
         if not found or found[-1] != (point.real, point.imag):
             found.append((point.real, point.imag))
-        if len(found) > MAX_SOLIDS:
+        if len(found) > room + 1:
             break
     return tuple(found)
 
@@ -195,7 +205,7 @@ class _Reader:
         self._classes: dict[str, dict[str, str]] = {}
         self._sheet: list[str] | None = None
         self._skipped = 0
-        self._elements = 0
+        self._elements = self._curves = 0
         self._parser = expat.ParserCreate("utf-8", " ")  # whatever encoding the file declares: it was read as this one
         self._parser.StartElementHandler = self._start
         self._parser.EndElementHandler = self._end
@@ -258,6 +268,9 @@ class _Reader:
         elif name in DRAWN and around.shown:
             disc = _disc(attributes) if name == "circle" else None
             lines = _lines(name, attributes)
+            self._curves += sum(1 + len(line.curves) for line in lines)
+            if self._curves > MAX_CURVES:
+                raise PathError(f"with it the drawing has more than {MAX_CURVES} curves: leave some out")
             filled = replace(around, filled=around.filled and name != "line")
             self.drawn.append(_Drawn(lines, filled, self._parser.CurrentLineNumber, disc))
 

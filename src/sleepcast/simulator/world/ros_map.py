@@ -73,9 +73,6 @@ class RosMap:
         high = max(x for x, _ in box), max(y for _, y in box)
         move = self.corner(at)
         lines = contours(self.solid | self.unknown if unknown_is_solid else self.solid)
-        sides = sum(map(len, lines))
-        if sides > MAX_SOLIDS:
-            raise MisuseError(f"the map's walls have {sides} sides; at most {MAX_SOLIDS} fit: take a coarser map")
         area = Area(tuple(tuple(_moved(self._turned(*corner), move) for corner in line) for line in lines))
         return area, _moved(low, move), _moved(high, move)
 
@@ -209,17 +206,21 @@ SOUTH_WEST, SOUTH_EAST, NORTH_WEST, NORTH_EAST = 1, 2, 4, 8
 """Which of the four cells around a grid point are solid: bits that are added up."""
 RISING = SOUTH_WEST + NORTH_EAST
 FALLING = SOUTH_EAST + NORTH_WEST
-CORNERS = np.array([bin(code).count("1") % 2 == 1 or code in (RISING, FALLING) for code in range(16)])
+CORNER_COUNTS = np.array([2 if code in (RISING, FALLING) else bin(code).count("1") % 2 for code in range(16)])
+CORNERS = CORNER_COUNTS > 0
 
 
 def corners_of(solid: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint8]]:
     """Column, row and surroundings of each corner, row by row from the bottom. solid: shape (rows, columns), bottom row
-    first. A point where two solid cells touch counts as two corners."""
+    first. A point where two solid cells touch counts as two corners. Raises MisuseError for more than MAX_SOLIDS."""
     cells = np.pad(solid, 1).astype(np.uint8)
     round_ = cells[:-1, :-1] * SOUTH_WEST
     round_ += cells[:-1, 1:] * SOUTH_EAST
     round_ += cells[1:, :-1] * NORTH_WEST
     round_ += cells[1:, 1:] * NORTH_EAST
+    sides = int(np.bincount(round_.ravel(), minlength=16) @ CORNER_COUNTS)
+    if sides > MAX_SOLIDS:  # before there is a list of them: a small file may be a chessboard of millions of pixels
+        raise MisuseError(f"the map's walls have {sides} sides; at most {MAX_SOLIDS} fit: take a coarser map")
     row, column = np.nonzero(CORNERS[round_])
     code = round_[row, column]
     times = 1 + ((code == RISING) | (code == FALLING))

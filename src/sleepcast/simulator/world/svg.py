@@ -20,6 +20,9 @@ MAX_NUMBER = 1e9
 MAX_PIECES = 10_000
 """Pieces of one flattened curve: a circle of 50 km is as exact as one of 1 m."""
 
+MAX_CURVES = 1_000_000
+"""Curves of one drawing: each becomes at least one line, of which no more fit into a world."""
+
 _NEXT_NUMBER = re.compile(r"[\s,]*([+-]?(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?\d++)?+)")
 _FLAG = re.compile(r"[\s,]*([01])")
 _LETTER = re.compile(r"[\s,]*([MmZzLlHhVvCcSsQqTtAa])")
@@ -119,6 +122,7 @@ class _Reader:
         self._lines: list[Line] = []
         self._here = 0j
         self._last, self._pull = "", 0j
+        self._steps = 0
 
     def read(self) -> list[Line]:
         letter = ""
@@ -136,6 +140,9 @@ class _Reader:
         return self._lines
 
     def _step(self, letter: str) -> None:
+        self._steps += 1
+        if self._steps > MAX_CURVES:
+            raise PathError(f"more than {MAX_CURVES} curves: leave some out")
         upper, values = letter.upper(), self._values(letter.upper())
         origin = self._here if letter.islower() else 0j
         if upper == "Z":

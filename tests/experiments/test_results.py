@@ -1,0 +1,103 @@
+"""Folders of results that somebody sends: what is wrong in them is a sentence, and what computes is not read."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from pathlib import Path
+
+import pytest
+
+from sleepcast.experiments.plan import experiment_of
+from sleepcast.experiments.results import Results, ResultsError, outcomes_in, summary_of, table_of
+
+PLAN = experiment_of("crowd", measures=["mean x"], over=["radio.loss=0,0.1"], seeds=1)
+RUN = json.dumps({"number": 0, "point": {"radio.loss": 0}, "seed": 1})
+ROW = f"SELECT 'a' AS key, 0 AS number, '{RUN}' AS run, '' AS hash, 1.0 AS wall, '[[0.0, 1.0]]' AS samples, "
+NEW = "INSERT INTO runs (key, number, run, hash, wall, samples) VALUES ('a', 0, ?, '', 1.0, '[[0.0, 1.0]]')"
+FOREVER = "WITH RECURSIVE n (i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n) "
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Results without a run yet."""
+    with Results(tmp_path / "found", PLAN):
+        return tmp_path / "found"
+
+
+def changed(folder: Path, *statements: tuple[str, tuple[object, ...]]) -> None:
+    connection = sqlite3.connect(folder / "runs.sqlite")
+    for text, values in statements:
+        connection.execute(text, values)
+    connection.commit()
+    connection.close()
+
+
+def insert(run: str, samples: str) -> tuple[str, tuple[object, ...]]:
+    return "INSERT INTO runs VALUES ('a', 0, ?, '', '', 1.0, ?)", (run, samples)
+
+
+@pytest.mark.parametrize(
+    ("run", "samples"),
+    [
+        (RUN, "[" * 200_000),
+        (RUN, '{"a":' * 200_000),
+        (RUN, "[[0.0]]"),
+        (RUN, "[[0.0, 1.0, 2.0]]"),
+        (RUN, '[["a", "b"]]'),
+        (RUN, "[5]"),
+        (RUN, "5"),
+        (RUN, ""),
+        ("[" * 200_000, "[[0.0, 1.0]]"),
+        (RUN.replace("radio.loss", "radio.delay"), "[[0.0, 1.0]]"),
+        (RUN.replace("0}", "[0]}"), "[[0.0, 1.0]]"),
+    ],
+)
+def test_a_row_that_is_none_is_a_sentence(folder: Path, run: str, samples: str) -> None:
+    changed(folder, insert(run, samples))
+    for read in (summary_of, table_of):
+        with pytest.raises(ResultsError, match="the results cannot be read"):
+            read(folder)
+
+
+@pytest.mark.parametrize(
+    "view",
+    [
+        f"{ROW} hex(zeroblob(450000000)) AS error",
+        f"{FOREVER}{ROW} '' AS error FROM n",
+    ],
+    ids=["long", "without end"],
+)
+def test_what_computes_its_rows_is_not_read(folder: Path, view: str) -> None:
+    changed(folder, ("DROP TABLE runs", ()), (f"CREATE VIEW runs AS {view}", ()))
+    with pytest.raises(ResultsError, match="which no results have"):
+        list(outcomes_in(folder))
+    with pytest.raises(ResultsError, match="which no results have"):
+        Results(folder, PLAN)
+
+
+def test_nor_is_what_acts_on_writing(folder: Path) -> None:
+    changed(folder, ("CREATE TRIGGER more AFTER INSERT ON runs BEGIN DELETE FROM runs; END", ()))
+    with pytest.raises(ResultsError, match="'more', which no results have"):
+        Results(folder, PLAN)
+
+
+def test_nor_a_column_that_becomes_large(folder: Path) -> None:
+    changed(
+        folder,
+        ("DROP TABLE runs", ()),
+        (
+            "CREATE TABLE runs (key TEXT, number INTEGER, run TEXT, error AS (hex(zeroblob(100000000))), hash TEXT, "
+            "wall REAL, samples TEXT)",
+            (),
+        ),
+        (NEW, (RUN,)),
+    )
+    with pytest.raises(ResultsError, match="too big"):
+        list(outcomes_in(folder))
+
+
+def test_what_was_written_is_read(folder: Path) -> None:
+    changed(folder, insert(RUN, "[[0.0, 1.0], [1.0, null], [2.0, Infinity]]"))
+    (found,) = outcomes_in(folder)
+    assert found.samples == ((0.0, 1.0), (1.0, None), (2.0, float("inf")))

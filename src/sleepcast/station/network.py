@@ -45,7 +45,6 @@ from sleepcast.channel.name_conflicts import UNDECIDED_FOR
 from sleepcast.channel.session import MAX_SPREAD, ChannelSession
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.core.model import RestState
 from sleepcast.language import Checked
 from sleepcast.language.parts import rules
 from sleepcast.language.program import Program
@@ -452,9 +451,6 @@ class NetworkStation(Station):
 
     def _count(self, command: Command, place: int, message: Message, answer: Answer) -> None:
         self._shared.take(command, place, message, answer, self._clock.now())
-
-    def _rest_of(self, message: Message) -> RestState | None:
-        return self._shared.slowest_rest(message, super()._rest_of(message))
 
     def _update_latch(self, robots: Index, stopped: Mask, now: float) -> None:
         plain = self._shared.is_plain(robots, self._clock.now())

@@ -13,14 +13,12 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from math import inf
 
 import numpy as np
 
 from sleepcast.channel import Kind
 from sleepcast.channel.message import Message
 from sleepcast.channel.name_conflicts import Holder, NameConflicts, sentences
-from sleepcast.core.model import RestState
 from sleepcast.station.answers import Answer, Outcome
 from sleepcast.station.roster import Index, Roster
 from sleepcast.station.sent import Command, SentCommands
@@ -39,12 +37,10 @@ SHARED = "several robots have this name"
 
 @dataclass(slots=True)
 class HolderAnswers:
-    """What the robots of one name answered to one command, by epoch. needed: those that must answer; rest: how each
-    moves since a STOP."""
+    """What the robots of one name answered to one command, by epoch. needed: those that must answer."""
 
     answers: dict[int, Answer] = field(default_factory=dict)
     needed: dict[int, Holder] = field(default_factory=dict)
-    rest: dict[int, RestState] = field(default_factory=dict)
 
 
 class SharedNames:
@@ -90,15 +86,6 @@ class SharedNames:
         found = self._open(command, place, name, now)
         found.answers.setdefault(message.epoch, answer)
         self._settle(command, place, name, found, now)
-
-    def slowest_rest(self, message: Message, state: RestState | None) -> RestState | None:
-        """How a name's robots move since the last STOP, where one of them says so: as the one that will rest last."""
-        latch = self._sent.latch
-        found = None if latch is None else self._shared.get((latch.id, message.sender))
-        if found is None or state is None:
-            return state
-        found.rest[message.epoch] = state
-        return max(found.rest.values(), key=lambda each: inf if each.speed != each.speed else each.speed)
 
     def review(self, now: float) -> dict[str, str]:
         """Count again where robots of one name turned up, or one of them turned out to have restarted; gives the names

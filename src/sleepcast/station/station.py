@@ -25,7 +25,6 @@ from sleepcast.channel.message import FOR, RULE, TELEMETRY
 from sleepcast.channel.message_batch import Answers, MessageBatch
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.core.model import RestState
 from sleepcast.core.serial import SerialError, pack, room_for, unpack
 from sleepcast.language import Checked, CheckError, Explanation, check
 from sleepcast.language.parts import acts
@@ -518,13 +517,9 @@ class Station:
 
     def _take_rest(self, place: int | None, message: Message) -> None:
         """A robot may tell whether it has come to rest since the STOP that holds."""
-        latest, state = self._sent.latch, self._rest_of(message)
+        latest, state = self._sent.latch, motion_said(message)
         if latest is not None and latest.kind is Kind.STOP and place is not None and state is not None:
             latest.rest.add(place, state)
-
-    def _rest_of(self, message: Message) -> RestState | None:
-        """How a stopped robot moves, as it says."""
-        return motion_said(message)
 
     def _take_rests(self, robots: Index) -> None:
         """Robots that are stopped tell how they move, where their minds tell that of many at once."""

@@ -98,6 +98,21 @@ def test_a_lossy_radio_delays_the_word_and_does_not_lose_it() -> None:
     assert desk.accounting(found.command).stands
 
 
+def test_who_is_heard_late_is_waited_for_as_long_as_others() -> None:
+    scene, desk, boats = sailing({"r1": 2.0})
+    scene.isolate("r1")
+    found = stopped(scene, desk, {})
+    scene.run(REST_SECONDS + 5.0)
+    scene.join("r1")
+    boats["r1"].begin()
+    scene.run(2.0)
+    late = desk.accounting(found.command)
+    assert late.rest is not None
+    assert late.rest.n_stopping == 1
+    scene.run(5.0)
+    assert desk.accounting(found.command).stands
+
+
 def test_nobody_is_asked_for_ever() -> None:
     scene, desk, boats = sailing({"r1": 1e6})
     found = stopped(scene, desk, boats)

@@ -48,7 +48,7 @@ def resting(found: RestAccount) -> dict[str, object]:
     if found.n_stopping <= MANY:
         counts["stopping"] = {name: state_as_dict(state) for name, state in found.stopping.items()}
     few = {"at_rest": found.at_rest, "accepted": found.accepted}
-    return counts | {sort: list(names) for sort, names in few.items() if len(names) <= MANY}
+    return counts | {sort: list(_sorted(names)) for sort, names in few.items() if len(names) <= MANY}
 
 
 def state_as_dict(state: RestState) -> dict[str, object]:

@@ -156,7 +156,7 @@ def _await_rest(station: NetworkStation, sent: Command, check: Callable[[], None
             status.show(f"at rest {found.n_at_rest}, still moving {found.n_stopping}: {moving}")
             return not found.n_stopping
 
-        station.wait_until(rests, sent.message.issued + REST_SECONDS, PAUSE)
+        station.wait_until(rests, max(sent.answers.latest, sent.message.issued) + REST_SECONDS, PAUSE)
 
 
 def _our_key(station: NetworkStation) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from math import nan
+from math import inf, nan
 from sys import float_info
 from typing import TypeVar
 
@@ -168,6 +168,11 @@ class Answers(Mapping[str, Answer]):
         found = self._outcome.copy()
         found[: len(self._heard)][self._heard > time] = SILENT
         return found
+
+    @property
+    def latest(self) -> float:
+        """When the last robot answered for the first time, s; -inf if none has."""
+        return float(self._heard[self._outcome[: len(self._heard)] > 0].max(initial=-inf))
 
     @property
     def known(self) -> Seconds:

@@ -559,7 +559,7 @@ class NetworkStation(Station):
         if latch is None or latch.kind is not Kind.STOP:
             self._rest_watch.over()
             return
-        wanted = self._rest_watch.wanted(latch.id, latch.message.issued, latch.resting, now)
+        wanted = self._rest_watch.wanted(latch.id, latch.answers.latest, latch.resting, now)
         if wanted:
             self.post(Kind.ASK, body={LOOK: Inspection.TELEMETRY}, only=wanted, seconds=LOOK_SELDOM)
 

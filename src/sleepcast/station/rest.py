@@ -205,7 +205,7 @@ def _by_name(found: tuple[str, float, float]) -> list[tuple[int, str]]:
 # ---- on the air: those are asked that still moved
 
 REST_SECONDS = 30.0
-"""Seconds after a STOP for which a desk asks whether robots have come to rest: a body that needs longer is told."""
+"""Seconds after the last robot has accepted a STOP for which a desk asks whether robots have come to rest."""
 LOOK_EVERY, LOOK_SELDOM = 0.5, 2.0
 """Seconds between two such looks: at least, and at most where nobody is expected to be at rest before."""
 MAX_LOOKED_AT = 200
@@ -222,11 +222,12 @@ class RestWatch:
         """When it looks next, s of the desk's clock; inf for never."""
         return self._next
 
-    def wanted(self, stop: str, issued: float, found: RestAccount, now: float) -> Sequence[str]:
-        """Whom to ask now. stop: id of the STOP that holds; issued: when it was, s; found: what is known since."""
+    def wanted(self, stop: str, accepted: float, found: RestAccount, now: float) -> Sequence[str]:
+        """Whom to ask now. stop: id of the STOP that holds; accepted: when the last robot accepted it, s; found: what
+        is known since."""
         if stop != self._stop:
-            self._stop, self._next = stop, issued + LOOK_EVERY
-        if not found.n_stopping or now > issued + REST_SECONDS:
+            self._stop, self._next = stop, now + LOOK_EVERY
+        if not found.n_stopping or now > accepted + REST_SECONDS:
             self._next = inf
             return ()
         if self._next == inf:

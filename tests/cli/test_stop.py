@@ -69,7 +69,7 @@ def test_it_goes_on_until_each_expected_robot_has_confirmed(channel: str, tmp_pa
             assert "ended by Ctrl-C; STOP is not sent any more" in err
             assert "stopped 3: r1, r2, r3" in out
             assert "silent 1 of 4 robots: r4 (never heard)" in out
-        with running(*SLEEPCAST, "stop", "--channel", channel) as stop:
+        with running(*SLEEPCAST, "stop", "--accepted", "--channel", channel) as stop:  # it begins at 30 kn
             wait_for(stop, "silent 1 of 4 robots: r4")
             with swarm(1, channel, "--first", "4"):
                 out, _ = stop.communicate(timeout=LONGEST)

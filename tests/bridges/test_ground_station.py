@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from math import inf, nan, pi
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridges.mind import PATIENCE
 from sleepcast.bridges.address import BodyError
 from sleepcast.bridges.mavlink.ground_station import QUIET, GroundStation, Wish, open_ground_station
-from sleepcast.bridges.mavlink.link import Link
+from sleepcast.bridges.mavlink.link import GONE, MOST_PEERS, Link, UdpWire
 from sleepcast.cli.local_input import wished
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.geodesy import Origin
@@ -42,7 +43,6 @@ class Desk:
         self.mav.robust_parsing = True
         if key is not None:
             self.mav.signing.secret_key, self.mav.signing.sign_outgoing = key, True
-            self.mav.signing.timestamp = int((time.time() - 1_420_070_400) * 1e5)
         self.seen: dict[str, Any] = {}
         self.waiting: list[bytes] = []
 
@@ -51,6 +51,8 @@ class Desk:
             self.seen[message.get_type()] = message
 
     def pack(self, message: Any) -> bytes:
+        signing = self.mav.signing
+        signing.timestamp = max(signing.timestamp, int((time.time() - 1_420_070_400) * 1e5))
         self.mav.seq = (self.mav.seq + 1) % 256
         return bytes(message.pack(self.mav))
 
@@ -210,6 +212,16 @@ def test_numbers_of_any_kind_do_no_harm(ground: GroundStation, desk: Desk) -> No
     assert {each.sort for each in ground.wishes()} <= {"stop", "drive"}
 
 
+@pytest.mark.parametrize("name", ["x", "height", "climb_rate", "turn_rate", "speed", "heading", "volts"])
+@pytest.mark.parametrize("value", [1e39, -1e300, inf, nan])
+def test_values_without_room_in_a_message_end_nobody(
+    ground: GroundStation, desk: Desk, name: str, value: float
+) -> None:
+    """A ROS robot's place is a double, and a robot may have a variable that is called `height`."""
+    ground.tell({"x": 1.0, "y": 2.0, "heading": 0.3, name: value}, stopped=False)
+    assert "SYS_STATUS" in desk.seen
+
+
 def test_nobody_without_the_key_is_heard(ground: GroundStation, desk: Desk) -> None:
     for stranger in (Desk(None), Desk(hashlib.sha256(b"another").digest())):
         stranger.order(176, 1.0, 15.0)
@@ -247,6 +259,37 @@ def test_a_mode_does_not_end_a_stop_by_disarming_but_arming_does(ground: GroundS
     ground.tell({}, stopped=True)
     desk.order(176, 1.0, 15.0)
     assert ground.wishes() == [Wish("release")], "a STOP by a mode ends by one"
+
+
+def test_what_was_sent_before_a_stop_or_comes_with_it_moves_nothing_after_it(
+    ground: GroundStation, desk: Desk, clock: ManualClock
+) -> None:
+    """All of it may be read in one tick."""
+    ground.tell({"x": 0.0, "y": 0.0, "heading": 0.0}, stopped=False)
+    desk.waiting.append(desk.velocity(0.5, 0.0))
+    desk.order(176, 1.0, 4.0)
+    desk.order(192, 0.0, 1.0, 0.0, 0.0, 36.6003604, -121.8996646)
+    assert ground.wishes() == [Wish("stop")]
+    assert desk.seen["COMMAND_ACK"].result == 2
+    desk.order(176, 1.0, 15.0)
+    assert ground.wishes() == [Wish("release")]
+    clock.advance(1.1 * QUIET)
+    assert (ground.wishes(), ground.complaints()) == ([], [])
+
+
+def test_of_many_places_the_last_one_counts(ground: GroundStation, desk: Desk) -> None:
+    desk.waiting += [setpoint(desk, 1, PLACE, place=(1.0, each, 0.0), pace=(0.0, 0.0, 0.0)) for each in range(50)]
+    assert ground.wishes() == [Wish("goal", (49.0, 1.0, 0.0))]
+
+
+def test_a_robot_that_begins_under_a_stop_counts_as_disarmed(ground: GroundStation, desk: Desk) -> None:
+    """Before it was restarted it may have been."""
+    ground.tell({}, stopped=True)
+    assert (desk.seen["HEARTBEAT"].custom_mode, desk.seen["HEARTBEAT"].base_mode) == (4, 1)
+    desk.order(176, 1.0, 15.0)
+    assert ground.wishes() == []
+    desk.order(400, 1.0)
+    assert ground.wishes() == [Wish("release")]
 
 
 def test_what_programs_wait_for_before_they_command_anything(
@@ -315,6 +358,10 @@ def test_a_velocity_to_north_and_east_is_driven_by_turning_there(
         (1, VELOCITY, (0.1, 0.0, -0.2), "it has no velocity up or down"),
         (12, VELOCITY, (0.1, 0.0, 0.0), "it takes no setpoints in frame 12"),
         (1, 0xFFF, (0.1, 0.0, 0.0), "it takes setpoints with a place or a velocity"),
+        (1, VELOCITY, (nan, 0.1, 0.0), "it takes velocities that are numbers"),
+        (1, VELOCITY, (0.1, 0.1, nan), "it has no velocity up or down"),
+        (8, VELOCITY, (inf, 0.0, 0.0), "it takes velocities that are numbers"),
+        (9, VELOCITY, (0.1, nan, 0.0), "it moves along its heading only"),
     ],
 )
 def test_a_setpoint_that_it_cannot_follow_is_refused_with_a_text_and_ends_the_one_before(
@@ -329,6 +376,32 @@ def test_a_setpoint_that_it_cannot_follow_is_refused_with_a_text_and_ends_the_on
     desk.waiting.append(setpoint(desk, frame, mask, place=(1.0, 1.0, 0.0), pace=pace))
     ground.wishes()
     assert "STATUSTEXT" not in desk.seen, "it is not said twenty times a second"
+
+
+@pytest.mark.parametrize(
+    ("here", "frame", "place", "said"),
+    [
+        ({"x": 0.0, "y": 0.0}, 1, (nan, 1.0, 0.0), "there is no such place here"),
+        ({"x": 0.0, "y": 0.0}, 7, (1e9, 1.0, 0.0), "there is no such place here"),
+        ({"x": 0.0, "y": 0.0}, 8, (1.0, 1.0, 0.0), "it does not know its heading"),
+        ({"heading": 0.0}, 7, (1.0, 1.0, 0.0), "it does not know where it is"),
+    ],
+)
+def test_a_place_that_it_cannot_find_is_refused_with_a_text(
+    ground: GroundStation, desk: Desk, here: dict[str, float], frame: int, place: tuple[float, ...], said: str
+) -> None:
+    ground.tell(here, stopped=False)
+    desk.waiting.append(setpoint(desk, frame, PLACE, place=place, pace=(0.0, 0.0, 0.0)))
+    assert ground.wishes() == []
+    assert desk.seen["STATUSTEXT"].text == said
+
+
+def test_a_mode_that_it_has_not_got_is_refused_with_a_text_however_it_is_asked_for(
+    ground: GroundStation, desk: Desk
+) -> None:
+    desk.waiting.append(desk.pack(desk.mav.set_mode_encode(ROBOT, 1, 11)))
+    assert ground.wishes() == []
+    assert desk.seen["STATUSTEXT"].text == "it has no such mode, only HOLD, LOITER and GUIDED"
 
 
 @pytest.mark.parametrize("frame", [0, 3, 5, 6, 10, 11])
@@ -358,7 +431,7 @@ def test_a_place_in_another_frame_or_without_an_origin_is_refused_with_a_text(
 def test_one_whose_clock_is_ahead_is_named_and_makes_nobody_else_look_old(ground: GroundStation, desk: Desk) -> None:
     ahead = Desk()
     ahead.mav.srcSystem = 254
-    ahead.mav.signing.timestamp += 3_600 * 100_000
+    ahead.mav.signing.timestamp = int((time.time() + 3_600.0 - 1_420_070_400) * 1e5)
     ahead.order(176, 1.0, 4.0)
     desk.waiting += ahead.waiting
     desk.order(176, 1.0, 15.0)
@@ -371,6 +444,41 @@ def test_one_whose_clock_is_ahead_is_named_and_makes_nobody_else_look_old(ground
         "1 messages from the ground station were refused: their timestamps are old: they are repeated, or the clock of "
         "the ground station is behind ours by more than a minute (system 254)"
     ]
+
+
+def test_two_ground_stations_are_both_answered() -> None:
+    """Whoever of them has spoken last."""
+    with closing(UdpWire("127.0.0.1", 0, listening=True)) as end, ExitStack() as stack:
+        link = Link(end, ROBOT, 1, None)
+        ground = GroundStation(link, None, (1.0, 2.0))
+        lines = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(2)]
+        desks = [Desk(None), Desk(None)]
+        for number, (each, line) in enumerate(zip(desks, lines, strict=True)):
+            line.settimeout(PATIENCE)
+            each.mav.srcSystem = 254 + number
+            each.order(176, 1.0, 4.0)
+            line.sendto(each.waiting.pop(), ("127.0.0.1", end.port))
+        found: list[Wish] = []
+        while len(found) < 2:
+            found += ground.wishes()
+        for each, line in zip(desks, lines, strict=True):
+            acks: set[int] = set()
+            while each.mav.srcSystem not in acks:
+                each.look(line.recv(2048))
+                if "COMMAND_ACK" in each.seen:
+                    acks.add(each.seen["COMMAND_ACK"].target_system)
+
+
+def test_who_is_silent_is_not_sent_to_for_ever_but_the_last_one_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr("sleepcast.bridges.mavlink.link.monotonic", lambda: now[0])
+    with closing(UdpWire("127.0.0.1", 0, listening=True)) as end:
+        for number in range(MOST_PEERS + 3):
+            end.answer(("127.0.0.1", 1000 + number))
+        assert [port for _, port in end.peers] == [1003 + each for each in range(MOST_PEERS)]
+        now[0] = GONE + 1.0
+        end.answer(("127.0.0.1", 1005))
+        assert end.peers == [("127.0.0.1", 1005)]
 
 
 # ---- a node with a body in the simulator
@@ -389,14 +497,17 @@ def test_a_simulated_robot_is_stopped_released_and_driven_from_a_ground_station(
 ) -> None:
     (tmp_path / "key").write_text("fleet key")
     uri = f"mavlink://127.0.0.1:{wire.getsockname()[1]}?key={tmp_path / 'key'}"
-    command = ("node", "--name", "r7", "--body", "sim:maze", "--no-store", "--ground-station", uri)
-    with (tmp_path / "screen").open("w") as screen:
-        node = subprocess.Popen(
-            [sys.executable, "-m", "sleepcast", *command],
-            stdin=subprocess.DEVNULL,
-            stdout=screen,
-            stderr=subprocess.STDOUT,
-        )
+    store = str(tmp_path / "store")
+    command = ("node", "--name", "r7", "--body", "sim:maze", "--store", store, "--ground-station", uri)
+
+    def start() -> subprocess.Popen[bytes]:
+        with (tmp_path / "screen").open("a") as screen:
+            return subprocess.Popen(
+                [sys.executable, "-m", "sleepcast", *command],
+                stdin=subprocess.DEVNULL,
+                stdout=screen,
+                stderr=subprocess.STDOUT,
+            )
 
     def until(true: Callable[[dict[str, Any]], bool], message: Callable[[], bytes]) -> None:
         end, peer, again = time.monotonic() + PATIENCE, None, 0.0
@@ -414,15 +525,29 @@ def test_a_simulated_robot_is_stopped_released_and_driven_from_a_ground_station(
     def mode(number: int) -> bytes:
         return desk.pack(desk.mav.command_long_encode(ROBOT, 1, 176, 0, 1.0, number, 0, 0, 0, 0, 0))
 
+    def arm() -> bytes:
+        return desk.pack(desk.mav.command_long_encode(ROBOT, 1, 400, 0, 1.0, 0, 0, 0, 0, 0, 0))
+
+    def free(seen: dict[str, Any]) -> bool:
+        return "HEARTBEAT" in seen and bool(seen["HEARTBEAT"].base_mode & 128)
+
     def speed(seen: dict[str, Any]) -> float:
         found = seen["LOCAL_POSITION_NED"]
         return float((found.vx**2 + found.vy**2) ** 0.5)
 
+    node = start()
     try:
         until(lambda seen: "HEARTBEAT" in seen and seen["HEARTBEAT"].custom_mode == 4, lambda: mode(4))
         until(lambda seen: seen["HEARTBEAT"].custom_mode == 15, lambda: mode(15))
         until(lambda seen: speed(seen) > 0.2, lambda: desk.velocity(0.4, 0.0))
         until(lambda seen: seen["HEARTBEAT"].custom_mode == 4 and speed(seen) == 0.0, lambda: mode(4))
+        node.kill()
+        node.wait(PATIENCE)
+        node = start()
+        desk.seen.clear()
+        until(lambda seen: "COMMAND_ACK" in seen and seen["HEARTBEAT"].custom_mode == 15, lambda: mode(15))
+        assert not free(desk.seen), "it may have been disarmed before the restart"
+        until(free, arm)
     finally:
         os.kill(node.pid, signal.SIGINT)
         assert node.wait(PATIENCE) == 130

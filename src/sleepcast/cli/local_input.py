@@ -109,8 +109,9 @@ class LocalInput:
 
     orders: what is to be done when, s after the start. typed: where an operator types, if one does. listener: plain
     datagrams, of which one is delivered in each tick. session: the radio, if there is one. They are polled in this
-    order. epoch: of the messages that are made of typed lines and datagrams. stops: those that hold the robot; a
-    RELEASE that is typed here ends them. actuators: names of speed and turn rate.
+    order. epoch: of the messages that are made of typed lines and datagrams. stops: the marks of those that hold
+    the robot; a RELEASE that is typed here ends them, one of the ground station its own. actuators: names of speed and
+    turn rate.
     """
 
     def __init__(
@@ -122,7 +123,7 @@ class LocalInput:
         listener: Datagrams | None,
         session: ChannelSession | None = None,
         epoch: int = 0,
-        stops: Callable[[], Sequence[object]] = tuple,
+        stops: Callable[[], Sequence[Sequence[object]]] = tuple,
         ground: GroundStation | None = None,
         actuators: Sequence[str] = (),
     ) -> None:
@@ -174,9 +175,13 @@ class LocalInput:
         kind = {"STOP": Kind.STOP, "RELEASE": Kind.RELEASE}.get(text.upper(), Kind.COMMAND)
         self._sequence += 1
         said = text[:MAX_TEXT] if kind is Kind.COMMAND else ""
-        ends_all = kind is Kind.RELEASE and sender == OPERATOR
-        body: dict[str, object] = {ENDS: list(self._stops())} if ends_all else {}
+        body: dict[str, object] = {ENDS: self._ended_by(sender)} if kind is Kind.RELEASE else {}
         return Message(sender, self._epoch, self._sequence, kind, self._clock.now() - self._start, text=said, body=body)
+
+    def _ended_by(self, sender: str) -> list[object]:
+        """Which of the STOPs that hold a RELEASE from here names: all if it is typed, otherwise those of its sender,
+        also from before a restart."""
+        return [mark for mark in self._stops() if sender in (OPERATOR, mark[0])]
 
     def send(self, message: Message) -> None:
         """Print what the robot says to the terminal, and send all else."""

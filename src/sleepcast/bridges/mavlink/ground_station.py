@@ -4,7 +4,8 @@ To the ground station it is a rover of ArduPilot's with two modes: HOLD while it
 there becomes a `Wish`, which the node brings to its mind like a command that is typed: so limits, STOP and rules hold
 for it as for everybody. HOLD, and disarming, is STOP; GUIDED, and arming, is RELEASE, which ends only the STOP that the
 ground station itself has sent. A STOP by disarming is ended by arming alone: programs choose GUIDED on their way to
-anything, also after they have switched off the motors.
+anything, also after they have switched off the motors. Which it was is not known any more after a restart: a robot that
+begins under a STOP counts as disarmed.
 
 A ground station that drives must go on doing so: `QUIET` s after its last setpoint the robot is to come to rest. What
 the robot cannot do is refused with a text to the ground station.
@@ -88,6 +89,8 @@ class GroundStation:
         self._due = dict.fromkeys(EVERY, -inf)
         self._stopped, self._disarmed, self._mode = False, False, GUIDED
         """Whether any STOP holds; whether the ground station's own is one by disarming; and the mode it has chosen."""
+        self._is_new = True
+        """Whether it was never told how the robot is."""
         self._here = (nan, nan, nan)
         """x, y in m and heading in rad."""
         self._height = nan
@@ -102,12 +105,15 @@ class GroundStation:
     # ---- what it wants
 
     def wishes(self) -> list[Wish]:
-        """What it has asked for since the last call, of setpoints only the last one."""
+        """What it has asked for since the last call, of velocities and of places only the last one."""
         found: list[Wish] = []
         now, before = self._clock.now(), self._driven
         with suppress(OSError):
             for message in self._link.receive():
-                found += self._wish(message, now)
+                wanted = self._wish(message, now)
+                if any(each.sort == "goal" for each in wanted):
+                    found = [each for each in found if each.sort != "goal"]
+                found += wanted
         if self._course is not None:
             self._driven = self._towards(*self._course)
         if (self._course or any(self._driven)) and now - self._last > QUIET:
@@ -178,8 +184,9 @@ class GroundStation:
         """A mode is chosen. GUIDED does not end a STOP by disarming."""
         if mode in STOPPING_MODES:
             self._mode = HOLD
-            return [Wish("stop")]
+            return self._halt()
         if mode != GUIDED:
+            self._say("it has no such mode, only HOLD, LOITER and GUIDED", WARNING)
             return []
         self._mode = GUIDED
         self._due["heartbeat"] = -inf
@@ -191,6 +198,12 @@ class GroundStation:
 
     def _disarm(self) -> list[Wish]:
         self._disarmed = True
+        return self._halt()
+
+    def _halt(self) -> list[Wish]:
+        """What it was sent before has ended, and what it is sent from now on meets a robot that is stopped."""
+        self._rest()
+        self._stopped, self._due["heartbeat"] = True, -inf
         return [Wish("stop")]
 
     # ---- places
@@ -222,7 +235,10 @@ class GroundStation:
 
     def _goal(self, place: Place) -> list[Wish]:
         """Nothing for what is no place, nor under a STOP: what is asked then may not set it in motion later."""
+        if place is NOWHERE:
+            return []  # which was said
         if not all(abs(each) <= FARTHEST for each in place[:2]):
+            self._say("there is no such place here", WARNING)
             return []
         if self._stopped or self._disarmed:
             self._say("it is stopped, so it goes nowhere", WARNING)
@@ -252,29 +268,36 @@ class GroundStation:
     def _at(self, message: Any) -> Place:
         """A place in metres, from the origin or from the robot."""
         x, y, heading = self._here
-        if message.coordinate_frame in BODY_FRAMES:
+        turned, moved = message.coordinate_frame in BODY_FRAMES, message.coordinate_frame == OFFSET_FRAME
+        unknown = "where it is" if not isfinite(x + y) else "its heading" if turned and not isfinite(heading) else ""
+        if (turned or moved) and unknown:
+            self._say(f"it does not know {unknown}", WARNING)
+            return NOWHERE
+        if turned:
             ahead, right = message.x, message.y
             there = ahead * cos(heading) + right * sin(heading), ahead * sin(heading) - right * cos(heading)
             return x + there[0], y + there[1], self._height - message.z
-        if message.coordinate_frame == OFFSET_FRAME:
+        if moved:
             return x + message.y, y + message.x, self._height - message.z
         return message.y, message.x, -message.z  # north comes first, and down last
 
     def _follow_heading(self, message: Any, now: float) -> None:
         turn_rate = 0.0 if message.type_mask & NO_YAW_RATE else -message.yaw_rate
-        if abs(message.vy) > STILL or abs(message.vz) > STILL:
+        if not (abs(message.vy) <= STILL and abs(message.vz) <= STILL):
             self._refuse("it moves along its heading only")
         else:
             self._drive(message.vx, turn_rate, now)
 
     def _follow_course(self, message: Any, now: float) -> None:
         """A velocity to north and east. A robot that cannot move sideways turns to where it is to drive."""
-        if abs(message.vz) > STILL:
+        if not abs(message.vz) <= STILL:
             self._refuse("it has no velocity up or down")
         elif not isfinite(self._here[2]):
             self._refuse("it does not know its heading")
         elif isfinite(message.vx) and isfinite(message.vy):
             self._course, self._last = (message.vy, message.vx), now
+        else:
+            self._refuse("it takes velocities that are numbers")
 
     def _towards(self, east: float, north: float) -> tuple[float, float]:
         """Speed and turn rate by which it comes to drive so, within the limits."""
@@ -287,6 +310,8 @@ class GroundStation:
     def _drive(self, speed: float, turn_rate: float, now: float) -> None:
         if isfinite(speed) and isfinite(turn_rate):
             self._driven, self._course, self._last = (speed, turn_rate), None, now
+        else:
+            self._refuse("it takes velocities that are numbers")
 
     def _rest(self) -> None:
         self._driven, self._course = (0.0, 0.0), None
@@ -302,13 +327,15 @@ class GroundStation:
         """Show it the robot, if that is due. values: of its sensors, by name."""
         if stopped:
             self._rest()
+            if self._is_new:
+                self._disarmed, self._mode = True, HOLD
         else:
             self._disarmed, self._mode = False, GUIDED
         self._here = values.get("x", nan), values.get("y", nan), values.get("heading", nan)
         self._height = values.get("height", nan)
         if stopped != self._stopped:
             self._due["heartbeat"] = -inf
-        self._stopped, now = stopped, self._clock.now()
+        self._is_new, self._stopped, now = False, stopped, self._clock.now()
         for kind, every in EVERY.items():
             if now >= self._due[kind]:
                 self._due[kind] = now + every

@@ -13,8 +13,8 @@ import hashlib
 import socket
 from collections import Counter
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Any, Protocol
 
 from sleepcast.bridges.address import BodyAddress, BodyError
@@ -41,6 +41,9 @@ AHEAD = 60.0
 """Seconds by which a clock may be ahead of ours before that is told, as many as a newcomer's may be behind."""
 MOST_NAMED = 4
 """Systems that a sentence names; more are counted."""
+MOST_PEERS, GONE = 8, 10.0
+"""Addresses that a listening end sends to, and the seconds after which one that is silent is not one of them any more:
+ground stations send a heartbeat every second."""
 
 
 LINK = {"listen": "no", "key": "", "unsigned": "no"}
@@ -56,19 +59,22 @@ class Wire(Protocol):
         """Datagrams, and whom they came from."""
 
     def answer(self, sender: object) -> None:
-        """What this sender has said is true: from now on it is the other end."""
+        """What this sender has said is true: from now on it is at the other end."""
 
     def close(self) -> None: ...
 
 
 class UdpWire:
-    """UDP to a host and port, or, listening there, to whom something true came from. Raises OSError."""
+    """UDP to a host and port, or, listening there, to all from whom something true came lately, and at least to the
+    last one of them: what is meant for one of two ground stations reaches it, whoever has spoken since. Raises
+    OSError."""
 
     def __init__(self, host: str, port: int, *, listening: bool) -> None:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
         self._socket = socket.socket(family, kind, protocol)
         self._socket.setblocking(False)
-        self._peer: Any = None if listening else address
+        self._peers: dict[Any, float] = {} if listening else {address: monotonic()}
+        """When each was heard, the last one at the end."""
         self._listening = listening
         if listening:
             try:
@@ -78,10 +84,22 @@ class UdpWire:
                 raise
         self.port: int = self._socket.getsockname()[1]
 
+    @property
+    def peers(self) -> list[Any]:
+        """The addresses at the other end, the one that was heard last at the end."""
+        return list(self._peers)
+
     def send(self, data: bytes) -> None:
-        if self._peer is not None:
-            with suppress(BlockingIOError, ConnectionRefusedError):  # nobody listens there now; silence tells
-                self._socket.sendto(data, self._peer)
+        failed: OSError | None = None
+        for peer in self._peers:
+            try:
+                self._socket.sendto(data, peer)
+            except (BlockingIOError, ConnectionRefusedError):
+                continue  # nobody listens there now; silence tells
+            except OSError as error:
+                failed = error
+        if failed is not None:
+            raise failed
 
     def receive(self) -> list[tuple[bytes, object]]:
         found: list[tuple[bytes, object]] = []
@@ -92,12 +110,17 @@ class UdpWire:
                 break
             except ConnectionRefusedError:
                 continue
-            if self._listening or sender == self._peer:
+            if self._listening or sender in self._peers:
                 found.append((data, sender))
         return found
 
     def answer(self, sender: object) -> None:
-        self._peer = sender
+        now = monotonic()
+        self._peers.pop(sender, None)
+        self._peers[sender] = now
+        for each, heard in tuple(self._peers.items()):
+            if now - heard > GONE or len(self._peers) > MOST_PEERS:
+                del self._peers[each]
 
     def close(self) -> None:
         self._socket.close()

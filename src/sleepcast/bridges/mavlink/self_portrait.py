@@ -25,6 +25,9 @@ CAPABILITIES = 0x8 | 0x80 | 0x100 | 0x800 | 0x2000
 """Places in whole ten-millionths of a degree, setpoints from the origin and on the Earth, termination, MAVLink 2."""
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 UNKNOWN_16 = 65_535
+LARGEST = 1e9
+"""Of a place in m, or of a speed: a larger one is none. A robot's variables may be of any size, and messages have room
+for 3.4e38."""
 
 
 class SelfPortrait:
@@ -41,11 +44,12 @@ class SelfPortrait:
 
     def place(self, values: Mapping[str, float], now: int) -> list[Any]:
         """Where it is, and how it moves; nothing if it does not know."""
-        x, y, heading, speed = (values.get(name, nan) for name in ("x", "y", "heading", "speed"))
+        x, y, heading = (_known(values, name, nan) for name in ("x", "y", "heading"))
         if not all(map(isfinite, (x, y, heading))):
             return []
-        turn, height, climb = (values.get(name, 0.0) for name in ("turn_rate", "height", "climb_rate"))
-        speed, turn, height, climb = (each if isfinite(each) else 0.0 for each in (speed, turn, height, climb))
+        speed, turn, height, climb = (
+            _known(values, name, 0.0) for name in ("speed", "turn_rate", "height", "climb_rate")
+        )
         north, east, azimuth = speed * sin(heading), speed * cos(heading), (pi / 2.0 - heading) % (2.0 * pi)
         signed = azimuth - 2.0 * pi if azimuth > pi else azimuth
         found = [
@@ -102,6 +106,12 @@ class SelfPortrait:
             return None
         ((latitude, longitude),) = self._map.degrees([x], [y])
         return (round(latitude * 1e7), round(longitude * 1e7)) if isfinite(latitude) else None
+
+
+def _known(values: Mapping[str, float], name: str, otherwise: float) -> float:
+    """A value, if it is one that can be."""
+    value = values.get(name, nan)
+    return value if abs(value) <= LARGEST else otherwise
 
 
 def _whole(value: float, bits: int) -> int:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from sleepcast.channel.sequencer import MAX_STREAMS
-from sleepcast.channel.told import OLD, PATIENCE, QUIET, TOLD_FOR, CatchingUp, ToldStreams
+from sleepcast.channel.sequencer import MAX_STREAMS, OLD, PATIENCE, QUIET, TOLD_FOR, CatchingUp, ToldStreams
 
 NOW = 1_000.0
 DESK = (b"desk", 1)

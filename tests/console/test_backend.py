@@ -20,7 +20,7 @@ from sleepcast.language.vocabulary import MARKED
 from sleepcast.loop import Pace, Swarm
 from sleepcast.simulator import Wall
 from sleepcast.station import FAULT, MATCHED, NO, NOT_MATCHED, SILENT, UNKNOWN, YES, DoubtError, SendPolicy, Station
-from sleepcast.station.answers import HELD_BY_STOP
+from sleepcast.station.sent import HELD_BY_STOP
 from sleepcast.station.validation import TEST_UNKNOWN
 from small_worlds import simulator
 

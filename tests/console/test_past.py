@@ -22,7 +22,7 @@ from sleepcast.core.clock import ManualClock, WallClock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import Pace
 from sleepcast.simulator import Changes, Circle, find_scenario
-from sleepcast.station.answers import SILENT
+from sleepcast.station.sent import SILENT
 from swarms import desk_of, drive, swarm_of
 
 ROBOTS, LAST = 12, 60

@@ -16,8 +16,8 @@ from sleepcast.channel.envelope import kind_of
 from sleepcast.channel.keys import KeyPair, PublicKey, Trust
 from sleepcast.channel.message import Role
 from sleepcast.channel.reliable import BATCH, ReliableDelivery
+from sleepcast.channel.sequencer import OLD, QUIET
 from sleepcast.channel.session import ChannelSession, Multiplexer, Receiver
-from sleepcast.channel.told import OLD, QUIET
 from sleepcast.channel.transports import open_transport
 from sleepcast.channel.transports.transport import Transport
 from sleepcast.core.clock import ManualClock

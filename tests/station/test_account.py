@@ -13,8 +13,7 @@ from sleepcast.channel.message_batch import NameIndex
 from sleepcast.cli.account import account_lines, as_dict
 from sleepcast.station import Outcome
 from sleepcast.station.account import account
-from sleepcast.station.answers import LATE, answer_from
-from sleepcast.station.sent import Command
+from sleepcast.station.sent import LATE, Command, answer_from
 from station.fleet import Fleet
 
 HALF = "(WHEN (> fuel 50%) (JOIN bravo))"

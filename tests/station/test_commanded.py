@@ -7,9 +7,9 @@ from math import inf
 import numpy as np
 
 from safety.scene import Scene
-from sleepcast.station.commanded import CommandedTimes
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import OBEYED, RemoteMinds, TelemetryClient
+from sleepcast.station.roster import CommandedTimes
 from sleepcast.station.validation import COMMANDED
 
 MEMBERS = "(WHEN (IN bravo) (DRIVE 1))"

@@ -12,7 +12,7 @@ from sleepcast.channel.message import MATCHED, TELEMETRY
 from sleepcast.core.errors import printable
 from sleepcast.language import format_value
 from sleepcast.station import Outcome
-from sleepcast.station.answers import answer_from
+from sleepcast.station.sent import answer_from
 
 MAX_EVENTS = 1_000_000
 """Events that wait to be taken; of more, the oldest are lost."""

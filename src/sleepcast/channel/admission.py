@@ -255,6 +255,11 @@ class Admission:
             self.passed += 1
         return entered
 
+    def warnings(self, clock: Clock) -> list[str]:
+        """Sentences about what is wrong, besides what is dropped: operators' clocks, and names of ours that others
+        have. clock: Unix time, s."""
+        return [*self.clocks.of_operators(), *self.conflicts.of_own(clock.now())]
+
     def news(self) -> list[StoredWindow]:
         """The replay windows that have changed since the last call."""
         changed = ((which, self._heard.get(which)) for which in self._changed)

@@ -36,6 +36,7 @@ from sleepcast.channel.message import KEYS, TIME, Kind, Message, Role, age_of, m
 from sleepcast.channel.repair_timer import RepairTimer
 from sleepcast.channel.sequencer import (
     MAX_STREAMS,
+    CatchingUp,
     DeliveryState,
     DigestTimer,
     MessageStore,
@@ -43,8 +44,8 @@ from sleepcast.channel.sequencer import (
     Skipped,
     Stream,
     StreamId,
+    ToldStreams,
 )
-from sleepcast.channel.told import CatchingUp, ToldStreams
 from sleepcast.core.clock import MADE
 
 REPEATS = (0.03, 0.09, 0.21, 0.45)

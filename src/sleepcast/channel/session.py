@@ -207,7 +207,7 @@ class ChannelSession:
 
     @property
     def is_catching_up(self) -> bool:
-        """Whether a robot misses standing commands of others: see `told.CatchingUp`."""
+        """Whether a robot misses standing commands of others: see `CatchingUp`."""
         return self.delivery.is_catching_up(self._clock.now())
 
     def pump_due(self) -> float:

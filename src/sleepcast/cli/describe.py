@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from functools import partial
 
 from sleepcast.channel.admission import Admission
 from sleepcast.channel.clock_sync import differs
@@ -62,12 +63,7 @@ def heard_text(admission: Admission) -> str:
 
 def notices_of(admission: Admission) -> NoticeLog:
     """What is going on at a robot's door, as lines for a terminal."""
-    clock = UnixClock()
-
-    def others() -> list[str]:
-        return [*admission.clocks.of_operators(), *admission.conflicts.of_own(clock.now())]
-
-    return NoticeLog(admission.drops, admission.trust, WallClock(), others)
+    return NoticeLog(admission.drops, admission.trust, WallClock(), partial(admission.warnings, UnixClock()))
 
 
 def _sent(entry: JournalEntry) -> str:

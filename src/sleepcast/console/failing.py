@@ -17,7 +17,7 @@ from sleepcast.console.view import SwarmView
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.fleet.failing import MOST_TOLD, FailingRule
 from sleepcast.station import FAULT, MATCHED, Command, Station
-from sleepcast.station.answers import HELD_BY_STOP
+from sleepcast.station.sent import HELD_BY_STOP
 
 _OBEYED = (MATCHED, HELD_BY_STOP, FAULT)
 """Outcomes of robots that may have stored a rule: a fault may have come after that."""

@@ -1,10 +1,9 @@
 """An operator's station, without a page: check, preview, send, stop, and a truthful account of each command."""
 
 from sleepcast.station.account import Account
-from sleepcast.station.answers import FAULT, MATCHED, NOT_MATCHED, SILENT, Answer, Outcome
 from sleepcast.station.journal.journal import Journal, JournalEntry, JournalEvent, MemoryJournal, Report
 from sleepcast.station.roster import UnknownRobotError
-from sleepcast.station.sent import Command, NoSuchCommandError
+from sleepcast.station.sent import FAULT, MATCHED, NOT_MATCHED, SILENT, Answer, Command, NoSuchCommandError, Outcome
 from sleepcast.station.station import NoExplanationError, Station
 from sleepcast.station.validation import (
     DEADLINE,

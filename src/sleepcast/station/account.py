@@ -21,7 +21,9 @@ from sleepcast.core.ages import ago
 from sleepcast.core.errors import printable
 from sleepcast.core.units import shown_value
 from sleepcast.language.vocabulary import Vocabulary, unit_of
-from sleepcast.station.answers import (
+from sleepcast.station.rest import RestAccount
+from sleepcast.station.roster import Index, Seconds, of_robots
+from sleepcast.station.sent import (
     FAULT,
     HELD_BY_STOP,
     MATCHED,
@@ -30,10 +32,10 @@ from sleepcast.station.answers import (
     SILENT,
     TEST_UNKNOWN,
     Answers,
+    Command,
+    nameless,
+    silent,
 )
-from sleepcast.station.rest import RestAccount
-from sleepcast.station.roster import Index, Seconds, of_robots
-from sleepcast.station.sent import Command, nameless, silent
 
 COUNTED = ("matched", "held", "not_matched", "unknown", "fault", "silent")
 """What an account counts, as its attributes; held is among matched."""

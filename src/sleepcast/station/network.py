@@ -51,13 +51,12 @@ from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.mind.authority import FORGOTTEN, MAX_MARKS, Life, Mark, mark_of, marks_and_ages
 from sleepcast.station.account import COUNTED, account
-from sleepcast.station.answers import MATCHED, Answer
 from sleepcast.station.journal.journal import CONFLICT, Journal, JournalEvent
 from sleepcast.station.remote import RemoteMinds
 from sleepcast.station.rest import LOOK_SELDOM, RestWatch
 from sleepcast.station.retransmission import LATCHING, SETTLE, Retransmission
 from sleepcast.station.roster import NOBODY_SAID, Expectation, Index, RobotNames
-from sleepcast.station.sent import Command
+from sleepcast.station.sent import MATCHED, Answer, Command
 from sleepcast.station.shared_names import SHARED, SharedNames
 from sleepcast.station.station import STALE_AFTER, Station
 from sleepcast.station.validation import (
@@ -238,9 +237,10 @@ class NetworkStation(Station):
 
     def check(self, text: str, *, only: Sequence[str] | None = None, anyway: bool = False) -> Checked:
         """See `Station`; of robots that differ, those decide that are there, and that it is for (`whose_names`)."""
-        if not isinstance(self._minds, RemoteMinds):
-            return super().check(text)
-        return check_for(text, self.learned, self._minds, self.present(only), anyway=anyway)
+        whole = super().check(text)
+        if not whole.errors or not isinstance(self._minds, RemoteMinds):
+            return whole
+        return check_for(whole, self._minds, self.present(only), anyway=anyway)
 
     def present(self, only: Sequence[str] | None = None) -> list[str]:
         """The robots, of these or of all, that this desk itself has heard a short while ago."""

@@ -44,7 +44,7 @@ from sleepcast.mind.telemetry import (
     read_vocabulary,
     read_why,
 )
-from sleepcast.station.commanded import CommandedTimes
+from sleepcast.station.roster import CommandedTimes
 from sleepcast.station.schema_merge import SlotMap, merge_schemas
 from sleepcast.station.sent import Command
 from sleepcast.station.validation import Telemetry, Undecided

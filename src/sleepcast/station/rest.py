@@ -24,8 +24,7 @@ from sleepcast.core.serial import Array, SerialError
 from sleepcast.core.units import UNITS, shown
 from sleepcast.language.vocabulary import Vocabulary, unit_of
 from sleepcast.mind.telemetry import read_motion
-from sleepcast.station.answers import longer
-from sleepcast.station.roster import Index, Seconds
+from sleepcast.station.roster import Index, Seconds, longer
 from sleepcast.station.serialized import RestStatesState
 
 Mask = NDArray[np.bool_]

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from math import inf
 from pathlib import Path
-from typing import overload
+from typing import TypeVar, overload
 
 import msgspec
 import numpy as np
@@ -35,6 +35,12 @@ MAX_OF_KEY = MAX_ROBOTS // 2
 
 Index = NDArray[np.intp]
 Seconds = NDArray[np.float64]
+Number = TypeVar("Number", bound=np.generic)
+
+
+def longer(column: NDArray[Number], length: int) -> NDArray[Number]:
+    """The column with zeros at its end, as long as said."""
+    return column if len(column) == length else np.append(column, np.zeros(length - len(column), column.dtype))
 
 
 class UnknownRobotError(MisuseError):
@@ -275,3 +281,35 @@ def _read(file: Path) -> bytes:
     if len(data) > MAX_BYTES:
         raise ExpectationError(f"{file} is larger than {MAX_BYTES} bytes: no fleet has so many names")
     return data
+
+
+# ---- when robots were last commanded
+
+
+class CommandedTimes:
+    """When robots were last commanded, by this desk or another: of all robots of a roster, and of single ones that were
+    commanded since; s of the desk's clock. What they reported before does not say who will obey."""
+
+    def __init__(self) -> None:
+        self._all = -inf
+        self._some: dict[int, float] = {}
+        self.latest = -inf
+        """When any robot was commanded last."""
+
+    def note(self, at: float, places: Index | None = None) -> None:
+        """Robots were commanded at a time. places: of these robots, None for all."""
+        self.latest = max(self.latest, at)
+        if places is None:
+            self._all = max(self._all, at)
+            self._some = {place: time for place, time in self._some.items() if time > self._all}
+            return
+        for place in places.tolist():
+            self._some[place] = max(at, self._some.get(place, self._all))
+
+    def of(self, count: int) -> Seconds:
+        """Of the first robots on the roster, so many of them: when each was commanded last, -inf for never."""
+        found = np.full(count, self._all)
+        for place, time in self._some.items():
+            if place < count:
+                found[place] = time
+        return found

@@ -1,23 +1,246 @@
-"""Commands that were sent, with the answers of robots to each, as many as are stored."""
+"""Commands that were sent, with the answers of robots to each, as many as are stored.
+
+What robots answer comes one by one, or of many at once; all answers to a command are kept as columns.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from math import inf
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from math import inf, nan
+from sys import float_info
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.message import LOOK
+from sleepcast.channel.message import HELD, LOOK, UNKNOWN, lasts, outcome_of
+from sleepcast.channel.message_batch import Answers as Said
 from sleepcast.channel.message_batch import NameIndex, ascending
 from sleepcast.core.errors import MisuseError, did_you_mean
-from sleepcast.core.serial import Array, SerialError
-from sleepcast.station.answers import MATCHED, SILENT, Answers
+from sleepcast.core.serial import Array, SerialError, within
 from sleepcast.station.leases import in_words
 from sleepcast.station.rest import RestAccount, RestStates
-from sleepcast.station.roster import Index
-from sleepcast.station.serialized import CommandState
+from sleepcast.station.roster import Index, Seconds, longer
+from sleepcast.station.serialized import CommandAnswersState, CommandState
+
+
+class Outcome(StrEnum):
+    """What a robot answers to a command."""
+
+    MATCHED = "matched"
+    NOT_MATCHED = "not matched"
+    FAULT = "fault"
+    UNKNOWN = "unknown"
+    HELD = "held by STOP"
+
+
+SAID: Mapping[str, Outcome] = {
+    "matched": Outcome.MATCHED,
+    "not matched": Outcome.NOT_MATCHED,
+    "fault": Outcome.FAULT,
+    UNKNOWN: Outcome.UNKNOWN,
+    HELD: Outcome.HELD,
+    "answer": Outcome.MATCHED,
+    "late": Outcome.FAULT,
+    "stopped": Outcome.MATCHED,
+    "released": Outcome.MATCHED,
+}
+"""What an outcome counts as, by the word that a robot uses. Late: it heard the command past its deadline and did
+nothing, which is not a decision of its own. Robots of older versions, which cannot say that a test was unknown or that
+STOP holds them, say that they did not match, or did."""
+ANSWER = "answer"
+"""A robot's outcome for a question. If something went wrong on the way to its value, it counts as a fault."""
+LATE = "heard after its deadline, so not evaluated"
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What one robot answered. heard: when, in s of the desk's clock. value: of the command; None for unknown."""
+
+    outcome: Outcome
+    heard: float
+    value: float | None = None
+    fault: str | None = None
+
+
+def answer_from(body: Mapping[str, object], now: float) -> Answer | None:
+    """The answer in the body of an ANSWER heard at `now`; None if it is malformed."""
+    said = outcome_of(body)
+    outcome = SAID.get(said) if isinstance(said, str) else None
+    if outcome is None:
+        return None
+    value, fault = body.get("value"), body.get("fault")
+    if said == "late":
+        fault = LATE
+    elif said == ANSWER and fault:
+        outcome = Outcome.FAULT
+    known = float(value) if isinstance(value, int | float) and abs(value) <= float_info.max else None
+    return Answer(outcome, now, known, fault if isinstance(fault, str) else None)
+
+
+OUTCOMES = tuple(Outcome)
+SILENT, MATCHED, NOT_MATCHED, FAULT, TEST_UNKNOWN, HELD_BY_STOP = range(len(OUTCOMES) + 1)
+"""What a robot's code in a column of outcomes means: nothing heard, or one of `OUTCOMES` in their order."""
+
+
+class Answers(Mapping[str, Answer]):
+    """The first answer of each robot, by name, kept as columns by the robots' places on the roster (`names`)."""
+
+    def __init__(self, names: NameIndex) -> None:
+        self.names = names
+        self._outcome: NDArray[np.uint8] = np.zeros(len(names), np.uint8)
+        self._heard: Seconds = np.empty(0)
+        self._value: Seconds = np.empty(0)
+        """As long as the roster from the first answer on."""
+        self._fault: NDArray[np.int32] | None = None
+        """Which of the texts of faults, from 1; made when a robot first says one."""
+        self._faults: list[str] = []
+        self._count = 0
+
+    def add(self, robot: int, answer: Answer) -> None:
+        """What one robot answers."""
+        some = np.array([robot])
+        fault = (answer.fault,) if answer.fault else ()
+        value = nan if answer.value is None else answer.value
+        code = OUTCOMES.index(answer.outcome) + 1
+        self._take(some, np.array([code], np.uint8), np.array([value]), fault, np.array([bool(fault)]), answer.heard)
+
+    def take(self, robots: Index, places: Index, said: Said, now: float) -> None:
+        """The answers of many robots, each at its place in `said`; malformed ones are left out."""
+        sort = said.sort[places]
+        codes = np.array([_code(SAID.get(word)) for word in said.sorts], np.uint8)[sort]
+        faults = (*said.faults, LATE)
+        fault = said.fault[places]
+        if "late" in said.sorts:
+            fault = np.where(sort == said.sorts.index("late"), np.int32(len(faults)), fault)
+        if ANSWER in said.sorts:
+            codes[(sort == said.sorts.index(ANSWER)) & (fault > 0)] = FAULT
+        self._take(robots, codes, said.value[places], faults, fault, now)
+
+    def _take(
+        self,
+        robots: Index,
+        codes: NDArray[np.uint8],
+        values: Seconds,
+        faults: Sequence[str],
+        fault: NDArray[np.int32] | NDArray[np.bool_],
+        now: float,
+    ) -> None:
+        """Store the answers of robots that have not answered yet. fault: its number among `faults`, from 1, or 0."""
+        self.make_room()
+        new = (self._outcome[robots] == 0) & (codes > 0)
+        if not new.all():
+            robots, codes, values, fault = robots[new], codes[new], values[new], fault[new]
+        self._count += len(robots)
+        self._outcome[robots] = codes
+        self._heard[robots], self._value[robots] = now, values
+        if fault.any():
+            if self._fault is None:
+                self._fault = np.zeros(len(self._outcome), np.int32)
+            self._fault[robots] = np.where(fault > 0, fault + len(self._faults), 0)
+            self._faults += faults
+
+    def forget(self, robot: int) -> None:
+        """Count the robot at a place as one that has not answered."""
+        if robot < len(self._outcome) and self._outcome[robot]:
+            self._outcome[robot] = 0
+            self._count -= 1
+
+    def go_back(self, time: float) -> None:
+        """Forget what was answered after `time`, s."""
+        late = self._heard > time
+        if late.any():
+            self._outcome[: len(late)][late] = 0
+            self._count = int(np.count_nonzero(self._outcome))
+
+    def make_room(self) -> None:
+        """Robots may have enrolled since the command was sent, and before the first answer there are no columns."""
+        self._outcome = longer(self._outcome, len(self.names))
+        self._heard, self._value = longer(self._heard, len(self.names)), longer(self._value, len(self.names))
+        if self._fault is not None:
+            self._fault = longer(self._fault, len(self.names))
+
+    @property
+    def codes(self) -> NDArray[np.uint8]:
+        """The outcome of each robot by its place, as `SILENT` and the others."""
+        return self._outcome
+
+    def codes_at(self, time: float) -> NDArray[np.uint8]:
+        """The same as they were known at a time, s."""
+        found = self._outcome.copy()
+        found[: len(self._heard)][self._heard > time] = SILENT
+        return found
+
+    @property
+    def latest(self) -> float:
+        """When the last robot answered for the first time, s; -inf if none has."""
+        return float(self._heard[self._outcome[: len(self._heard)] > 0].max(initial=-inf))
+
+    @property
+    def known(self) -> Seconds:
+        """The known values that were answered, in the robots' order."""
+        found = self._value[self._outcome[: len(self._value)] > 0]
+        return found[~np.isnan(found)]
+
+    def fault(self, place: int) -> str | None:
+        """The error of the robot at a place."""
+        number = 0 if self._fault is None else int(self._fault[place])
+        return self._faults[number - 1] if number else None
+
+    @property
+    def faulted(self) -> NDArray[np.bool_]:
+        """Which robots have told a fault, whatever their outcome, by place."""
+        return np.zeros(len(self._outcome), np.bool_) if self._fault is None else self._fault > 0
+
+    @property
+    def not_stored(self) -> NDArray[np.bool_]:
+        """Which robots have said that a restart may forget what they answered, by place."""
+        numbers = [number for number, fault in enumerate(self._faults, 1) if not lasts(fault)]
+        return self.faulted if self._fault is None else np.isin(self._fault, numbers)
+
+    def state(self) -> CommandAnswersState:
+        fault = None if self._fault is None else Array.of(self._fault)
+        columns = (Array.of(self._outcome), Array.of(self._heard), Array.of(self._value))
+        return CommandAnswersState(*columns, fault, tuple(self._faults))
+
+    def restore(self, state: CommandAnswersState) -> None:
+        """Be as those answers were. Raises SerialError."""
+        most = len(self.names)
+        self._outcome = state.outcome.column(np.uint8, most, "answers")
+        within(self._outcome, 0, len(OUTCOMES), "answers")
+        self._count = int(np.count_nonzero(self._outcome))
+        self._heard = state.heard.column(np.float64, most, "when answers were heard")
+        self._value = state.value.column(np.float64, most, "values of answers")
+        self._fault, self._faults = None, list(state.faults)
+        if state.fault is not None:
+            self._fault = state.fault.made(np.int32, self._outcome.shape, "faults of answers")
+            within(self._fault, 0, len(self._faults), "faults of answers")
+        if len({len(self._heard), len(self._value), len(self._outcome) if self._count else len(self._heard)}) > 1:
+            raise SerialError("answers without times or values")
+
+    def __getitem__(self, name: str) -> Answer:
+        place = self.names.place(name)
+        if place is None or place >= len(self._outcome) or not self._outcome[place]:
+            raise KeyError(name)
+        value = float(self._value[place])
+        outcome = OUTCOMES[self._outcome[place] - 1]
+        return Answer(outcome, float(self._heard[place]), None if value != value else value, self.fault(place))
+
+    def __iter__(self) -> Iterator[str]:
+        return (self.names[place] for place in np.flatnonzero(self._outcome).tolist())
+
+    def __len__(self) -> int:
+        return self._count
+
+
+def _code(outcome: Outcome | None) -> int:
+    return 0 if outcome is None else OUTCOMES.index(outcome) + 1
+
+
+# ---- a command
 
 
 class Command:
@@ -43,14 +266,23 @@ class Command:
         self.size = size
         self.expected: Index = np.empty(0, np.intp) if expected is None else expected
         self.answers = Answers(names)
-        self.rest = RestStates(names)
-        """Of a STOP: which of those that have accepted it are at rest."""
         self.conflicts: dict[str, str] = {}
+
+    @cached_property
+    def rest(self) -> RestStates:
+        """Of a STOP: which of those that have accepted it are at rest."""
+        return RestStates(self.answers.names)
 
     def state(self) -> CommandState:
         expected = Array.of(self.expected.astype(np.int32))
         only = None if self.only is None else Array.of(self.only.astype(np.int32))
-        kept = (expected, self.last_sent, self.answers.state(), only, self.rest.state())
+        kept = (
+            expected,
+            self.last_sent,
+            self.answers.state(),
+            only,
+            self.rest.state() if self.kind is Kind.STOP else None,
+        )
         return CommandState(self.message, self.addressed, *kept)
 
     @classmethod
@@ -210,7 +442,8 @@ class SentCommands:
         self.latch = latches[-1] if latches else None
         for command in self._commands.values():
             command.answers.go_back(time)
-            command.rest.forget()  # robots will tell anew
+            if command.kind is Kind.STOP:
+                command.rest.forget()  # robots will tell anew
 
     def state(self) -> tuple[list[CommandState], CommandState | None]:
         """The commands and the latch."""

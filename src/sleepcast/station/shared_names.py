@@ -19,9 +19,8 @@ import numpy as np
 from sleepcast.channel import Kind
 from sleepcast.channel.message import Message
 from sleepcast.channel.name_conflicts import Holder, NameConflicts, sentences
-from sleepcast.station.answers import Answer, Outcome
 from sleepcast.station.roster import Index, Roster
-from sleepcast.station.sent import Command, SentCommands
+from sleepcast.station.sent import Answer, Command, Outcome, SentCommands
 from sleepcast.station.validation import DoubtError, Mask
 
 RECENT = 60.0

@@ -31,14 +31,12 @@ from sleepcast.language.parts import acts
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.account import Account, account
-from sleepcast.station.answers import Answer, Outcome, answer_from
-from sleepcast.station.commanded import CommandedTimes
 from sleepcast.station.failures import RuleFailures
 from sleepcast.station.journal.journal import Journal, JournalEvent, MemoryJournal, PendingEntry, Report, WriteBatch
 from sleepcast.station.journal.snapshot import dump_journal, restore_journal
 from sleepcast.station.rest import motion_said
-from sleepcast.station.roster import Index, RobotNames, Roster
-from sleepcast.station.sent import Command, SentCommands
+from sleepcast.station.roster import CommandedTimes, Index, RobotNames, Roster
+from sleepcast.station.sent import Answer, Command, Outcome, SentCommands, answer_from
 from sleepcast.station.serialized import AccountState, ReportState, StationState
 from sleepcast.station.validation import (
     DEADLINE,
@@ -517,8 +515,11 @@ class Station:
 
     def _take_rest(self, place: int | None, message: Message) -> None:
         """A robot may tell whether it has come to rest since the STOP that holds."""
-        latest, state = self._sent.latch, motion_said(message)
-        if latest is not None and latest.kind is Kind.STOP and place is not None and state is not None:
+        latest = self._sent.latch
+        if latest is None or latest.kind is not Kind.STOP or place is None:
+            return
+        state = motion_said(message)
+        if state is not None:
             latest.rest.add(place, state)
 
     def _take_rests(self, robots: Index) -> None:

@@ -19,7 +19,7 @@ from sleepcast.core.errors import printable
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language import Checked, check
 from sleepcast.language.functions import MANY
-from sleepcast.language.symbols import Declared, Names
+from sleepcast.language.symbols import Declared
 from sleepcast.language.vocabulary import Binding, Variable, Vocabulary
 from sleepcast.station.remote import RemoteMind, RemoteMinds
 from sleepcast.station.schema_merge import merge_schemas
@@ -79,12 +79,10 @@ HEARSAY: tuple[Sequence[type], ...] = ((HostFunction, Variable, Constant), (Host
 """What of the names of others counts besides: as much as makes nothing wrong."""
 
 
-def check_for(text: str, names: Names, minds: RemoteMinds, robots: Sequence[str], *, anyway: bool = False) -> Checked:
-    """Check a text for robots that are there. names: all that were ever heard. anyway: its sender insists, so robots'
-    names refuse nothing. Raises ReadError."""
-    whole = check(text, names)
-    if not whole.errors:
-        return whole
+def check_for(whole: Checked, minds: RemoteMinds, robots: Sequence[str], *, anyway: bool = False) -> Checked:
+    """Check a text for robots that are there, if it is wrong in all names that were ever heard. whole: what was found
+    in those. anyway: its sender insists, so robots' names refuse nothing."""
+    text = whole.text
     found = check(text, NamesOfSome(minds, robots))
     bare = check(text, NamesOfSome(minds, ())) if found.errors else found
     if bare.errors:

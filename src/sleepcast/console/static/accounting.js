@@ -2,7 +2,7 @@
 // not been heard.
 
 const OUTCOMES = ["matched", "not_matched", "unknown", "fault", "silent"];
-const OBEYED = [1, 5]; // codes of outcomes (station/answers.py): matched, and matched but held by STOP
+const OBEYED = [1, 5]; // codes of outcomes (station/sent.py): matched, and matched but held by STOP
 
 export class Accounting extends EventTarget {
   constructor(root, wire) {

@@ -63,10 +63,12 @@ def start(config):
 
 def begun():
     """The node that config.json describes, None if it cannot begin, which is said."""
-    from sleepnode.configuring import settings
+    from sleepnode.configuring import check_key, settings
 
     try:
-        return start(settings("config.json"))
+        config = settings("config.json")
+        check_key("robot.key", config.get("name"))
+        return start(config)
     except Refused as error:
         print(error.sentence())
     except OSError as error:

@@ -230,6 +230,7 @@ USABLE = {"address": "239.255.83.76", "port": 47123, "fleet": "sleepcast"}
         (USABLE | {"tick": 5}, '"tick" is 5, but wanted is seconds, from 0.001 to 0.5'),
         (USABLE | {"id": 1.5}, '"id" is 1.5, but wanted is a whole number'),
         (USABLE | {"name": ""}, '"name" is "", but wanted is the name of a robot'),
+        ("[" * 3_000, "config.json is damaged: wanted one JSON object"),
         (USABLE, "robot.key cannot be used"),
     ],
 )
@@ -240,10 +241,35 @@ def test_a_robot_that_cannot_begin_says_why(folder: Path, tmp_path: Path, config
     assert said in ended(folder, tmp_path)
 
 
-@pytest.mark.parametrize("damaged", ["{}", "[]", "", '{"keys": [{"owner": 1}]}', '{"keys": 3}'])
+SECRET = "00" * 32
+
+
+@pytest.mark.parametrize(
+    ("key", "name", "said"),
+    [
+        ("[" * 3_000, None, "robot.key cannot be used (MemoryError"),
+        ({"owner": "tiny", "secret": "00" * 31}, None, "robot.key holds no key"),
+        ({"owner": "tiny", "secret": ""}, None, "robot.key holds no key"),
+        ({"owner": ["tiny"], "secret": SECRET}, None, "robot.key holds no key"),
+        ({"owner": "", "secret": SECRET}, None, "robot.key holds no key"),
+        ({"owner": "r*", "secret": SECRET}, None, 'is for r*: "name" in config.json is null, but wanted is such a'),
+        ({"owner": "r*", "secret": SECRET}, "tiny", 'is for r*: "name" in config.json is "tiny", but wanted'),
+        ({"owner": "tiny", "secret": SECRET}, "r1", 'is for tiny: "name" in config.json is "r1", but wanted is such'),
+    ],
+)
+def test_a_key_that_a_robot_cannot_sign_with_is_told(
+    folder: Path, tmp_path: Path, key: object, name: str | None, said: str
+) -> None:
+    (tmp_path / "config.json").write_text(json.dumps(USABLE | {"name": name}), encoding="utf-8")
+    text = key if isinstance(key, str) else json.dumps(key)
+    (tmp_path / "robot.key").write_text(text, encoding="utf-8")
+    assert said in ended(folder, tmp_path)
+
+
+@pytest.mark.parametrize("damaged", ["{}", "[]", "", '{"keys": [{"owner": 1}]}', '{"keys": 3}', "[" * 3_000])
 def test_a_damaged_file_of_keys_is_told(folder: Path, tmp_path: Path, damaged: str) -> None:
     (tmp_path / "config.json").write_text(json.dumps(USABLE), encoding="utf-8")
-    (tmp_path / "robot.key").write_text(json.dumps({"owner": "tiny", "secret": "00" * 32}), encoding="utf-8")
+    (tmp_path / "robot.key").write_text(json.dumps({"owner": "tiny", "secret": SECRET}), encoding="utf-8")
     (tmp_path / "trust.json").write_text(damaged, encoding="utf-8")
     assert "trust.json cannot be used" in ended(folder, tmp_path)
 

@@ -20,13 +20,14 @@ from channel.test_udp import free_port
 from cli.calling import called
 from cli.test_swarm import account
 from processes import SLEEPCAST, live_in, running, tak_server
+from sleepcast.core.errors import MisuseError
 from sleepcast.core.geodesy import LocalMap, Origin
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import TelemetryClient
 from sleepcast.tak.bridge import AT_ONCE, TakBridge
 from sleepcast.tak.event import Event, read_xml
 from sleepcast.tak.link import Link
-from sleepcast.tak.picture import MAX_MARKERS
+from sleepcast.tak.picture import GROUND_ROBOT, MAX_MARKERS
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # it would like another library for what is not done here
@@ -131,18 +132,20 @@ def test_robots_groups_and_places_are_seen_and_markers_become_places(home: Path)
     assert "sleepcast.place.depot_1" not in found  # it is on that map already
 
 
+def bridge_of(station: SimpleNamespace, type: str = GROUND_ROBOT) -> TakBridge:
+    """A bridge that sends with this station, and knows of no robots."""
+    telemetry, link = cast(TelemetryClient, SimpleNamespace(minds={})), cast(Link, SimpleNamespace())
+    ground, sends = LocalMap(Origin(36.6, -121.9)), cast(NetworkStation, station)
+    return TakBridge(sends, telemetry, link, ground, print, fleet="f", every=1.0, markers=True, type=type)
+
+
 def test_robots_are_told_of_a_few_places_at_a_time_however_many_are_moved() -> None:
     told = list[str]()
 
     def send(text: str, **_: object) -> None:
         told.append(text)
 
-    station = cast(NetworkStation, SimpleNamespace(send=send))
-    telemetry = cast(TelemetryClient, SimpleNamespace(minds={}))
-    link = cast(Link, SimpleNamespace())
-    bridge = TakBridge(
-        station, telemetry, link, LocalMap(Origin(36.6, -121.9)), print, fleet="f", every=1.0, markers=True
-    )
+    bridge = bridge_of(SimpleNamespace(send=send))
     for second in range(20):
         for number in range(MAX_MARKERS):
             where = 36.6 + 0.001 * (second % 2), -121.9
@@ -154,6 +157,11 @@ def test_robots_are_told_of_a_few_places_at_a_time_however_many_are_moved() -> N
 
 
 @pytest.mark.parametrize("type", ["", "a", "robot", "a-f-<G>", "a" + "-b" * 99])
-def test_a_type_that_is_none_is_refused(home: Path, type: str) -> None:
-    said = called("bridge", "tak", "--server", "tcp://127.0.0.1:1", "--origin", "36.6,-121.9", "--type", type)
+def test_a_type_that_is_none_is_refused(type: str) -> None:
+    with pytest.raises(MisuseError, match="is no type of an event"):
+        bridge_of(SimpleNamespace(), type=type)
+
+
+def test_a_user_is_told_what_a_type_is(home: Path) -> None:
+    said = called("bridge", "tak", "--server", "tcp://127.0.0.1:1", "--origin", "36.6,-121.9", "--type", "robot")
     assert (said.status, "is no type of an event" in said.err) == (2, True)

@@ -1,10 +1,15 @@
-"""What stands in config.json, or why a robot cannot begin with it. Loaded once and let go again."""
+"""What stands in config.json, or why a robot cannot begin with it, or with its key. Loaded once and let go again."""
 
 import json
 
+from micropython import const
+
 from sleepnode.reader import Refused
+from sleepnode.trust import load_key
 
 _NUMBER = (int, float)
+_MAX_NAME = const(64)
+_SEED = const(32)
 _SETTINGS = (
     ("address", True, str, 7, 15, "an address such as 239.255.83.76"),
     ("port", True, int, 1, 65535, "a whole number from 1 to 65535"),
@@ -25,7 +30,7 @@ def settings(file):
             found = json.load(opened)
     except OSError as error:
         raise Refused("%s cannot be read (%r): it lies beside main.py, and says where the channel is" % (file, error))
-    except ValueError:
+    except (ValueError, MemoryError):
         found = None
     if not isinstance(found, dict):
         raise Refused("%s is damaged: wanted one JSON object, such as {%s}" % (file, '"address": "239.255.83.76", ...'))
@@ -42,6 +47,21 @@ def settings(file):
         if not isinstance(value, kind) or isinstance(value, bool) or not least <= size <= most:
             raise Refused('%s: "%s" is %s, but wanted is %s' % (file, name, json.dumps(value), wanted))
     return found
+
+
+def check_key(file, name):
+    """Look whether a robot can sign with a key file of `sleepcast keys`. name: the one it is to have, None for that of
+    the key. Raises Refused."""
+    owner, seed = load_key(file)
+    if not isinstance(owner, str) or not 0 < len(owner) <= _MAX_NAME or len(seed) != _SEED:
+        raise Refused("%s holds no key: copy it again from where `sleepcast keys` has put it" % file)
+    if owner[-1] == "*":
+        fits = name is not None and name.startswith(owner[:-1])
+    else:
+        fits = name is None or name == owner
+    if not fits:
+        wanted = '"name" in config.json is %s, but wanted is such a name' % json.dumps(name)
+        raise Refused("the key of %s is for %s: %s" % (file, owner, wanted))
 
 
 def _is_address(text):

@@ -37,6 +37,6 @@ def stops(file):
             return [each if len(each) > 3 else each + [""] for each in found]
     except OSError:
         return []  # none was ever written
-    except ValueError:
+    except (ValueError, MemoryError):
         pass
     return [["?", 0, 0, ""]]  # a RELEASE that names it ends it: desks ask what holds

@@ -27,7 +27,7 @@ _MAY = {"observer": (1, 2, 7), "operator": (0, 1, 2, 3, 4, 7), "commander": (0, 
 """Numbers of the kinds that a robot takes from each role; it has nothing to send again, so no requests."""
 
 
-_UNUSABLE = (OSError, ValueError, KeyError, TypeError, AttributeError)
+_UNUSABLE = (OSError, ValueError, KeyError, TypeError, AttributeError, MemoryError)
 _WHY = "%s cannot be used (%r): copy it again from where `sleepcast keys` has put it"
 
 

@@ -4,13 +4,12 @@ A board runs main.py when it starts. Beside it lie the folder sleepnode, robot.k
 """
 
 import gc
-import sys
 import time
 
 from sleepnode.body import Body
 from sleepnode.node import Node
 from sleepnode.radio import Radio
-from sleepnode.reader import Refused, unload
+from sleepnode.reader import unload
 
 
 class Rover:
@@ -61,25 +60,6 @@ def start(config):
     )
 
 
-def begun():
-    """The node that config.json describes, None if it cannot begin, which is said."""
-    from sleepnode.configuring import check_key, settings
-
-    try:
-        config = settings("config.json")
-        check_key("robot.key", config.get("name"))
-        return start(config)
-    except Refused as error:
-        print(error.sentence())
-    except OSError as error:
-        print("the channel of config.json cannot be opened: %r" % error)
-    finally:
-        unload("configuring")
-    if sys.platform in ("linux", "darwin"):  # a board would only begin again
-        sys.exit(1)
-    return None
-
-
 def live(node):
     """Until somebody interrupts it."""
     gc.collect()
@@ -92,6 +72,10 @@ def live(node):
 
 
 if __name__ == "__main__":
-    made = begun()
+    from sleepnode import configuring
+
+    made = configuring.begun(start)
+    del configuring
+    unload("configuring")
     if made is not None:
         live(made)

@@ -1,6 +1,7 @@
 """What stands in config.json, or why a robot cannot begin with it, or with its key. Loaded once and let go again."""
 
 import json
+import sys
 
 from micropython import const
 
@@ -21,6 +22,21 @@ _SETTINGS = (
     ("tick", False, _NUMBER, 0.001, 0.5, "seconds, from 0.001 to 0.5"),
 )
 """Name, whether it must be there, type, the least and the most of it or of its length, and what is wanted."""
+
+
+def begun(start):
+    """The node that `start` makes of config.json, None if it cannot begin, which is said."""
+    try:
+        config = settings("config.json")
+        check_key("robot.key", config.get("name"))
+        return start(config)
+    except Refused as error:
+        print(error.sentence())
+    except OSError as error:
+        print("the channel of config.json cannot be opened: %r" % error)
+    if sys.platform in ("linux", "darwin"):  # a board would only begin again
+        sys.exit(1)
+    return None
 
 
 def settings(file):

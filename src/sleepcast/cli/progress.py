@@ -20,21 +20,24 @@ LOGGED = 1.0
 
 class Status:
     """A line on standard error of how far something has come: on a terminal it is renewed in place, and gone at the
-    end; elsewhere, in a log, there is a new one when something has changed."""
+    end; elsewhere, in a log, there is a new one when something has changed, and the last is that of the end."""
 
     def __init__(self) -> None:
         self._terminal = sys.stderr is not None and sys.stderr.isatty()
         self._said, self._due, self._wide = "", 0.0, 0
+        self._latest = ""
 
     def __enter__(self) -> Status:
         return self
 
     def __exit__(self, *ended: object) -> None:
+        if not self._terminal and self._latest != self._said:  # a log does not end with what is not so any more
+            complain(self._latest)
         self.clear()
 
     def show(self, text: str) -> None:
-        """Print this, if it is new and nothing else was printed a moment ago."""
-        now = perf_counter()
+        """Print this, if it is new; while something else was printed a moment ago, only the latest, at the end."""
+        now, self._latest = perf_counter(), text
         if text == self._said or now < self._due:
             return
         self._said, self._due = text, now + (RENEWED if self._terminal else LOGGED)

@@ -153,7 +153,7 @@ def _await_rest(station: NetworkStation, sent: Command, check: Callable[[], None
             check()
             found = sent.resting
             moving = found.who_moves(station.vocabulary, NAMED)
-            status.show(f"at rest {found.n_at_rest}, still moving {found.n_stopping}: {moving}")
+            status.show(f"at rest {found.n_at_rest}, still moving {found.n_stopping}{moving and f': {moving}'}")
             return not found.n_stopping
 
         station.wait_until(rests, max(sent.answers.latest, sent.message.issued) + REST_SECONDS, PAUSE)

@@ -102,23 +102,24 @@ MARKS = _object(
     "groups and flags of the robots",
     optional=("second", "colours"),
 )
-_MESSAGE = _object(
-    {
-        "sender": _TEXT,
-        "epoch": _WHOLE | _said("the life of the sender"),
-        "sequence": _WHOLE | _said("the number of the message in that life"),
-        "kind": {"type": "string", "enum": [kind.value for kind in Kind]},
-        "issued": _NUMBER | _said("simulated s"),
-        "deadline": _NUMBER | _said("simulated s; missing for never"),
-        "text": _TEXT,
-        "standing": _TRUTH,
-        "body": _anything("further fields"),
-        "role": _TEXT,
-        "heard": _NUMBER | _said("simulated s; missing if unknown"),
-        "ahead": _NUMBER | _said("s by which the sender's clock is ahead"),
-    },
-    optional=("deadline", "heard"),
-)
+_FIELDS: Mapping[str, Schema] = {
+    "sender": _TEXT,
+    "epoch": _WHOLE | _said("the life of the sender"),
+    "sequence": _WHOLE | _said("the number of the message in that life"),
+    "kind": {"type": "string", "enum": [kind.value for kind in Kind]},
+    "issued": _NUMBER | _said("simulated s"),
+    "deadline": _NUMBER | _said("simulated s; missing for never"),
+    "text": _TEXT,
+    "standing": _TRUTH,
+    "body": _anything("further fields"),
+    "role": _TEXT,
+    "heard": _NUMBER | _said("simulated s; missing if unknown"),
+    "ahead": _NUMBER | _said("s by which the sender's clock is ahead"),
+}
+_MESSAGE = _object(_FIELDS, optional=("deadline", "heard"))
+RECORDED = frozenset(_FIELDS)
+"""The fields of a message that a recording keeps. A new one is no field of recordings before it stands here; it must be
+optional then, as older recordings lack it."""
 POSTED = _object({"tick": _TICK, "message": _MESSAGE}, "a message of the operator, and the tick in which it was sent")
 STATE = _object({"tick": _TICK, "hash": _TEXT}, "the hash of the state after a tick")
 OBSTACLES = _object(

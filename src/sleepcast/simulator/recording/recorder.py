@@ -285,7 +285,7 @@ class Recorder:
 
     def posted(self, time: float, tick: int, message: Message) -> None:
         """Record that the operator's `message` was sent in this tick."""
-        told = msgspec.to_builtins(message)
+        told = {name: value for name, value in msgspec.to_builtins(message).items() if name in channel_schemas.RECORDED}
         if message.deadline == inf:  # which JSON does not have; it is what a message without one has
             del told["deadline"]
         if message.heard is None:

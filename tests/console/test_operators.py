@@ -51,6 +51,25 @@ def test_a_stage_that_is_refused_is_not_counted_and_its_reason_is_told(monkeypat
     assert wait(scene, desk).startswith("In stages: stage 2 is sent"), "another one may begin"
 
 
+def test_a_lease_of_a_mistyped_group_is_doubted() -> None:
+    """It was asked for without a word, and no robot was in that group."""
+    scene, minds = Scene(robots=3), RemoteMinds()
+    station = scene.desk(minds=minds)
+    telemetry = TelemetryClient(station, minds)
+    station.listeners.append(telemetry.hear)
+    station.send("(JOIN bravo)", everybody=True)
+    scene.run(1.0)
+    telemetry.look()
+    scene.run(1.0)
+    desk = OperatorsDesk(station, START)
+    doubts = {group: desk.lease("take", group, 60.0, "")[1] for group in ("brvo", "bravo", "alpha")}
+    assert doubts == {
+        "brvo": 'no robot has told of a group "brvo" (did you mean bravo?)',
+        "bravo": "",
+        "alpha": "",
+    }
+
+
 def test_a_person_who_stops_it_is_told_so() -> None:
     scene = Scene(robots=20)
     desk = begun(scene)

@@ -10,7 +10,7 @@ from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.air import operator
 from sleepcast.cli.send import GRACE, gathered
 from sleepcast.cli.streams import complain
-from sleepcast.core.errors import printable, slip_of
+from sleepcast.core.errors import printable
 
 if TYPE_CHECKING:
     from sleepcast.channel.message import LeaseAction
@@ -46,13 +46,13 @@ def lease(deed: str, group: str, seconds: float, to: str, keep: bool, air: AirOp
       sleepcast lease grant bravo --to anna
     """
     from sleepcast.channel.message import LeaseAction
+    from sleepcast.station.leases import doubt_of
 
     if keep and deed not in ("take", "request", "force"):
         raise click.UsageError("--keep goes with take, request and force")
-    with observing_station(air, complain) as (station, telemetry):
-        known = {name for mind in telemetry.minds.values() for name in mind.telemetry.groups}
-        if meant := slip_of(group, known):
-            complain(printable(f'no robot has told of a group "{group}" (did you mean {meant}?)'))
+    with observing_station(air, complain) as (station, _):
+        if doubt := doubt_of(group, station.learned):
+            complain(doubt)
         status = _done(station, LeaseAction(deed), group, seconds, to, as_json)
         if keep and status == 0:
             _keep(station, group, seconds, as_json)

@@ -207,7 +207,8 @@ class NetworkBackend(Backend):
 
     def lease(self, serial: int, deed: str, group: str, seconds: float, to: str) -> outgoing.Sent:
         """Ask robots about the lease of a group."""
-        return outgoing.Sent(serial, self._operators.lease(deed, group, seconds, to).id)
+        sent, doubt = self._operators.lease(deed, group, seconds, to)
+        return outgoing.Sent(serial, sent.id, doubt)
 
     def why(self, serial: int, robot: int, command: str) -> outgoing.Explained | Awaitable[outgoing.Explained]:
         """The robot is asked."""

@@ -15,7 +15,7 @@ from sleepcast.channel.message import LeaseAction, Role
 from sleepcast.console.outgoing import Said
 from sleepcast.core.errors import MisuseError, SleepcastError, printable
 from sleepcast.station import Command
-from sleepcast.station.leases import describe_request, lease_body
+from sleepcast.station.leases import describe_request, doubt_of, lease_body
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.staging import StagedSending
 from sleepcast.station.validation import Draft
@@ -131,16 +131,16 @@ class OperatorsDesk:
 
     # ---- leases
 
-    def lease(self, deed: str, group: str, seconds: float, to: str) -> Command:
-        """Ask robots about the lease of a group; one that was taken is renewed until it is given back. Raises
-        LeaseError, and RoleError for what our key may not do."""
+    def lease(self, deed: str, group: str, seconds: float, to: str) -> tuple[Command, str]:
+        """Ask robots about the lease of a group; one that was taken is renewed until it is given back. Gives a doubt
+        about the group's name as well, "" for none. Raises LeaseError, and RoleError for what our key may not do."""
         action, key = LeaseAction(deed), group.casefold()
         sent = self._station.post(Kind.COMMAND, body=lease_body(action, group, seconds, to))
         if action in (LeaseAction.GIVE, LeaseAction.GRANT):
             self._leases.pop(key, None)
         else:
             self._leases[key] = _Kept(group, seconds, self._station.now, sent)
-        return sent
+        return sent, doubt_of(group, self._station.learned)
 
     def attend(self) -> None:
         """Go on with what goes out in stages, and renew leases in time."""

@@ -99,10 +99,11 @@ class Previewed(Said):
 
 
 class Sent(Said):
-    """A command went out under this id."""
+    """A command went out under this id. doubt: what is probably a slip in it, as a sentence."""
 
     serial: int
     command: str
+    doubt: str = ""
 
 
 class Named(Said):

@@ -21,7 +21,7 @@ from sleepcast.core.units import UNITS
 from sleepcast.language.functions import FUNCTIONS, MANY, WORDS, Function
 from sleepcast.language.parts import Defining, Label, Part, Storing
 from sleepcast.language.reader import ALIASES, Form, List, Number, Symbol, Text, rows, walk, written
-from sleepcast.language.symbols import Group, Names, Operator, Stored, UserVariable, circle, uses_in
+from sleepcast.language.symbols import Group, Names, Operator, Stored, UserVariable, circle, known_groups, uses_in
 from sleepcast.language.vocabulary import Variable, VocabularyError, buffer_number, describe
 
 MAX_COST = 10_000
@@ -167,8 +167,8 @@ class Checker:
         if not self.warns or self.suggestions >= MAX_SUGGESTIONS:
             return
         self.suggestions += 1
-        known = [name for name in self.names.heard() if isinstance(self.names.declared(name.casefold()), Group)]
-        meant = slip_of(symbol.text, [*known, *(key for key, sort in self.pending.items() if sort == "group")])
+        pending = (key for key, sort in self.pending.items() if sort == "group")
+        meant = slip_of(symbol.text, [*known_groups(self.names), *pending])
         if meant is not None:
             message, at = f'unknown group "{symbol.text}" @@ (did you mean {meant}?)', (symbol.start, symbol.end)
             self.findings.note("warning", message, *at, unknown=symbol.text, confirm=True)

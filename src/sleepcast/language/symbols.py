@@ -107,6 +107,11 @@ class FreshNames:
         return [found.name for found in self._given.values()]
 
 
+def known_groups(names: Names) -> list[str]:
+    """The groups of which one of these robots has heard, as written."""
+    return [name for name in names.heard() if isinstance(names.declared(name.casefold()), Group)]
+
+
 def reaches(start: Iterable[str], goal: str, uses_of: Callable[[str], Iterable[str]]) -> tuple[str, ...] | None:
     """A way from one of the keys `start` to `goal` along what each key uses, or None if there is none."""
     waiting: list[tuple[str, ...]] = [(key,) for key in start]

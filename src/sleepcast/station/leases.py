@@ -6,8 +6,9 @@ from collections.abc import Mapping
 
 from sleepcast.channel import Message
 from sleepcast.channel.message import DO, GROUP, LEASE, MAX_NAME, SECONDS, TO, LeaseAction
-from sleepcast.core.errors import MisuseError
-from sleepcast.language import ReadError, Symbol, read
+from sleepcast.core.errors import MisuseError, printable, slip_of
+from sleepcast.language import Names, ReadError, Symbol, read
+from sleepcast.language.symbols import known_groups
 
 MAX_LEASE = 3_600.0
 """Seconds for which a lease may be had at a time, as robots take it."""
@@ -30,6 +31,13 @@ def lease_body(deed: LeaseAction, group: str, seconds: float, to: str = "") -> d
     if deed is LeaseAction.GRANT and not to:
         raise LeaseError(f"say to whom {group} is granted (--to NAME)")
     return {LEASE: {DO: deed.value, GROUP: group, SECONDS: seconds, TO: to}}
+
+
+def doubt_of(group: str, names: Names) -> str:
+    """A doubt about the name of a group of which nobody has heard, if it is probably a slip; else "". names: what the
+    desk knows that robots have learned."""
+    meant = slip_of(group, known_groups(names))
+    return printable(f'no robot has told of a group "{group}" (did you mean {meant}?)') if meant else ""
 
 
 def in_words(body: Mapping[str, object]) -> str:

@@ -53,7 +53,8 @@ export class Operators {
   async send(deed, group) {
     this.say("");
     try {
-      await this.wire.ask("lease", { deed, group, seconds: this.seconds.valueAsNumber || 60, to: deed === "grant" ? this.to.value : "" });
+      const { doubt } = await this.wire.ask("lease", { deed, group, seconds: this.seconds.valueAsNumber || 60, to: deed === "grant" ? this.to.value : "" });
+      this.say(doubt ? `A slip? ${doubt}` : "");
     } catch (refusal) {
       if (!(refusal instanceof Refusal)) throw refusal;
       this.say(refusal.message);

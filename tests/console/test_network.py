@@ -112,8 +112,8 @@ def test_robots_that_stand_because_of_their_store_are_told(tmp_path: Path, monke
 
 def test_forgeries_are_told_while_somebody_sends_them(air: Page, channel: str) -> None:
     with attacked(channel) as key:
-        air.until("safety", lambda news: f"forged messages a second under key {key} (desk)." in news["sentence"])
-    air.until("safety", lambda news: "forged" not in news["sentence"])
+        air.until("safety", lambda news: f"forged messages a second under key {key} (desk)." in news["noticed"])
+    air.until("safety", lambda news: not news["noticed"])
 
 
 def test_what_is_typed_is_foreseen_counted_sent_and_explained(air: Page, channel: str) -> None:
@@ -273,6 +273,21 @@ def test_a_person_sees_and_commands_them(on_air: Program, context: BrowserContex
     page.locator("#release").click()
     expect(page.locator("#stopped")).to_be_hidden()
     assert not complaints
+
+
+@pytest.mark.browser
+def test_what_a_person_should_know_is_on_the_page_though_nobody_has_stopped(
+    elsewhere: str, context: BrowserContext
+) -> None:
+    """Names of several robots, wrong clocks and forgeries were told with STOP only, in its banner."""
+    with swarm(2, elsewhere), swarm(2, elsewhere), Program("console", "--channel", elsewhere) as program:
+        page = context.new_page()
+        page.goto(program.address)
+        expect(page.locator("#noticed-text")).to_have_text(
+            re.compile(r"^2 robots have each of 2 names: r\d, r\d, one at")
+        )
+        expect(page.locator("#noticed")).to_be_visible()
+        expect(page.locator("#stopped")).to_be_hidden()
 
 
 @pytest.fixture

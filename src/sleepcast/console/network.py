@@ -238,8 +238,7 @@ class NetworkBackend(Backend):
                 said += f" {standing[0].upper()}{standing[1:]}."
             found = outgoing.Safety(found.latched or stopped > 0, said)
         more = " ".join(f"{notice[0].upper()}{notice[1:]}." for notice in self._fleet.notices()[:MOST_NOTICES])
-        if more:
-            found = outgoing.Safety(found.latched, f"{found.sentence} {printable(more)}")
+        found = outgoing.Safety(found.latched, found.sentence, printable(more))
         self.driver.latched = found.latched
         return found
 

@@ -209,10 +209,11 @@ class Groups(Said):
 
 
 class Safety(Said):
-    """Whether STOP holds, and what it has come to."""
+    """Whether STOP holds, and what it has come to. noticed: what else a person should know of, STOP or no STOP."""
 
     latched: bool
     sentence: str
+    noticed: str = ""
 
 
 class Span(Said):

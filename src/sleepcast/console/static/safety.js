@@ -57,8 +57,12 @@ export class Safety {
     if (!this.wire.tell("release")) this.say("RELEASE could not be sent: there is no connection to the station.");
   }
 
-  // What the station says: {latched, sentence}.
+  // What the station says: {latched, sentence, noticed}.
   show(news) {
+    // What a person should know of stands there with STOP and without.
+    this.find("noticed").hidden = !news.noticed;
+    this.find("noticed").title = news.noticed; // the line may be too short for it
+    write(this.find("noticed-text"), news.noticed);
     this.latched = news.latched;
     document.body.classList.toggle("latched", news.latched);
     if (news.latched) {

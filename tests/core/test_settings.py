@@ -23,8 +23,9 @@ MANY = 200_000
         "a = 1\n" + "'b' . " * MANY + "a = 1\n",
         'a = 1\nx = { "b"' + '."b"' * MANY + " = 1 }\n",
         "a = 1\n[" + "a." * MAX_DEPTH + "a]\n" + "".join(f"k{number}=1\n" for number in range(MANY // 2)),
+        "a = 1\n" + r'"\"".' * MANY + "a = 1\n",
     ],
-    ids=["table", "array of tables", "key", "quoted", "inline", "many in one"],
+    ids=["table", "array of tables", "key", "quoted", "inline", "many in one", "escaped"],
 )
 def test_tables_in_tables_without_end_are_refused(text: str) -> None:
     assert len(text) < MAX_BYTES * 1.5
@@ -40,7 +41,7 @@ def test_tables_in_tables_without_end_are_refused(text: str) -> None:
     assert time.process_time() - began < 4.0
 
 
-@pytest.mark.parametrize("mark", ["a", ".", " ", '"', "a ", "'", "a" * 70 + " "])
+@pytest.mark.parametrize("mark", ["a", ".", " ", '"', "a ", "'", "a" * 70 + " ", r"\"", '"\\\\'])
 def test_whatever_is_repeated_takes_as_long_as_it_is_long(mark: str) -> None:
     began = time.process_time()
     with suppress(SettingsError):

@@ -62,6 +62,9 @@ def sweep(wanted: Experiment, folder: Path, workers: int = 1) -> None:
 @pytest.fixture
 def measures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A module `own_measures` that the workers find, too."""
+    monkeypatch.setenv(
+        "XDG_DATA_HOME", str(tmp_path / "data")
+    )  # what is kept of own folders is no business of whoever runs the tests
     monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path / "modules")])
     (tmp_path / "modules").mkdir()
     monkeypatch.delitem(sys.modules, "own_measures", raising=False)

@@ -20,6 +20,7 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.experiments.live import live_measures
 from sleepcast.experiments.measures import read_measure
 from sleepcast.experiments.plan import experiment_of, read_experiment
+from sleepcast.experiments.results import Results
 from sleepcast.experiments.trust import is_own, make_own, programs
 
 PLAN = 'scenario = "crowd"\nseconds = "0.2s"\n[over]\nrobots.count = [5]\n[measures]\nspread = "loud.spread"\n'
@@ -58,6 +59,18 @@ def test_what_a_plan_would_run_is_found_without_importing_it(folder: Path) -> No
     assert not list(folder.rglob("*.ran"))
 
 
+@pytest.mark.parametrize("first", ["", "import this\n"], ids=["package without a file", "package"])
+def test_a_module_is_found_where_python_would(folder: Path, monkeypatch: pytest.MonkeyPatch, first: str) -> None:
+    for place in (folder / "outer" / "inner", folder.parent / "elsewhere" / "outer"):  # a package before a mere folder
+        place.mkdir(parents=True)
+    (folder / "outer" / "inner" / "deep.py").write_text(LOUD)
+    if first:
+        (folder / "outer" / "__init__.py").write_text(first)
+        monkeypatch.syspath_prepend(str(folder.parent / "elsewhere"))
+    experiment = experiment_of("crowd", measures=["outer.inner.deep.spread"])
+    assert [each.file for each in programs(experiment, folder)] == [folder / "outer" / "inner" / "deep.py"]
+
+
 def test_measures_in_python_are_refused_unless_they_are_asked_for() -> None:
     with pytest.raises(MisuseError, match="function in Python, and what comes from others is not run"):
         read_measure("os.getpid")
@@ -90,6 +103,25 @@ def test_trust_is_remembered_for_plan_and_results_but_not_for_a_copy(
     assert not ran(folder)
 
 
+def test_results_of_ones_own_run_no_module_of_the_folder_in_which_one_stands(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    results = tmp_path / "results"
+    with Results(results, read_experiment(folder / "experiment.toml")):
+        make_own(results)
+    for again in (["sweep", str(results)], ["sweep", str(results), "--verify"]):
+        assert main(again) == 2
+        assert f"{folder} may be anybody's" in capsys.readouterr().err
+    assert let_programs_run(read_experiment(results / "experiment.toml"), results, folder, trusted=True)
+    assert is_own(folder)
+
+
+def test_who_will_be_asked_again_hears_why(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    os.chmod(folder / "loud.py", 0o666)
+    assert let_programs_run(read_experiment(folder / "experiment.toml"), folder, folder, trusted=True)
+    assert "asked again next time: others may write" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("typed", ["y\n", "n\n"])
 def test_a_person_at_the_terminal_is_asked(folder: Path, monkeypatch: pytest.MonkeyPatch, typed: str) -> None:
     class Terminal(io.StringIO):
@@ -107,6 +139,7 @@ def test_what_was_typed_is_named_and_run(folder: Path, capsys: pytest.CaptureFix
     typed = experiment_of("crowd", measures=["loud.spread"])
     assert let_programs_run(typed, *written_in("crowd"), trusted=False)
     assert capsys.readouterr().err == f"this sweep runs programs: loud.spread of {folder / 'loud.py'}\n"
+    assert is_own(folder)  # so that the results, which name it too, can be gone on with
     typed.checked()
     assert ran(folder)
 

@@ -14,7 +14,7 @@ import click
 
 from sleepcast.cli.options import SimulatedTime
 from sleepcast.cli.streams import announce, complain, put, somebody_there
-from sleepcast.core.errors import MisuseError
+from sleepcast.core.errors import MisuseError, printable
 
 if TYPE_CHECKING:
     from sleepcast.experiments.findings import Findings
@@ -169,16 +169,21 @@ def let_programs_run(experiment: Experiment, written_in: Path | None, modules: P
     found = programs(experiment, modules)
     if not found:
         return False
-    complain(f"this sweep runs programs: {', '.join(each.sentence() for each in found)}")
-    if written_in is not None:
-        files = [each.file for each in found if each.file is not None]
-        if not trusted and not is_own(written_in, files) and not _answered_for(written_in):
-            raise MisuseError(
-                f"{written_in.resolve()} names Python files, and nobody has said here that they may be run: look at "
-                "them, and add --trust if they are yours or you trust who wrote them"
-            )
-        _remember(written_in)
-    sys.path.append(str(modules.resolve()))
+    complain(printable(f"this sweep runs programs: {', '.join(each.sentence() for each in found)}"))
+    here = modules.resolve()
+    files = [each.file for each in found if each.file is not None and each.file.is_relative_to(here)]
+    folders = list(dict.fromkeys(([] if written_in is None else [written_in.resolve()]) + ([here] if files else [])))
+    unknown = [each for each in folders if not is_own(each, files)]
+    if written_in is not None and unknown and not trusted and not _answered_for(unknown):
+        raise MisuseError(
+            f"{_listed(unknown)} may be anybody's, and nobody has said here that Python files named or lying there may "
+            "be run: look at them, and add --trust if they are yours or you trust who wrote them"
+        )
+    for each in unknown:
+        _remember(each)
+        if not is_own(each, files):
+            complain(f"this is asked again next time: others may write to {each}, or to its Python files")
+    sys.path.append(str(here))
     return True
 
 
@@ -192,10 +197,14 @@ def _remember(folder: Path) -> None:
         complain(str(error))
 
 
-def _answered_for(folder: Path) -> bool:
-    """Whether the person at the terminal, if there is one, says that what lies in a folder may be run."""
-    question = f"They can do whatever you can. Run what {folder.resolve()} names"
+def _answered_for(folders: list[Path]) -> bool:
+    """Whether the person at the terminal, if there is one, says that what lies in these folders may be run."""
+    question = f"They can do whatever you can. Run what {_listed(folders)} names or holds"
     return somebody_there() and click.confirm(question, err=True)
+
+
+def _listed(folders: list[Path]) -> str:
+    return printable(" and ".join(map(str, folders)))
 
 
 @contextmanager

@@ -60,22 +60,23 @@ def programs(experiment: Experiment, folder: Path) -> list[Program]:
 
 def _file_of(module: str, folder: Path) -> Path | None:
     """The file of a module, found without importing anything, not even the packages around it."""
-    places: list[str] | None = None
-    name, found = "", None
-    for part in module.split("."):
-        name = f"{name}.{part}".lstrip(".")
-        found = _spec(name, places) or (PathFinder.find_spec(name, [str(folder)]) if places is None else None)
-        if found is None:
-            return None
-        places = list(found.submodule_search_locations or ())
+    places = [*sys.path, str(folder)]
+    first, *inside = module.split(".")
+    found = _spec(first, places)
+    for (
+        part
+    ) in inside:  # by its last name alone: a package without a file of its own asks for the imported one around it
+        places = list((found and found.submodule_search_locations) or ())
+        found = PathFinder.find_spec(part, places)
     if found is None or not found.has_location or found.origin is None:
         return None
     return Path(found.origin).resolve()
 
 
-def _spec(name: str, places: list[str] | None) -> ModuleSpec | None:
+def _spec(name: str, places: list[str]) -> ModuleSpec | None:
+    """Of a module that is in no package."""
     for finder in sys.meta_path:
-        if (found := finder.find_spec(name, places)) is not None:
+        if (found := finder.find_spec(name, places if finder is PathFinder else None)) is not None:
             return found
     return None
 

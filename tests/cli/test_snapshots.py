@@ -22,6 +22,7 @@ MISSION = """
 @3s (WHEN (IN full) (RULE turn (IF (> x 600m) (ST))))
 @8s (WHEN (NOT (IN full)) (RULE stray (WHEN (PROB 5%) (DRIVE 1m/s (RANDOM -1 1)))))
 """
+OF_0_2_0 = Path(__file__).resolve().parent.parent / "of_0_2_0"
 ALIKE = ("scenario", "seed", "robots", "seconds", "state_hash", "accounting", "measures")
 
 
@@ -198,3 +199,14 @@ def test_a_page_that_cannot_be_opened_leaves_everything_as_it_was(world: Path) -
     assert done.err.startswith(f"port {port} of 127.0.0.1 is in use")
     assert file.read_bytes() == before
     assert not record.exists(), "else the next attempt would be refused for its name"
+
+
+def test_a_snapshot_of_0_2_0_goes_on() -> None:
+    """Of twenty robots, taken five seconds after a mission of four lines began whose last one is STOP."""
+    rest = outcome("--from", OF_0_2_0 / "stopped.snap", "--seconds", "3")
+    assert rest["started_at_seconds"] == 5.0
+    accounting, measures = rest["accounting"], rest["measures"]
+    assert isinstance(accounting, list)
+    assert isinstance(measures, dict)
+    assert [(each["matched"], each["silent"]) for each in accounting] == [(9, 6), (7, 7), (5, 9), (20, 0)]
+    assert (measures["stopped"], measures["groups"]) == (20, {"full": 11})

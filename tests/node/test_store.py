@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import shutil
 import sqlite3
 import subprocess
@@ -20,6 +21,8 @@ from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.core.clock import ManualClock
 from sleepcast.node.node import Node
 from sleepcast.node.store import InUseError, Store, StoreError
+
+OF_0_2_0 = Path(__file__).resolve().parent.parent / "of_0_2_0"
 
 
 def rules(robot: Living) -> list[tuple[str, str, bool]]:
@@ -373,3 +376,27 @@ def test_robots_whose_stores_are_copies_begin_different_lives(tmp_path: Path) ->
             lives.add(store.life("r1"))
     assert len(lives) > 1
     assert min(lives) > before
+
+
+def test_a_store_of_0_2_0_is_read_and_written_again(tmp_path: Path) -> None:
+    """Of a swarm of two that has a variable, a group, a rule and a lease, and was stopped, released, and stopped."""
+    file, said = tmp_path / "of.store", list[str]()
+    shutil.copy(OF_0_2_0 / "stopped.store.marker", f"{file}.marker")
+    file.write_bytes(gzip.decompress((OF_0_2_0 / "stopped.store.gz").read_bytes()))
+    for _ in range(2):  # the second time as today's
+        store = Store(file, ManualClock(1.8e9), said.append)
+        for name in ("r1", "r2"):
+            node = Node(name, NOTES)
+            assert store.adopt(node, None)
+            (held,) = node.authority.latch.holding
+            assert held.named == ["desk", 1795895263595, 20]
+            (ended,) = node.authority.latch.ended
+            assert ended.life == held.life
+            assert ended.number < held.number
+            assert node.stopped
+            assert node.evaluate("n").value == 3.0
+            assert [(rule.name, rule.active) for rule in node.rules()] == [("keep", True)]
+            assert node.groups == {"crew"}
+        store.keep()
+        store.close()
+    assert said == []

@@ -6,7 +6,7 @@ import io
 import os
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -17,10 +17,12 @@ from cli.calling import called
 from sleepcast.cli import main
 from sleepcast.cli.sweep import let_programs_run, written_in
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.experiments import run
 from sleepcast.experiments.live import live_measures
 from sleepcast.experiments.measures import read_measure
-from sleepcast.experiments.plan import experiment_of, read_experiment
-from sleepcast.experiments.results import Results
+from sleepcast.experiments.plan import Experiment, Run, experiment_of, read_experiment
+from sleepcast.experiments.results import Outcome, Results
+from sleepcast.experiments.run import Workers, do
 from sleepcast.experiments.trust import is_own, make_own, programs
 
 PLAN = 'scenario = "crowd"\nseconds = "0.2s"\n[over]\nrobots.count = [5]\n[measures]\nspread = "loud.spread"\n'
@@ -89,8 +91,19 @@ def test_a_plan_of_nobody_known_is_not_run(folder: Path, capsys: pytest.CaptureF
 
 
 def test_trust_is_remembered_for_plan_and_results_but_not_for_a_copy(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    class Here(Workers):
+        """Does runs in this process: that workers find modules is tried elsewhere, and a process costs seconds."""
+
+        def __init__(self, experiment: Experiment, count: int, limit: float) -> None:
+            super().__init__(experiment, 0, limit)
+            self._wanted = experiment
+
+        def map(self, runs: Iterable[Run]) -> Iterator[list[Outcome]]:
+            return ([do(self._wanted, each)] for each in runs)
+
+    monkeypatch.setattr(run, "Workers", Here)
     sweep = ["sweep", "experiment.toml", "--out", "found", "--workers", "1", "--quiet"]
     assert main([*sweep, "--trust"]) == 0
     assert capsys.readouterr().err.startswith("this sweep runs programs: loud.spread of ")

@@ -345,6 +345,8 @@ REFUSED = (
 ENTRANCE = f"""<!doctype html>
 <html lang="en">
 <meta charset="utf-8">
+<meta name="viewport" content="width=device-width">
+<meta name="color-scheme" content="light dark">
 <title>sleepcast</title>
 <link rel="icon" href="static/icon.svg">
 <p hidden>{REFUSED.replace(chr(10), " ").strip()}</p>

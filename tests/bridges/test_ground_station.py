@@ -277,6 +277,23 @@ def test_what_was_sent_before_a_stop_or_comes_with_it_moves_nothing_after_it(
     assert (ground.wishes(), ground.complaints()) == ([], [])
 
 
+@pytest.mark.parametrize("free", [(400, 1.0), (176, 1.0, 15.0)])
+@pytest.mark.parametrize("held", [False, True])
+def test_a_place_that_is_said_as_soon_as_it_is_free_is_taken(
+    ground: GroundStation, desk: Desk, free: tuple[float, ...], held: bool
+) -> None:
+    """Its own STOP has ended with the acknowledgement; somebody else's has not."""
+    ground.tell({}, stopped=False)
+    desk.order(176, 1.0, 4.0)
+    ground.wishes()
+    ground.tell({}, stopped=True, held=held)
+    desk.order(int(free[0]), *free[1:])
+    assert ground.wishes() == [Wish("release")]
+    desk.order(192, 0.0, 1.0, 0.0, 0.0, 36.6003604, -121.8996646)
+    assert [each.sort for each in ground.wishes()] == ["goal"] * (not held)
+    assert desk.seen["COMMAND_ACK"].result == (2 if held else 0)
+
+
 def test_of_many_places_the_last_one_counts(ground: GroundStation, desk: Desk) -> None:
     desk.waiting += [setpoint(desk, 1, PLACE, place=(1.0, each, 0.0), pace=(0.0, 0.0, 0.0)) for each in range(50)]
     assert ground.wishes() == [Wish("goal", (49.0, 1.0, 0.0))]

@@ -19,7 +19,7 @@ from sleepcast.channel.plain_datagrams import Datagrams
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.session import ChannelSession
 from sleepcast.cli.describe import heard_text, notices_of
-from sleepcast.cli.local_input import LocalInput, TypedLines
+from sleepcast.cli.local_input import GROUND, LocalInput, TypedLines
 from sleepcast.cli.streams import announce, complain, pieces, read_file
 from sleepcast.core.clock import MADE, Clock, UnixClock, WallClock, epoch_at
 from sleepcast.core.errors import MisuseError, SleepcastError
@@ -179,7 +179,8 @@ class NodeProcess:
         if self.ground is not None:
             for sentence in self.ground.complaints():
                 self.say(sentence)
-            self.ground.tell(dict(self.node.variables()), stopped=self.node.stopped)
+            held = bool(self.node.doubt) or any(mark.sender != GROUND for mark in self.node.authority.latch.holding)
+            self.ground.tell(dict(self.node.variables()), stopped=self.node.stopped, held=held)
 
     def rules_text(self) -> str:
         """How many rules it has, in words."""

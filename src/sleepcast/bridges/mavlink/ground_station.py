@@ -89,6 +89,8 @@ class GroundStation:
         self._due = dict.fromkeys(EVERY, -inf)
         self._stopped, self._disarmed, self._mode = False, False, GUIDED
         """Whether any STOP holds; whether the ground station's own is one by disarming; and the mode it has chosen."""
+        self._held = False
+        """Whether somebody else's STOP holds as well."""
         self._is_new = True
         """Whether it was never told how the robot is."""
         self._here = (nan, nan, nan)
@@ -189,11 +191,16 @@ class GroundStation:
             self._say("it has no such mode, only HOLD, LOITER and GUIDED", WARNING)
             return []
         self._mode = GUIDED
-        self._due["heartbeat"] = -inf
-        return [] if self._disarmed else [Wish("release")]
+        self._due["heartbeat"] = -inf  # also where it stays stopped
+        return [] if self._disarmed else self._free()
 
     def _arm(self) -> list[Wish]:
         self._disarmed, self._mode = False, GUIDED
+        return self._free()
+
+    def _free(self) -> list[Wish]:
+        """Programs say where to go as soon as this is acknowledged, before it is told again how the robot is."""
+        self._stopped, self._due["heartbeat"] = self._held, -inf
         return [Wish("release")]
 
     def _disarm(self) -> list[Wish]:
@@ -323,8 +330,9 @@ class GroundStation:
 
     # ---- what it is told
 
-    def tell(self, values: Mapping[str, float], *, stopped: bool) -> None:
-        """Show it the robot, if that is due. values: of its sensors, by name."""
+    def tell(self, values: Mapping[str, float], *, stopped: bool, held: bool = False) -> None:
+        """Show it the robot, if that is due. values: of its sensors, by name. held: whether it is stopped by somebody
+        else, whether or not by the ground station as well."""
         if stopped:
             self._rest()
             if self._is_new:
@@ -335,7 +343,7 @@ class GroundStation:
         self._height = values.get("height", nan)
         if stopped != self._stopped:
             self._due["heartbeat"] = -inf
-        self._is_new, self._stopped, now = False, stopped, self._clock.now()
+        self._is_new, self._stopped, self._held, now = False, stopped, held, self._clock.now()
         for kind, every in EVERY.items():
             if now >= self._due[kind]:
                 self._due[kind] = now + every

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import inspect
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -202,6 +203,35 @@ def test_no_moment_says_falsely_that_a_robot_received_nothing() -> None:
     past.close()
     assert "before its deadline" in said["late"]
     assert "did not receive it in time" in said["late"]
+
+
+def test_who_asks_why_at_once_is_told_no_falsehood() -> None:
+    """The command waited for its tick, and the page said that it was never sent, or later than now."""
+    swarm = swarm_of(find_scenario("bravo", Changes(robots=6)), seed=4)
+    station, view, clock = desk_of(swarm), SwarmAdapter(swarm), WallClock()
+    swarm.mission.clear()
+    past = LivePast(view, swarm, station, clock)
+    desk = Backend(view, station, Driver(view, Pace(clock, swarm, 1.0), clock), clock)
+    desk.past = past
+
+    async def ask() -> None:
+        drive(swarm, 5)
+        sent = station.send("(WHEN (> id 0) (JOIN bravo))", everybody=True)
+        found = desk.why(1, 0, sent.id)
+        assert inspect.isawaitable(found)
+        asked = asyncio.ensure_future(found)
+        await asyncio.sleep(0.1)
+        assert not asked.done(), "it is not on the air yet"
+        drive(swarm, 1)
+        (said,) = await asyncio.gather(asked, return_exceptions=True)
+        assert str(said).startswith("scout1 had not evaluated this command yet at ") or b"(JOIN bravo)" in encode(said)
+        while sent.n_silent:
+            drive(swarm, 1)
+        found = desk.why(2, 0, sent.id)
+        assert b"(JOIN bravo)" in encode(await found if inspect.isawaitable(found) else found)
+
+    asyncio.run(ask())
+    past.close()
 
 
 def test_a_tick_that_does_not_end_is_said_to_be_none_of_the_past(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -240,7 +240,8 @@ class Backend:
         except NoExplanationError:
             if self.past is None:
                 raise
-            return self.past.why(self._swarm.tick, incoming.Why(serial, robot, command))
+            sent = (each.message.issued for each in self._station.commands() if each.id == command)
+            return self.past.why_now(next(sent, 0.0), incoming.Why(serial, robot, command))
         return outgoing.Explained(serial, self._shown_why(explanation))
 
     def _shown_why(self, explanation: Explanation) -> ShownWhy:

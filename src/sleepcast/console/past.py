@@ -124,6 +124,12 @@ class Past:
             raise RerunError(f"There is no robot number {asked.robot}.")
         return _said(await self._ask("why", tick, asked, since=sent - 1))
 
+    async def why_now(self, issued: float, asked: incoming.Why) -> msgspec.Raw:
+        """The same up to now, for who asks at once: a command goes on the air with the tick after it was sent. issued:
+        when that was, simulated s. Raises RerunError."""
+        await self._over(round(issued / self.tick) + 1)
+        return await self.why(self.tick_of(self.ended), asked)
+
     async def _over(self, tick: int) -> None:
         """Wait until a tick is over: in the middle of it, what robots did in it is not known. Raises RerunError where
         it does not end."""

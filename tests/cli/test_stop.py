@@ -109,6 +109,15 @@ def test_sigterm_tells_the_truth_as_well(channel: str) -> None:
         assert "silent 1 of 2 robots: 1 that were never heard" in out
 
 
+def test_it_ends_when_somebody_releases_the_robots_meanwhile(channel: str) -> None:
+    with swarm(1, channel), running(*SLEEPCAST, "stop", "--channel", channel, "--expect", "2") as stop:
+        wait_for(stop, "stopped 1, silent 1 of 2 robots")
+        assert called("release", "--channel", channel).status == 0
+        _, err = stop.communicate(timeout=LONGEST)
+        assert stop.returncode == 1
+        assert "desk has released the robots meanwhile: they may move" in err
+
+
 def test_a_key_that_robots_do_not_trust_is_no_radio_silence(channel: str) -> None:
     """Robots say nothing to a stranger. The stranger is told so, and what else is on the air."""
     made = called("keys", "new", "anna", "--role", "operator")

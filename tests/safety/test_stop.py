@@ -196,6 +196,27 @@ def test_a_desk_that_hears_a_stop_lets_its_release_go() -> None:
     assert chief.session.delivery.next_number <= before + 2, "nothing but digests"
 
 
+def test_a_desk_stops_on_until_a_release_names_its_stop() -> None:
+    """A RELEASE that does not name it frees no robot that has it, so those that are missing must still get it."""
+    scene = Scene(robots=2)
+    chief, anna = scene.desk("chief"), scene.desk("anna")
+    scene.deaf |= {("chief", "anna"), ("chief", "r1"), ("r0", "anna")}
+    stopped = chief.stop()
+    scene.run(0.5)
+    anna.post(Kind.RELEASE)
+    scene.run(0.5)
+    assert (stopped.ended_by, scene.fleet["r0"].node.stopped) == ("", True)
+    scene.deaf.clear()
+    scene.run(3.0)
+    assert chief.accounting(stopped.id).matched == ("r0", "r1")
+    anna.post(Kind.ASK, body={"look": "telemetry"})
+    scene.run(0.5)
+    anna.release()
+    scene.run(0.5)
+    assert stopped.ended_by == "anna"
+    assert not any(robot.node.stopped for robot in scene.fleet.values())
+
+
 def test_a_replayed_release_does_not_end_a_stop() -> None:
     """Must 7: what a stranger recorded of an old RELEASE, and plays to a robot that never heard it, changes nothing."""
     scene = Scene()

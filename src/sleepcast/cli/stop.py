@@ -38,6 +38,7 @@ STRANGERS = 4
 """Unknown keys on the air that are printed, those with the most messages."""
 NOT_LASTING = "STOP could not be stored everywhere, so a restart may forget it"
 CONFLICT = "several robots have one name, so no account by names is sure: give each a name of its own"
+ENDED = "they may move, and what they said of this STOP holds no more"
 NAMED = 3
 """Silent robots that are named while it goes on; the account at the end names more."""
 
@@ -86,16 +87,18 @@ def stop(air: AirOptions, seconds: float | None, accepted: bool, as_json: bool) 
                 complain(f"ended by {str(error) or 'Ctrl-C'}; STOP is not sent any more")
             found = station.accounting(sent.id)
             _show(station, sent, found, as_json)
+            if sent.ended_by:
+                complain(printable(f"{sent.ended_by} has released the robots meanwhile: {ENDED}"))
             if not found.complete:
                 complain(f"not confirmed by {found.n_silent} {found.scope}")
             if found.conflicts:
                 complain(f"{CONFLICT}: {listed('names', tuple(found.conflicts))}")
             if found.n_not_stored:
                 complain(f"{NOT_LASTING}: keep {_robots(found.n_not_stored)} powered, or in sight, until RELEASE")
-            moving = 0 if accepted or found.rest is None else found.rest.n_stopping
+            moving = 0 if accepted or sent.ended_by or found.rest is None else found.rest.n_stopping
             if moving and found.rest is not None:
                 complain(f"not at rest: {found.rest.who_moves(station.vocabulary, FEW)}")
-        wrong = found.conflicts or found.n_not_stored or found.flawed or moving
+        wrong = found.conflicts or found.n_not_stored or found.flawed or moving or sent.ended_by
         sound = found.complete and found.n_matched and not wrong
         return 0 if sure and sound else 1
 
@@ -154,7 +157,7 @@ def _await_rest(station: NetworkStation, sent: Command, check: Callable[[], None
             found = sent.resting
             moving = found.who_moves(station.vocabulary, NAMED)
             status.show(f"at rest {found.n_at_rest}, still moving {found.n_stopping}{moving and f': {moving}'}")
-            return not found.n_stopping
+            return not found.n_stopping or bool(sent.ended_by)
 
         station.wait_until(rests, max(sent.answers.latest, sent.message.issued) + REST_SECONDS, PAUSE)
 

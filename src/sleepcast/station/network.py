@@ -474,8 +474,9 @@ class NetworkStation(Station):
         return bool(self.conflicts.undecided(self._clock.now()))
 
     def is_over(self, command: Command) -> bool:
-        """Whether only robots are missing that were heard under the name of another one, and are not heard any more."""
-        return self._shared.is_over(command, self._clock.now())
+        """Whether nothing is to be waited for any more: another operator has ended it, or only robots are missing that
+        were heard under the name of another one, and are not heard any more."""
+        return bool(command.ended_by) or self._shared.is_over(command, self._clock.now())
 
     def _attend_names(self, now: float) -> None:
         """Ask robots that may have one name, count their answers again, and write down what has come out."""
@@ -499,7 +500,7 @@ class NetworkStation(Station):
         if message.kind is Kind.STOP:
             self._drivers.clear()
             self._note_stop(KnownStop(mark_of(message), self.now), message.key)
-        self._retransmission.overtaken(message.kind)
+        self._retransmission.overtaken(message)
 
     def _named(self, message: Message) -> Index | None:
         """The places of the robots that another operator's message is for, None for all."""
@@ -556,7 +557,7 @@ class NetworkStation(Station):
     def _watch_rest(self, now: float) -> None:
         """Look at robots that have accepted our STOP, if it holds, and may have come to rest."""
         latch = self._sent.latch
-        if latch is None or latch.kind is not Kind.STOP:
+        if latch is None or latch.kind is not Kind.STOP or latch.ended_by:
             self._rest_watch.over()
             return
         wanted = self._rest_watch.wanted(latch.id, latch.answers.latest, latch.resting, now)

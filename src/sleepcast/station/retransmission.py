@@ -15,8 +15,9 @@ import msgspec
 import numpy as np
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.message import AGAIN, AGE, FIRST, FOR, NOT, WITHIN
+from sleepcast.channel.message import AGAIN, AGE, ENDS, FIRST, FOR, NOT, WITHIN
 from sleepcast.channel.reliable import ReliableDelivery
+from sleepcast.mind.authority import mark_of, marks_of
 from sleepcast.station.roster import Roster
 from sleepcast.station.sent import Command, SentCommands
 from sleepcast.station.station import REPEAT_AFTER
@@ -77,10 +78,15 @@ class Retransmission:
         if self._due.pop(command_id, None) is not None and command is not None:
             self._over(command)
 
-    def overtaken(self, by: Kind) -> None:
-        """Another operator has stopped or released the robots: our message to the contrary is over."""
+    def overtaken(self, by: Message) -> None:
+        """Another operator has stopped or released the robots: our message to the contrary is over. A RELEASE that does
+        not name our STOP ends it on no robot."""
         latch = self._sent.latch
-        if latch is not None and by in LATCHING and latch.kind is not by:
+        if latch is None or by.kind not in LATCHING or latch.kind is by.kind:
+            return
+        ours, ended = mark_of(latch.message), marks_of(by.body.get(ENDS))
+        if by.kind is Kind.STOP or any(mark.covers(ours) for mark in ended):
+            latch.ended_by = by.sender
             self.give_up(latch.id)
 
     def due(self) -> float:

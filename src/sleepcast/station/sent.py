@@ -267,6 +267,8 @@ class Command:
         self.expected: Index = np.empty(0, np.intp) if expected is None else expected
         self.answers = Answers(names)
         self.conflicts: dict[str, str] = {}
+        self.ended_by = ""
+        """Of a STOP or RELEASE: the other operator whose later message to the contrary has ended it, "" if none has."""
 
     @cached_property
     def rest(self) -> RestStates:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import sqlite3
+import tracemalloc
 from pathlib import Path
 
 import pytest
 
 from sleepcast.experiments.plan import experiment_of
-from sleepcast.experiments.results import Results, ResultsError, outcomes_in, summary_of, table_of
+from sleepcast.experiments.results import MAX_VALUES, Results, ResultsError, outcomes_in, summary_of, table_of
 
 PLAN = experiment_of("crowd", measures=["mean x"], over=["radio.loss=0,0.1"], seeds=1)
 RUN = json.dumps({"number": 0, "point": {"radio.loss": 0}, "seed": 1})
@@ -58,6 +59,18 @@ def test_a_row_that_is_none_is_a_sentence(folder: Path, run: str, samples: str) 
     for read in (summary_of, table_of):
         with pytest.raises(ResultsError, match="the results cannot be read"):
             read(folder)
+
+
+@pytest.mark.parametrize("samples", ["", "5", "[5]", "[[0.0]]", "[" * 200_000, "[0]," * (MAX_VALUES + 1)])
+def test_nor_is_it_gone_on_with(folder: Path, samples: str) -> None:
+    changed(folder, insert(RUN, samples))
+    tracemalloc.start()
+    try:
+        with Results(folder, PLAN) as found, pytest.raises(ResultsError, match="the results cannot be read"):
+            found.missing()
+        assert tracemalloc.get_traced_memory()[1] < 200 * 1024**2
+    finally:
+        tracemalloc.stop()
 
 
 @pytest.mark.parametrize(

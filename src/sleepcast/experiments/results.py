@@ -46,6 +46,8 @@ FORMAT = 1
 """Version of the file of runs, which is its `user_version`; those of a newer one are refused."""
 MAX_CELL = 64 * 1024**2
 """Bytes of one row: a million samples of a measure have a third of it."""
+MAX_VALUES = 8_000_000
+"""Numbers in one row: short ones take forty times their text in memory."""
 MOST_ERROR = 4_000
 """Characters of an error that are kept."""
 
@@ -120,8 +122,11 @@ class Results:
         also those that failed."""
         if self.experiment.goal is not None:
             return self._suggested(self.experiment.goal, retry=retry)
-        found = self._connection.execute("SELECT key, error, samples FROM runs")
-        done = {key: json.loads(samples) for key, error, samples in found if not (retry and error)}
+        try:
+            found = self._connection.execute("SELECT key, error, samples FROM runs")
+            done = {key: _samples(text, self.experiment) for key, error, text in found if not (retry and error)}
+        except (sqlite3.Error, ValueError, RecursionError) as error:
+            raise ResultsError(f"{self.folder / RUNS}: the results cannot be read: {error}") from error
         precise = self._precise_points(done)
         for runs in self.experiment.rounds():
             left = [run for run in runs if run.key not in done and _point(run) not in precise]
@@ -286,11 +291,20 @@ def _outcome(row: tuple[str, str, str, float, str], experiment: Experiment) -> O
     """What a row says. Raises ValueError for what no run of this experiment has."""
     run, error, state, wall, samples = row
     decoded = msgspec.json.decode(run, type=Run)
-    taken = msgspec.convert(json.loads(samples), tuple[tuple[float | None, ...], ...])
-    wide = all(len(each) == 1 + len(experiment.measures) for each in taken)
-    if not wide or decoded.point.keys() != experiment.over.keys():
+    taken = _samples(samples, experiment)
+    if decoded.point.keys() != experiment.over.keys():
         raise ValueError(f"run {decoded.number} has other measures or settings than its {PLAN}")
     return Outcome(decoded, taken, error, state, wall)
+
+
+def _samples(text: str, experiment: Experiment) -> tuple[tuple[float | None, ...], ...]:
+    """What was measured. Raises ValueError and RecursionError for what was not."""
+    if text.count(",") >= MAX_VALUES:
+        raise ValueError(f"a run has more than {MAX_VALUES} numbers")
+    taken = msgspec.convert(json.loads(text), tuple[tuple[float | None, ...], ...])
+    if not all(len(each) == 1 + len(experiment.measures) for each in taken):
+        raise ValueError(f"a run has other measures than its {PLAN}")
+    return taken
 
 
 def _check_format(folder: Path, connection: sqlite3.Connection) -> None:

@@ -16,7 +16,6 @@ Messages of other kinds are passed on as they come.
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -29,10 +28,11 @@ from typing import NamedTuple, TypeVar
 import msgspec
 
 from sleepcast.channel.admission import Admission, RateLimit, TokenBucket
+from sleepcast.channel.baselines import is_base, message_of, missing_of, rebase
 from sleepcast.channel.clock_sync import MAX_TRIP, NONCE_BYTES, TimeRequest
 from sleepcast.channel.envelope import MAX_PARTS, Fragment, encode
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal
-from sleepcast.channel.message import KEYS, TIME, Kind, Message, Role, age_of, message_id
+from sleepcast.channel.message import BASES, KEYS, TIME, Kind, Message, Role, age_of, message_id
 from sleepcast.channel.repair_timer import RepairTimer
 from sleepcast.channel.sequencer import (
     MAX_STREAMS,
@@ -227,6 +227,7 @@ class ReliableDelivery:
         kind, own = message.kind, self._own()
         datagrams = tuple(encode(message, self.admission.fleet, self._key))
         if kind is Kind.COMMAND:
+            rebase(own, message, self._store)  # before a full store lets go of what still counts
             self._store.keep(own.name, message.sequence, message.standing, datagrams, now)
             self.sequencer.deal_with(own, message)
             if message.standing:
@@ -331,12 +332,16 @@ class ReliableDelivery:
         if message.kind is not Kind.COMMAND or message.role == Role.ROBOT:
             return [message]  # messages between robots are neither ordered nor repaired
         name = part.key, part.epoch
-        self._store.keep(name, message.sequence, message.standing, entered.datagrams, now)
+        stream = self.sequencer.find(name) if not self.admission.robot else self.sequencer.stream(name)
+        if stream is not None:
+            rebase(stream, message, self._store)  # before a full store lets go of what still counts
+        counts = stream is None or stream.counts(message.sequence)
+        self._store.keep(name, message.sequence, message.standing, entered.datagrams, now, counts)
         if KEYS in message.body:
             self._change_trust(message, now)
         if not self.admission.robot:
             return [message]  # an operator sees others' commands at once, without waiting for missing ones
-        stream = self.sequencer.stream(name)
+        assert stream is not None
         return self._noted(self.sequencer.take(stream, message, now), now)
 
     def _deal_with_time(self, message: Message, now: float) -> None:
@@ -360,8 +365,24 @@ class ReliableDelivery:
             self.post(Kind.HEARTBEAT, now, deadline=now + MAX_TRIP, body={TIME: nonce})
 
     def standing_of(self, key: bytes) -> tuple[bytes, ...]:
-        """The stored datagrams of the standing commands of a key."""
-        return tuple(datagram for datagrams in self._store.standing(key).values() for datagram in datagrams)
+        """The stored datagrams of the standing commands of a key that still count."""
+        kept = self._store.standing(key).items()
+        return tuple(
+            datagram for (name, number), datagrams in kept if self._stands(name, number) for datagram in datagrams
+        )
+
+    def _stands(self, name: StreamId, number: int) -> bool:
+        stream = self.sequencer.find(name)
+        return stream is None or stream.counts(number)
+
+    @property
+    def own_rules(self) -> dict[int, Message | None]:
+        """Our standing commands that still count, by number; None for one that is not stored any more."""
+        kept, own = self._store.standing(self._key.id), self._own()
+        return {
+            number: message_of(kept[own.name, number]) if (own.name, number) in kept else None
+            for number in own.standing
+        }
 
     def _change_trust(self, message: Message, now: float) -> None:
         """Apply a change of keys at once, even if earlier commands of its sender are missing. One that is refused
@@ -371,7 +392,9 @@ class ReliableDelivery:
             trust.take(KeyChange.of(message))
             for key in {name[0] for name in self.sequencer.names if self._is_revoked(name)}:
                 kept = self._store.standing(key).items()
-                self.sequencer.settle(key, {which for which, datagrams in kept if all(map(trust.vouches, datagrams))})
+                counting = {which: datagrams for which, datagrams in kept if all(map(trust.vouches, datagrams))}
+                self.sequencer.settle(key, counting.keys())
+                self._rebase((name, datagrams) for (name, _), datagrams in counting.items())
             self._tell_progress(now)
 
     def _is_stored(self, part: Fragment, datagram: bytes, now: float) -> bool:
@@ -417,8 +440,16 @@ class ReliableDelivery:
         for each in dealt_with:
             numbers.setdefault(each.stream, []).append(each.number)
         self.sequencer.restore(kept.streams, {name: sorted(found) for name, found in numbers.items()})
-        self._store.restore(dealt_with)
+        self._rebase((each.stream, each.datagrams) for each in dealt_with)
+        self._store.restore(dealt_with, self._stands)
         self.admission.restore(kept.windows)
+
+    def _rebase(self, stored: Iterable[tuple[StreamId, tuple[bytes, ...]]]) -> None:
+        """Take what stored standing commands say of those before them."""
+        for name, datagrams in stored:
+            stream = self.sequencer.find(name)
+            if stream is not None and is_base(datagrams):
+                rebase(stream, message_of(datagrams), self._store)
 
     def _counts(self, stream: StreamId, datagrams: Iterable[bytes]) -> bool:
         """Whether a command counts: its key is not revoked, or it is vouched for."""
@@ -439,8 +470,7 @@ class ReliableDelivery:
             they, we, stream = theirs.get(name, 0), ours.get(name, 0), self.sequencer.find(name)
             alike &= they == we
             if they < we and stream is not None:
-                first = bisect_right(stream.standing, they)
-                missing = stream.standing[first : first + min(BATCH, left)]
+                missing = missing_of(stream, they, digest.body.get(BASES) is True)[: min(BATCH, left)]
                 left -= len(missing)
                 self._repair(name, [(number,) for number in missing], digest.key, now)
         if alike:
@@ -464,7 +494,7 @@ class ReliableDelivery:
         told = {} if self.admission.robot else self._told.latest(now)
         others = sorted(told.keys() - have.keys())[: MAX_STREAMS - len(have)]
         have |= {name: told[name] for name in others}
-        return {"have": [[*name, have[name]] for name in sorted(have)]}
+        return {"have": [[*name, have[name]] for name in sorted(have)], BASES: True}
 
     def _missing(self, name: StreamId, number: int) -> tuple[int, ...]:
         """Missing parts of a command that has partly arrived."""
@@ -586,6 +616,7 @@ class ReliableDelivery:
 # ---- the bodies of digests and requests
 #
 # have     a digest's list of streams, each with the number of its latest standing command
+# bases    whether its sender knows standing commands that say which of those before them still count
 # most     how many of the next ones the digest's sender takes at once; without it `BATCH` of each stream
 # want     a request's list of streams, each with the numbers of missing commands
 # parts    a request's list of commands of which some parts have come, each with the numbers of the others

@@ -7,6 +7,7 @@ for any other only until its deadline, and not at all if it joined after that on
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
@@ -58,8 +59,11 @@ class MissingCommand:
 @dataclass(slots=True)
 class Stream:
     """The commands of one sender in one epoch. done: number of the latest that was handled, or skipped; sent, until:
-    when it was issued and its deadline, s; standing: numbers of the handled standing ones; waiting: commands that came
-    too early, by number; wanted: missing ones."""
+    when it was issued and its deadline, s; standing: numbers of the handled standing ones that count; waiting: commands
+    that came too early, by number; wanted: missing ones.
+
+    base: number of the latest standing command that says which before it still count, `only`; 0 for none. over: numbers
+    of handled ones that do not count any more; we resend them only to parties that know nothing of this."""
 
     name: StreamId
     done: int = 0
@@ -68,6 +72,37 @@ class Stream:
     standing: list[int] = field(default_factory=list)
     waiting: dict[int, Message] = field(default_factory=dict)
     wanted: dict[int, MissingCommand] = field(default_factory=dict)
+    base: int = 0
+    only: tuple[int, ...] = ()
+    over: list[int] = field(default_factory=list)
+
+    def rebase(self, base: int, only: Sequence[int]) -> None:
+        """A standing command says which before it still count. Of several, the latest decides."""
+        if base <= self.base:
+            return
+        self.base, self.only = base, tuple(only)
+        numbers = sorted((*self.standing, *self.over))
+        self.standing = [number for number in numbers if self.counts(number)]
+        self.over = [number for number in numbers if not self.counts(number)]
+        for table in (self.waiting, self.wanted):
+            for number in [number for number in table if not self.counts(number) and self._stood(number)]:
+                del table[number]
+
+    def counts(self, number: int) -> bool:
+        """Whether a standing command still counts."""
+        place = bisect_right(self.only, number)
+        return number >= self.base or (place > 0 and self.only[place - 1] == number)
+
+    def after_rules(self, link: Link) -> int:
+        """The number of the standing command for which one with this link waits: the latest that still counts."""
+        if link.rules >= self.base:
+            return link.rules
+        place = bisect_right(self.only, link.rules)
+        return self.only[place - 1] if place else 0
+
+    def _stood(self, number: int) -> bool:
+        waiting = self.waiting.get(number)
+        return waiting is None or waiting.standing
 
     @property
     def rules(self) -> int:
@@ -154,7 +189,7 @@ class Sequencer:
 
     def take(self, stream: Stream, message: Message, now: float) -> list[Message]:
         """The commands that can be handled now that this one has arrived, in order."""
-        if message.sequence <= stream.done:
+        if message.sequence <= stream.done or (message.standing and not stream.counts(message.sequence)):
             return []
         stream.waiting[message.sequence] = message
         stream.wanted.pop(message.sequence, None)
@@ -169,11 +204,15 @@ class Sequencer:
 
     def settle(self, key: bytes, counting: Set[tuple[StreamId, int]]) -> None:
         """A key was revoked: of its commands only these still count. Others that wait, are wanted or were standing are
-        dropped; their effects remain."""
+        dropped; their effects remain. What does not count says nothing of others either (`Stream.rebase`)."""
         for stream in self._streams.values():
             if stream.name[0] == key:
                 numbers = {number for name, number in counting if name == stream.name}
-                stream.standing = sorted(number for number in numbers if number <= stream.done)
+                if stream.base not in numbers:
+                    stream.base, stream.only = 0, ()
+                handled = sorted(number for number in numbers if number <= stream.done)
+                stream.standing = [number for number in handled if stream.counts(number)]
+                stream.over = [number for number in handled if not stream.counts(number)]
                 stream.waiting = {number: each for number, each in stream.waiting.items() if number in numbers}
                 stream.wanted.clear()
                 self._changed.add(stream.name)
@@ -221,7 +260,7 @@ class Sequencer:
                 found = min(found, *(want.due for want in stream.wanted.values()))
             if stream.waiting:
                 link = stream.waiting[min(stream.waiting)].link
-                if link.rules <= stream.rules:  # it waits for rules without limit
+                if stream.after_rules(link) <= stream.rules:  # it waits for rules without limit
                     found = min(found, link.until + SLACK)
         return found
 
@@ -244,10 +283,11 @@ class Sequencer:
     def _is_next(self, stream: Stream, message: Message, now: float) -> bool:
         """Whether the earliest waiting command can be handled; if one before it is missing, that one is wanted."""
         link = message.link
-        if link.rules > stream.rules:
-            self._want(stream, link.rules, now)
+        rules = stream.after_rules(link)
+        if rules > stream.rules:
+            self._want(stream, rules, now)
             return False
-        if link.after > stream.done and link.sent >= self.since:
+        if link.after > max(stream.done, link.rules) and link.sent >= self.since:  # a standing one was dealt with above
             if now <= link.until + SLACK:
                 self._want(stream, link.after, now)
                 return False
@@ -401,15 +441,40 @@ class MessageStore:
 
     def __init__(self) -> None:
         self._standing = FairTable[tuple[StreamId, int], StoredCommand, bytes](MAX_STANDING)
+        self._over: dict[tuple[StreamId, int], None] = {}
+        """Standing ones that do not count any more (`Stream.rebase`): they give way first, a key's own before all."""
         self._recent = FairTable[tuple[StreamId, int], StoredCommand, bytes](_MAX_RECENT)
         self._news: list[StandingCommand] = []
 
-    def keep(self, stream: StreamId, number: int, standing: bool, datagrams: tuple[bytes, ...], now: float) -> None:
-        """Store a command that was received or sent at `now` (s)."""
+    def keep(
+        self,
+        stream: StreamId,
+        number: int,
+        standing: bool,
+        datagrams: tuple[bytes, ...],
+        now: float,
+        counts: bool = True,
+    ) -> None:
+        """Store a command that was received or sent at `now` (s). counts: whether it still does, if it is standing."""
         stored = self._standing if standing else self._recent
         if standing and (stream, number) not in stored:
             self._news.append(StandingCommand(stream, number, datagrams))
+            self._make_room(stream[0])
+        if standing and not counts:
+            self._over[stream, number] = None
         stored.put(stream[0], (stream, number), StoredCommand(datagrams, [now] * len(datagrams)))
+
+    def rebase(self, stream: Stream) -> None:
+        """What does not count any more in a stream gives way first."""
+        over = {which: None for which in self._over if which[0] != stream.name}
+        named = (which for which in self._standing if which[0] == stream.name)
+        self._over = over | {which: None for which in named if not stream.counts(which[1])}
+
+    def _make_room(self, key: bytes) -> None:
+        while self._over and len(self._standing) >= MAX_STANDING:
+            gone = next((which for which in self._over if which[0][0] == key), next(iter(self._over)))
+            del self._over[gone]
+            self._standing.pop(gone)
 
     def news(self) -> tuple[StandingCommand, ...]:
         """The standing commands that were stored since the last call."""
@@ -417,10 +482,10 @@ class MessageStore:
         self._news.clear()
         return found
 
-    def restore(self, standing: Iterable[StandingCommand]) -> None:
-        """Restore stored commands, oldest first; all count as not on the air for long."""
+    def restore(self, standing: Iterable[StandingCommand], counts: Callable[[StreamId, int], bool]) -> None:
+        """Restore stored commands, oldest first; all count as not on the air for long. counts: which still do."""
         for each in standing:
-            self.keep(each.stream, each.number, True, each.datagrams, -inf)
+            self.keep(each.stream, each.number, True, each.datagrams, -inf, counts(each.stream, each.number))
         self._news.clear()
 
     def heard(self, stream: StreamId, number: int, datagram: bytes, now: float) -> bool:

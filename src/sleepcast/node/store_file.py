@@ -82,6 +82,8 @@ CREATE VIEW journal AS
     LEFT JOIN arrivals ON arrivals.number = evaluations.number;
 """
 """Missing in stores of format 1, whose view of the journal also had no arrivals."""
+MAX_ROWS = 5 * MAX_STANDING
+"""Standing commands that are read, the latest: more than are kept, since those that do not count any more give way."""
 TABLES = ("robots", "streams", "windows", "standing", "taken", "evaluations", "arrivals")
 """The tables that the seal covers."""
 """robots: in order of arrival, or the operator; since, saved: when it was first here, and when its mind was last
@@ -314,7 +316,7 @@ def read_all(connection: sqlite3.Connection) -> Content:
         raise sqlite3.DatabaseError(f"what is in it cannot be read: {error}") from None
     except KeyError as error:
         raise sqlite3.DatabaseError(f"it speaks of a robot {error} that is not there") from None
-    del found.standing[:-MAX_STANDING]
+    del found.standing[:-MAX_ROWS]  # which of them still count, their receiver knows: the oldest may
     return found
 
 

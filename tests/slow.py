@@ -24,6 +24,7 @@ SLOW = {
     "console/test_page_first.py": 10,
     "loop/test_snapshots.py": 30,
     "cli/test_air.py": 28,
+    "cli/test_baseline.py": 15,
     "bridges/test_crazyflie.py": 12,
     "bridges/test_mavproxy.py": 8,
     "bridges/test_crazyradio.py": 20,

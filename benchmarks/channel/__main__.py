@@ -2,9 +2,9 @@
 
     python -m benchmarks.channel [PROOF ...] [--quick] [--json]
 
-Proofs: rewrite, catch_up, once, census, stop, forgery, drops, amplification, repairs, flood, questions, latency,
-durable; without any, all of them. Hosts are network namespaces joined by a bridge, each with losses of its own (`lab`);
-everything is measured in this one run. Nobody need be root.
+Proofs: rewrite, catch_up, once, census, stop, forgery, drops, amplification, repairs, crowds, baseline, flood,
+questions, latency, durable; without any, all of them. Hosts are network namespaces joined by a bridge, each with losses
+of its own (`lab`); everything is measured in this one run. Nobody need be root.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from dataclasses import asdict
 
 from benchmarks.channel import proofs
 from benchmarks.channel.amplification import amplification
+from benchmarks.channel.baseline import baseline
 from benchmarks.channel.crowds import crowds
 from benchmarks.channel.drops import drops
 from benchmarks.channel.durable import durable
@@ -61,6 +62,7 @@ FULL: dict[str, Callable[[], Proof]] = {
     "amplification": lambda: amplification(60.0),
     "repairs": lambda: repairs((2, 5, 20, 100), NETWORKS, 10),
     "crowds": lambda: crowds((20, 200), NETWORKS, 10),
+    "baseline": lambda: baseline(20_000),
     "flood": lambda: flood(10, 2, 20),
     "questions": lambda: questions([["swarm", "10"], ["swarm", "60"], ["node"]], 5),
     "latency": lambda: latency(100, 2, 150),
@@ -76,6 +78,7 @@ QUICK: dict[str, Callable[[], Proof]] = {
     "drops": lambda: drops(500),
     "amplification": lambda: amplification(5.0),
     "repairs": lambda: repairs((2, 20), (Network(0.001), Network(0.3, 0.1)), 5),
+    "baseline": lambda: baseline(200),
     "crowds": lambda: crowds((20,), (Network(0.001), Network(0.3)), 5),
     "flood": lambda: flood(10, 2, 2),
     "questions": lambda: questions([["swarm", "60"]], 1, ["burst", "steady"]),

@@ -96,12 +96,13 @@ class Party:
 
 
 class Group:
-    """Robots on one network, and a desk that is not on it. sent: datagrams on the air, by kind."""
+    """Robots on one network, and a desk that is not on it. sent: datagrams on the air, by kind; bytes: of all."""
 
     def __init__(self, robots: int, network: Network, seed: int) -> None:
         self.clock, self.network, self.chance = ManualClock(START), network, Random(seed)
         self.parties: list[Party] = []
         self.sent: Counter[Kind] = Counter()
+        self.bytes = 0
         self._names, self._tie = count(1), count()
         self._events: list[tuple[float, int, Callable[[], None]]] = []
         keys = (DESK.public, ROBOTS.public)
@@ -127,12 +128,16 @@ class Group:
 
     def command(self, deaf: Party | None = None) -> int:
         """A standing command, which all robots but a deaf one receive at once; gives its number."""
-        message = self._desk.post(Kind.COMMAND, self.clock.now(), text="(RULE near (VM 0 0))", standing=True)
+        return self.post("(RULE near (VM 0 0))", deaf=deaf).sequence
+
+    def post(self, text: str, body: dict[str, object] | None = None, deaf: Party | None = None) -> Message:
+        """The same with this text and body."""
+        message = self._desk.post(Kind.COMMAND, self.clock.now(), text=text, standing=True, body=body)
         for datagram in self._desk.posted():
             for party in self.parties:
                 if party is not deaf:
                     self._take(party, datagram)
-        return message.sequence
+        return message
 
     def run(self, patience: float, until: Callable[[], bool] = lambda: False) -> None:
         """Let time pass until this is so, at most `patience` s."""
@@ -163,6 +168,7 @@ class Group:
 
     def _send(self, sender: Party, datagram: bytes) -> None:
         self.sent[look(datagram).kind] += 1
+        self.bytes += len(datagram)
         hearers = [each for each in self.parties if each is not sender and self.chance.random() >= self.network.loss]
 
         def arrive() -> None:

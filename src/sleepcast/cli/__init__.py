@@ -47,6 +47,7 @@ COMMANDS = {
     "stop": ("sleepcast.cli.stop", "stop"),
     "release": ("sleepcast.cli.send", "release"),
     "lease": ("sleepcast.cli.lease", "lease"),
+    "baseline": ("sleepcast.cli.baseline", "baseline"),
     "desk": ("sleepcast.cli.desk", "desk"),
     "journal": ("sleepcast.cli.journal", "journal"),
     "why": ("sleepcast.cli.who", "why"),

@@ -188,7 +188,7 @@ HARD = (
 
 
 def test_a_number_is_read_to_the_last_bit(robot: board.Talk) -> None:
-    """As every other node reads it; the firmware's own `float` is wrong in about one of 8,000, the first of HARD among them."""
+    """As every other node reads it; the firmware's `float` is wrong in about one of 8,000, as in the first of HARD."""
     fresh(robot)
     texts = [*HARD, *decimals(Random(8), 600)]
     assert [text for text in texts if sent(robot, text) != bits(float(text))] == []

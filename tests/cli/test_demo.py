@@ -269,7 +269,11 @@ def test_the_page_is_served_until_ctrl_c(arguments: tuple[str, ...]) -> None:
         status, text = get(address)
         assert status == 200
         assert "<html" in text
-        assert get(address.partition("?")[0])[0] == 403, "without the token nobody gets in"
+        bare = address.partition("?")[0]
+        status, entrance = get(bare)
+        assert (status, "lacks the right token" in entrance) == (200, True), "without the token nobody gets in"
+        assert entrance != text
+        assert get(f"{bare}?token=another")[0] == 403
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=LONGEST)
         assert process.returncode == 130

@@ -53,7 +53,7 @@ def test_robots_of_the_package_are_opened_by_name(installed: Path, name: str) ->
     assert np.allclose(fleet["(TIME_TO_DEPTH 30cm)"], (0.3 - fleet["depth"]) / 0.04)
     assert len(fleet.send("(WHEN (> id 10) (SAMPLE))").matched) == 20
     fleet.run(1, quiet=True)
-    assert read_measure("probed")(fleet) == 20 / 30
+    assert read_measure("probed", own=True)(fleet) == 20 / 30
     assert read_measure("sum samples")(fleet) == 20
 
 

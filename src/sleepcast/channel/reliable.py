@@ -32,7 +32,7 @@ from sleepcast.channel.baselines import is_base, message_of, missing_of, rebase
 from sleepcast.channel.clock_sync import MAX_TRIP, NONCE_BYTES, TimeRequest
 from sleepcast.channel.envelope import MAX_PARTS, Fragment, encode
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal
-from sleepcast.channel.message import BASES, KEYS, TIME, Kind, Message, Role, age_of, message_id
+from sleepcast.channel.message import BASES, KEYS, ONLY, TIME, Kind, Message, Role, age_of, message_id
 from sleepcast.channel.repair_timer import RepairTimer
 from sleepcast.channel.sequencer import (
     MAX_STREAMS,
@@ -227,7 +227,8 @@ class ReliableDelivery:
         kind, own = message.kind, self._own()
         datagrams = tuple(encode(message, self.admission.fleet, self._key))
         if kind is Kind.COMMAND:
-            rebase(own, message, self._store)  # before a full store lets go of what still counts
+            if ONLY in message.body:  # before a full store lets go of what still counts
+                rebase(own, message, self._store)
             self._store.keep(own.name, message.sequence, message.standing, datagrams, now)
             self.sequencer.deal_with(own, message)
             if message.standing:
@@ -333,8 +334,8 @@ class ReliableDelivery:
             return [message]  # messages between robots are neither ordered nor repaired
         name = part.key, part.epoch
         stream = self.sequencer.find(name) if not self.admission.robot else self.sequencer.stream(name)
-        if stream is not None:
-            rebase(stream, message, self._store)  # before a full store lets go of what still counts
+        if stream is not None and ONLY in message.body:  # before a full store lets go of what still counts
+            rebase(stream, message, self._store)
         counts = stream is None or stream.counts(message.sequence)
         self._store.keep(name, message.sequence, message.standing, entered.datagrams, now, counts)
         if KEYS in message.body:

@@ -188,7 +188,7 @@ class GroundStation:
             self._mode = HOLD
             return self._halt()
         if mode != GUIDED:
-            self._say("it has no such mode, only HOLD, LOITER and GUIDED", WARNING)
+            self._say("it has no such mode, only HOLD, LOITER and GUIDED")
             return []
         self._mode = GUIDED
         self._due["heartbeat"] = -inf  # also where it stays stopped
@@ -229,13 +229,13 @@ class GroundStation:
             return self._on_map(message.param5, message.param6, message.param7)
         if message.frame in EARTH_FRAMES:
             return self._on_map(message.x / 1e7, message.y / 1e7, message.z)
-        self._say(f"it goes to no place in frame {message.frame}", WARNING)
+        self._say(f"it goes to no place in frame {message.frame}")
         return NOWHERE
 
     def _on_map(self, latitude: float, longitude: float, height: float) -> Place:
         """A place in degrees; NaN if that is nowhere here."""
         if self._map is None:
-            self._say("it has no origin, so no place on the Earth", WARNING)
+            self._say("it has no origin, so no place on the Earth")
             return NOWHERE
         x, y = self._map.metres(latitude, longitude) or (nan, nan)
         return x, y, height
@@ -245,10 +245,10 @@ class GroundStation:
         if place is NOWHERE:
             return []  # which was said
         if not all(abs(each) <= FARTHEST for each in place[:2]):
-            self._say("there is no such place here", WARNING)
+            self._say("there is no such place here")
             return []
         if self._stopped or self._disarmed:
-            self._say("it is stopped, so it goes nowhere", WARNING)
+            self._say("it is stopped, so it goes nowhere")
             return []
         return [Wish("goal", place if abs(place[2]) <= FARTHEST else place[:2])]
 
@@ -264,8 +264,9 @@ class GroundStation:
         elif has_velocity and frame in BODY_FRAMES:
             self._follow_heading(message, now)
         elif has_place:
-            place = (message.lat_int / 1e7, message.lon_int / 1e7, message.alt) if earth else ()
-            return self._goal(self._on_map(*place) if place else self._at(message))
+            if earth:
+                return self._goal(self._on_map(message.lat_int / 1e7, message.lon_int / 1e7, message.alt))
+            return self._goal(self._at(message))
         elif has_velocity:
             self._follow_course(message, now)
         else:
@@ -278,7 +279,7 @@ class GroundStation:
         turned, moved = message.coordinate_frame in BODY_FRAMES, message.coordinate_frame == OFFSET_FRAME
         unknown = "where it is" if not isfinite(x + y) else "its heading" if turned and not isfinite(heading) else ""
         if (turned or moved) and unknown:
-            self._say(f"it does not know {unknown}", WARNING)
+            self._say(f"it does not know {unknown}")
             return NOWHERE
         if turned:
             ahead, right = message.x, message.y
@@ -326,7 +327,7 @@ class GroundStation:
     def _refuse(self, why: str) -> None:
         """Take no setpoint, nor go on by the one before."""
         self._rest()
-        self._say(why, WARNING)
+        self._say(why)
 
     # ---- what it is told
 
@@ -360,12 +361,12 @@ class GroundStation:
         """Show it a text."""
         self._send(self._link.mav.statustext_encode(INFORMATION, _short_text(text)))
 
-    def _say(self, text: str, severity: int) -> None:
+    def _say(self, text: str) -> None:
         """Show it why something is not done, at most once in `TELL_AGAIN` s."""
         now = self._clock.now()
         if now - self._said.get(text, -inf) > TELL_AGAIN:
             self._said[text] = now
-            self._send(self._link.mav.statustext_encode(severity, _short_text(text)))
+            self._send(self._link.mav.statustext_encode(WARNING, _short_text(text)))
 
     def _send(self, message: Any) -> None:
         with suppress(OSError):  # a ground station that cannot be reached sees nothing, and asks for nothing

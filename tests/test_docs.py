@@ -9,7 +9,7 @@ Fenced blocks are told apart by the word after the fence:
                nothing goes wrong (`bravo-fault`: it goes wrong afterwards, in a rule, which is deactivated)
     sentence   sentences for the fleet of bravo, each with its expression behind `=>`, which says the sentence again in
                the writer's words; or with the part that is not understood
-    classic    the same as `sleep` for the classic dialect (`faithful`: in its other mode); see `run_classic`
+    classic    the same as `sleep` for the classic dialect (also `faithful`, `appendix-a`); see `run_classic`
     python     a program that runs, and prints what its comments `# prints: ...` say
     sh         command lines of sleepcast that its parser takes
     console    command lines, each after `$ `, and what they print; `...` stands for anything
@@ -44,7 +44,7 @@ from sleepcast.cli import program
 from sleepcast.cli.sentences import lexicon_of
 from sleepcast.core.units import UNITS
 from sleepcast.language import List, ReadError, check, read
-from sleepcast.language.classic import ClassicError, ClassicMachine
+from sleepcast.language.classic import MODES, ClassicError, ClassicMachine
 from sleepcast.language.functions import BUILT_IN
 from sleepcast.language.reader import walk
 from sleepcast.loop import Swarm
@@ -241,9 +241,9 @@ def test_the_reference_shows_bounds() -> None:
 # ---- the classic dialect
 
 
-@each("classic", "faithful")
+@each(*MODES)
 def test_a_classic_example_gives_what_it_says(block: Block) -> None:
-    machine = ClassicMachine("faithful" if block.sort == "faithful" else "classic")
+    machine = ClassicMachine(next(mode for mode in MODES if mode == block.sort))
     wrong = [fault for where, line in joined(block) if (fault := run_classic(machine, where, line))]
     assert not wrong, "\n".join(wrong)
 

@@ -25,7 +25,7 @@ PACKAGES = ROOT / ".venv-docs" / "node_modules"
 PAGES = ("*.md", "docs/**/*.md", "src/**/*.md", "benchmarks/*.md", "clients/*/*.md", "examples/*/*.md")
 LINK = re.compile(r"\]\(([^)\s#]+)|<img src=\"([^\"]+)\"")
 FENCE = re.compile(r"^```(\w[\w-]*)(?: (\S+))?$", re.MULTILINE)
-LISP = ("sleep", "finding", "explain", "bravo", "bravo-fault", "classic", "faithful")
+LISP = ("sleep", "finding", "explain", "bravo", "bravo-fault", "classic", "faithful", "appendix-a")
 COLOURED = {**dict.fromkeys(LISP, "common-lisp"), "terminal": "console", "air": "console"}
 """As what the sorts of fenced blocks (see tests/test_docs.py) are coloured that the highlighter does not know."""
 BOX = """<div id="playground" class="playground">

@@ -1,4 +1,4 @@
-"""The classic dialect at the command line: the machine of the thesis's appendix F as a memory to type into."""
+"""The classic dialect at the command line: the machines of the thesis's listings as a memory to type into."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sleepcast.language.classic import ClassicError, ClassicMachine, Mode, Trans
 
 
 class ClassicMemory:
-    """Variables V0 to V5 and buffers E0 to E5; `mode` is "classic" or "faithful"."""
+    """Variables V0 to V5 and buffers E0 to E5; `mode` is one of `classic.MODES`."""
 
     def __init__(self, mode: Mode) -> None:
         self._machine = ClassicMachine(mode)
@@ -23,7 +23,7 @@ class ClassicMemory:
             raise MisuseError(f"--set {name}={value}: the classic dialect has the variables V0 to V5 only")
         if not re.fullmatch("-?[0-9]{1,5}", value) or not -32768 <= int(value) < 30000:
             raise MisuseError(f"--set {name}={value}: the classic dialect has whole numbers from -32768 to 29999 only")
-        self._machine.evaluate(f"(SETQ {name} {value})")
+        self._machine.set_variable(name, int(value))
 
     def evaluate(self, text: str) -> EvalOutcome:
         """Evaluate one expression."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from typing import Literal
 
 import click
 
@@ -12,6 +13,9 @@ from sleepcast.cli.streams import complain, put, read_standard_input
 from sleepcast.core.errors import MisuseError
 
 _NEGATIVE_NUMBER = re.compile(r"-\.?[0-9]")
+
+
+Dialect = Literal["standard", "classic", "faithful", "appendix-a"]
 
 
 class NegativeNumbersAllowed(click.Command):
@@ -26,17 +30,18 @@ class NegativeNumbersAllowed(click.Command):
 @click.argument("expressions", metavar="EXPR...", nargs=-1, required=True)
 @click.option(
     "--dialect",
-    type=click.Choice(["standard", "classic", "faithful"]),
+    type=click.Choice(["standard", "classic", "faithful", "appendix-a"]),
     default="standard",
     show_default=True,
-    help="Classic is the original program with its faults repaired, faithful is the original as it was.",
+    help="Classic is the original program with its faults repaired, faithful is the original as it was, "
+    "appendix-a the thesis's other listing, where SETQ does not set.",
 )
 @click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="Set a variable first.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Random seed (for PROB, DICE, ...).")
 @click.option("--explain", is_flag=True, help="Explain on standard error how each value was computed.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object for each expression instead.")
 def evaluate(
-    expressions: tuple[str, ...], dialect: str, settings: tuple[str, ...], seed: int, explain: bool, as_json: bool
+    expressions: tuple[str, ...], dialect: Dialect, settings: tuple[str, ...], seed: int, explain: bool, as_json: bool
 ) -> int:
     """Evaluate each EXPR, all in one memory, and print one value a line.
 
@@ -73,7 +78,7 @@ def _outcomes(memory: TypedMemory, expressions: Sequence[str]) -> Iterator[EvalO
             yield memory.evaluate(text.strip())
 
 
-def _memory(dialect: str, seed: int, explain: bool) -> TypedMemory:
+def _memory(dialect: Dialect, seed: int, explain: bool) -> TypedMemory:
     """The memory of a dialect; only its own modules are loaded."""
     if dialect == "standard":
         from sleepcast.cli.standard_memory import StandardMemory
@@ -83,4 +88,4 @@ def _memory(dialect: str, seed: int, explain: bool) -> TypedMemory:
         raise MisuseError(f"--explain needs the standard dialect; --dialect {dialect} says what the original said")
     from sleepcast.cli.classic_memory import ClassicMemory
 
-    return ClassicMemory("faithful" if dialect == "faithful" else "classic")
+    return ClassicMemory(dialect)

@@ -1,13 +1,14 @@
 """The classic dialect: SLEEP as the program of the thesis's appendix F reads, stores and evaluates it.
 
 `ClassicMachine` is one robot of that program; `run_transcript` is its interactive form. Text becomes shorts
-in buffer E0 (`classic_evaluator.tokenise`), and `classic_evaluator` walks them. There are two modes:
+in buffer E0 (`classic_evaluator.tokenise`), and `classic_evaluator` walks them. There are three modes:
 
 - `faithful` gives what the original gave wherever it had a defined behaviour, the faults of its token pointer
   included: `(COND ((AND 1 0) 99) ((AND 1 1) 88))` is 0, and after a failed form its caller reads on inside it.
 - `classic`, the default, repairs these, and reports an empty buffer and a missing argument, which were 0.
+- `appendix-a` is `faithful` with what is known of the listing in appendix A: SETQ does not set.
 
-What made the original crash, hang or write outside its tables is a `ClassicError` in both modes. What was
+What made the original crash, hang or write outside its tables is a `ClassicError` in all modes. What was
 assigned before it stands, and the machine can be used on.
 """
 
@@ -15,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.language.classic_evaluator import (
@@ -23,6 +24,7 @@ from sleepcast.language.classic_evaluator import (
     EXPRESSION,
     EXPRESSION_NAMES,
     OPEN,
+    VARIABLE,
     VARIABLE_NAMES,
     ClassicError,
     ClassicMemory,
@@ -31,6 +33,7 @@ from sleepcast.language.classic_evaluator import (
     closing,
     display,
     lookup,
+    to_short,
     tokenise,
 )
 
@@ -46,23 +49,26 @@ __all__ = [
 MESSAGES: Final = 1_000
 """Lines that one evaluation may say: far more than anybody reads."""
 
-Mode = Literal["classic", "faithful"]
+Mode = Literal["classic", "faithful", "appendix-a"]
+MODES: Final = get_args(Mode)
 
 
 class ClassicMachine:
     """One robot of the original program: variables V0 to V5, buffers E0 to E5, and an evaluator.
 
-    `mode` is "classic" (the faults of the original repaired) or "faithful" (as it was). `say` receives
-    each line that the original would print while evaluating: its messages and what PRINT shows.
+    `mode` is "classic" (the faults of the original repaired), "faithful" (as it was) or "appendix-a" (as it was,
+    and SETQ does not set). `say` receives each line that the original would print while evaluating: its messages
+    and what PRINT shows.
     Raises MisuseError for another mode.
     """
 
     def __init__(self, mode: Mode = "classic", *, say: Callable[[str], None] | None = None) -> None:
-        if mode not in ("classic", "faithful"):
-            raise MisuseError(f"the classic dialect has no mode {mode!r}: use 'classic' or 'faithful'")
+        if mode not in MODES:
+            raise MisuseError(f"the classic dialect has no mode {mode!r}: use {', '.join(map(repr, MODES))}")
         self.messages: list[str] = []
         """What the last `evaluate` said, in order: messages of the original and lines of PRINT."""
         self._repairs = mode == "classic"
+        self._sets = mode != "appendix-a"
         self._say = say
         self._memory = ClassicMemory() if self._repairs else ClassicMemory(unwritten=[0])
 
@@ -70,6 +76,13 @@ class ClassicMachine:
     def variables(self) -> dict[str, int]:
         """The values of V0 to V5 by name, a copy."""
         return dict(zip(VARIABLE_NAMES, self._memory.values, strict=True))
+
+    def set_variable(self, name: str, value: int) -> None:
+        """Give one of V0 to V5 a value, cut to 16 bits, also where SETQ does not set. Raises ClassicError."""
+        index = lookup(name) - VARIABLE
+        if not 0 <= index < len(VARIABLE_NAMES):
+            raise ClassicError(f"there is no variable {name!r}: there are {', '.join(VARIABLE_NAMES)}")
+        self._memory.values[index] = to_short(value)
 
     def buffer(self, name: str) -> str:
         """The expression in buffer `name`, as text that reads back ("" for an empty one).
@@ -106,7 +119,7 @@ class ClassicMachine:
                 f"the message ends inside a list, and the original read on past its buffer: add {missing} ')'"
             )
         self._memory.store(0, tokens)
-        return Evaluator(self._memory, repairs=self._repairs, tell=self._tell).run(0)
+        return Evaluator(self._memory, repairs=self._repairs, sets=self._sets, tell=self._tell).run(0)
 
     def _tell(self, line: str) -> None:
         if len(self.messages) >= MESSAGES:

@@ -12,7 +12,8 @@ in five places:
 - PRINT ends there too: it tells tokens and evaluates none.
 - A SETQ that lacks its last value takes its own closing parenthesis for it and reads on.
 
-With `repairs`, a list always ends on its own parenthesis, and so does a skipped clause (88, 4 and 6).
+With `repairs`, a list always ends on its own parenthesis, and so does a skipped clause (88, 4 and 6). Without `sets`,
+SETQ evaluates and gives its values and leaves the variables alone, as in the listing of appendix A.
 
 Recursion is kept on a list of generators instead of Python's stack: each yields the place of an expression
 that it needs and is sent its value. So depth and work have bounds of our own, and nothing ends in a
@@ -253,9 +254,10 @@ Evaluation = Generator[_Pointer, int, int]
 class Evaluator:
     """One evaluation in `memory`; `tell` receives each line that the original would print."""
 
-    def __init__(self, memory: ClassicMemory, *, repairs: bool, tell: Callable[[str], None]) -> None:
+    def __init__(self, memory: ClassicMemory, *, repairs: bool, sets: bool, tell: Callable[[str], None]) -> None:
         self._memory = memory
         self._repairs = repairs
+        self._sets = sets
         self._tell = tell
         self._steps = 0
 
@@ -377,7 +379,8 @@ class Evaluator:
         while VARIABLE <= target < EXPRESSION:
             lacks_value = t.step() == CLOSE
             value = yield t
-            self._memory.values[target - VARIABLE] = value
+            if self._sets:
+                self._memory.values[target - VARIABLE] = value
             target = t.step()
             if target == CLOSE or (lacks_value and self._repairs):
                 return value

@@ -40,7 +40,7 @@ from sleepcast.mind.views import Result
 from sleepcast.node.node import Node
 
 FOLDER = Path(__file__).parent.parent / "cases"
-OTHER_DIALECTS = {"classic", "faithful"}
+OTHER_DIALECTS = {"classic", "faithful", "appendix-a"}
 NEARLY = 1e-9
 """How far a value written `~2.5` may be off, as a part of it."""
 

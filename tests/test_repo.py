@@ -61,7 +61,8 @@ def test_the_locks_satisfy_the_project() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     groups = project["dependency-groups"]
     fast = project["project"]["optional-dependencies"]["fast"]  # numba comes with a clone
-    wanted = {"run.txt": project["project"]["dependencies"] + fast + groups["backend"], "dev.txt": []}
+    clone = fast + groups["backend"] + groups["gallery"]
+    wanted = {"run.txt": project["project"]["dependencies"] + clone, "dev.txt": []}
     wanted["rivals.txt"] = groups.pop("rivals")  # what a single benchmark wants, and nobody else
     wanted["docs.txt"] = groups.pop("docs")  # in an environment of their own
     wanted["rclpy.txt"] = groups.pop("rclpy")  # likewise
@@ -73,6 +74,35 @@ def test_the_locks_satisfy_the_project() -> None:
             versions = [version for name, version in pins if name == canonicalize_name(requirement.name)]
             assert versions, f"{lock} lacks {requirement}: renew it as CONTRIBUTING.md says"
             assert all(version in requirement.specifier for version in versions), f"{lock}: {requirement}"
+
+
+def test_a_clone_can_sweep_the_whole_gallery() -> None:
+    """Every experiment of the gallery is planned and measured with what a clone has after its first start."""
+    program = """
+import sys
+from importlib.metadata import packages_distributions
+from packaging.utils import canonicalize_name
+
+there = {"sleepcast", *sys.argv[1:]}
+for module, owners in packages_distributions().items():
+    if there.isdisjoint(map(canonicalize_name, owners)):
+        sys.modules[module] = None
+
+import sleepcast as sc
+from sleepcast.experiments.measures import if_known, read_measure
+from sleepcast.experiments.plan import experiment_of_scenario
+from sleepcast.simulator import scenario_names
+
+for name in scenario_names():
+    if experiment := experiment_of_scenario(name):
+        next(experiment.runs())
+        with sc.open(name) as fleet:
+            print(name, *(f"{if_known(read_measure(text))(fleet):g}" for text in experiment.measures.values()))
+"""
+    packages = sorted(name for name, _ in locked("run.txt"))
+    done = run(sys.executable, "-c", program, *packages)
+    assert done.returncode == 0, done.stderr
+    assert {"gauci", "condensation"} <= {line.split()[0] for line in done.stdout.splitlines()}
 
 
 def test_the_readme_says_what_each_extra_brings() -> None:

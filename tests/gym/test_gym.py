@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import pickle
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -26,6 +28,143 @@ RESCUE: dict[str, Any] = {
     "ticks": 2,
 }
 LONG = {"seconds": 2_000.0, "ticks": 40}
+
+
+MAKERS = pytest.mark.parametrize("make", [gym.parallel_env, gym.vector_env])
+Maker = Callable[..., gym.RobotAgents | gym.RobotVector]
+
+
+class TestEpisodes:
+    @MAKERS
+    def test_no_episode_of_one_seed_is_one_of_another(self, make: Maker) -> None:
+        env, starts = make("bravo", **{**RESCUE, "robots": 2}), set[str]()
+        for seed in range(1, 9):
+            env.reset(seed=seed)
+            starts.add(env.fleet.hash)
+            for number in range(1, 4):
+                env.reset()
+                assert env.episode_key == (seed, number)
+                starts.add(env.fleet.hash)
+        assert len(starts) == 8 * 4
+
+    @MAKERS
+    def test_an_episode_is_found_again_by_its_seed_and_number(self, make: Maker) -> None:
+        env, again = make("bravo", **RESCUE), make("bravo", **RESCUE)
+        env.reset(seed=3)
+        env.reset()
+        env.reset()
+        again.reset(seed=3, options={"episode": 2})
+        assert env.fleet.hash == again.fleet.hash
+        env.reset()
+        again.reset()
+        assert env.fleet.hash == again.fleet.hash
+        again.reset(options={"episode": 2})
+        assert again.episode_key == (3, 2)
+
+    def test_first_episodes_are_those_of_0_2_0(self) -> None:
+        env = gym.vector_env("bravo", **RESCUE)
+        env.reset(seed=4)
+        assert env.fleet.swarm.simulator.seed == 4137562808371188093
+
+    @MAKERS
+    def test_without_a_seed_two_environments_differ_and_say_how(self, make: Maker) -> None:
+        one, other = make("bravo", **RESCUE), make("bravo", **RESCUE)
+        one.reset()
+        other.reset()
+        assert one.fleet.hash != other.fleet.hash
+        assert one.episode_key is not None
+        other.reset(seed=one.episode_key.seed)
+        assert one.fleet.hash == other.fleet.hash
+
+    @MAKERS
+    def test_a_copy_begins_anew(self, make: Maker) -> None:
+        env = make("bravo", **RESCUE)
+        env.reset(seed=1)
+        copy = pickle.loads(pickle.dumps(env))
+        with pytest.raises(MisuseError, match="call reset"):
+            _ = copy.fleet
+        copy.reset(seed=1)
+        assert copy.fleet.hash == env.fleet.hash
+
+    @MAKERS
+    @pytest.mark.parametrize(
+        ("options", "sentence"),
+        [
+            ({"epsode": 1}, r"no option \"epsode\" \(did you mean episode\?\)"),
+            ({"episode": -1}, "episode -1: wanted a whole number from 0"),
+            ({"episode": True}, "episode True: wanted"),
+            ({"episode": "2"}, "episode '2': wanted"),
+        ],
+    )
+    def test_options_that_are_none_are_refused(self, make: Maker, options: dict[str, Any], sentence: str) -> None:
+        env = make("bravo", **RESCUE)
+        env.reset(seed=1)
+        before = env.fleet.hash
+        with pytest.raises(MisuseError, match=sentence):
+            env.reset(options=options)
+        assert env.fleet.hash == before
+
+
+class TestActions:
+    @pytest.mark.parametrize(
+        ("action", "sentence"),
+        [
+            (1.0, r"action for scout2: an array of shape \(\): wanted 2 numbers, of drive_speed, drive_turn"),
+            (np.zeros(3), r"action for scout2: an array of shape \(3,\): wanted 2"),
+            (np.zeros((1, 2)), "shape"),
+            ("fast", "action for scout2: 'fast': wanted 2 numbers"),
+            (None, r"action for scout2: an array of shape \(\): wanted 2"),
+            ([1.0, np.nan], "action for scout2: .*nan.*: wanted 2"),
+        ],
+    )
+    def test_setpoints_that_do_not_fit_are_refused_by_name(self, action: object, sentence: str) -> None:
+        env = gym.parallel_env("bravo", **RESCUE)
+        env.reset(seed=1)
+        actions: dict[str, Any] = {name: np.zeros(2) for name in env.agents}
+        with pytest.raises(MisuseError, match=sentence):
+            env.step({**actions, "scout2": action})
+        assert env.fleet.time == 0.0
+        env.step(actions)
+
+    @pytest.mark.parametrize("action", [3, -1, 0.5, np.nan, np.zeros(2)])
+    def test_expressions_are_chosen_by_whole_numbers(self, action: object) -> None:
+        env = gym.parallel_env("bravo", **RESCUE, actions=["(ST)", "(WANDER)", "(TUMBLE)"])
+        env.reset(seed=1)
+        with pytest.raises(MisuseError, match=r"action for scout2: .*wanted a whole number from 0 to 2"):
+            env.step({**dict.fromkeys(env.agents, 0), "scout2": action})
+        env.step(dict.fromkeys(env.agents, np.int64(2)))
+
+    def test_names_that_are_no_robots_are_refused(self) -> None:
+        env = gym.parallel_env("bravo", **RESCUE)
+        env.reset(seed=1)
+        with pytest.raises(MisuseError, match=r"action for scuot2: no such agent \(did you mean scout2\?\)"):
+            env.step({**{name: np.zeros(2) for name in env.agents}, "scuot2": np.zeros(2)})
+
+    @pytest.mark.parametrize(
+        ("actions", "sentence"),
+        [
+            (
+                np.zeros(2),
+                r"actions: an array of shape \(2,\): wanted one of shape \(6, 2\): 2 numbers, of drive_speed",
+            ),
+            (np.zeros((5, 2)), r"shape \(5, 2\)"),
+            (0.0, r"shape \(\)"),
+            ([[0.0, 0.0], [0.0]], "actions: .*wanted one of shape"),
+            ([[0.0, 0.0]] * 4 + [[0.0, np.nan]] + [[0.0, 0.0]], "action for scout5: .*nan"),
+        ],
+    )
+    def test_a_vector_of_them_likewise(self, actions: Any, sentence: str) -> None:
+        env = gym.vector_env("bravo", **RESCUE)
+        env.reset(seed=1)
+        with pytest.raises(MisuseError, match=sentence):
+            env.step(actions)
+        assert env.fleet.time == 0.0
+
+    def test_a_vector_of_numbers_of_expressions_likewise(self) -> None:
+        env = gym.vector_env("bravo", **RESCUE, actions=["(ST)", "(WANDER)"])
+        env.reset(seed=1)
+        with pytest.raises(MisuseError, match=r"action for scout6: .*wanted a whole number from 0 to 1"):
+            env.step(np.array([0, 1, 0, 1, 0, 2]))
 
 
 class TestParallel:
@@ -70,6 +209,17 @@ class TestParallel:
             _, _, done, cut, _ = env.step({name: np.zeros(2) for name in env.agents})
         assert all(done.values())
         assert not any(cut.values())
+
+    @pytest.mark.parametrize("end", [{"until": "share (> time 0.5s) >= 1"}, {"done": "(> time 0.5s)"}, {}])
+    def test_when_all_have_left_nothing_happens_any_more(self, end: dict[str, Any]) -> None:
+        env = gym.parallel_env("bravo", **RESCUE, **end)
+        env.reset(seed=1)
+        while env.agents:
+            env.step({name: np.zeros(2) for name in env.agents})
+        ended = env.fleet.hash
+        assert env.step({}) == ({}, {}, {}, {}, {})
+        assert env.step({"scout1": np.zeros(2)}) == ({}, {}, {}, {}, {})
+        assert env.fleet.hash == ended
 
 
 class TestVector:

@@ -29,11 +29,12 @@ class Step(NamedTuple):
 
 
 class Episode:
-    """One run of a task. number: the same one gives the same run."""
+    """One run of a task. seed, number: the same pair gives the same run."""
 
-    def __init__(self, checked: Checked, number: int) -> None:
+    def __init__(self, checked: Checked, seed: int, number: int) -> None:
         self._checked, self._task = checked, checked.task
-        self.fleet = checked.task.start(key("episode", number) >> 1)
+        purpose = ("episode", seed, number) if number else ("episode", seed)  # the first one is as it was in 0.2.0
+        self.fleet = checked.task.start(key(*purpose) >> 1)
         self._swarm = self.fleet.swarm
         self._rows = {each.name.casefold(): row for row, each in enumerate(self._swarm.simulator.model.sensors)}
         self._programs = [] if isinstance(checked.acted, Box) else [self._program(text) for text in self._task.actions]

@@ -11,29 +11,34 @@ from gymnasium.spaces import Space
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from sleepcast.core.errors import MisuseError
-from sleepcast.gym.episode import Episode, Singles
+from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.gym.episode import Singles
+from sleepcast.gym.episodes import EpisodeKey, Episodes
 from sleepcast.gym.task import Checked, Task, checked
 
 Infos = dict[str, dict[str, Any]]
 
 
 class RobotAgents(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
-    """See `parallel_env`. fleet: the run itself, to look at or to send commands to."""
+    """See `parallel_env`. fleet: the run itself, to look at or to send commands to. episode_key: seed and number of the
+    episode that began last, None before the first. render_mode: always None; `fleet.picture()` draws the run."""
 
     metadata = {"name": "sleepcast", "render_modes": []}  # noqa: RUF012  # as the base class has it
+    render_mode = None
 
     def __init__(self, task: Checked) -> None:
-        self._task = task
+        self._task, self._episodes = task, Episodes(task)
         self.possible_agents = list(task.names)
         self.agents: list[str] = []
         self._place = {name: place for place, name in enumerate(task.names)}
-        self._episode: Episode | None = None
-        self._number = -1
 
     @property
     def fleet(self) -> Any:
-        return self._running().fleet
+        return self._episodes.running().fleet
+
+    @property
+    def episode_key(self) -> EpisodeKey | None:
+        return self._episodes.key
 
     def observation_space(self, agent: str) -> Space:  # type: ignore[type-arg]  # as in the base class
         return self._task.observed
@@ -42,23 +47,22 @@ class RobotAgents(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
         return self._task.acted
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Singles], Infos]:
-        """Begin an episode. seed: None is the next one. Equal seeds give equal episodes, bit for bit."""
-        self.close()
-        self._number = self._number + 1 if seed is None else seed
-        self._episode = Episode(self._task, self._number)
+        """Begin the first episode of a seed, the next one of the same seed (None), or number n of it
+        (options={"episode": n}). Equal seeds and numbers give equal episodes, bit for bit. Raises MisuseError."""
+        observed = self._episodes.begin(seed, options).observe()
         self.agents = list(self.possible_agents)
-        return dict(zip(self.agents, self._episode.observe(), strict=True)), {name: {} for name in self.agents}
+        return dict(zip(self.agents, observed, strict=True)), {name: {} for name in self.agents}
 
     def step(
         self, actions: Mapping[str, Any]
     ) -> tuple[dict[str, Singles], dict[str, float], dict[str, bool], dict[str, bool], Infos]:
-        """Let every agent act and time pass; agents that are done leave."""
-        episode, places = self._running(), [self._place[name] for name in self.agents]
-        if missing := [name for name in self.agents if name not in actions]:
-            raise MisuseError(f"no action for {missing[0]}: wanted one for each of env.agents")
-        whole: NDArray[Any] = np.zeros((len(self.possible_agents), *(self._task.acted.shape or ())))
-        whole[places] = [actions[name] for name in self.agents]
-        made = episode.step(whole)
+        """Let every agent act and time pass; agents that are done leave. When all have left, nothing happens any more.
+        Raises MisuseError for an action that is missing or does not fit."""
+        episode, places = self._episodes.running(), [self._place[name] for name in self.agents]
+        chosen = self._chosen(actions)
+        if not self.agents:
+            return {}, {}, {}, {}, {}
+        made = episode.step(chosen)
         names, rows = self.agents, range(len(places))
         observed, reward, done = made.observed[places], made.reward[places], made.done[places] | made.ended
         self.agents = [] if made.over else [name for name, gone in zip(names, done.tolist(), strict=True) if not gone]
@@ -71,14 +75,19 @@ class RobotAgents(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
         )
 
     def close(self) -> None:
-        if self._episode is not None:
-            self._episode.close()
-            self._episode = None
+        self._episodes.close()
 
-    def _running(self) -> Episode:
-        if self._episode is None:
-            raise MisuseError("no episode has begun: call reset() first")
-        return self._episode
+    def _chosen(self, actions: Mapping[str, Any]) -> NDArray[np.float64]:
+        """The actions as rows for all robots; those of robots that have left are not looked at."""
+        for name in actions:
+            if name not in self._place:
+                raise MisuseError(f"action for {name!s:.40}: no such agent{did_you_mean(str(name), self._place)}")
+        found = np.zeros((len(self.possible_agents), *(self._task.acted.shape or ())))
+        for name in self.agents:
+            if name not in actions:
+                raise MisuseError(f"no action for {name}: wanted one for each of env.agents")
+            found[self._place[name]] = self._task.action(name, actions[name])
+        return found
 
 
 def parallel_env(

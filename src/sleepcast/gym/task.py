@@ -9,6 +9,7 @@ from os import PathLike
 
 import numpy as np
 from gymnasium.spaces import Box, Discrete, Space
+from numpy.typing import NDArray
 
 from sleepcast.api.fleet import SimulatedFleet, open
 from sleepcast.core.errors import MisuseError, did_you_mean
@@ -63,6 +64,38 @@ class Checked:
     steps: int
     until: StopCondition | None
 
+    def action(self, robot: str, action: object) -> NDArray[np.float64]:
+        """What a robot does: an array of the shape of `acted`. Setpoints beyond the body's limits fit: it limits them.
+        Raises MisuseError, with the robot's name, for what does not fit."""
+        found, shape = _numbers(action), self.acted.shape or ()
+        if found is None or found.shape != shape:
+            came = f"{action!r:.40}" if found is None else f"an array of shape {found.shape}"
+            raise MisuseError(f"action for {robot}: {came}: wanted {self._wanted(shape)}")
+        if not self._fits(found):
+            raise MisuseError(f"action for {robot}: {action!r:.40}: wanted {self._wanted(shape)}")
+        return found
+
+    def all_actions(self, actions: object) -> NDArray[np.float64]:
+        """The same for all robots at once: an array of a row for each. Raises MisuseError."""
+        found, shape = _numbers(actions), (len(self.names), *(self.acted.shape or ()))
+        if found is None or found.shape != shape:
+            came = f"{actions!r:.40}" if found is None else f"an array of shape {found.shape}"
+            raise MisuseError(f"actions: {came}: wanted one of shape {shape}: {self._wanted(shape[1:])} for each robot")
+        if not self._fits(found):
+            row = next(row for row, each in enumerate(found) if not self._fits(each))
+            self.action(self.names[row], found[row])
+        return found
+
+    def _fits(self, actions: NDArray[np.float64]) -> bool:
+        if isinstance(self.acted, Discrete):
+            return bool(((actions >= 0) & (actions < self.acted.n) & (actions == np.floor(actions))).all())
+        return not np.isnan(actions).any()
+
+    def _wanted(self, shape: tuple[int, ...]) -> str:
+        if isinstance(self.acted, Discrete):
+            return f"a whole number from 0 to {self.acted.n - 1}"
+        return f"{shape[0]} {'number' if shape[0] == 1 else 'numbers'}, of {', '.join(self.task.actions)}"
+
 
 def checked(task: Task) -> Checked:
     """The task, after every expression has been checked. Raises MisuseError, CheckError and what `open` raises."""
@@ -107,6 +140,14 @@ def _acted(fleet: SimulatedFleet, texts: Sequence[str]) -> Space:  # type: ignor
             )
         check(text, LearnedNames(fleet.swarm.vocabulary)).required()
     return Discrete(len(texts))
+
+
+def _numbers(given: object) -> NDArray[np.float64] | None:
+    """Numbers as an array; None for what is none."""
+    try:
+        return np.asarray(given, np.float64)
+    except (TypeError, ValueError):
+        return None
 
 
 def _box(quantities: Sequence[Quantity]) -> Box:

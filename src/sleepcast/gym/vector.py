@@ -11,61 +11,58 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from sleepcast.core.errors import MisuseError
-from sleepcast.gym.episode import Episode, Flags, Singles
+from sleepcast.gym.episode import Flags, Singles
+from sleepcast.gym.episodes import EpisodeKey, Episodes
 from sleepcast.gym.task import Checked, Task, checked
 
 
 class RobotVector(VectorEnv[Singles, NDArray[np.generic], NDArray[np.generic]]):
-    """See `vector_env`. fleet: the run itself, to look at or to send commands to."""
+    """See `vector_env`. fleet: the run itself, to look at or to send commands to. episode_key: seed and number of the
+    episode that began last, None before the first."""
 
     metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012  # as the base class has it
 
     def __init__(self, task: Checked) -> None:
-        self._task = task
+        self._task, self._episodes, self._ended = task, Episodes(task), False
         self.num_envs = len(task.names)
         self.single_observation_space, self.single_action_space = task.observed, task.acted
         self.observation_space = batch_space(task.observed, self.num_envs)
         self.action_space = batch_space(task.acted, self.num_envs)
-        self._episode: Episode | None = None
-        self._number, self._ended = -1, False
 
     @property
     def fleet(self) -> Any:
-        return self._running().fleet
+        return self._episodes.running().fleet
+
+    @property
+    def episode_key(self) -> EpisodeKey | None:
+        return self._episodes.key
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Singles, dict[str, Any]]:
-        """Begin an episode. seed: None is the next one. Equal seeds give equal episodes, bit for bit."""
+        """Begin the first episode of a seed, the next one of the same seed (None), or number n of it
+        (options={"episode": n}). Equal seeds and numbers give equal episodes, bit for bit. Raises MisuseError."""
+        observed = self._episodes.begin(seed, options).observe()
         super().reset(seed=seed)
-        self.close_extras()
-        self._number, self._ended = self._number + 1 if seed is None else seed, False
-        self._episode = Episode(self._task, self._number)
-        return self._episode.observe(), {}
+        self._ended = False
+        return observed, {}
 
     def step(self, actions: NDArray[np.generic]) -> tuple[Singles, NDArray[np.float64], Flags, Flags, dict[str, Any]]:
-        """Let all robots act and time pass. An episode ends for all of them together; the step after it begins the
-        next one, whatever the actions."""
+        """Let all robots act and time pass. actions: shape (robots, actuators), or for expressions their numbers, shape
+        (robots,). An episode ends for all of them together; the step after it begins the next one, whatever the
+        actions. Raises MisuseError for actions that do not fit."""
         if self._ended:
             observed, info = self.reset()
             return observed, np.zeros(self.num_envs), self._all(False), self._all(False), info
-        made = self._running().step(actions)
+        made = self._episodes.running().step(self._task.all_actions(actions))
         self._ended = made.ended or made.over
         return made.observed, made.reward, self._all(made.ended), self._all(made.over), {}
 
     def close_extras(self, **kwargs: Any) -> None:
-        if self._episode is not None:
-            self._episode.close()
-            self._episode = None
+        self._episodes.close()
 
     def _all(self, flag: bool) -> Flags:
         return np.full(self.num_envs, flag)
-
-    def _running(self) -> Episode:
-        if self._episode is None:
-            raise MisuseError("no episode has begun: call reset() first")
-        return self._episode
 
 
 def vector_env(

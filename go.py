@@ -1,21 +1,22 @@
 """Start sleepcast from a clone, or check it.
 
     python3 go.py [COMMAND ...]         the command `sleepcast ...`, from this folder
+    python3 go.py with EXTRA,...        install what extras bring, such as experiments,gym (the README lists them)
     python3 go.py test quick            before each commit: all checks but the slow tests, in about a minute
     python3 go.py test [OPTION ...]     every check; the options go to pytest
     python3 go.py test network          the channel on a thousand robots in networks of their own: twenty minutes
     python3 go.py audit                 ask the package index what is known against the locked versions
     python3 go.py docs                  build the documentation as a site, in the folder site
 
-The plan: fill a virtual environment in `.venv` beside this file from a lock with hashes (RUN to use it,
-DEV to test it: RUN and more), keep a stamp of what was installed, so that a later start costs one comparison, let the
-program compile what its simulations need, and hand over. Standard library only; what a warm start can do without is
-imported late.
+The plan: fill a virtual environment in `.venv` beside this file from a lock with hashes (RUN to use it, DEV to test it:
+RUN and more, of which an extra gets its part), keep a stamp of what was installed, so that a later start costs one
+comparison, let the program compile what its simulations need, and hand over. Standard library only; what a warm start
+can do without is imported late.
 """
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent
@@ -58,26 +59,42 @@ def make_environment() -> None:
     venv.create(VENV, clear=True, symlinks=True, with_pip=True)
 
 
-def state(lock: str) -> str:
-    """All that an environment made from this lock depends on."""
-    return "\n".join([VERSION, str(ROOT), *((ROOT / file).read_text() for file in ("pyproject.toml", lock))])
+def state(lock: str, extras: Sequence[str] = ()) -> str:
+    """All that an environment made from this lock, with these extras, depends on."""
+    files = ["pyproject.toml", lock, *([DEV] if extras else [])]
+    return "\n".join([VERSION, str(ROOT), *extras, *((ROOT / file).read_text() for file in files)])
 
 
-def prepare(lock: str) -> None:
-    """Bring .venv to what the lock says, unless it is there already."""
-    stamp = VENV / "installed"
-    if PYTHON.exists() and stamp.exists() and stamp.read_text() in (state(lock), state(DEV)):
-        return
-    import re
+def extras_kept() -> list[str]:
+    """The extras that `with` has installed, which stay."""
+    file = VENV / "extras"
+    return file.read_text().split() if file.exists() else []
+
+
+def prepare(lock: str, more: Sequence[str] = ()) -> None:
+    """Bring .venv to what the lock says, unless it is there already. more: extras that are wanted from now on."""
+    stamp, extras = VENV / "installed", sorted({*extras_kept(), *more})
+    there = stamp.read_text() if PYTHON.exists() and stamp.exists() else ""
+    if there not in (state(lock, extras), state(DEV)):
+        fill_environment(lock, extras, stamp)
+        if lock == RUN and (there != state(RUN, extras_kept()) or "fast" in more):  # a check does so while mypy works
+            run("sleepcast", "prepare", aside=True)  # it is ready without, but then the first scenario would compile
+    if more:
+        (VENV / "extras").write_text(" ".join(extras))
+
+
+def fill_environment(lock: str, extras: Sequence[str], stamp: Path) -> None:
+    """Install what the lock says and what the extras bring, then the project itself."""
     import subprocess
 
-    print(f"sleepcast: installing {lock} into {VENV} ...", file=sys.stderr)
+    what = " and what it needs for " + ", ".join(extras) if extras else ""
+    print(f"sleepcast: installing {lock}{what} into {VENV} ...", file=sys.stderr)
     try:
         stamp.unlink(missing_ok=True)
         make_environment()
     except (OSError, subprocess.CalledProcessError) as error:
         raise refusal(f"Cannot make the virtual environment {VENV}: {error}", 1) from None
-    packages = re.split(r"(?m)^(?=\w)", (ROOT / lock).read_text())
+    packages = packages_of(lock, extras)
 
     def install(wanted: Callable[[str], bool], *options: str) -> bool:
         """Install the packages of the lock that are wanted."""
@@ -98,9 +115,68 @@ def prepare(lock: str) -> None:
     # To build LLVM would take an hour.
     if not install(lambda package: package.startswith(FAST), "--no-deps", "--only-binary=:all:"):
         print("sleepcast: numba cannot be installed here, as pip says above: simulations are slower.", file=sys.stderr)
-    stamp.write_text(state(lock))
-    if lock == RUN:  # a check does so while mypy works
-        run("sleepcast", "prepare", aside=True)  # it is ready without, but then the first scenario would compile
+    stamp.write_text(state(lock, extras))
+
+
+def packages_of(lock: str, extras: Sequence[str]) -> list[str]:
+    """The packages of a lock, and those of DEV that extras bring: each with its versions and hashes."""
+    import re
+
+    def read(file: str) -> dict[str, str]:
+        packages: dict[str, str] = {}
+        for entry, name in re.findall(r"(?m)^(([\w.-]+).*\n(?:[ #].*\n)*)", (ROOT / file).read_text()):
+            packages[name] = packages.get(name, "") + entry  # other Pythons may need another version
+        return packages
+
+    found, known = read(lock), read(DEV) if extras else {}
+    # The lock says behind "via" who needs a package.
+    needed_by = {name: set(re.findall(r"(?m)^ *# +(?:via +)?([\w.-]+)", entry)) for name, entry in known.items()}
+    new = {name for extra in extras for name in libraries(extra)}
+    while new:
+        found |= {name: known[name] for name in new}
+        new = {name for name, by in needed_by.items() if by & new and name not in found}
+    return [found[name] for name in sorted(found)]
+
+
+def libraries(extra: str) -> list[str]:
+    """The names of the libraries that pyproject.toml lists for an extra."""
+    import re
+
+    return [re.split(r"[^\w.-]", line)[0].lower() for line in all_extras()[extra]]
+
+
+def all_extras() -> dict[str, list[str]]:
+    import tomllib
+
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    return dict(project["optional-dependencies"])
+
+
+def install_extras(*words: str) -> int:
+    """Install what extras bring, and say how to use it."""
+    wanted, known = [each for word in words for each in word.split(",") if each], all_extras()
+    unknown = [each for each in wanted if each not in known]
+    if unknown or not wanted:
+        wrong = f"There is no extra {unknown[0]!r}" if unknown else "No extra is named"
+        raise refusal(f"{wrong}: wanted some of {', '.join(known)}; for example: python3 go.py with experiments,gym")
+    prepare(RUN, wanted)
+    missing = [each for each in wanted if not all(map(is_installed, libraries(each)))]
+    if missing:
+        (VENV / "extras").write_text(" ".join(each for each in extras_kept() if each not in missing))
+        raise refusal(f"Not to be had for this computer and Python {VERSION}: what {', '.join(missing)} needs.", 1)
+    print(
+        f"{', '.join(wanted)}: installed, for python3 go.py and {VENV / 'bin' / 'sleepcast'}\n"
+        f"Your own programs and notebooks find it with this Python: {PYTHON}\n"
+        f"To have both in this terminal by their names: source {VENV / 'bin' / 'activate'}"
+    )
+    return 0
+
+
+def is_installed(library: str) -> bool:
+    import subprocess
+
+    look = f"import importlib.metadata as m; m.version({library!r})"
+    return subprocess.run([PYTHON, "-c", look], stderr=subprocess.DEVNULL, check=False).returncode == 0
 
 
 def test(*pytest_options: str) -> int:
@@ -190,10 +266,12 @@ def main(*arguments: str) -> None:
     if arguments[:1] == ("test",):
         prepare(DEV)
         sys.exit(test(*arguments[1:]))  # the options go to pytest
-    if arguments[:1] in (("audit",), ("docs",)):
+    if arguments[:1] in (("audit",), ("docs",), ("with",)):
         if arguments[1:] in (("--help",), ("-h",)):
             print(__doc__)
             return
+        if arguments[0] == "with":
+            sys.exit(install_extras(*arguments[1:]))
         if arguments[1:]:
             raise refusal(f"go.py {arguments[0]} takes no arguments, but got: {' '.join(arguments[1:])}")
         sys.exit(audit() if arguments[0] == "audit" else docs())

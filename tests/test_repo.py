@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import importlib.metadata
 import json
 import os
 import re
@@ -17,6 +19,7 @@ from collections.abc import Mapping
 from email.parser import BytesParser
 from pathlib import Path
 
+import go
 import pytest
 import yaml
 from packaging.requirements import Requirement
@@ -109,6 +112,24 @@ def test_the_readme_says_what_each_extra_brings() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     listed = re.findall(r"^\| `(\w+)` \|", (ROOT / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert listed == sorted(project["optional-dependencies"])
+
+
+@pytest.mark.parametrize("extra", go.all_extras())
+def test_the_lock_gives_an_extra_all_that_it_needs(extra: str) -> None:
+    """And nothing twice: what go.py takes for it is closed, as the packages themselves say."""
+    lock = "\n" + "".join(go.packages_of(go.RUN, [extra]))
+    taken = set(re.findall(r"(?m)^[\w.-]+", lock))
+    for name in taken:
+        assert lock.count(f"\n{name}==") == f"\n{(ROOT / 'requirements' / 'dev.txt').read_text()}".count(f"\n{name}==")
+    assert {canonicalize_name(name) for name in go.libraries(extra)} <= taken
+    for name in taken:
+        try:
+            needs = [Requirement(line) for line in importlib.metadata.requires(name) or []]
+        except importlib.metadata.PackageNotFoundError:
+            continue  # for other computers
+        for each in needs:
+            if each.marker is None or each.marker.evaluate({"extra": ""}):
+                assert canonicalize_name(each.name) in taken, f"{name} needs {each}"
 
 
 def test_the_citation_and_the_changelog_are_of_this_version() -> None:
@@ -238,6 +259,62 @@ def test_go_does_without_numba_where_there_is_none_for_this_computer(ours: Path,
     assert "numba cannot be installed here" in done.stderr
 
 
+@pytest.fixture
+def toy(ours: Path, tmp_path: Path) -> tuple[Path, dict[str, str]]:
+    """A clone, set up already, with an extra whose library needs another one; and where pip finds both."""
+    clone, index = shutil.copytree(ours, tmp_path / "clone", symlinks=True), tmp_path / "index"
+    index.mkdir()
+    lock = ""
+    for name, needs, by in (
+        ("toy-library", "toy-helper", "sleepcast (pyproject.toml:dev)"),
+        ("toy-helper", "", "toy-library"),
+    ):
+        lock += f"{name}==1.0 \\\n    --hash=sha256:{small_wheel(index, name, needs)}\n    # via {by}\n"
+    (clone / "requirements" / "dev.txt").write_text(lock)
+    project = clone / "pyproject.toml"
+    project.write_text(project.read_text().replace("\nzenoh = [", '\ntoy = ["Toy-Library>=1"]\nzenoh = ['))
+    (clone / ".venv" / "installed").write_text(stamp_of(clone))
+    return clone, {**os.environ, "PIP_NO_INDEX": "1", "PIP_FIND_LINKS": str(index)}
+
+
+def small_wheel(folder: Path, name: str, needs: str) -> str:
+    """Write a wheel without modules; gives its hash. needs: the name of another package, or nothing."""
+    about, file = f"{name.replace('-', '_')}-1.0", folder / f"{name.replace('-', '_')}-1.0-py3-none-any.whl"
+    with zipfile.ZipFile(file, "w") as archive:
+        requires = f"Requires-Dist: {needs}\n" if needs else ""
+        archive.writestr(
+            f"{about}.dist-info/METADATA", f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n{requires}"
+        )
+        archive.writestr(f"{about}.dist-info/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+        archive.writestr(f"{about}.dist-info/RECORD", "")
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def stamp_of(clone: Path, *extras: str) -> str:
+    """What go.py keeps of a finished set-up, as it says itself."""
+    return run(sys.executable, "-c", f"import go; print(go.state(go.RUN, {extras}), end='')", cwd=clone).stdout
+
+
+def test_go_installs_an_extra_with_all_that_it_needs_and_keeps_it(toy: tuple[Path, dict[str, str]]) -> None:
+    clone, env = toy
+    done = run(sys.executable, "go.py", "with", "toy", cwd=clone, env=env)
+    assert done.returncode == 0, done.stderr
+    assert f"find it with this Python: {clone}/.venv/bin/python\n" in done.stdout
+    names = "from importlib.metadata import version as v; print(v('toy-library'), v('toy-helper'))"
+    assert run(clone / ".venv" / "bin" / "python", "-c", names).stdout == "1.0 1.0\n"
+    assert "scenarios are ready" not in done.stderr, "nothing to compile has changed"
+    again = run(sys.executable, "go.py", "eval", "(+ 1 2)", cwd=clone, env=env)
+    assert (again.stdout, again.stderr) == ("3\n", "")
+    assert (clone / ".venv" / "installed").read_text() == stamp_of(clone, "toy"), "with a newer lock it is renewed, too"
+
+
+def test_go_names_the_extras_that_there_are(clone: Path) -> None:
+    for words, said in (((), "No extra is named"), (("maps,gim",), "There is no extra 'gim'")):
+        done = run(sys.executable, "go.py", "with", *words, cwd=clone)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr.startswith(f"{said}: wanted some of cluster, crazyflie, ")
+
+
 # --- the wheel --------------------------------------------------------------------------------------------
 
 
@@ -304,6 +381,12 @@ def test_the_wheel_works_on_its_own(installed: Path, tmp_path: Path) -> None:
     assert sleepcast.__version__ in version.stdout
     value = run(installed / "sleepcast", "eval", "(+ 1 2)", cwd=tmp_path)
     assert (value.stdout, value.stderr, value.returncode) == ("3\n", "", 0)
+
+
+def test_the_wheel_says_what_pip_is_to_install(installed: Path, tmp_path: Path) -> None:
+    program = "from sleepcast.core.extras import installing; print(installing('tak'))"
+    said = run(installed / "python", "-c", program, cwd=tmp_path).stdout
+    assert said == f"{installed / 'python'} -m pip install 'pyproj>=3.6' 'takproto>=2.1'\n"
 
 
 def test_the_wheels_scenario_runs(installed: Path, tmp_path: Path) -> None:

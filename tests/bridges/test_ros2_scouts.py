@@ -56,6 +56,7 @@ from sleepcast.bridges.ros2.robot import join_network
 from sleepcast.bridges.ros2.scouts import FORGOTTEN, MAX_ROBOTS, Ros2Scouts, namespaces
 from sleepcast.bridges.ros2.sensors import FARTHEST, GRAVITY
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.extras import installing
 from sleepcast.nomad.client import Nomad
 from sleepcast.nomad.requests import Kind
 from sleepcast.robot import Pose, Setpoint
@@ -633,7 +634,7 @@ def test_in_lockstep_the_clock_goes_as_programs_of_1998_ask() -> None:
         (["--ros2", "--domain", "233"], {}, "domain is a whole number from 0 to 232, not '233'"),
         (["--ros2", "--robots", "101"], {}, "101 robots: at most 100 fit into a ROS domain"),
         (["--ros2", "--namespace", "3 x"], {}, "'3 x' is no name in ROS 2"),
-        (["--ros2"], {"PYTHONPATH": "WITHOUT"}, 'ROS 2 robots need Cyclone DDS: pip install "sleepcast[ros2]"'),
+        (["--ros2"], {"PYTHONPATH": "WITHOUT"}, f"ROS 2 robots need Cyclone DDS; to install it: {installing('ros2')}"),
     ],
 )
 def test_what_cannot_be_is_misuse(

@@ -22,6 +22,7 @@ from sleepcast.channel.transports.address import AddressError
 from sleepcast.channel.transports.memory import LATE, MAX_WAITING, MemoryTransport
 from sleepcast.channel.transports.transport import Transport, WakeUp
 from sleepcast.core.clock import ManualClock
+from sleepcast.core.extras import installing
 
 
 @pytest.fixture(params=list(MEDIA), scope="module")
@@ -331,5 +332,5 @@ def test_without_its_library_zenoh_says_what_to_install(monkeypatch: pytest.Monk
     from sleepcast.channel.transports import zenoh
 
     monkeypatch.setattr(zenoh, "zenoh", None)
-    with pytest.raises(zenoh.ZenohError, match=re.escape("pip install 'sleepcast[zenoh]'")):
+    with pytest.raises(zenoh.ZenohError, match=re.escape(installing("zenoh"))):
         open_transport("zenoh://127.0.0.1:7447")

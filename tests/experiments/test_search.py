@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import pytest
 
 from sleepcast.cli import main
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.extras import installing
 from sleepcast.experiments.plan import Experiment, read_experiment
 from sleepcast.experiments.results import Outcome, Results, ResultsError, best_of, outcomes_in
 from sleepcast.experiments.run import verify
@@ -182,5 +184,5 @@ def test_what_is_written_is_read_as_the_same() -> None:
 
 def test_without_optuna_the_command_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sleepcast.experiments.plan.find_spec", lambda name: None)
-    with pytest.raises(MisuseError, match=r'pip install "sleepcast\[search\]"'):
+    with pytest.raises(MisuseError, match=re.escape(installing("search"))):
         read_experiment(Path("experiment.toml"), TEXT.format(points=3).replace("far_off.miss", "mean x")).checked()

@@ -18,6 +18,7 @@ from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 import sleepcast.gym as gym
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.extras import installing
 
 FAR = "(DIST x y vessel_x vessel_y)"
 RESCUE: dict[str, Any] = {
@@ -320,4 +321,4 @@ def test_without_the_libraries_a_sentence_says_what_to_install() -> None:
         "import sys; sys.modules['gymnasium'] = None\ntry:\n import sleepcast.gym\nexcept Exception as e: print(e)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert 'pip install "sleepcast[gym]"' in done.stdout
+    assert installing("gym") in done.stdout

@@ -13,15 +13,13 @@ from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.progress import unless_soon
 from sleepcast.cli.streams import complain, put
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.extras import installing
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 TICKS = 10
 """Of each scenario's mission: rules that are run so often have become native code."""
-WITHOUT = (
-    "numba is not installed, so simulations run several times slower; to install it: pip install 'sleepcast[fast]'"
-)
 
 
 class PrepareError(SleepcastError):
@@ -48,7 +46,7 @@ def prepare(as_json: bool, quiet: bool) -> int:
     began, names = perf_counter(), scenario_names()
     with Interrupts("ended by {}; what has been compiled is kept"), _progress(len(names), quiet) as tell:
         if not has_numba():
-            raise PrepareError(f"there is nothing to compile: {WITHOUT}")
+            raise PrepareError(f"there is nothing to compile: {_without_numba()}")
         for name in names:
             tell(name)
             _compile_for(name)
@@ -70,7 +68,11 @@ def advise() -> None:
     from sleepcast.simulator.engine import has_numba
 
     if not has_numba():
-        complain(WITHOUT)
+        complain(_without_numba())
+
+
+def _without_numba() -> str:
+    return f"numba is not installed, so simulations run several times slower; to install it: {installing('fast')}"
 
 
 def _compile_for(name: str) -> None:

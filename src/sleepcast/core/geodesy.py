@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.extras import installing
 
 FARTHEST = 1e6
 """m from the origin: farther away the flat map no longer stands for the round Earth."""
@@ -51,7 +52,9 @@ class LocalMap:
         try:
             from pyproj import Transformer
         except ImportError:
-            raise MissingGeodesyError('positions on the Earth need pyproj: pip install "sleepcast[tak]"') from None
+            raise MissingGeodesyError(
+                f"positions on the Earth need pyproj; to install it: {installing('tak')}"
+            ) from None
         flat = f"+proj=aeqd +lat_0={origin.latitude!r} +lon_0={origin.longitude!r} +datum=WGS84 +units=m +no_defs"
         self._down: Any = Transformer.from_crs(flat, "EPSG:4326", always_xy=True)
         self._up: Any = Transformer.from_crs("EPSG:4326", flat, always_xy=True)

@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
+from sleepcast.core.extras import installing
 from sleepcast.experiments import drawing
 from sleepcast.experiments.results import export
 
@@ -19,7 +20,7 @@ def figure(results: Path, out: Path, *, x: str, y: Sequence[str], by: str | None
     if out.suffix not in FORMATS:
         raise MisuseError(f"{out}: wanted a file that ends in {', '.join(FORMATS)}")
     if find_spec("matplotlib") is None:
-        raise MisuseError('a figure needs Matplotlib: install it with pip install "sleepcast[experiments]"')
+        raise MisuseError(f"a figure needs Matplotlib; to install it: {installing('experiments')}")
     table_file = results if results.suffix == ".csv" else out.with_suffix(".csv")
     if table_file is not results:
         export(results, table_file)

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.extras import installing
 from sleepcast.core.units import LENGTH, UNITS, to_si
 
 Floats = NDArray[np.float64]
@@ -128,5 +129,5 @@ def _tree(group: Group):  # type: ignore[no-untyped-def]  # scipy has no types
     try:
         from scipy.spatial import KDTree
     except ImportError as error:
-        raise MisuseError('this measure needs scipy: install it with pip install "sleepcast[experiments]"') from error
+        raise MisuseError(f"this measure needs scipy; to install it: {installing('experiments')}") from error
     return KDTree(np.column_stack((group.x, group.y)))

@@ -37,6 +37,7 @@ from pathlib import Path
 import msgspec
 
 from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.extras import installing
 from sleepcast.core.settings import Table, toml_document
 from sleepcast.core.toml_text import toml_key, toml_value
 from sleepcast.core.units import TIME
@@ -253,7 +254,7 @@ class Experiment(msgspec.Struct, frozen=True):
         if self.precision is not None:
             raise PlanError("precision: a search does every point with all seeds: leave one of them out")
         if find_spec("optuna") is None:
-            raise PlanError('a search needs Optuna: install it with pip install "sleepcast[search]"')
+            raise PlanError(f"a search needs Optuna; to install it: {installing('search')}")
 
     def to_toml(self) -> str:
         """The file that says the same; equal for equal experiments."""
@@ -377,9 +378,7 @@ def _drawn(sampling: str, dimensions: int, count: int) -> Iterator[tuple[float, 
     try:
         from scipy.stats import qmc
     except ImportError as error:
-        raise PlanError(
-            f'{sampling} sampling needs scipy: install it with pip install "sleepcast[experiments]"'
-        ) from error
+        raise PlanError(f"{sampling} sampling needs scipy; to install it: {installing('experiments')}") from error
     if sampling == "latin":
         drawn = qmc.LatinHypercube(dimensions, seed=0).random(count)
     else:

@@ -27,6 +27,7 @@ import numpy as np
 
 from sleepcast.api.table import DataTable, Numbers, Texts
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.extras import installing
 from sleepcast.core.files import lock_file, replace_file
 from sleepcast.core.settings import SettingsError
 from sleepcast.core.version import VERSION
@@ -376,7 +377,7 @@ def _write(table: DataTable, file: Path, suffix: str) -> None:
         import pyarrow.parquet
     except ImportError as error:
         raise ResultsError(
-            'a Parquet file needs pyarrow: install it with pip install "sleepcast[experiments]", or write a .csv file'
+            f"a Parquet file needs pyarrow: write a .csv file, or install it: {installing('experiments')}"
         ) from error
     pyarrow.parquet.write_table(pyarrow.table(table), file)
 

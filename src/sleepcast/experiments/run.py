@@ -29,6 +29,7 @@ import msgspec
 from sleepcast.api.assembly import assemble, warm_up
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.extras import installing
 from sleepcast.core.hosts import is_loopback
 from sleepcast.experiments.measures import Measure, if_known, read_measure, read_stop
 from sleepcast.experiments.plan import Experiment, Run
@@ -259,7 +260,7 @@ class Cluster:
         try:
             from distributed import Client
         except ImportError as error:
-            raise ClusterError('a cluster needs dask: install it with pip install "sleepcast[cluster]"') from error
+            raise ClusterError(f"a cluster needs dask; to install it: {installing('cluster')}") from error
         self._experiment = experiment
         try:
             self._client = Client(address, timeout=CONNECTING)

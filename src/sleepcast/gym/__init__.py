@@ -5,7 +5,7 @@
     env = sleepcast.gym.parallel_env("bravo", observations=["x", "y", "(DIST x y vessel_x vessel_y)"],
                                      reward="(- (DIST x y vessel_x vessel_y))")
 
-Needs the libraries of `sleepcast[gym]`.
+Needs the libraries of the extra `gym`.
 
 task        what robots observe, do and are paid for          parallel    PettingZoo: an agent for each robot
 episode     one run of a task, step by step, on arrays        vector      Gymnasium: one policy for all robots at once
@@ -15,6 +15,7 @@ episodes    one episode after the other, by seed and number
 from __future__ import annotations
 
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.extras import installing
 
 try:
     from sleepcast.gym.parallel import RobotAgents, parallel_env
@@ -23,6 +24,6 @@ except ModuleNotFoundError as error:
     library = (error.name or "").partition(".")[0]
     if library not in ("gymnasium", "pettingzoo"):
         raise
-    raise MisuseError(f'sleepcast.gym needs {library}: install it with pip install "sleepcast[gym]"') from error
+    raise MisuseError(f"sleepcast.gym needs {library}; to install it: {installing('gym')}") from error
 
 __all__ = ["RobotAgents", "RobotVector", "parallel_env", "vector_env"]

@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.extras import installing
 from sleepcast.core.threads import ThreadPool
 from sleepcast.simulator.motion import steps
 from sleepcast.simulator.motion.driving import Laws
@@ -148,7 +149,7 @@ def choose(name: str | None = None, threads: int | None = None) -> Machine:
     if name not in (None, "numba"):
         raise MisuseError(f'no machine "{name}": wanted numpy or numba')
     if not there:
-        raise MisuseError("""the machine "numba" needs numba: pip install 'sleepcast[fast]', or take "numpy\"""")
+        raise MisuseError(f'the machine "numba" needs numba: take "numpy", or install it: {installing("fast")}')
     if os.path.isfile(NUMBA_SETTINGS):
         raise MisuseError(
             f"{NUMBA_SETTINGS} lies in this folder, and numba would obey it: kernels would be compiled otherwise than "

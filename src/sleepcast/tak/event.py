@@ -15,6 +15,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.extras import installing
 
 UNKNOWN_SIZE = "9999999.0"
 """What an event says of an error or a height that nobody knows."""
@@ -162,7 +163,7 @@ def _takproto() -> Any:
     try:
         import takproto
     except ImportError:
-        raise MissingTakError('protobuf for TAK needs takproto: pip install "sleepcast[tak]"') from None
+        raise MissingTakError(f"protobuf for TAK needs takproto; to install it: {installing('tak')}") from None
     return takproto
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import re
 from collections.abc import Sequence
 from io import BytesIO
 from math import cos, pi, sin
@@ -17,6 +18,7 @@ from sleepcast.console.adapters.recording import load_timeline
 from sleepcast.console.adapters.swarm import SwarmAdapter, scene_of
 from sleepcast.console.view import PicturePlace
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.extras import installing
 from sleepcast.loop import resume, snapshot
 from sleepcast.simulator import Area, MapPicture, Scenario, SettingsError, Simulator, load
 from sleepcast.simulator.recording.recording import load_recording
@@ -238,7 +240,9 @@ def test_a_missing_library_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
     file = save(tmp_path)
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(MisuseError, match=rf"read with {name}, which is not here: install sleepcast\[maps\]"):
+    with pytest.raises(
+        MisuseError, match=re.escape(f"read with {name}, which is not here; to install it: {installing('maps')}")
+    ):
         read_map(file)
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from sleepcast.bridges.body import OutOfReachError
 from sleepcast.core.errors import MisuseError, printable
+from sleepcast.core.extras import installing
 
 SOON, AGAIN = 6.0, 0.2
 """Seconds for a quadcopter to answer at all, and after which it is asked again."""
@@ -34,7 +35,7 @@ class CflibQuadcopter:
             import cflib.crtp
             from cflib.crazyflie import Crazyflie
         except ImportError:
-            raise MisuseError('Crazyflies need cflib: pip install "sleepcast[crazyflie]"') from None
+            raise MisuseError(f"Crazyflies need cflib; to install it: {installing('crazyflie')}") from None
         logging.getLogger("cflib").setLevel(logging.CRITICAL)  # what matters is said by the node
         cflib.crtp.init_drivers()
         self._lock = Lock()

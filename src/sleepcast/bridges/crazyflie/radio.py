@@ -23,6 +23,7 @@ from typing import Any, Self
 from sleepcast.bridges.address import BodyError
 from sleepcast.bridges.body import OutOfReachError
 from sleepcast.core.errors import MisuseError, printable
+from sleepcast.core.extras import installing
 
 EVERYBODY = (0xFF, 0xE7, 0xE7, 0xE7, 0xE7)
 EMERGENCY_STOP = (bytes((0x9D, 3)), bytes((0x6D, 3)))
@@ -70,7 +71,7 @@ class RadioBroadcast:
         try:
             from cflib.crtp.radiodriver import RadioDriver, RadioManager
         except ImportError:
-            raise MisuseError('Crazyflies need cflib: pip install "sleepcast[crazyflie]"') from None
+            raise MisuseError(f"Crazyflies need cflib; to install it: {installing('crazyflie')}") from None
         try:
             self.device, channel, rate, *_ = RadioDriver.parse_uri(uri)
             self._radio: Any = RadioManager.open(self.device)

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from sleepcast.bridges.address import BodyAddress, BodyError
 from sleepcast.core.clock import Clock, UnixClock
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.extras import installing
 
 if TYPE_CHECKING:
     from pymavlink.dialects.v20.common import MAVLink
@@ -282,7 +283,7 @@ def _codec(refused: Refusals, stamp: Callable[[], int], system: int, component: 
     try:
         from pymavlink.dialects.v20.common import MAVLink as Codec
     except ImportError:
-        raise MisuseError("MAVLink needs pymavlink: pip install 'sleepcast[mavlink]'") from None
+        raise MisuseError(f"MAVLink needs pymavlink; to install it: {installing('mavlink')}") from None
 
     class Checked(Codec):  # type: ignore[misc]  # its library need not be there
         def check_signature(self, msgbuf: bytearray, srcSystem: int, srcComponent: int) -> bool:

@@ -44,6 +44,7 @@ from sleepcast.bridges.ros2.mapping import (
 )
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.extras import installing
 from sleepcast.core.model import HostFunction
 from sleepcast.core.units import NONE, UNITS, Dimension
 from sleepcast.robot import Geometry, Reading, RobotModel
@@ -368,7 +369,7 @@ def join_network(domain: int, *, local: bool) -> Ros2Network:
     try:
         from sleepcast.bridges.ros2.link import Ros2Network
     except ImportError:
-        raise MisuseError('ROS 2 robots need Cyclone DDS: pip install "sleepcast[ros2]"') from None
+        raise MisuseError(f"ROS 2 robots need Cyclone DDS; to install it: {installing('ros2')}") from None
     return Ros2Network(domain, local=local)
 
 

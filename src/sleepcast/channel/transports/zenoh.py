@@ -24,6 +24,7 @@ from sleepcast.channel.transports.address import AddressError, split_address
 from sleepcast.channel.transports.transport import WakeUp
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.extras import installing
 
 try:
     import zenoh
@@ -99,7 +100,7 @@ class ZenohTransport:
     def __init__(self, uri: str) -> None:
         site = ZenohAddress.read(uri)
         if zenoh is None:
-            raise ZenohError(f"{uri}: zenoh is not installed here: pip install 'sleepcast[zenoh]'")
+            raise ZenohError(f"{uri}: zenoh is not installed here; to install it: {installing('zenoh')}")
         self.lost = 0
         self._wakeup, self._taking = (
             WakeUp(),

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.extras import installing
 from sleepcast.core.settings import Document, Path_, SettingsError, Table, read_text
 from sleepcast.core.units import LENGTH
 from sleepcast.simulator.world.world import MAX_SOLIDS, Area, Point
@@ -193,8 +194,7 @@ def _judged(
 
 def _missing(library: str) -> MisuseError:
     return MisuseError(
-        f"maps and pictures are read with {library}, which is not here: install sleepcast[maps] "
-        "(in a clone: .venv/bin/pip install pyyaml pillow)"
+        f"maps and pictures are read with {library}, which is not here; to install it: {installing('maps')}"
     )
 
 

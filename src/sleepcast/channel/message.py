@@ -25,6 +25,11 @@ MAX_NUMBER = 2**63 - 1
 """Epochs and sequence numbers fit a signed 64-bit integer in any language."""
 
 
+def is_robot_name(name: str) -> bool:
+    """Whether robots may be called this: it is short, can be printed, and is one word."""
+    return 0 < len(name) <= MAX_NAME and name.isprintable() and " " not in name
+
+
 class Kind(StrEnum):
     """What a message is for; the first field that a receiver looks at."""
 

@@ -160,7 +160,7 @@ def node(
 
 
 def _check_name(name: str) -> None:
-    from sleepcast.channel.message import MAX_NAME
+    from sleepcast.channel.message import MAX_NAME, is_robot_name
 
-    if not 0 < len(name) <= MAX_NAME or not name.isprintable() or " " in name:
+    if not is_robot_name(name):
         raise MisuseError(f"--name {name!r:.80}: wanted 1 to {MAX_NAME} characters without blanks, for example r1")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack, closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from sleepcast.loop.real import NetworkSwarm
     from sleepcast.mind.authority import Tells
     from sleepcast.node.store import Store
+    from sleepcast.simulator import Scenario
 
 MOST = 10_000
 """Nodes in one process: more than a core can let think; a simulated swarm (`sleepcast run`) takes a million."""
@@ -114,6 +115,7 @@ def swarm(
         crew = _crew(stack, AirOptions(channel, fleet, key, trust, folder, skew=skew, rate=rate), wanted, store)
         interrupts.defer()
         _begin(crew, beginning or StartScript(), store)
+        names = [member.node.name for member in crew.members]
         announce(f"{names[0]} to {names[-1]} are up: {count} robots; Ctrl-C stops their bodies and ends them")
         clock = crew.clock
         end = None if seconds is None else clock.now() + seconds
@@ -133,12 +135,12 @@ def swarm(
 
 
 def _check_names(prefix: str, first: int, count: int) -> None:
-    from sleepcast.channel.message import MAX_NAME
+    from sleepcast.channel.message import MAX_NAME, is_robot_name
 
     last = f"{prefix}{first + count - 1}"
     if first + count - 1 > MAX_ID:
         raise MisuseError(f"--first {first} and {count} robots lead to {last}: numbers go up to {MAX_ID}")
-    if len(last) > MAX_NAME or not last.isprintable() or " " in last:
+    if not is_robot_name(last):
         raise MisuseError(f"--name-prefix {prefix!r:.80}: wanted names of at most {MAX_NAME} letters without blanks")
 
 
@@ -150,20 +152,32 @@ def _crew(stack: ExitStack, air: AirOptions, wanted: Wanted, store: Store | None
     from sleepcast.loop import vocabulary_of
     from sleepcast.loop.real import Member, NetworkSwarm
     from sleepcast.node.node import Node
-    from sleepcast.simulator import Changes, SafetyLimits, Simulator, choose, find_scenario, limited, read_limits
+    from sleepcast.simulator import (
+        Changes,
+        SafetyLimits,
+        Simulator,
+        choose,
+        find_scenario,
+        limited,
+        named_by_starts,
+        read_limits,
+    )
 
     limits = None if wanted.limits is None else read_limits(wanted.limits)
     scenario = find_scenario(wanted.scenario, Changes(len(wanted.names), None, True))
-    scenario = scenario if limits is None else limited(scenario, limits)
+    scenario = _from_start(scenario if limits is None else limited(scenario, limits), wanted.first)
     seed, first = scenario.seed if wanted.seed is None else wanted.seed, wanted.first
+    names = named_by_starts(scenario.each_sort, wanted.names)
+    if len({*names}) < len(names):
+        raise MisuseError(f"two robots of {scenario.path} would have one name: choose another --name-prefix")
     machine = choose("numpy", 1) if len(wanted.names) <= FEW else None
     # Others elsewhere begin in other places.
     simulator = Simulator(scenario, key(seed, "crew", first) >> 1, machine, threads=1)
     vocabulary = vocabulary_of(simulator.model)
-    multiplexer, receiver, sessions = sessions_for(air, wanted.names, complain, store)
+    multiplexer, receiver, sessions = sessions_for(air, names, complain, store)
     stack.enter_context(closing(receiver))
     members = []
-    for i, (name, session) in enumerate(zip(wanted.names, sessions, strict=True)):
+    for i, (name, session) in enumerate(zip(names, sessions, strict=True)):
         stack.enter_context(closing(session))
         body = simulator.robots[i]
         node = Node(
@@ -185,6 +199,22 @@ def _crew(stack: ExitStack, air: AirOptions, wanted: Wanted, store: Store | None
     guard = None if limits is None else SafetyLimits(simulator, limits)
     keeper = keeper_for([member.node for member in members], receiver.delivery, store)
     return NetworkSwarm(simulator, members, multiplexer, receiver, WallClock(), UnixClock(), guard=guard, keeper=keeper)
+
+
+def _from_start(scenario: Scenario, first: int) -> Scenario:
+    """The scenario with the starts of the robots from number `first` on."""
+    from sleepcast.simulator import later_starts
+
+    robots = scenario.robots
+    if scenario.sorts or not isinstance(robots.starts, tuple) or not robots.starts:
+        return scenario
+    with_later = later_starts(robots, max(first - 1, 0))
+    if with_later is None:
+        raise MisuseError(
+            f"--first {first} and {robots.count} robots lead to {first - 1 + robots.count}, and {scenario.path} has "
+            f"{len(robots.starts)} starts: write more of them, or use fewer robots"
+        )
+    return replace(scenario, robots=with_later)
 
 
 def _begin(crew: NetworkSwarm, beginning: StartScript, store: Store | None) -> None:

@@ -21,6 +21,7 @@ from sleepcast.simulator.engine import Machine, choose
 from sleepcast.simulator.kernel_warm_up import compile_kernels
 from sleepcast.simulator.scenario.mission import MissionError, Order, parse_mission, read_mission
 from sleepcast.simulator.scenario.robot_settings import Supply
+from sleepcast.simulator.scenario.robot_types import later_starts, named_by_starts
 from sleepcast.simulator.scenario.scenario import (
     Place,
     Scenario,
@@ -63,8 +64,10 @@ __all__ = [
     "choose",
     "compile_kernels",
     "find_scenario",
+    "later_starts",
     "limited",
     "load",
+    "named_by_starts",
     "parse_mission",
     "read_limits",
     "read_mission",

@@ -15,6 +15,7 @@ from weakref import WeakKeyDictionary
 import msgspec
 import numpy as np
 
+from sleepcast.channel.message import is_robot_name
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.serial import Arrays, SerialError, dump_arrays, load_arrays, within
 from sleepcast.core.units import UNITS
@@ -35,8 +36,10 @@ from sleepcast.simulator.scenario.robot_settings import (
     WIDEST_BEAM,
     RobotSpec,
 )
+from sleepcast.simulator.scenario.robot_types import given_names, slices
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.signals import MAX_LIGHTS, MAX_QUEUE, MAX_SHARES
+from sleepcast.simulator.scenario.starts import MAX_STARTS, SLACK, Formation, Starts, start_columns
 from sleepcast.simulator.scenario.stocks import MAX_STOCKS
 from sleepcast.simulator.scenario.world_settings import MAX_SEED
 from sleepcast.simulator.simulation import Simulator
@@ -209,6 +212,11 @@ def _bounds(scenario: Scenario) -> Iterator[tuple[str, float, float, float]]:
     yield from bounds_of_fields(scenario.fields, (scenario.width, scenario.height), scenario.tick)
     for robots in (scenario.robots, *scenario.sorts):
         yield from _bounds_of(robots)
+    for robots, part in zip(scenario.each_sort, slices(scenario.each_sort, scenario.robots.count), strict=True):
+        yield from _bounds_of_starts(robots.starts, part.stop - part.start, (scenario.width, scenario.height))
+    names = given_names(scenario.each_sort, scenario.robots.count)
+    yield "names that several robots have", len(names) - len(set(names)), 0, 0
+    yield "names that no robot can have", sum(not is_robot_name(name) for name in names), 0, 0
 
 
 def _bounds_of(robots: RobotSpec) -> Iterator[tuple[str, float, float, float]]:
@@ -231,6 +239,21 @@ def _bounds_of(robots: RobotSpec) -> Iterator[tuple[str, float, float, float]]:
         yield "sonars in an order", len(ring.order), 1, MAX_ORDER
         for sonar in ring.order:
             yield "as a sonar in an order", sonar, 0, ring.count - 1
+
+
+def _bounds_of_starts(
+    starts: Starts, count: int, size: tuple[float, float]
+) -> Iterator[tuple[str, float, float, float]]:
+    """The same values for where `count` robots of one type start. size: of the world, m."""
+    if isinstance(starts, Formation):
+        yield "columns", starts.columns, 0, MAX_STARTS
+        yield "m between robots", starts.spacing, 0, MAX_WORLD
+    elif starts:
+        yield "starts", len(starts), count, MAX_STARTS
+    for axis, side in enumerate(size) if starts else ():
+        places = start_columns(starts, count)[axis]
+        yield "m to the first start", places.min(initial=0.0), -SLACK, side
+        yield "m to the last start", places.max(initial=0.0), 0, side + SLACK
 
 
 def _has_nan(value: object) -> bool:

@@ -21,7 +21,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.message import MAX_NAME
+from sleepcast.channel.message import MAX_NAME, is_robot_name
 from sleepcast.channel.message_batch import NameIndex
 from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.core.files import config_folder, open_file, replace_file
@@ -185,7 +185,7 @@ class Expectation:
         """Just these robots. Raises ExpectationError for what is no name, and for more than a roster takes."""
         found = tuple(dict.fromkeys(names))
         for name in found:
-            if not 0 < len(name) <= MAX_NAME or not name.isprintable() or " " in name:
+            if not is_robot_name(name):
                 raise ExpectationError(f"{name!r:.80} names no robot: wanted 1 to {MAX_NAME} characters without blanks")
         return cls(found, _sized(len(found)))
 

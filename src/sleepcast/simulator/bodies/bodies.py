@@ -14,6 +14,7 @@ from collections.abc import Collection, Iterable, Sequence
 from copy import copy
 from dataclasses import replace
 from enum import IntEnum
+from functools import partial
 from hashlib import sha256
 from math import pi
 from operator import attrgetter
@@ -26,7 +27,7 @@ from sleepcast.core.arrays import filled
 from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.model import Quantity
-from sleepcast.simulator.bodies.proximity import Bumpers, Neighbours, SonarGroups, Sonars, least_cell, reach
+from sleepcast.simulator.bodies.proximity import Bumpers, Neighbours, SonarGroups, Sonars, StartError, least_cell, reach
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.motion.driving import DRIVE, GOTO, WANDER, laws_of
 from sleepcast.simulator.motion.steps import BodyColumns
@@ -35,6 +36,7 @@ from sleepcast.simulator.scenario.robot_settings import RobotSpec
 from sleepcast.simulator.scenario.robot_types import slices
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.sensors import sensors_of
+from sleepcast.simulator.scenario.starts import start_columns
 from sleepcast.simulator.simd.formulas import sine_cosine, wrap
 from sleepcast.simulator.sonar.cones import Cones
 from sleepcast.simulator.world.areas import inside
@@ -387,14 +389,22 @@ class Bodies:
 
     def _start(self) -> None:
         robots = self.scenario.robots
-        self.x[:], self.y[:] = self._places()
-        if self.contact:
-            self.contact.part(self.x, self.y, self._places)
+        given = self._each([float(bool(sort.starts)) for sort in self.scenario.each_sort]) > 0.0
+        try:
+            self.x[:], self.y[:] = self._places(given)
+            if self.contact:
+                self.contact.part(self.x, self.y, partial(self._places, given), given)
+        except StartError as error:
+            raise StartError(f"{self.scenario.path}: robots.starts: {error}") from None
         for part in self.parts:
             if part.scenario.robots.in_rows:
                 order = np.lexsort((part.x, part.y // ROW))
                 part.x[:], part.y[:] = part.x[order], part.y[order]
         self.heading[:] = _spread((-pi, pi), self.drawn("heading"))
+        for part in self.parts:
+            if starts := part.scenario.robots.starts:
+                heading = start_columns(starts, part.count)[2]
+                part.heading[:] = np.where(np.isnan(heading), part.heading, wrap(heading))
         self.encoder_x[:], self.encoder_y[:], self.encoder_heading[:] = self.x, self.y, self.heading
         for part in self.parts:
             part._start_alike()
@@ -418,9 +428,9 @@ class Bodies:
             row = self.stores[self.store_names.index(store.name.casefold())]
             row[:] = np.where(carried, _spread((store.low, store.high), self.drawn(store.name)), 0.0)
 
-    def _places(self, attempt: int | None = None) -> tuple[Floats, Floats]:
-        """Start positions outside of solid areas and discs; different ones for each further attempt. Raises MisuseError
-        if there is hardly any free place."""
+    def _places(self, given: Flags, attempt: int | None = None) -> tuple[Floats, Floats]:
+        """Start positions outside of solid areas and discs; different ones for each further attempt, but for bodies
+        whose start is `given`. Raises MisuseError if there is hardly any free place, or none where one is given."""
         again = "" if attempt is None else f" {attempt}"
         areas = [shape for shape in self.world.shapes.values() if isinstance(shape, Area | Circle)]
         x, y = self._anywhere(again)
@@ -428,6 +438,11 @@ class Bodies:
             wrong = np.flatnonzero(np.any([inside(area, x, y) for area in areas], axis=0)) if areas else ()
             if not len(wrong):
                 return x, y
+            if given[wrong].any():
+                first = wrong[given[wrong]][0]
+                raise StartError(
+                    f"robot {first + 1} cannot start at {x[first]:g}, {y[first]:g} m: that is inside a wall"
+                )
             other_x, other_y = self._anywhere(f"{again} redrawn {redraw}")
             x[wrong], y[wrong] = other_x[wrong], other_y[wrong]
         raise MisuseError("where the robots start nearly everything is solid: let them start elsewhere (x, y, disc)")
@@ -438,6 +453,8 @@ class Bodies:
             places = [part._anywhere(again) for part in self.parts]
             return np.concatenate([across for across, _ in places]), np.concatenate([up for _, up in places])
         robots = self.scenario.robots
+        if robots.starts:
+            return start_columns(robots.starts, self.count)[:2]
         if robots.disc is None:
             return _spread(robots.x, self.drawn(f"x{again}")), _spread(robots.y, self.drawn(f"y{again}"))
         x, y, radius = robots.disc

@@ -122,6 +122,10 @@ CELL = 3.0
 """Side of a cell in radii of a body, unless something else needs larger ones: about one body fits in."""
 
 
+class StartError(MisuseError):
+    """A body cannot be where the scenario puts it."""
+
+
 class Bumpers:
     """Contact of bodies with each other and with solids. radii: of the bodies, m; reach: greatest distance of a solid
     that a body can touch within one tick, m."""
@@ -144,15 +148,21 @@ class Bumpers:
             for mine, each in zip(settled, every, strict=True):
                 mine[:] = each[: len(x)]
 
-    def part(self, x: Floats, y: Floats, anew: Callable[[int], tuple[Floats, Floats]]) -> None:
-        """Move bodies until none overlaps another one or a solid. anew: new positions for all of them, by attempt. Of
-        two that overlap, the one with the higher index moves. Raises MisuseError if they do not fit."""
+    def part(
+        self, x: Floats, y: Floats, anew: Callable[[int], tuple[Floats, Floats]], given: NDArray[np.bool_]
+    ) -> None:
+        """Move bodies until none overlaps another one or a solid. anew: new positions for all of them, by attempt.
+        given: bodies that must stay where they are. Of two others that overlap, the one with the higher index moves.
+        Raises MisuseError if they do not fit, StartError for one that must stay."""
         wide = self._near.grid  # the sonars' cells would give too many pairs in a full room
         fine = grid_over(wide.across * wide.size, wide.up * wide.size, CELL * self.radii.max(), len(x))
         for attempt in range(MAX_ATTEMPTS):
-            wrong = self._overlapping(fine, x, y)
+            i, j = self._overlapping(fine, x, y)
+            inside = self._in_solids(x, y)
+            wrong = np.unique(np.concatenate((i[np.where(given[i] == given[j], i > j, given[j])], inside)))
             if not len(wrong):
                 return
+            self._refuse_given(given, (i, j), inside, x, y)
             other_x, other_y = anew(attempt)
             x[wrong], y[wrong] = other_x[wrong], other_y[wrong]
         raise MisuseError(
@@ -160,7 +170,28 @@ class Bumpers:
             "give them more room, or ask for fewer"
         )
 
-    def _overlapping(self, fine: Grid, x: Floats, y: Floats) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    def _refuse_given(
+        self, given: NDArray[np.bool_], pairs: tuple[Whole, Whole], inside: Whole, x: Floats, y: Floats
+    ) -> None:
+        """Raise StartError if a body that must stay where it is overlaps another such one, or something solid."""
+        (i, j), stuck = pairs, inside[given[inside]]
+        if stuck.size:
+            first = stuck[0]
+            raise StartError(
+                f"robot {first + 1} cannot start at {x[first]:g}, {y[first]:g} m: its body, with a radius of "
+                f"{self.radii[first]:g} m, would be in a wall there"
+            )
+        both = np.flatnonzero(given[i] & given[j] & (i < j))
+        if both.size:
+            one, other = i[both[0]], j[both[0]]
+            apart, least = np.hypot(x[one] - x[other], y[one] - y[other]), self.radii[one] + self.radii[other]
+            raise StartError(
+                f"robots {one + 1} and {other + 1} cannot start {apart:g} m apart: their bodies overlap. Put them more "
+                f"than {least:g} m apart"
+            )
+
+    def _overlapping(self, fine: Grid, x: Floats, y: Floats) -> tuple[Whole, Whole]:
+        """Bodies that overlap, each pair in both orders."""
         every, radii = np.arange(len(x)), self.radii
         self._near.forget()
         found = self._near.images(x, y)
@@ -169,13 +200,19 @@ class Bumpers:
         if radii.min() < radii.max():
             close = np.hypot(x[i] - x[j], y[i] - y[j]) <= radii[i] + radii[found.of][j] + SKIN
             i, j = i[close], j[close]
-        j, x, y = found.whose(j), x[: len(radii)], y[: len(radii)]
+        return i, found.whose(j)
+
+    def _in_solids(self, x: Floats, y: Floats) -> Whole:
+        """Bodies that something solid is too near to."""
+        every, radii = np.arange(len(x)), self.radii
+        found = self._near.images(x, y)
+        x, y = found.x[: len(radii)], found.y[: len(radii)]
         listed, solids = self._near.solids(self._reach), self._near.lines
         cell = self._near.grid.cells_of(x, y)
         k, item = spread(every, listed.start[cell], listed.start[cell + 1])
         lines = solids[listed.items[item]]
-        inside = distance(x[k], y[k], *lines[:, :4].T) < radii[k] + lines[:, 4] + SKIN
-        return np.unique(np.concatenate((i[i > j], k[inside])))
+        inside: Whole = np.unique(k[distance(x[k], y[k], *lines[:, :4].T) < radii[k] + lines[:, 4] + SKIN])
+        return inside
 
 
 def reach(robots: RobotSpec, tick: float) -> float:

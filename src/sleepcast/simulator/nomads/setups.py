@@ -86,7 +86,7 @@ def read_setup(setup: Path | str) -> Setup:
         made = {part: root.values[part] for part in MADE if root.has(part)}
         # The start area and the size of the world are set elsewhere.
         robots = Table(root.document, made | {"type": "nomad", "motion": "still"}, ())
-        return _geared(root, read_robots(robots, 1, (), (MAX_WORLD, MAX_WORLD), ()))
+        return _geared(root, read_robots(robots, 1, (), None, (MAX_WORLD, MAX_WORLD), ()))
 
 
 def _geared(root: Table, robots: RobotSpec) -> Setup:

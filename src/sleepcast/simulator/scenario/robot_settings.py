@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import inf, pi
 
-from sleepcast.core.settings import Measure, Table, checked_name
+from sleepcast.core.settings import Measure, Table, checked_name, shown_key
 from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, UNITS, Dimension
 from sleepcast.robot import Geometry, Limits
 from sleepcast.simulator.scenario.groups import RobotGroup
 from sleepcast.simulator.scenario.signals import LIGHT_NAMES, PING_NAMES
+from sleepcast.simulator.scenario.starts import Starts, read_starts
 
 MAX_ROBOTS = 1_000_000
 """Bodies in one world: a tick of so many takes about real time on two cores. Minds have their own bound."""
@@ -138,7 +139,7 @@ class RobotSpec:
     nothing stops. speed_unit: unit in which speeds are shown. disc: x, y and radius (m) of a disc to start in
     instead, or None. in_rows: whether robots are numbered along rows of the world, so that neighbours have close
     numbers. groups: empty if all robots are alike. slides: whether bodies slide along what they touch, instead of
-    stopping there.
+    stopping there. starts: where each of them starts, empty if that is left to chance.
     """
 
     type: str
@@ -158,25 +159,35 @@ class RobotSpec:
     in_rows: bool = False
     groups: tuple[RobotGroup, ...] = ()
     slides: bool = False
+    starts: Starts = ()
 
 
-def read_count(robots: Table, groups: tuple[RobotGroup, ...]) -> int:
-    """Number of robots in the table `robots`; for groups it follows from their counts."""
-    if not groups:
-        return robots.whole("count", low=1, high=MAX_ROBOTS)
-    total = sum(group.count for group in groups)
-    if total > MAX_ROBOTS:
+def read_count(robots: Table, groups: tuple[RobotGroup, ...], rows: Sequence[Table] | None) -> int:
+    """Number of robots in the table `robots`; for groups it follows from their counts, else for poses (`rows`) from
+    theirs. A run may use fewer robots than there are poses, but the file says the same of both."""
+    poses = None if rows is None else len(rows)
+    total = sum(group.count for group in groups) if groups else poses
+    if total is not None and total > MAX_ROBOTS:
         raise robots.error("groups", f"{total} robots in all; at most {MAX_ROBOTS} fit")
-    if robots.whole("count", total, low=1, high=MAX_ROBOTS) != total:
+    count = robots.whole("count", total, low=1, high=MAX_ROBOTS)
+    if groups and count != total:
         raise robots.error("count", f"the groups add up to {total}: leave this out, or say the same")
-    return total
+    changed = robots.document.is_changed(shown_key((*robots.where, "count")))
+    if poses is not None and count != poses and not changed:
+        raise robots.error("starts", f"{poses} starts for {count} robots: write one for each")
+    return count
 
 
 def read_robots(
-    table: Table, count: int, groups: tuple[RobotGroup, ...], size: tuple[float, float], taken: Iterable[str]
+    table: Table,
+    count: int,
+    groups: tuple[RobotGroup, ...],
+    rows: Sequence[Table] | None,
+    size: tuple[float, float],
+    taken: Iterable[str],
 ) -> RobotSpec:
-    """A table of robots, except for `count` and `groups`. count: number of robots, which may differ from the groups'
-    sum; size: of the world, m; taken: names already in use."""
+    """A table of robots, except for `count`, `groups` and the poses of its starts, `rows`. count: number of robots,
+    which may differ from the groups' sum; size: of the world, m; taken: names already in use."""
     whole_x, whole_y = ((Measure(0.0), Measure(end)) for end in size)
     with table:
         table.has("count"), table.has("groups")
@@ -206,6 +217,7 @@ def read_robots(
             in_rows=table.text("numbers", "by chance", choices=("by chance", "along rows")) == "along rows",
             groups=groups,
             slides=slides,
+            starts=read_starts(table, rows, size),
         )
 
 

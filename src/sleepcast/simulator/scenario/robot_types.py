@@ -22,6 +22,7 @@ from sleepcast.core.settings import Table, toml_document
 from sleepcast.robot import Geometry, Limits
 from sleepcast.simulator.scenario.groups import RobotGroup
 from sleepcast.simulator.scenario.robot_settings import Ring, RobotSpec, Supply
+from sleepcast.simulator.scenario.starts import Pose
 
 FORMAT = 1
 """Version of the format of type files; newer ones are refused."""
@@ -100,6 +101,7 @@ def combined(tables: Sequence[Table], sorts: Sequence[RobotSpec]) -> RobotSpec:
         wheels=wheels[0] if wheels else None,
         ring=_ring(rings) if rings else None,
         bumpers=max(sort.bumpers for sort in sorts),
+        starts=(),
         groups=tuple(group for sort in sorts for group in sort.groups or (RobotGroup(sort.type, sort.count, {}),)),
     )
 
@@ -149,13 +151,44 @@ def slices(sorts: Sequence[RobotSpec], count: int) -> list[slice]:
 
 
 def names_of(sorts: Sequence[RobotSpec], count: int) -> NameIndex:
-    """Names of the robots: their type, and a number within it."""
+    """Names of the robots: those that their starts give them, else their type, and a number within it."""
+    if given := given_names(sorts, count):
+        return NameIndex(given)
     if len({sort.type for sort in sorts}) == 1:
         return NameIndex(prefix=sorts[0].type, count=count)
+    return NameIndex(_numbered(sorts, count))
+
+
+def given_names(sorts: Sequence[RobotSpec], count: int) -> list[str]:
+    """The names of all robots, if starts name any of them; else none."""
+    named = any(pose.name for sort in sorts for pose in _poses(sort))
+    return named_by_starts(sorts, _numbered(sorts, count)) if named else []
+
+
+def named_by_starts(sorts: Sequence[RobotSpec], names: Sequence[str]) -> list[str]:
+    """These names of all robots, but for those that their starts name."""
+    found = list(names)
+    for sort, part in zip(sorts, slices(sorts, len(found)), strict=True):
+        for place, pose in zip(range(part.start, part.stop), _poses(sort), strict=False):
+            found[place] = pose.name or found[place]
+    return found
+
+
+def later_starts(sort: RobotSpec, skipped: int) -> RobotSpec | None:
+    """These robots without the first starts of a list; None if too few are left."""
+    rest = _poses(sort)[skipped:]
+    return replace(sort, starts=rest) if len(rest) >= sort.count else None
+
+
+def _poses(sort: RobotSpec) -> tuple[Pose, ...]:
+    return sort.starts if isinstance(sort.starts, tuple) else ()
+
+
+def _numbered(sorts: Sequence[RobotSpec], count: int) -> list[str]:
     used: dict[str, int] = {}
     names = []
     for sort, part in zip(sorts, slices(sorts, count), strict=True):
         first = used.get(sort.type, 0)
         used[sort.type] = first + part.stop - part.start
         names += [f"{sort.type}{number + 1}" for number in range(first, used[sort.type])]
-    return NameIndex(names)
+    return names

@@ -34,7 +34,7 @@ from sleepcast.simulator.scenario.robot_settings import (
     read_count,
     read_robots,
 )
-from sleepcast.simulator.scenario.robot_types import combined, robot_tables
+from sleepcast.simulator.scenario.robot_types import combined, given_names, robot_tables, slices
 from sleepcast.simulator.scenario.signals import (
     Light,
     NeighbourModel,
@@ -44,6 +44,7 @@ from sleepcast.simulator.scenario.signals import (
     read_pings,
 )
 from sleepcast.simulator.scenario.sliders import Slider, blanks_of, read_sliders
+from sleepcast.simulator.scenario.starts import refuse_equal_names, refuse_misfits, rows_of_starts
 from sleepcast.simulator.scenario.stocks import Stock, read_stocks
 from sleepcast.simulator.scenario.world_settings import MAX_SEED, Changes, WorldSpec, read_world
 from sleepcast.simulator.world.map_picture import MapPicture
@@ -169,11 +170,12 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
         numbers = (*constants, *blanks_of(sliders))
         tables = robot_tables(root)
         groups = [read_groups(table, constants, MAX_ROBOTS) for table in tables]
+        rows = [rows_of_starts(table) for table in tables]
 
         def counts() -> list[int]:
             if changes.robots and len(tables) == 1:
                 return [changes.robots]
-            return [read_count(*each) for each in zip(tables, groups, strict=True)]
+            return [read_count(*each) for each in zip(tables, groups, rows, strict=True)]
 
         def count() -> int:
             return changes.robots or sum(counts())
@@ -188,10 +190,13 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
         taken = [*BODY_NAMES, *SIGNAL_NAMES, *(f"{place.name}_{axis}" for place in places for axis in "xy")]
         local_fields = read_fields(root, size, tick, taken)
         taken += [sensor.name for sensor in field_sensors(local_fields)]
-        sorts = tuple(read_robots(*each, size, taken) for each in zip(tables, counts(), groups, strict=True))
+        sorts = tuple(read_robots(*each, size, taken) for each in zip(tables, counts(), groups, rows, strict=True))
         robots = replace(combined(tables, sorts), count=count())
         if robots.count > MAX_ROBOTS:
             raise root.error("robots", f"{robots.count} robots in all; at most {MAX_ROBOTS} fit")
+        for table, sort, part in zip(tables, sorts, slices(sorts, robots.count), strict=True):
+            refuse_misfits(table, sort.starts, part.stop - part.start, size)
+        refuse_equal_names(given_names(sorts, robots.count), (row for some in rows for row in some or ()))
         areas = read_areas(root, size)
         taken += [store.name for store in robots.stores]
         stocks = read_stocks(root, size, robots.stores, taken)

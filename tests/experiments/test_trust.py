@@ -52,7 +52,7 @@ def test_what_a_plan_would_run_is_found_without_importing_it(folder: Path) -> No
     for file in ("package/__init__.py", "package/inside.py"):
         (folder / file).write_text(LOUD)
     text = PLAN.replace("[over]", 'until = "package.inside.far >= 1"\n[over]') + 'mean = "mean x"\npid = "os.getpid"\n'
-    found = programs(read_experiment(folder / "experiment.toml", text), folder)
+    found = programs(read_experiment(folder / "experiment.toml", text), [folder])
     assert [(each.function, each.file) for each in found] == [
         ("loud.spread", folder / "loud.py"),
         ("os.getpid", None),
@@ -70,7 +70,7 @@ def test_a_module_is_found_where_python_would(folder: Path, monkeypatch: pytest.
         (folder / "outer" / "__init__.py").write_text(first)
         monkeypatch.syspath_prepend(str(folder.parent / "elsewhere"))
     experiment = experiment_of("crowd", measures=["outer.inner.deep.spread"])
-    assert [each.file for each in programs(experiment, folder)] == [folder / "outer" / "inner" / "deep.py"]
+    assert [each.file for each in programs(experiment, [folder])] == [folder / "outer" / "inner" / "deep.py"]
 
 
 def test_measures_in_python_are_refused_unless_they_are_asked_for() -> None:
@@ -125,13 +125,14 @@ def test_results_of_ones_own_run_no_module_of_the_folder_in_which_one_stands(
     for again in (["sweep", str(results)], ["sweep", str(results), "--verify"]):
         assert main(again) == 2
         assert f"{folder} may be anybody's" in capsys.readouterr().err
-    assert let_programs_run(read_experiment(results / "experiment.toml"), results, folder, trusted=True)
+    assert let_programs_run(read_experiment(results / "experiment.toml"), results, trusted=True)
     assert is_own(folder)
 
 
 def test_who_will_be_asked_again_hears_why(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     os.chmod(folder / "loud.py", 0o666)
-    assert let_programs_run(read_experiment(folder / "experiment.toml"), folder, folder, trusted=True)
+    plan = folder / "experiment.toml"
+    assert let_programs_run(read_experiment(plan), plan, trusted=True)
     assert "asked again next time: others may write" in capsys.readouterr().err
 
 
@@ -144,17 +145,80 @@ def test_a_person_at_the_terminal_is_asked(folder: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(sys, "stdin", Terminal(typed))
     plan = read_experiment(folder / "experiment.toml")
     with nullcontext() if typed == "y\n" else pytest.raises(MisuseError, match="add --trust"):
-        assert let_programs_run(plan, folder, folder, trusted=False)
+        assert let_programs_run(plan, folder / "experiment.toml", trusted=False)
     assert is_own(folder) == (str(folder) in sys.path) == (typed == "y\n")
 
 
 def test_what_was_typed_is_named_and_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     typed = experiment_of("crowd", measures=["loud.spread"])
-    assert let_programs_run(typed, *written_in("crowd"), trusted=False)
+    assert let_programs_run(typed, written_in("crowd"), trusted=False)
     assert capsys.readouterr().err == f"this sweep runs programs: loud.spread of {folder / 'loud.py'}\n"
     assert is_own(folder)  # so that the results, which name it too, can be gone on with
     typed.checked()
     assert ran(folder)
+
+
+POND = """
+format = 1
+title = "A pond"
+about = "Five boats."
+seconds = "0.2s"
+[world]
+width = "50m"
+height = "50m"
+[robots]
+type = "vehicle"
+count = 5
+limits = { speed = "1m/s", turn_rate = "90deg/s", acceleration = "1m/s2" }
+body = { radius = "0.2m" }
+"""
+
+
+@pytest.fixture
+def pond(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Somebody's scenario with its experiment and a module, and a person who stands elsewhere."""
+    (folder / "scenario.toml").write_text(POND)
+    (folder / "experiment.toml").write_text('scenario = "scenario.toml"\n[measures]\nspread = "loud.spread"\n')
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    return folder
+
+
+@pytest.mark.parametrize("what", ["", "scenario.toml"])
+def test_measures_are_found_beside_the_scenario(pond: Path, capsys: pytest.CaptureFixture[str], what: str) -> None:
+    sweep = ["sweep", str(pond / what), "--measure", "loud.spread", "--out", "found", "--workers", "1", "--quiet"]
+    assert main(sweep) == 2
+    assert f"{pond} may be anybody's" in capsys.readouterr().err, "only the folder in which one stands is not asked for"
+    assert not ran(pond)
+    assert main([*sweep, "--trust"]) == 0
+    assert (Path("found") / "experiment.toml").is_file()
+    assert capsys.readouterr().err == f"this sweep runs programs: loud.spread of {pond / 'loud.py'}\n"
+
+
+def test_measures_are_found_beside_the_plan_and_beside_the_results(pond: Path, tmp_path: Path) -> None:
+    plan = pond / "experiment.toml"
+    plan.write_text(PLAN)
+    results = pond / "found"
+    assert main(["sweep", str(plan), "--out", str(results), "--workers", "1", "--quiet", "--trust"]) == 0
+    (pond / "loud.ran").unlink()
+    assert main(["sweep", str(results), "--verify", "--workers", "1", "--quiet"]) == 0
+    assert ran(pond)
+
+
+def test_who_looks_for_a_module_in_vain_hears_where(pond: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for text in ("laud.spread", "loud.inner.spread"):
+        assert main(["sweep", str(pond), "--measure", text, "--out", "found", "--quiet"]) == 2
+        here, module = Path.cwd(), text.rpartition(".")[0]
+        said = f"no module {module}: looked in {pond}, in {here}, and where this Python looks (sys.path)"
+        assert said in capsys.readouterr().err
+    assert not ran(pond)
+
+
+def test_the_page_of_ones_own_scenario_takes_measures_beside_it(pond: Path) -> None:
+    make_own(pond)
+    with sc.open(pond) as fleet:
+        ((_, _, read),) = live_measures(fleet, pond)
+        assert read() == 3.0
 
 
 def test_a_folder_where_others_may_write_is_nobodys_own(folder: Path) -> None:

@@ -21,6 +21,7 @@ from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.settings import toml_document
 from sleepcast.experiments.live import live_measures
+from sleepcast.experiments.trust import folder_of
 from sleepcast.loop import MAX_MINDS, Pace, Swarm, load, resume
 from sleepcast.simulator import Changes, MapPicture, Scenario, added_scenarios, find_scenario, scenario_names
 from sleepcast.simulator.scenario.scenario import FILE, GALLERY
@@ -180,10 +181,8 @@ class PageRuns:
             warm.set()
 
         pace = Pace(self._clock, swarm, scenario.speed_up if speed is None else speed)
-        place = Path(wish.scenario)
-        folder = place if place.is_dir() else place.parent if place.is_file() else None
         fleet = SimulatedFleet(swarm, station)
-        measures = [Measure(*each) for each in live_measures(fleet, folder)]
+        measures = [Measure(*each) for each in live_measures(fleet, folder_of(wish.scenario))]
         seen = SwarmAdapter(swarm, map_picture)
         past = LivePast(seen, swarm, station, self._clock)
         tests, around = PageTests(fleet, past), self._shown_as(swarm, station, wish, warm)

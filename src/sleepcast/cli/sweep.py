@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
@@ -91,14 +90,14 @@ def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_jso
     if verify:
         from sleepcast.experiments.results import experiment_in
 
-        let_programs_run(experiment_in(folder), folder, Path.cwd(), trusted=how["trust"])
+        let_programs_run(experiment_in(folder), folder, trusted=how["trust"])
         return _verify(folder, many, how["runs"], as_json=as_json, quiet=quiet)
     experiment = _experiment(what, folder, how)
     from sleepcast.experiments.results import Results
     from sleepcast.experiments.run import LONGEST_RUN, try_out
 
     limit = how["timeout"] or LONGEST_RUN
-    runs_programs = let_programs_run(experiment, *written_in(what), trusted=how["trust"])
+    runs_programs = let_programs_run(experiment, written_in(what), trusted=how["trust"])
     try_out(experiment, limit)
     with Results(folder, experiment) as results, ExitStack() as stack:
         if runs_programs:
@@ -118,16 +117,18 @@ def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_jso
 
 def _folder(what: str, out: Path | None) -> tuple[Path, Path | None]:
     """The folder of the results, and the table that is written at the end."""
+    from sleepcast.experiments.plan import is_results
+
     if out is None:
         path = Path(what)
-        if (path / "experiment.toml").is_file():
+        if is_results(path):
             return path, None
         raise MisuseError("say where the results are to be kept: --out results, or --out results.csv")
     return (out.with_suffix(""), out) if out.suffix in TABLES else (out, None)
 
 
 def _experiment(what: str, folder: Path, how: dict[str, object]) -> Experiment:
-    from sleepcast.experiments.plan import experiment_of, experiment_of_scenario, read_experiment
+    from sleepcast.experiments.plan import SCENARIO, experiment_of, experiment_of_scenario, is_results, read_experiment
     from sleepcast.experiments.results import experiment_in
 
     said = {key: how[key] for key in ("over", "measures", "seeds", "seconds", "every", "until") if how[key]}
@@ -137,44 +138,55 @@ def _experiment(what: str, folder: Path, how: dict[str, object]) -> Experiment:
     if own is not None and not given:
         return own
     path = Path(what)
-    is_results = (path / "experiment.toml").is_file()
-    if (is_results or path.suffix == ".toml") and path.name != "scenario.toml":
+    if is_results(path) or (path.suffix == ".toml" and path.name != SCENARIO):
         if given:
             raise MisuseError(f"{what} says what is varied and measured: leave out {', '.join(given)}")
-        return experiment_in(path) if is_results else read_experiment(path)
+        return experiment_in(path) if is_results(path) else read_experiment(path)
     if own is not None and "measures" not in said:
         return own.varied(mission=not how["no_mission"], **said)  # type: ignore[arg-type]  # click has checked them
     return experiment_of(what, mission=not how["no_mission"], **said)  # type: ignore[arg-type]  # as above
 
 
-def written_in(what: str) -> tuple[Path | None, Path]:
-    """The folder in which a plan is written, None for one that was typed or is of the gallery; and where modules are
-    sought besides where Python does."""
-    from sleepcast.experiments.plan import experiment_of_scenario
+def written_in(what: str) -> Path | None:
+    """What a plan is written in: a file, or a folder of results; None for one that was typed or is of the gallery."""
+    from sleepcast.experiments.plan import SCENARIO, experiment_file, is_results
+    from sleepcast.simulator import scenario_names
 
     path = Path(what)
-    if experiment_of_scenario(what) is not None or path.name == "scenario.toml":
-        return None, Path.cwd()
-    if (path / "experiment.toml").is_file():
-        return path, Path.cwd()
-    return (path.parent, path.parent) if path.suffix == ".toml" else (None, Path.cwd())
+    if what in scenario_names():
+        return None
+    if is_results(path) or (path.suffix == ".toml" and path.name != SCENARIO):
+        return path
+    return experiment_file(what)
 
 
-def let_programs_run(experiment: Experiment, written_in: Path | None, modules: Path, *, trusted: bool) -> bool:
+def _modules(experiment: Experiment, written: Path | None) -> list[Path]:
+    """Where modules are sought besides where Python does: beside the plan or the results, beside the scenario, and in
+    the folder in which one stands."""
+    from sleepcast.experiments.trust import folder_of
+
+    beside = [written.parent if written else None, folder_of(experiment.scenario), Path.cwd()]
+    return list(dict.fromkeys(each.resolve() for each in beside if each is not None))
+
+
+def let_programs_run(experiment: Experiment, written: Path | None, *, trusted: bool) -> bool:
     """See that functions in Python which an experiment names may be run, and let Python find their modules; gives
-    whether there are any. written_in, modules: see `written_in`. trusted: whether somebody has said so. Raises
-    MisuseError for what nobody answers for."""
-    from sleepcast.experiments.trust import is_own, programs
+    whether there are any. written: see `written_in`. trusted: whether somebody has said so. Raises MisuseError for what
+    nobody answers for, and for modules that are nowhere."""
+    from sleepcast.experiments.trust import is_own, look_in, programs
 
+    modules = _modules(experiment, written)
     found = programs(experiment, modules)
     if not found:
         return False
     complain(printable(f"this sweep runs programs: {', '.join(each.sentence() for each in found)}"))
-    here = modules.resolve()
-    files = [each.file for each in found if each.file is not None and each.file.is_relative_to(here)]
-    folders = list(dict.fromkeys(([] if written_in is None else [written_in.resolve()]) + ([here] if files else [])))
+    used = [each for each in modules if any(each in program.roots for program in found)]
+    files = [each.file for each in found if each.file is not None and each.roots]
+    named = [] if written is None else [written.resolve() if written.is_dir() else written.resolve().parent]
+    folders = list(dict.fromkeys(named + used))
     unknown = [each for each in folders if not is_own(each, files)]
-    if written_in is not None and unknown and not trusted and not _answered_for(unknown):
+    typed_here = written is None and used in ([], [Path.cwd().resolve()])
+    if unknown and not typed_here and not trusted and not _answered_for(unknown):
         raise MisuseError(
             f"{_listed(unknown)} may be anybody's, and nobody has said here that Python files named or lying there may "
             "be run: look at them, and add --trust if they are yours or you trust who wrote them"
@@ -183,7 +195,7 @@ def let_programs_run(experiment: Experiment, written_in: Path | None, modules: P
         _remember(each)
         if not is_own(each, files):
             complain(f"this is asked again next time: others may write to {each}, or to its Python files")
-    sys.path.append(str(here))
+    look_in(used)
     return True
 
 

@@ -15,7 +15,7 @@ from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.errors import SleepcastError
 from sleepcast.experiments.measures import read_measure
 from sleepcast.experiments.plan import experiment_of_scenario, read_experiment
-from sleepcast.experiments.trust import is_own
+from sleepcast.experiments.trust import is_own, look_in
 
 MOST_ROBOTS = 20_000
 """Robots of which a measure of the group as a whole is taken while a page is served: of more it takes too long between
@@ -30,6 +30,8 @@ def live_measures(fleet: SimulatedFleet, folder: Path | None = None) -> list[Tak
     that is not of the gallery. What is wrong with a measure is said when it is taken: a page opens all the same."""
     scenario = fleet.swarm.simulator.scenario
     own = folder is not None and is_own(folder)
+    if own and folder is not None:
+        look_in([folder.resolve()])
     found = [(name, text, partial(_taken, text, fleet, own)) for name, text in _texts(scenario.name, folder).items()]
     return [*found, *((spec.name, spec.name, partial(_latest, fleet, spec.name)) for spec in scenario.measures)]
 

@@ -45,6 +45,7 @@ from sleepcast.experiments.measures import name_of, read_measure, read_stop
 from sleepcast.simulator import Changes, Scenario, find_scenario, scenario_names
 from sleepcast.simulator.scenario.scenario import GALLERY
 
+PLAN, SCENARIO = "experiment.toml", "scenario.toml"
 SEARCH = "search"
 SAMPLINGS = ("grid", "latin", "sobol", SEARCH)
 MAX_SEARCHED = 5_000
@@ -316,10 +317,24 @@ def read_experiment(path: Path, text: str | None = None) -> Experiment:
         )
 
 
-def experiment_of_scenario(name: str) -> Experiment | None:
-    """The experiment in the folder of a scenario of the gallery; None where there is none."""
-    file = GALLERY / name / "experiment.toml"
-    return read_experiment(file) if name in scenario_names() and file.is_file() else None
+def experiment_of_scenario(scenario: str) -> Experiment | None:
+    """The experiment in the folder of a scenario; None where there is none. Raises PlanError."""
+    file = experiment_file(scenario)
+    return None if file is None else read_experiment(file)
+
+
+def experiment_file(scenario: str) -> Path | None:
+    """The plan in the folder of a scenario: a name of the gallery, or the path of a folder or its scenario.toml; None
+    where there is none."""
+    path = Path(scenario)
+    own = path.parent if path.name == SCENARIO else path
+    folder = GALLERY / scenario if scenario in scenario_names() else own if (own / SCENARIO).is_file() else None
+    return folder / PLAN if folder is not None and (folder / PLAN).is_file() else None
+
+
+def is_results(folder: Path) -> bool:
+    """Whether these are the results of an experiment, and no scenario with a plan beside it."""
+    return (folder / PLAN).is_file() and not (folder / SCENARIO).is_file()
 
 
 def experiment_of(

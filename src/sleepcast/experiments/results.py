@@ -33,10 +33,10 @@ from sleepcast.core.settings import SettingsError
 from sleepcast.core.version import VERSION
 from sleepcast.experiments.drawing import band
 from sleepcast.experiments.git_state import git_state
-from sleepcast.experiments.plan import MAX_ROWS, Experiment, Goal, Run, Value, read_experiment
+from sleepcast.experiments.plan import MAX_ROWS, PLAN, Experiment, Goal, Run, Value, read_experiment
 from sleepcast.experiments.search import Tried, suggest
 
-PLAN, ABOUT, RUNS, LOCK = "experiment.toml", "about.json", "runs.sqlite", ".lock"
+ABOUT, RUNS, LOCK = "about.json", "runs.sqlite", ".lock"
 SCHEMA = """
 CREATE TABLE IF NOT EXISTS runs (
     key TEXT PRIMARY KEY, number INTEGER NOT NULL, run TEXT NOT NULL, error TEXT NOT NULL, hash TEXT NOT NULL,

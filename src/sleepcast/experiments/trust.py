@@ -11,16 +11,16 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from stat import S_IWOTH
 from typing import NamedTuple
 
-from sleepcast.core.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.core.extensions import extensions
 from sleepcast.core.files import data_folder, open_file, replace_file
-from sleepcast.experiments.measures import GROUP, measure_of_stop, own_function
+from sleepcast.experiments.measures import GROUP, MeasureError, measure_of_stop, own_function
 from sleepcast.experiments.plan import Experiment
 
 MAX_FOLDERS = 1_000
@@ -35,42 +35,56 @@ class TrustError(SleepcastError):
 
 class Program(NamedTuple):
     """A function in Python that an experiment names, as module.function, and the file where Python would find it; None
-    where there is none: a part of Python itself, or nothing at all."""
+    for a part of Python itself. roots: of the folders in which modules are sought besides, those that lead there."""
 
     function: str
     file: Path | None
+    roots: tuple[Path, ...] = ()
 
     def sentence(self) -> str:
         """For a person."""
         return f"{self.function} of {'this Python' if self.file is None else self.file}"
 
 
-def programs(experiment: Experiment, folder: Path) -> list[Program]:
-    """What an experiment would run, each once; nothing is imported for that. folder: where modules are sought besides.
-    Raises MeasureError for a condition that is none."""
+def programs(experiment: Experiment, folders: Sequence[Path]) -> list[Program]:
+    """What an experiment would run, each once; nothing is imported for that. folders: where modules are sought after
+    the places of this Python. Raises MeasureError for a condition that is none, and for a module that is nowhere."""
     texts = [*experiment.measures.values(), *([measure_of_stop(experiment.until)] if experiment.until else [])]
     added, found = extensions(GROUP), dict[str, Program]()
     for text in texts:
         named = own_function(text)
         if named is not None and text.strip() not in added:
             name = ".".join(named)
-            found[name] = Program(name, _file_of(named[0], folder))
+            found[name] = _program(name, named[0], folders)
     return list(found.values())
 
 
-def _file_of(module: str, folder: Path) -> Path | None:
-    """The file of a module, found without importing anything, not even the packages around it."""
-    places = [*sys.path, str(folder)]
+def folder_of(scenario: str) -> Path | None:
+    """The folder in which somebody's own scenario stands, where modules of its measures are sought; None for one of the
+    gallery."""
+    place = Path(scenario)
+    return place if place.is_dir() else place.parent if place.is_file() else None
+
+
+def look_in(folders: Iterable[Path]) -> None:
+    """Let Python find modules there, too, after all other places."""
+    sys.path += [each for each in map(str, folders) if each not in sys.path]
+
+
+def _program(function: str, module: str, folders: Sequence[Path]) -> Program:
+    """Where a module is, found without importing anything, not even the packages around it."""
     first, *inside = module.split(".")
-    found = _spec(first, places)
-    for (
-        part
-    ) in inside:  # by its last name alone: a package without a file of its own asks for the imported one around it
-        places = list((found and found.submodule_search_locations) or ())
-        found = PathFinder.find_spec(part, places)
-    if found is None or not found.has_location or found.origin is None:
-        return None
-    return Path(found.origin).resolve()
+    found = outer = _spec(first, [*sys.path, *map(str, folders)])
+    for part in inside:
+        # by its last name alone: a package without a file of its own asks for the imported one around it
+        found = PathFinder.find_spec(part, list((found and found.submodule_search_locations) or ()))
+    if outer is None or found is None:
+        where = "".join(f"in {folder}, " for folder in folders)
+        raise MeasureError(printable(f"no module {module}: looked {where}and where this Python looks (sys.path)"))
+    if not found.has_location or found.origin is None:
+        return Program(function, None)
+    leading = {Path(each).resolve().parent for each in outer.submodule_search_locations or [outer.origin or ""]}
+    return Program(function, Path(found.origin).resolve(), tuple(each for each in folders if each.resolve() in leading))
 
 
 def _spec(name: str, places: list[str]) -> ModuleSpec | None:

@@ -279,6 +279,23 @@ class TestInScenarios:
             column, row = (simulator.x // 2.0).astype(int), 3 - (simulator.y // 2.0).astype(int)
             assert all(SOLID[r][c] == "." and (r, c) != (2, 3) for r, c in zip(row, column, strict=True))
 
+    def test_the_free_threshold_of_nav2_leaves_no_cell_unknown(self, tmp_path: Path) -> None:
+        """map_saver writes 205 for what nobody has seen, and 0.25 as free_thresh: for ROS and for us that is free."""
+        nav2 = ("free_thresh: 0.196", "free_thresh: 0.25")
+        found = read_map(save(tmp_path, nav2))
+        assert (found.unknown.any(), found.opened) == (False, True)
+        assert not read_map(save(tmp_path)).opened
+        assert with_map(tmp_path, SIZE, yaml=[nav2]).shapes, (
+            "a world of it is made as long as nobody asks for unknown cells"
+        )
+
+    def test_unknown_cells_that_a_map_calls_free_are_not_solid_silently(self, tmp_path: Path) -> None:
+        solid = ("map =", 'map = { unknown = "solid", file ='), ('yaml"\n', 'yaml" }\n')
+        said = r"world.map.unknown: cells of room.yaml in the grey .* \(205\) are free by its free_thresh"
+        with pytest.raises(SettingsError, match=said):
+            with_map(tmp_path, SIZE, *solid, yaml=[("free_thresh: 0.196", "free_thresh: 0.25")])
+        assert with_map(tmp_path, SIZE, *solid).shapes
+
     def test_no_open_place_to_start_is_told(self, tmp_path: Path) -> None:
         scenario = with_map(tmp_path, SIZE, ("count = 1\n", 'count = 1\nx = ["0m", "1m"]\n'))
         with pytest.raises(MisuseError, match="where the robots start nearly everything is solid"):

@@ -142,6 +142,12 @@ class _Taken:
             )
 
 
+_WIDE_FREE = (
+    "cells of {0} in the grey of unknown ones (205) are free by its free_thresh, which is above 0.196, as Nav2 writes "
+    "it. Write free_thresh: 0.196 in {0}, or leave this key out"
+)
+
+
 def _from_files(world: Table) -> list[_Taken]:
     """The shapes that [world.map] and [world.drawing] take from other files."""
     found = []
@@ -151,6 +157,8 @@ def _from_files(world: Table) -> list[_Taken]:
             at = each.point("zero", (-MAX_WORLD, -MAX_WORLD), (MAX_WORLD, MAX_WORLD)) if each.has("zero") else None
             solid = each.text("unknown", "open", choices=("open", "solid")) == "solid"
             found_map = read_map(path)
+            if solid and found_map.opened:
+                raise each.error("unknown", _WIDE_FREE.format(path.name))
             with each.answering("file"):
                 area, low, high = found_map.area(at, unknown_is_solid=solid)
             picture = MapPicture(found_map.file, *found_map.corner(at), found_map.yaw, found_map.resolution)

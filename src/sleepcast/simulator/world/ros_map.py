@@ -16,6 +16,7 @@ import warnings
 from dataclasses import dataclass
 from math import cos, sin
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,8 @@ MAX_PIXELS = 16_777_216
 MODES = ("trinary", "scale", "raw")
 FINEST, COARSEST = 1e-4, 1e4
 """Size of a pixel, m."""
+GREY, WHITE = 205, 255
+"""The grey that map_saver writes for a cell that nobody has seen, and white."""
 
 Cells = NDArray[np.bool_]
 
@@ -42,7 +45,9 @@ class RosMap:
     """Which cells are solid and which are unknown, both of shape (rows, columns), bottom row first.
 
     resolution: size of a cell, m. x, y, yaw: pose of the lower left corner in the map's frame, m and rad. file: the
-    image.
+    image. opened: whether cells in the grey that map_saver writes for unknown ones are free by the map's own
+    free_thresh, as
+    with the 0.25 of Nav2.
     """
 
     solid: Cells
@@ -52,6 +57,7 @@ class RosMap:
     y: float
     yaw: float
     file: Path
+    opened: bool = False
 
     def corner(self, at: Point | None) -> Point:
         """The lower left corner of the image in the world's frame. at: as in `area`."""
@@ -102,8 +108,11 @@ def read_map(path: Path) -> RosMap:
     if free > occupied:
         raise table.error("free_thresh", f"{free:g} is more than occupied_thresh, {occupied:g}")
     file = table.file("image")
-    solid, unknown = _judged(*picture(file), mode, negate, occupied, free)
-    return RosMap(solid[::-1], unknown[::-1], resolution, x, y, yaw, file)
+    channels, white, colours = picture(file)
+    solid, unknown = _judged(channels, white, colours, mode, negate, occupied, free)
+    usual = mode == "trinary" and not negate
+    opened = usual and bool((_grey(channels, white) & ~solid & ~unknown).any())
+    return RosMap(solid[::-1], unknown[::-1], resolution, x, y, yaw, file, opened)
 
 
 def _document(path: Path) -> Document:
@@ -190,6 +199,11 @@ def _judged(
         clear = np.zeros_like(solid) if colours == channels.shape[2] else channels[:, :, -1] != white
         return solid & ~clear, clear
     return solid, ((dark <= occupied) & (dark >= free))[total]
+
+
+def _grey(channels: NDArray[np.uint32], white: int) -> Cells:
+    """Which pixels have the grey of an unknown cell, in whatever depth and with however many channels."""
+    return cast(Cells, (channels * np.uint32(WHITE) == white * GREY).all(axis=2))
 
 
 def _missing(library: str) -> MisuseError:

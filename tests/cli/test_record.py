@@ -127,6 +127,10 @@ def test_other_programs_can_read_it(recorded: Path) -> None:
     assert (schemas["/log"].name, schemas["/log"].encoding) == ("foxglove.Log", "protobuf")
     for topic in ("/scene", "/groups"):
         assert (schemas[topic].name, schemas[topic].encoding) == ("foxglove.SceneUpdate", "protobuf")
+    # Rerun draws what is protobuf, and takes what is JSON for bytes (docs/counterparts.md).
+    plain = {topic for topic, schema in schemas.items() if schema.encoding == "jsonschema"}
+    assert plain.isdisjoint({"/poses", "/points", "/scene", "/groups", "/log"})
+    assert "/readings" in plain
     assert (schemas["/sleepcast/marks"].name, schemas["/sleepcast/marks"].encoding) == ("sleepcast.Marks", "jsonschema")
     assert summary.statistics.message_start_time == 0
     assert summary.statistics.message_end_time == 20_000_000_000

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import nan
+from math import degrees, nan, pi
 from typing import Any
 
 import numpy as np
@@ -73,6 +73,9 @@ class Given:
     def of(self, text: str, robots: object = None) -> tuple[Column, int]:
         return np.array(self._columns[text]), 0
 
+    def unit(self, text: str) -> str:
+        return "deg" if 3.0 in self._columns[text] and pi in self._columns[text] else ""
+
 
 def sampled(what: str, *, where: str = "", unit: str = "", **columns: list[float]) -> list[float]:
     values: Any = Given(**columns)
@@ -99,6 +102,21 @@ VALUES = [4.0, nan, 1.0, 3.0, 0.0]
 def test_statistics_are_of_what_is_known(what: str, expected: list[float]) -> None:
     assert sampled(what, v=VALUES) == pytest.approx(expected)
     assert len(lines_of(what)) == len(expected)
+
+
+def test_those_of_angles_lie_around_their_mean_direction() -> None:
+    west = [3.0, nan, -3.0, pi]
+    mean, low, high = sampled("range", v=west, unit="deg")
+    assert abs(mean) == pytest.approx(180.0)
+    assert (abs(low), high - low) == pytest.approx((degrees(3.0), 360.0 - 2.0 * degrees(3.0)))
+    assert [sampled(what, v=west)[0] for what in ("min", "max")] == pytest.approx([3.0, -3.0])
+    assert abs(sampled("median", v=west)[0]) == pytest.approx(pi)
+    assert sampled("std", v=west) == pytest.approx([np.std([3.0 - pi, pi - 3.0, 0.0])], rel=0.01)
+    assert len(sampled("quantiles", v=west)) == 5
+    for what in STATISTICS:
+        assert sampled(what, v=[0.0, pi, 3.0, 3.0 - pi]) == pytest.approx(
+            [2.0 * 3.0] if what == "sum" else [nan] * len(lines_of(what)), nan_ok=True
+        )
 
 
 def test_quantiles_lie_around_the_median() -> None:

@@ -6,9 +6,10 @@ from dataclasses import replace
 from functools import partial
 from typing import cast
 
-from sleepcast.loop import Swarm
+from sleepcast.language import Vocabulary
+from sleepcast.loop import Swarm, vocabulary_of
 from sleepcast.loop import resume as resume_swarm
-from sleepcast.simulator import Payload, Scenario, Simulator, compile_kernels
+from sleepcast.simulator import Payload, Scenario, Simulator, choose, compile_kernels
 from sleepcast.station import Journal, SendPolicy, Station
 
 FEW, WARM_TICKS = 12, 3
@@ -44,6 +45,11 @@ def assemble_from(
     errors. Raises SnapshotError."""
     swarm = resume_swarm(snapshot, seed=seed, threads=threads, desk=partial(station_of, journal=journal), name=name)
     return swarm, cast(Station, swarm.desk)
+
+
+def vocabulary_in(scenario: Scenario) -> Vocabulary:
+    """The names that the scenario's robots know."""
+    return vocabulary_of(Simulator(scenario, machine=choose("numpy")).model)
 
 
 def station_of(swarm: Swarm, journal: Journal | None = None) -> Station:

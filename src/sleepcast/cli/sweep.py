@@ -306,7 +306,12 @@ def _verify(folder: Path, workers: int | str, most: int | None, *, as_json: bool
 @click.option("--kind", type=click.Choice(["line", "box", "heat"]), default="line", show_default=True)
 @click.option("--title", default="", help="Above the figure.")
 @click.option("--out", required=True, metavar="FILE", type=click.Path(path_type=Path), help="An SVG, PDF or PNG file.")
-def plot(results: Path, x: str, y: tuple[str, ...], by: str | None, kind: str, title: str, out: Path) -> int:
+@click.option(
+    "--angle", "angles", multiple=True, metavar="COLUMN", help="A column of angles (rad), where only a CSV is there."
+)
+def plot(
+    results: Path, x: str, y: tuple[str, ...], by: str | None, kind: str, title: str, out: Path, angles: tuple[str, ...]
+) -> int:
     """Draw a figure of RESULTS: a folder of `sleepcast sweep`, or its table as CSV.
 
     A line shows means with 95 % bootstrap bands over the seeds. Beside the figure stand the program that drew it and
@@ -320,6 +325,6 @@ def plot(results: Path, x: str, y: tuple[str, ...], by: str | None, kind: str, t
     """
     from sleepcast.experiments.figures import figure
 
-    figure(results, out, x=x, y=y, by=by, kind=kind, title=title)
+    figure(results, out, x=x, y=y, by=by, kind=kind, title=title, angles=angles)
     put(str(out))
     return 0

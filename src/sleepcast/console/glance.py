@@ -7,7 +7,8 @@ import numpy as np
 
 from sleepcast.console.outgoing import Said
 from sleepcast.console.values import Column, Values
-from sleepcast.core.units import shown_value
+from sleepcast.core.angles import quantile
+from sleepcast.core.units import is_angle, shown_value
 
 POSE = ("x", "y", "heading")
 """The map shows these better than any number,"""
@@ -46,4 +47,8 @@ def _shown(found: Column, unit: str) -> list[str]:
     known = found[~np.isnan(found)]
     if not known.size:
         return []
-    return [shown_value(float(number), unit) for number in (known.min(), np.median(known), known.max())]
+    if is_angle(unit):
+        numbers = [quantile(known, share) for share in (0.0, 0.5, 1.0)]
+    else:
+        numbers = [float(known.min()), float(np.median(known)), float(known.max())]
+    return [shown_value(number, unit) for number in numbers]

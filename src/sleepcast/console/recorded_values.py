@@ -115,7 +115,7 @@ class RecordedValues:
 
     def unit(self, text: str) -> str:
         variable = unit_of(text.strip(), self._film.vocabulary)
-        return variable or unit_for(check(text, self._known()).dimension, self._film.scene.unit)
+        return variable or unit_for(check(text, self._known()), self._film.scene.unit)
 
     def groups(self) -> Iterator[tuple[str, Mask]]:
         marks = self._film.marks_at(self._now())

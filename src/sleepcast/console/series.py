@@ -11,6 +11,8 @@ from math import isnan, nan
 import numpy as np
 
 from sleepcast.console.values import Column, Values, in_unit
+from sleepcast.core.angles import around_mean, deviation, mean_direction, quantile
+from sleepcast.core.units import is_angle
 from sleepcast.fleet.state import is_true
 
 MOST_SAMPLES = 1_000
@@ -22,7 +24,7 @@ QUANTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
 Sample = list[float]
 Statistic = Callable[[Column], Sample]
 
-STATISTICS: dict[str, tuple[tuple[str, ...], Statistic]] = {
+_PLAIN: dict[str, tuple[tuple[str, ...], Statistic]] = {
     "range": (("mean", "min", "max"), lambda known: [known.mean(), known.min(), known.max()]),
     "quantiles": (
         ("median", "10 %", "25 %", "75 %", "90 %"),
@@ -35,8 +37,19 @@ STATISTICS: dict[str, tuple[tuple[str, ...], Statistic]] = {
     "sum": (("sum",), lambda known: [known.sum()]),
     "std": (("standard deviation",), lambda known: [known.std()]),
 }
-"""What is made of the values that are known: names of the lines, and their values. The first is the main one; the
-others lie around it, from the lowest to the highest."""
+_OF_ANGLES: dict[str, Statistic] = {
+    "range": lambda known: [mean_direction(known), (near := around_mean(known)).min(), near.max()],
+    "quantiles": lambda known: _PLAIN["quantiles"][1](around_mean(known)),
+    "mean": lambda known: [mean_direction(known)],
+    "median": lambda known: [quantile(known, 0.5)],
+    "min": lambda known: [quantile(known, 0.0)],
+    "max": lambda known: [quantile(known, 1.0)],
+    "sum": lambda known: [known.sum()],
+    "std": lambda known: [deviation(known)],
+}
+STATISTICS = {what: (names, plain, _OF_ANGLES[what]) for what, (names, plain) in _PLAIN.items()}
+"""What is made of the values that are known: names of the lines, and their values, of plain numbers and of angles. The
+first is the main one; the others lie around it, from the lowest to the highest."""
 OF_TRUE = ("count", "share")
 """What is made of for how many robots it is true; unknown is not."""
 
@@ -119,7 +132,8 @@ def sample_of(values: Values, what: str, x: str, where: str, unit: str) -> Sampl
     if what in OF_TRUE:
         true = is_true(found)
         return [float(true.sum()) if what == "count" else float(true.mean()) if true.size else nan]
-    names, statistic = STATISTICS[what]
+    names, of_numbers, of_angles = STATISTICS[what]
+    statistic = of_angles if is_angle(values.unit(x)) else of_numbers
     known = found[np.isfinite(found)]
     if not known.size:
         return [nan] * len(names)

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.console.view import SwarmView
-from sleepcast.core.units import ACCELERATION, LENGTH, MASS, SPEED, TIME, UNITS, Dimension
-from sleepcast.language import Variable
+from sleepcast.core.units import ACCELERATION, LENGTH, MASS, SPEED, TIME, UNITS
+from sleepcast.language import Checked, Variable
 from sleepcast.language.vocabulary import VariableKind, Vocabulary, unit_of
 from sleepcast.station import Station
 
@@ -77,7 +77,7 @@ class TelemetryValues:
 
     def unit(self, text: str) -> str:
         variable = unit_of(text.strip(), self._swarm.vocabulary)
-        return variable or unit_for(self._station.check(text).dimension, self._swarm.scene.unit)
+        return variable or unit_for(self._station.check(text), self._swarm.scene.unit)
 
     def groups(self) -> Iterable[tuple[str, Mask]]:
         minds = self._swarm.minds
@@ -89,8 +89,11 @@ class TelemetryValues:
         return suggested_of(self._swarm.vocabulary)
 
 
-def unit_for(dimension: Dimension | None, length: str) -> str:
-    """A unit for values of this dimension. length: the one in which people read the map."""
+def unit_for(found: Checked, length: str) -> str:
+    """A unit for the values of a text. length: the one in which people read the map."""
+    dimension = found.dimension
+    if found.is_angle:
+        return "deg"
     return length if dimension == LENGTH else "" if dimension is None else _UNITS.get(dimension, "")
 
 

@@ -49,6 +49,12 @@ def wrapped(angles: Floats) -> Floats:
     return found
 
 
+def quantile(angles: Floats, share: float) -> float:
+    """The angle up to which this share of them lies, seen from their mean direction, rad in -pi..pi; 0 for the least,
+    0.5 for the median, 1 for the greatest. NaN where they have no mean direction."""
+    return float(wrapped(np.array(np.quantile(around_mean(angles), share))))
+
+
 def _mean_vector(angles: Floats) -> tuple[float, float]:
     """Direction and length of the mean of unit vectors; NaN for the direction if they cancel."""
     if not angles.size:

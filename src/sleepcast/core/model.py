@@ -66,7 +66,8 @@ class HostFunction:
     many: does the same for many bodies at once, `many(bodies, robots, *arguments)` with an array for each argument and
     one of results (None: all 1); None if their bodies cannot. bodies: those of the whole fleet.
     irreversible: whether it cannot be undone, so that a desk asks for how many robots it is meant.
-    moves: whether it moves the robot's body, if it acts.
+    moves: whether it moves the robot's body, if it acts. unit: in which people read the value, where its dimension does
+    not say that: "deg" for a direction.
     """
 
     name: str
@@ -81,6 +82,7 @@ class HostFunction:
     many: Callable[..., Any] | None = None
     irreversible: bool = False
     moves: bool = True
+    unit: str = ""
 
     @property
     def usage(self) -> str:

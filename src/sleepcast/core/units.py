@@ -50,6 +50,9 @@ class Unit(NamedTuple):
     dimension: Dimension
 
 
+ANGLES = ("deg", "rad")
+"""The units of angles: these make a number a direction, of which means are other ones."""
+
 _DEGREE = math.pi / 180.0
 
 UNITS: dict[str, Unit] = {
@@ -79,6 +82,11 @@ UNITS: dict[str, Unit] = {
     "rad/s": Unit(1.0, RATE),
     "kg": Unit(1.0, MASS),
 }
+
+
+def is_angle(unit: str) -> bool:
+    """Whether this is a unit of angles."""
+    return unit in ANGLES
 
 
 def to_si(number: float, suffix: str) -> float:

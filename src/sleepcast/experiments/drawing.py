@@ -59,19 +59,46 @@ def at_end(table: Table) -> Table:
     return {name: [column[row] for row in last.values()] for name, column in table.items()}
 
 
-def band(values: Floats) -> tuple[float, float, float]:
-    """The mean of some runs, and the ends of its confidence interval by the percentile bootstrap (Efron, 1979)."""
-    drawn = np.random.default_rng(0).choice(values, (RESAMPLED, len(values))).mean(1)
-    low, high = np.quantile(drawn, ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2))
+def band(values: Floats, angle: bool = False) -> tuple[float, float, float]:
+    """The mean of some runs, and the ends of its confidence interval by the percentile bootstrap (Efron, 1979). angle:
+    whether they are angles, rad: then NaN where they have no mean direction."""
+    ends = ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2)
+    drawn = np.random.default_rng(0).choice(values, (RESAMPLED, len(values)))
+    if angle:
+        mean = direction(values)
+        low, high = np.nanquantile(around(mean, direction(drawn)), ends) if mean == mean else (mean, mean)
+        return float(mean), float(low), float(high)
+    low, high = np.quantile(drawn.mean(1), ends)
     return float(values.mean()), float(low), float(high)
 
 
+def direction(angles: Floats) -> Floats:
+    """The mean directions of angles, rad, along the last axis; NaN where unit vectors cancel."""
+    across, up = np.cos(angles).mean(-1), np.sin(angles).mean(-1)
+    return np.where(np.hypot(across, up) > 1e-9, np.arctan2(up, across), np.nan)
+
+
+def around(middle: Floats, angles: Floats) -> Floats:
+    """The same angles, rad, each within half a turn of `middle`."""
+    off = angles - middle
+    return middle + off - 2.0 * np.pi * np.round(off / (2.0 * np.pi))
+
+
 def draw(
-    table: Table, *, x: str, y: Sequence[str], by: str | None, kind: str, out: Path, title: str = "", dpi: int = 150
+    table: Table,
+    *,
+    x: str,
+    y: Sequence[str],
+    by: str | None,
+    kind: str,
+    out: Path,
+    title: str = "",
+    dpi: int = 150,
+    angles: Sequence[str] = (),
 ) -> None:
     """Draw the columns `y` over `x` into an SVG, PDF or PNG file: a line or box for each of them, or of a single one
-    for each value of `by` (in a heat map, `by` is the other axis). Raises KeyError for no such column, ValueError for
-    what cannot be drawn."""
+    for each value of `by` (in a heat map, `by` is the other axis). angles: the columns of angles, rad. Raises KeyError
+    for no such column, ValueError for what cannot be drawn."""
     if x != "time" and "run" in table:
         table = at_end(table)
     import matplotlib as mpl
@@ -92,7 +119,7 @@ def draw(
     if kind == "heat":
         if by is None or len(y) > 1:
             raise ValueError("a heat map has two axes and one measure: say with --by what is on the other axis")
-        _heat(figure, axes, table, (x, by, y[0]))
+        _heat(figure, axes, table, (x, by, y[0]), y[0] in angles)
     else:
         lines = [(name, values) for name, (values, _) in found.items()]
         if by is not None:
@@ -101,13 +128,14 @@ def draw(
             of = np.array(table[by])
             lines = [(group, np.where(of == group, found[y[0]][0], np.nan)) for group in _sorted(table[by])]
         for number, (name, heights) in enumerate(lines):
+            angle = (y[0] if by is not None else name) in angles
             known = ~np.isnan(heights)
             style = STYLES[number // len(COLOURS) % len(STYLES)]
             look = (COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)], style)
             if kind == "box":
-                _boxes(axes, places[known], heights[known], (number, len(lines)), look[0], name)
+                _boxes(axes, places[known], heights[known], (number, len(lines)), look[0], name, angle)
             else:
-                _line(axes, places[known], heights[known], look, name)
+                _line(axes, places[known], heights[known], look, name, angle)
         if ticks:
             _name_ticks(axes, ticks)
         if by is not None or len(y) > 1:
@@ -135,23 +163,24 @@ def _sorted(column: list[str]) -> list[str]:
     return sorted(different) if found is None else sorted(different, key=lambda each: numbers([each])[0][0])  # type: ignore[index]
 
 
-def _line(axes, places: Floats, heights: Floats, look: tuple[str, str, str], group: str) -> None:  # type: ignore[no-untyped-def]  # Matplotlib has no types
+def _line(axes, places: Floats, heights: Floats, look: tuple[str, str, str], group: str, angle: bool) -> None:  # type: ignore[no-untyped-def]  # Matplotlib has no types
     at = np.unique(places)
-    bands = np.array([band(heights[places == each]) for each in at]).reshape(-1, 3)
+    bands = np.array([band(heights[places == each], angle) for each in at]).reshape(-1, 3)
     colour, marker, style = look
     few = {"marker": marker, "markersize": 4} if len(at) <= 40 else {}
     axes.plot(at, bands[:, 0], color=colour, label=group, linewidth=1.6, linestyle=style, **few)
     axes.fill_between(at, bands[:, 1], bands[:, 2], color=colour, alpha=0.2, linewidth=0)
 
 
-def _boxes(axes, places: Floats, heights: Floats, which: tuple[int, int], colour: str, group: str) -> None:  # type: ignore[no-untyped-def]  # as above
+def _boxes(axes, places: Floats, heights: Floats, which: tuple[int, int], colour: str, group: str, angle: bool) -> None:  # type: ignore[no-untyped-def]  # as above
     at = np.unique(places)
     step = float(np.diff(at).min()) if len(at) > 1 else 1.0
     width = 0.7 * step / which[1]
     middles = at + (which[0] - (which[1] - 1) / 2) * width
     shown = {"facecolor": colour, "alpha": 0.5, "edgecolor": colour}
+    boxes = [heights[places == each] for each in at]
     axes.boxplot(
-        [heights[places == each] for each in at],
+        [around(direction(box), box) for box in boxes] if angle else boxes,
         positions=middles,
         widths=0.8 * width,
         patch_artist=True,
@@ -169,15 +198,16 @@ def _name_ticks(axes, names: list[str]) -> None:  # type: ignore[no-untyped-def]
     axes.set_xticks(range(len(names)), names, **({"rotation": 30, "ha": "right"} if slant else {}))
 
 
-def _heat(figure, axes, table: Table, names: tuple[str, str, str]) -> None:  # type: ignore[no-untyped-def]  # as above
+def _heat(figure, axes, table: Table, names: tuple[str, str, str], angle: bool) -> None:  # type: ignore[no-untyped-def]  # as above
     columns, rows = _sorted(table[names[0]]), _sorted(table[names[1]])
-    sums, counts = np.zeros((len(rows), len(columns))), np.zeros((len(rows), len(columns)))
     values, unit = _measured(table, names[2])
+    cells: dict[tuple[int, int], list[float]] = {}
     for column, row, value in zip(table[names[0]], table[names[1]], values, strict=True):
         if not np.isnan(value):
-            sums[rows.index(row), columns.index(column)] += value
-            counts[rows.index(row), columns.index(column)] += 1
-    means = np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0)
+            cells.setdefault((rows.index(row), columns.index(column)), []).append(float(value))
+    means = np.full((len(rows), len(columns)), np.nan)
+    for cell, found in cells.items():
+        means[cell] = direction(np.array(found)) if angle else sum(found) / len(found)
     drawn = axes.imshow(means, cmap="cividis", origin="lower", aspect="auto")
     _name_ticks(axes, columns)
     axes.set_yticks(range(len(rows)), rows)

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from sleepcast.experiments.angles import angles_of
 from sleepcast.experiments.drawing import Floats, band, numbers
 from sleepcast.experiments.plan import Experiment, Run, Span, Value
 from sleepcast.experiments.results import Outcome
@@ -117,6 +118,7 @@ class Findings:
         self._state = "running"
         self._bands: dict[tuple[View, str, str], tuple[Floats, Mark]] = {}
         self._stride = self._thinned()
+        self._angles = angles_of(experiment)
         for outcome in before:
             self.add(outcome)
         self._began, self._at_start = monotonic(), self._done
@@ -228,7 +230,9 @@ class Findings:
         before = self._bands.get((view, name, x))
         if before is not None and np.array_equal(before[0], known):
             return before[1]
-        mean, low, high = band(known)
+        mean, low, high = band(known, view.y in self._angles)
+        if np.isnan(mean):
+            return None
         mark = Mark(x, at, mean, low, high, int(known.size))
         self._bands[view, name, x] = known, mark
         return mark

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.api.fleet import SimulatedFleet
+from sleepcast.core.angles import deviation, mean_direction, quantile, widest_gap
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.extensions import extensions, load_extension
 from sleepcast.experiments.group_measures import NAMES, read_group_measure
@@ -48,6 +49,17 @@ OF_KNOWN: dict[str, Callable[[Values], float]] = {
 """What is made of the values of the robots that know one; NaN if none does. gap: the widest between two values next to
 each other: of the times at which robots did something, the longest wait. order: of angles, rad: the length of their
 mean direction (the order parameter of Kuramoto, 1975), 1 if all are equal, near 0 if they are spread evenly."""
+OF_ANGLES: dict[str, Callable[[Values], float]] = OF_KNOWN | {
+    "min": lambda angles: quantile(angles, 0.0),
+    "mean": mean_direction,
+    "median": lambda angles: quantile(angles, 0.5),
+    "max": lambda angles: quantile(angles, 1.0),
+    "std": deviation,
+    "gap": widest_gap,
+}
+"""The same of angles, rad; see `core.angles`. sum: of the numbers."""
+ANGULAR = ("min", "mean", "median", "max", "quantile")
+"""What is an angle again if it is made of angles."""
 OF_TRUE: dict[str, Callable[[Values], float]] = {
     "count": lambda true: float(true.sum()),
     "share": lambda true: float(true.mean()) if true.size else nan,
@@ -74,7 +86,7 @@ def read_measure(text: str, *, own: bool = False) -> Measure:
     if first in NAMES:
         return read_group_measure(text)
     if expression and first in OF_KNOWN:
-        return lambda fleet: _of_known(fleet, expression, OF_KNOWN[first])
+        return lambda fleet: _of_known(fleet, expression, OF_KNOWN[first], OF_ANGLES[first])
     if expression and first in OF_TRUE:
         return lambda fleet: OF_TRUE[first](np.where(fleet[expression] > 0.0, 1.0, 0.0))
     if expression and first == "quantile":
@@ -150,9 +162,15 @@ def _parts_of_stop(text: str) -> re.Match[str]:
     return found
 
 
-def _of_known(fleet: SimulatedFleet, expression: str, aggregate: Callable[[Values], float]) -> float:
+def _of_known(
+    fleet: SimulatedFleet,
+    expression: str,
+    of_numbers: Callable[[Values], float],
+    of_angles: Callable[[Values], float],
+) -> float:
     values = fleet[expression]
     known = values[~np.isnan(values)]
+    aggregate = of_angles if fleet.station.check(expression).is_angle else of_numbers
     return aggregate(known) if known.size else nan
 
 
@@ -162,7 +180,20 @@ def _quantile(text: str, rest: str) -> Measure:
     if found is None or not 0.0 <= share <= 1.0:
         raise MeasureError(f'measure "{text:.80}": wanted a share and an expression, such as quantile 0.9 fuel')
     expression = found[2]
-    return lambda fleet: _of_known(fleet, expression, lambda values: float(np.quantile(values, share)))
+    return lambda fleet: _of_known(
+        fleet,
+        expression,
+        lambda values: float(np.quantile(values, share)),
+        lambda angles: quantile(angles, share),
+    )
+
+
+def angle_of(text: str) -> str:
+    """The expression whose values a measure turns into an angle if they are angles; "" for any other measure."""
+    first, _, rest = text.strip().partition(" ")
+    if first == "quantile" and (found := _QUANTILE.fullmatch(rest.strip())):
+        return found[2]
+    return rest.strip() if first in ANGULAR else ""
 
 
 def _of_stocks(fleet: SimulatedFleet, names: list[str]) -> float:

@@ -26,11 +26,13 @@ import msgspec
 import numpy as np
 
 from sleepcast.api.table import DataTable, Numbers, Texts
+from sleepcast.core.angles import mean_direction
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.extras import installing
 from sleepcast.core.files import lock_file, replace_file
 from sleepcast.core.settings import SettingsError
 from sleepcast.core.version import VERSION
+from sleepcast.experiments.angles import angles_of
 from sleepcast.experiments.drawing import band
 from sleepcast.experiments.git_state import git_state
 from sleepcast.experiments.plan import MAX_ROWS, PLAN, Experiment, Goal, Run, Value, read_experiment
@@ -167,14 +169,14 @@ class Results:
         if wanted is None:
             return set()
         place = 1 + list(self.experiment.measures).index(wanted.measure)
+        angle = wanted.measure in angles_of(self.experiment)
         values: dict[str, list[float]] = {}
         for run in self.experiment.runs():
             found = done[run.key][-1][place] if done.get(run.key) else None
             if found is not None:
                 values.setdefault(_point(run), []).append(found)
-        return {
-            point for point, found in values.items() if len(found) >= wanted.least and _spread(found) <= wanted.within
-        }
+        enough = {point: found for point, found in values.items() if len(found) >= wanted.least}
+        return {point for point, found in enough.items() if _spread(found, angle) <= wanted.within}
 
     def _key(self, run: Run) -> str:
         """What names a row: the run; in a search, which may come to a point twice, with its number."""
@@ -215,6 +217,9 @@ def value_of(experiment: Experiment, runs: Iterable[Outcome]) -> float | None:
     assert experiment.goal is not None
     place = 1 + list(experiment.measures).index(experiment.goal.measure)
     known = [value for each in runs if each.samples and (value := each.samples[-1][place]) is not None]
+    if known and experiment.goal.measure in angles_of(experiment):
+        mean = mean_direction(np.array(known))
+        return None if mean != mean else mean
     return sum(known) / len(known) if known else None
 
 
@@ -386,9 +391,9 @@ def _point(run: Run) -> str:
     return json.dumps(run.point, sort_keys=True)
 
 
-def _spread(values: Sequence[float]) -> float:
-    """Half of the confidence interval of their mean."""
-    _, low, high = band(np.array(values))
+def _spread(values: Sequence[float], angle: bool) -> float:
+    """Half of the confidence interval of their mean. angle: whether they are angles."""
+    _, low, high = band(np.array(values), angle)
     return (high - low) / 2
 
 

@@ -13,6 +13,7 @@ from math import inf, isfinite
 
 from sleepcast.core.model import Constant, HostFunction, Quantity
 from sleepcast.core.units import LENGTH, NONE, Dimension, shown, to_si
+from sleepcast.language.angles import is_angle
 from sleepcast.language.checker import Checker, CheckError, Finding, Findings
 from sleepcast.language.parts import ACTING, Part, host_of, walk
 from sleepcast.language.program import Program, build
@@ -33,6 +34,11 @@ class Checked:
     cost: int
     dimension: Dimension | None = None
     by: str = ""
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether its value is an angle, so that means of it are circular ones."""
+        return self.program is not None and is_angle(self.program.root)
 
     @property
     def findings(self) -> tuple[Finding, ...]:

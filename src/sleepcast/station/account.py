@@ -18,6 +18,7 @@ from sleepcast.channel import Kind
 from sleepcast.channel.message import NOT_STORED
 from sleepcast.channel.message_batch import natural_order
 from sleepcast.core.ages import ago
+from sleepcast.core.angles import mean_direction, quantile
 from sleepcast.core.errors import printable
 from sleepcast.core.units import shown_value
 from sleepcast.language.vocabulary import Vocabulary, unit_of
@@ -49,7 +50,8 @@ BINS = 10
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """So many values, the least, their mean, and the greatest of them."""
+    """So many values, the least, their mean, and the greatest of them. Of angles see `core.angles`; NaN where they have
+    no mean direction."""
 
     count: int
     least: float
@@ -76,6 +78,7 @@ class Account:
 
     codes: by place, as in `Answers.codes`; addressed: so many of them, from the first on, count as silent.
     heard: when each was last heard (s of the desk's clock, -inf: never). only, size, conflicts: see `Command`.
+    angles: whether what was asked for is an angle.
     """
 
     command: str
@@ -89,6 +92,7 @@ class Account:
     size: int = 0
     rest: RestAccount | None = None
     conflicts: Mapping[str, str] = field(default_factory=dict)
+    angles: bool = False
 
     @cached_property
     def counts(self) -> list[int]:
@@ -204,6 +208,8 @@ class Account:
         known = self.answers.known
         if not len(known):
             return None
+        if self.angles:
+            return Spread(len(known), quantile(known, 0.0), mean_direction(known), quantile(known, 1.0))
         return Spread(len(known), float(known.min()), float(known.mean()), float(known.max()))
 
     @cached_property
@@ -282,13 +288,14 @@ class Account:
         return "never heard" if heard is None else f"last heard {ago(self.now - heard)}"
 
 
-def account(command: Command, now: float, heard: Seconds) -> Account:
-    """The account of `command` at `now`. heard: when each robot was last heard (-inf: never), by place."""
+def account(command: Command, now: float, heard: Seconds, *, angles: bool = False) -> Account:
+    """The account of `command` at `now`. heard: when each robot was last heard (-inf: never), by place; angles: whether
+    it asks for an angle."""
     answers = command.answers
     codes = answers.codes.copy()
     rest = command.resting if command.kind is Kind.STOP else None
     asked = command.only, command.size, rest, dict(command.conflicts)
-    return Account(command.id, command.text, now, codes, command.addressed, heard.copy(), answers, *asked)
+    return Account(command.id, command.text, now, codes, command.addressed, heard.copy(), answers, *asked, angles)
 
 
 def rest_counts(found: RestAccount) -> dict[str, object]:
@@ -300,7 +307,7 @@ def values_in_words(command: Command, account: Account, vocabulary: Vocabulary) 
     """The answer to a question as people read it; "" for none."""
     if command.kind != "ask":
         return ""
-    found, unit = account.values, unit_of(command.text.strip(), vocabulary)
+    found, unit = account.values, unit_of(command.text.strip(), vocabulary) or ("deg" if account.angles else "")
     if found is None:
         return "no value yet"
     least, mean, greatest = (shown_value(each, unit) for each in (found.least, found.mean, found.greatest))

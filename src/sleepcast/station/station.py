@@ -556,7 +556,15 @@ class Station:
     def accounting(self, command: str) -> Account:
         """The account of the command with this id. Raises NoSuchCommandError."""
         with self._lock:
-            return account(self._sent.get(command), self._clock.now(), self._roster.heard)
+            sent = self._sent.get(command)
+            angles = sent.kind is Kind.ASK and self._is_angle(sent.text)
+            return account(sent, self._clock.now(), self._roster.heard, angles=angles)
+
+    def _is_angle(self, text: str) -> bool:
+        try:
+            return self.check(text).is_angle
+        except SleepcastError:  # a look at robots, which has no text, say
+            return False
 
     def is_held(self, robot: str, command: str) -> bool:
         """Whether this robot has answered a command by saying that STOP held it."""

@@ -17,9 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.core.angles import CANCELLED
 from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.model import HostFunction
-from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension
+from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension, is_angle
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats
 from sleepcast.simulator.bodies.body import Body
 from sleepcast.simulator.bodies.voronoi import centroids
@@ -301,13 +302,29 @@ def _tokens(other: Whole, first: Whole) -> NDArray[np.uint64]:
 
 # ---- the functions of expressions
 
+DIRECTIONS = ("MEAN_HEADING", "GAP_BEARING")
+"""Functions whose values are directions."""
+
 Formula = Callable[[RangeAndBearing, Pairs], Floats]
 """A number for each robot that asked, from what it senses of its neighbours."""
 
 
 def _mean_heading(near: RangeAndBearing, pairs: Pairs) -> Floats:
     cosine, sine = near.headings(pairs)
-    return np.where(pairs.count() > 0.0, arc_tangent(pairs.total(sine), pairs.total(cosine)), np.nan)
+    return _direction(pairs, cosine, sine)
+
+
+def _direction(pairs: Pairs, cosine: Floats, sine: Floats) -> Floats:
+    """The direction of the sum of unit vectors, one for each pair; NaN without neighbours, and where they cancel."""
+    across, up = pairs.total(cosine), pairs.total(sine)
+    there = np.sqrt(across * across + up * up) > CANCELLED * pairs.count()
+    return np.where(there, arc_tangent(up, across), np.nan)
+
+
+def _mean_angle(pairs: Pairs, angles: Floats) -> Floats:
+    """Circular mean of `angles`, one for each pair, rad."""
+    sine, cosine = sine_cosine(wrap(angles))
+    return _direction(pairs, cosine, sine)
 
 
 _FORMULAS: tuple[tuple[str, Dimension, str, Formula], ...] = (
@@ -394,7 +411,7 @@ def _of_share(near: RangeAndBearing, row: int, name: str, unit: str) -> Iterator
     dimension = UNITS[unit].dimension if unit else NONE
     yield _sharing(near, f"SHARE_{name.upper()}", name, row, dimension)
     reductions: tuple[tuple[str, str, Callable[[Pairs, Floats], Floats]], ...] = (
-        ("MEAN", "Mean", Pairs.mean),
+        ("MEAN", "Mean", _mean_angle if is_angle(unit) else Pairs.mean),
         ("SUM", "Sum", Pairs.total),
         ("LEAST", "Least", Pairs.least),
         ("MOST", "Greatest", Pairs.most),
@@ -402,7 +419,7 @@ def _of_share(near: RangeAndBearing, row: int, name: str, unit: str) -> Iterator
     )
     for prefix, word, reduce in reductions:
         doc = f"{word} {name} among the neighbours within r that share one."
-        yield _sensing(near, f"{prefix}_{name.upper()}", dimension, doc, _over_share(row, reduce))
+        yield _sensing(near, f"{prefix}_{name.upper()}", dimension, doc, _over_share(row, reduce), unit)
 
 
 def _over_share(row: int, reduce: Callable[[Pairs, Floats], Floats]) -> Formula:
@@ -436,8 +453,10 @@ def _sharing(near: RangeAndBearing, name: str, argument: str, row: int, dimensio
     )
 
 
-def _sensing(near: RangeAndBearing, name: str, dimension: Dimension, doc: str, formula: Formula) -> HostFunction:
-    """A function of a radius, and of a colour if one is given."""
+def _sensing(
+    near: RangeAndBearing, name: str, dimension: Dimension, doc: str, formula: Formula, unit: str = ""
+) -> HostFunction:
+    """A function of a radius, and of a colour if one is given. unit: see `HostFunction`."""
 
     def many(bodies: object, robots: Whole, *columns: Floats) -> Floats:
         return near.sense(formula, robots, *columns)
@@ -455,6 +474,7 @@ def _sensing(near: RangeAndBearing, name: str, dimension: Dimension, doc: str, f
         acts=False,
         doc=f"{doc} With a colour: of that colour only.",
         many=many,
+        unit=unit or ("deg" if name in DIRECTIONS else ""),
     )
 
 

@@ -8,6 +8,7 @@ import click
 
 from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.air import operator
+from sleepcast.cli.options import NumberRange
 from sleepcast.cli.send import GRACE, gathered
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import printable
@@ -24,7 +25,7 @@ DEEDS = ("take", "give", "request", "grant", "force")
 @click.command("lease", short_help="Control a group of robots exclusively for a while.")
 @click.argument("deed", type=click.Choice(DEEDS))
 @click.argument("group")
-@click.option("--seconds", metavar="S", type=float, default=SECONDS, show_default=True, help="For how long.")
+@click.option("--seconds", metavar="S", type=NumberRange(), default=SECONDS, show_default=True, help="For how long.")
 @click.option("--to", default="", metavar="NAME", help="The operator to grant it to.")
 @click.option("--keep", is_flag=True, help="Renew it until Ctrl-C, then give it back.")
 @operator

@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import click
 
+from sleepcast.core.errors import decimal_comma
 from sleepcast.core.units import TIME, UNITS, to_si
 
 _TIME = re.compile(r"(\d++(?:\.\d*+)?+|\.\d++)\s*([A-Za-z]*)")
@@ -21,6 +22,8 @@ class NumberRange(click.FloatRange):
     """A number between two bounds; not "nan", which lies between any two."""
 
     def convert(self, value: float, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        if comma := decimal_comma(value):
+            self.fail(f"{str(value)[:40]!r} is not a number{comma}", param, ctx)
         number: float = super().convert(value, param, ctx)
         if isnan(number):
             self.fail(f"wanted a number, not {str(value)[:40]!r}", param, ctx)
@@ -35,7 +38,8 @@ class SimulatedTime(click.ParamType):  # type: ignore[type-arg]  # takes one onl
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
         seconds = _seconds(str(value).strip())
         if seconds is None:
-            self.fail(f"wanted a time such as 30s or 2min, not {str(value)[:40]!r}", param, ctx)
+            comma = decimal_comma(value)
+            self.fail(f"wanted a time such as 30s or 2min, not {str(value)[:40]!r}{comma}", param, ctx)
         if not isfinite(seconds):
             self.fail(f"{str(value)[:40]!r} is too far away", param, ctx)
         return seconds
@@ -56,7 +60,8 @@ class Moment(click.ParamType):  # type: ignore[type-arg]  # as above
             return time.time() - ago
         when = _moment(text)
         if when is None:
-            self.fail(f"wanted 10min, 14:30 or 2026-11-21T14:30, not {text[:40]!r}", param, ctx)
+            comma = decimal_comma(text)
+            self.fail(f"wanted 10min, 14:30 or 2026-11-21T14:30, not {text[:40]!r}{comma}", param, ctx)
         return when
 
 

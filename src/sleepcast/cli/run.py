@@ -68,10 +68,10 @@ _COMMON = (
     click.option(
         "--robots", metavar="N", type=click.IntRange(min=1), help="Number of robots (default: the scenario's)."
     ),
-    click.option("--density", metavar="M2", type=float, help="Square metres per robot."),
+    click.option("--density", metavar="M2", type=NumberRange(), help="Square metres per robot."),
     click.option("--no-walls", is_flag=True, help="Leave out everything solid in the scenario."),
     click.option("--threads", metavar="N", type=click.IntRange(1, 64), help="Worker threads (default: one per core)."),
-    click.option("--seconds", metavar="S", type=float, help="Headless: how long to run, in simulated time."),
+    click.option("--seconds", metavar="S", type=NumberRange(), help="Headless: how long to run, in simulated time."),
     click.option("--json", "as_json", is_flag=True, help="Headless: print the outcome as one JSON object."),
     click.option("--quiet", is_flag=True, help="Headless: show no progress on standard error."),
     click.option(

@@ -7,6 +7,7 @@ failure at work). The rooms keep their own subclasses beside the code that raise
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from functools import lru_cache
 
@@ -79,6 +80,22 @@ def did_you_mean(name: str, candidates: Iterable[str]) -> str:
     """` (did you mean X?)` for the candidate nearest to `name`, or an empty string."""
     found = nearest(name, candidates)
     return f" (did you mean {found}?)" if found else ""
+
+
+_COMMA = re.compile(r"\s*([+-]?\d{1,15}),(\d{1,15})(\s*[A-Za-z%][A-Za-z/0-9]*|)\s*")
+THOUSANDS = 3
+"""Digits behind a comma that may stand between thousands."""
+
+
+def decimal_comma(text: object) -> str:
+    """`. Decimals have a point, not a comma: 12.5` for a number with a comma, or an empty text. A comma that may stand
+    between thousands is named as both."""
+    found = _COMMA.fullmatch(text) if isinstance(text, str) else None
+    if found is None:
+        return ""
+    whole, rest, unit = found.groups()
+    also = f", or {whole}{rest}{unit} if thousands are meant" if len(rest) == THOUSANDS else ""
+    return f". Decimals have a point, not a comma: {whole}.{rest}{unit}{also}"
 
 
 def line_and_column(text: str, offset: int) -> tuple[int, int]:

@@ -17,7 +17,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, NoReturn
 
-from sleepcast.core.errors import MisuseError, did_you_mean, nearest
+from sleepcast.core.errors import MisuseError, decimal_comma, did_you_mean, nearest
 from sleepcast.core.units import NONE, UNITS, Dimension, to_si
 
 MAX_BYTES = 1_048_576
@@ -400,7 +400,8 @@ class Table:
         return f"known here: {', '.join(sorted(self._asked))}" if self._asked else "nothing is wanted here"
 
     def _refuse(self, key: str, wanted: str, value: object) -> NoReturn:
-        raise self.error(key, f"wanted {wanted}{'' if wanted.endswith(',') else ','} not {shown_value(value)}")
+        comma = decimal_comma(value)
+        raise self.error(key, f"wanted {wanted}{'' if wanted.endswith(',') else ','} not {shown_value(value)}{comma}")
 
 
 def checked_name(around: Table, name: str, key: str | None = None) -> str:

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.api.fleet import SimulatedFleet
-from sleepcast.core.errors import MisuseError
+from sleepcast.core.errors import MisuseError, decimal_comma
 from sleepcast.core.extras import installing
 from sleepcast.core.units import LENGTH, UNITS, to_si
 
@@ -87,8 +87,9 @@ def read_group_measure(text: str) -> Callable[[SimulatedFleet], float]:
     distance = found is not None and found[2] is not None
     if found is None or distance != (name in WITHIN):
         wanted = f"{name} 2m" if name in WITHIN else name
+        comma = decimal_comma(next(iter(text.split()[1:2]), ""))
         raise MisuseError(
-            f'measure "{text:.80}": wanted {wanted}, and perhaps an expression, as in {wanted} (IN bravo)'
+            f'measure "{text:.80}": wanted {wanted}, and perhaps an expression, as in {wanted} (IN bravo){comma}'
         )
     if distance and (found[3] not in UNITS or UNITS[found[3]].dimension != LENGTH):
         raise MisuseError(f'measure "{text:.80}": "{found[3]:.40}" is no unit of length')

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.angles import deviation, mean_direction, quantile, widest_gap
-from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.errors import MisuseError, decimal_comma, did_you_mean
 from sleepcast.core.extensions import extensions, load_extension
 from sleepcast.experiments.group_measures import NAMES, read_group_measure
 from sleepcast.language import CheckError
@@ -158,7 +158,8 @@ def measure_of_stop(text: str) -> str:
 def _parts_of_stop(text: str) -> re.Match[str]:
     found = _STOP.fullmatch(text)
     if found is None:
-        raise MeasureError(f'"{text:.80}": wanted a measure and a bound, such as share (IN bravo) >= 0.9')
+        comma = decimal_comma(re.split(r"[<>=]", text)[-1])
+        raise MeasureError(f'"{text:.80}": wanted a measure and a bound, such as share (IN bravo) >= 0.9{comma}')
     return found
 
 
@@ -178,7 +179,8 @@ def _quantile(text: str, rest: str) -> Measure:
     found = _QUANTILE.fullmatch(rest)
     share = float(found[1]) if found else nan
     if found is None or not 0.0 <= share <= 1.0:
-        raise MeasureError(f'measure "{text:.80}": wanted a share and an expression, such as quantile 0.9 fuel')
+        comma = decimal_comma(rest.split(maxsplit=1)[0])
+        raise MeasureError(f'measure "{text:.80}": wanted a share and an expression, such as quantile 0.9 fuel{comma}')
     expression = found[2]
     return lambda fleet: _of_known(
         fleet,

@@ -36,7 +36,7 @@ from pathlib import Path
 
 import msgspec
 
-from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.errors import MisuseError, decimal_comma, did_you_mean
 from sleepcast.core.extras import installing
 from sleepcast.core.settings import Table, toml_document
 from sleepcast.core.toml_text import toml_key, toml_value
@@ -439,7 +439,10 @@ def _span(table: Table, name: str) -> Span:
     value = table.values[name]
     ends = [_NUMBER.fullmatch(str(value[end])) for end in ("low", "high")] if isinstance(value, dict) else [None]
     if any(each is None for each in ends):
-        raise table.error(name, 'wanted a range, such as { low = 0, high = 0.5 } or { low = "1m/s", high = "2m/s" }')
+        wrong = [value.get(end) for end in ("low", "high")] if isinstance(value, dict) else []
+        comma = next(filter(None, map(decimal_comma, wrong)), "")
+        wanted = 'wanted a range, such as { low = 0, high = 0.5 } or { low = "1m/s", high = "2m/s" }'
+        raise table.error(name, wanted + comma)
     (low, unit), (high, other) = ((each[1], each[2]) for each in ends if each is not None)
     if unit != other or not (isfinite(float(low)) and isfinite(float(high)) and float(low) < float(high)):
         raise table.error(name, "wanted a range from the lower to the higher end, both with the same unit")

@@ -5,9 +5,11 @@ One function for each form, found by name in `SPECIAL`; the number of arguments 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from math import nan
 
+from sleepcast.core.errors import decimal_comma
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language import areas
 from sleepcast.language.checker import STORE_STEPS, Checker, Special
@@ -387,7 +389,7 @@ def _tell(checker: Checker, form: List) -> Part:
     if head in (QUOTE, QUASIQUOTE):
         template = template.items[1]  # type: ignore[attr-defined]
     if head != QUOTE:
-        _collect_unquoted(template, unquoted)
+        _collect_unquoted(checker, template, unquoted)
     hops = _hops(checker, form)
     parts = checker.parts(tuple(unquoted))
     # Robots that hear it may keep the same under these names: a rule must not come to tell itself for ever.
@@ -426,15 +428,28 @@ _NAMING = frozenset({"setq", "defvar", "lease"})
 """Forms whose first argument is only a name."""
 
 
-def _collect_unquoted(form: Form, found: list[Form]) -> None:
+def _collect_unquoted(checker: Checker, form: Form, found: list[Form]) -> None:
     if isinstance(form, List):
         if form.head == UNQUOTE and len(form.items) == 2:
+            if comma := _decimal_comma(checker, form):
+                checker.error(f"a comma in a number @@{comma}", form)
             found.append(form.items[1])
         else:
             for item in form.items:
-                _collect_unquoted(item, found)
+                _collect_unquoted(checker, item, found)
+
+
+def _decimal_comma(checker: Checker, form: List) -> str:
+    """What is said of `12,5`, which is read as 12 and an unquoted 5; "" for every other form."""
+    before, item = checker.text[: form.start], form.items[-1]
+    digits = re.search(r"[+-]?\d+\Z", before)
+    if form.head != UNQUOTE or not isinstance(item, Number) or digits is None or before[-1:] == ",":
+        return ""
+    return decimal_comma(f"{digits[0]}{checker.text[form.start : form.end]}")
 
 
 @_special(QUOTE, QUASIQUOTE, UNQUOTE)
 def _quote(checker: Checker, form: List) -> Part:
+    if comma := _decimal_comma(checker, form):
+        return checker.error(f"a comma in a number @@{comma}", form)
     return checker.error("a quoted expression @@ stands only as what SETQ stores into a buffer, and inside TELL", form)

@@ -50,7 +50,7 @@ from sleepcast.channel.message import (
     age_of,
     message_id,
 )
-from sleepcast.core.errors import MisuseError
+from sleepcast.core.errors import MisuseError, decimal_comma
 from sleepcast.language.parts import label_of, rules, walk
 from sleepcast.language.program import Program
 
@@ -247,7 +247,8 @@ def read_lease(text: str) -> float:
     except ValueError:
         found = 0.0
     if not LEAST_DEAD_MAN <= found <= MOST_DEAD_MAN:
-        raise MisuseError(f"a lease of {text!r:.40}: wanted {LEAST_DEAD_MAN:g}s to {MOST_DEAD_MAN:g}s, or {OFF}")
+        wanted = f"wanted {LEAST_DEAD_MAN:g}s to {MOST_DEAD_MAN:g}s, or {OFF}"
+        raise MisuseError(f"a lease of {text!r:.40}: {wanted}{decimal_comma(text)}")
     return found
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NoReturn
 
-from sleepcast.core.errors import did_you_mean, slip_of
+from sleepcast.core.errors import decimal_comma, did_you_mean, slip_of
 from sleepcast.language import Form, List, ReadError, Symbol, read
 from sleepcast.language.reader import is_name
 from sleepcast.sentences.lexicon import GROUP_WORDS, OPENERS, PLURAL, RESERVED, ROBOTS, Lexicon
@@ -169,7 +169,9 @@ class Cursor:
         token = self.token
         if token.kind != NUMBER:
             if "," in self.said():
-                self.stuck(f'"{self.said()}" is no number: numbers have no commas, and a blank follows each comma')
+                said = self.said()
+                why = decimal_comma(said) or ": numbers have no commas, and a blank follows each comma"
+                self.stuck(f'"{said}" is no number{why}')
             if token.kind == ODD:
                 self.stuck(f'"{self.said()}" is no number with a unit')
             self.stuck("wanted a number")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from math import inf
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
-from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.errors import MisuseError, decimal_comma, did_you_mean
 
 EXAMPLE = "udp://239.255.83.76:47123?interface=lo"
 """An address for error messages: multicast that stays on this machine."""
@@ -49,5 +49,5 @@ def number_option(uri: str, option: str, value: str, most: float = inf) -> float
         found = -1.0
     if not 0.0 <= found <= most:
         bounds = f"from 0 to {most:g}" if most < inf else "from 0"
-        raise AddressError(f"{uri!r}: {option} must be a number {bounds}, not {value!r}")
+        raise AddressError(f"{uri!r}: {option} must be a number {bounds}, not {value!r}{decimal_comma(value)}")
     return found

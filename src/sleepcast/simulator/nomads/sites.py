@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from math import ceil, isfinite, pi
 from pathlib import Path
 
+from sleepcast.core.errors import decimal_comma
 from sleepcast.core.settings import SettingsError, Table, read_text, toml_document
 from sleepcast.core.units import LENGTH
 from sleepcast.robot import Corners
@@ -186,7 +187,8 @@ def _number(file: str, line: int, word: str) -> float:
     try:
         value = float(word)
     except ValueError:
-        raise SettingsError(f'{file}:{line}: wanted numbers, n x1 y1 ... xn yn, not "{word[:40]}"') from None
+        comma = decimal_comma(word)
+        raise SettingsError(f'{file}:{line}: wanted numbers, n x1 y1 ... xn yn, not "{word[:40]}"{comma}') from None
     if not (isfinite(value) and abs(value) * TENTH <= MAX_WORLD):
         raise SettingsError(f'{file}:{line}: "{word[:40]}" lies beyond the world: at most {MAX_WORLD / TENTH:g}')
     return value

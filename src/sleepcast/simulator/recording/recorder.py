@@ -52,7 +52,7 @@ from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
 from sleepcast.channel import Message
-from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.errors import MisuseError, SleepcastError, decimal_comma
 from sleepcast.core.model import Quantity
 from sleepcast.core.units import UNITS
 from sleepcast.simulator.packing import pack
@@ -113,6 +113,7 @@ ONE_FILE = Rotation()
 def read_rotation(text: str) -> Rotation:
     """`100MB`, `10min` of simulated time, or both: `100MB,10min`. Raises MisuseError."""
     found = {"size": inf, "age": inf}
+    comma = decimal_comma(text)
     for piece in text.lower().split(","):
         match = _PIECE.fullmatch(piece.strip())
         if match is not None and match[2] in _BYTES:
@@ -121,7 +122,9 @@ def read_rotation(text: str) -> Rotation:
             kind, value = "age", float(match[1]) * UNITS[match[2]].factor
             least, most = LEAST_SECONDS, MOST_SECONDS
         else:
-            raise MisuseError(f'"{piece[:40]}" says not when to begin another file: write 100MB, 10min, or 100MB,10min')
+            raise MisuseError(
+                f'"{piece[:40]}" says not when to begin another file: write 100MB, 10min, or 100MB,10min{comma}'
+            )
         if not least <= value <= most:
             unit = "bytes" if kind == "size" else "s"
             raise MisuseError(f"{piece.strip()}: another file begins after {least:g} to {most:g} {unit}, not {value:g}")

@@ -23,7 +23,7 @@ from pathlib import Path
 from textwrap import dedent, indent
 from typing import Literal, NamedTuple, TypeAlias
 
-from sleepcast.core.errors import MisuseError
+from sleepcast.core.errors import MisuseError, decimal_comma
 from sleepcast.core.settings import SettingsError, read_text
 from sleepcast.core.units import TIME, UNITS, to_si
 from sleepcast.robot import BodyConstant
@@ -236,4 +236,6 @@ def _wanted(line: str, place: str) -> tuple[Wanted, ...]:
 
 
 def _no_time(line: str, place: str) -> MissionError:
-    return MissionError(f"{place}: wanted a time with its unit, such as @12.5s or @2min, not {line.split()[0][:40]}")
+    said = line.split()[0]
+    comma = decimal_comma(said.removeprefix("@"))
+    return MissionError(f"{place}: wanted a time with its unit, such as @12.5s or @2min, not {said[:40]}{comma}")

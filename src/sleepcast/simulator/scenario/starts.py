@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.message import MAX_NAME, is_robot_name
-from sleepcast.core.errors import did_you_mean
+from sleepcast.core.errors import decimal_comma, did_you_mean
 from sleepcast.core.settings import Document, SettingsError, Table, read_text, shown_value
 from sleepcast.core.units import LENGTH, UNITS
 from sleepcast.simulator.simd.formulas import sine_cosine
@@ -190,8 +190,8 @@ def _angle(table: Table) -> float:
         found = table.measure("heading")
     except SettingsError:
         around = f", {OUTWARD} or {INWARD}" if table.values.get("shape") == "circle" else ""
-        wrong = shown_value(table.values["heading"])
-        raise table.error("heading", f'wanted an angle such as "90deg"{around}, not {wrong}') from None
+        wrong, comma = shown_value(table.values["heading"]), decimal_comma(table.values["heading"])
+        raise table.error("heading", f'wanted an angle such as "90deg"{around}, not {wrong}{comma}') from None
     if abs(found.value) > TURN:
         plain = "" if found.unit else f'. {found.value:g} alone are radians, "{found.value:g}deg" degrees'
         raise table.error("heading", f"wanted an angle from -360deg to 360deg{plain}")

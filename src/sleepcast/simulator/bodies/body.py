@@ -262,7 +262,8 @@ def nearest(bodies: Bodies, number: int, reach: float, first: float, last: float
     width = last - first
     if width < TURN:
         bearing = np.arctan2(up[near], across[near]) - bodies.heading[number]
-        near = near[np.mod(bearing - first, TURN) <= width % TURN]
+        at_one_place = (across[near] == 0.0) & (up[near] == 0.0)  # which is no direction: it is in every sector
+        near = near[at_one_place | (np.mod(bearing - first, TURN) <= width % TURN)]
     return max(0.0, float(away[near].min())) if near.size else reach
 
 

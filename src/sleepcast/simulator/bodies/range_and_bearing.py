@@ -106,7 +106,10 @@ class Pairs:
 
     def widest_gap(self) -> tuple[Floats, Floats]:
         """The widest angle that contains no neighbour, rad, and the direction of its middle, rad in -pi..pi; both NaN
-        without neighbours."""
+        without neighbours. Those at the robot's own place are in no direction."""
+        beside = (self.across == 0.0) & (self.up == 0.0)
+        if beside.any():
+            return self.where(~beside).widest_gap()
         direction = arc_tangent(self.up, self.across)
         order = np.lexsort((direction, self.robot))
         robot, direction = self.robot[order], direction[order]

@@ -210,5 +210,7 @@ class _PingReceiver:
 
 
 def bearing(across: Floats, up: Floats, heading: Floats) -> Floats:
-    """FRONT or REAR: the side of a point `across` m east and `up` m north, seen along `heading` (rad)."""
-    return np.where(across * np.cos(heading) + up * np.sin(heading) > 0.0, FRONT, REAR)
+    """FRONT or REAR: the side of a point `across` m east and `up` m north, seen along `heading` (rad); NaN for one at
+    the robot's own place."""
+    side = np.where(across * np.cos(heading) + up * np.sin(heading) > 0.0, FRONT, REAR)
+    return np.where((across == 0.0) & (up == 0.0), np.nan, side)

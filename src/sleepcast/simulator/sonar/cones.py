@@ -195,7 +195,8 @@ def disc_range(
     within = outside <= 0.0
     cut = np.sqrt(np.maximum(radius * radius - outside * outside, 0.0))
     seen = np.where(within, np.sqrt(along * along + aside * aside) - radius, forward - cut)
-    amid = along * along + aside * aside < radius * radius  # the transducer itself is inside the disc
+    # The transducer itself is in the disc; on the rim, too, as where two robots are at exactly one place.
+    amid = along * along + aside * aside <= radius * radius
     met = within | amid | ((outside < radius * sin(cones.incidence)) & (forward > 0.0))
     found: Floats = np.where(met, np.maximum(seen, 0.0), inf)
     return found

@@ -183,6 +183,7 @@ class Crosstalk:
         x, y, heading, radii = scene
         apart = np.hypot(x[j] - x[i], y[j] - y[i]) - (radii[i] + radii[j])
         there = np.arctan2(y[j] - y[i], x[j] - x[i])
+        there[(x[j] == x[i]) & (y[j] == y[i])] = np.nan  # at one place: in every direction, see `_near`
         # Combine each pair with each ping of the receiver, then these with each ping of the sender.
         pair, ping = spread(np.arange(len(i)), *_between(mine.robot, i))
         faces = self._faces(mine, ping, heading[i][pair], there[pair], apart[pair])
@@ -203,8 +204,9 @@ class Crosstalk:
         return self._near(pings.axis[which] + heading, way) & clear
 
     def _near(self, one: Floats, other: Floats) -> NDArray[np.bool_]:
-        near: NDArray[np.bool_] = np.abs((one - other + pi) % (2.0 * pi) - pi) <= self._model.spread
-        return near
+        """Whether two directions are near each other; NaN is near all."""
+        far: NDArray[np.bool_] = np.abs((one - other + pi) % (2.0 * pi) - pi) > self._model.spread
+        return ~far
 
     def _by_chance(self, what: str, tick: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
         """Whether each sound is received, drawn with the model's probability."""

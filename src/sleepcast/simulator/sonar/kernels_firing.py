@@ -36,7 +36,7 @@ def disc(across, up, ax, ay, radius, own, cosine, sine, graze, found):
     away, size = along * along + aside * aside, radius * radius
     root = sqrt(away if within else max(size - outside * outside, 0.0))
     seen = max(root - radius if within else forward - root, 0.0)
-    met = within | (away < size) | ((outside < radius * graze) & (forward > 0.0))
+    met = within | (away <= size) | ((outside < radius * graze) & (forward > 0.0))
     return min(found, seen) if met else found
 
 

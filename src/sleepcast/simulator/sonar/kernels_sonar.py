@@ -93,7 +93,7 @@ def disc(along, aside, radius, cosine, sine, graze):
     away, size = along * along + aside * aside, radius * radius
     root = root_of(most_of(either(within, away, size - outside * outside), 0.0))
     seen = most_of(either(within, root - radius, forward - root), 0.0)
-    return either(within | (away < size) | ((outside < radius * graze) & (forward > 0.0)), seen * seen, NOTHING)
+    return either(within | (away <= size) | ((outside < radius * graze) & (forward > 0.0)), seen * seen, NOTHING)
 
 
 @inlined

@@ -59,7 +59,7 @@ HOUSE = {
     "mind": room("language channel robot", "msgspec"),
     "node": room("language channel robot mind", "msgspec", late="numpy"),
     "fleet": room("language channel robot mind", "numpy msgspec", late="llvmlite"),
-    "simulator": room("channel robot", "numpy msgspec mcap lz4 zstandard numba llvmlite", late="yaml PIL"),
+    "simulator": room("channel robot", "numpy msgspec mcap lz4 zstandard numba llvmlite tinycss2", late="yaml PIL"),
     "bridges": room("nomad robot", "cyclonedds", late="cflib pymavlink"),
     "testing": room("robot bridges"),
     "loop": room("language channel mind node fleet simulator robot", "msgspec"),

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import time
-from itertools import pairwise
+from itertools import combinations, pairwise
 from math import cos, hypot, pi, radians, sin, sqrt
 from pathlib import Path
 
+import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from sleepcast.simulator import Area, Circle, SettingsError, Shape, Simulator, Wall, load
 from sleepcast.simulator.world import drawing as drawing_module
-from sleepcast.simulator.world import svg
+from sleepcast.simulator.world import svg, svg_styles
+from sleepcast.simulator.world.areas import inside
 from sleepcast.simulator.world.drawing import MAX_DEPTH, TOLERANCE, Drawing, read_drawing
+from sleepcast.simulator.world.fill import filled
 from sleepcast.simulator.world.svg import Arc, Bezier, Line, PathError, read_path
 from sleepcast.simulator.world.world import MAX_SOLIDS, Point
 from small_worlds import SCOUTS, write
@@ -65,7 +70,7 @@ class TestElements:
         assert close(rect, [(0.0, 6.0), (2.0, 6.0), (2.0, 5.0), (0.0, 5.0), (0.0, 6.0)])
 
     def test_a_ring_is_one_area_with_a_hole(self, tmp_path: Path) -> None:
-        (ring,) = shapes(tmp_path, '<path d="M0 0h40v40h-40z M10 10h20v20h-20z"/>')
+        (ring,) = shapes(tmp_path, '<path d="M0 0h40v40h-40z M10 10v20h20v-20z"/>')
         assert isinstance(ring, Area)
         assert [len(each) for each in ring.outlines] == [4, 4]
 
@@ -138,6 +143,176 @@ class TestElements:
             (wall,) = shapes(tmp_path, f'<path fill="none" transform="{transform}" d="M0 0M7 8L7 8 0 0"/>')
             assert isinstance(wall, Wall)
             assert close(wall.points[:1], [(wanted[0] / 10, 6 - wanted[1] / 10)]), transform
+
+
+def solid(folder: Path, inside_page: str, *points: Point) -> list[bool]:
+    """Whether these points, in m from the page's upper left corner, are solid."""
+    x, y = np.array(points).T
+    found = [inside(each, x, 6.0 - y) for each in shapes(folder, inside_page) if isinstance(each, Area | Circle)]
+    return np.any([np.zeros(len(points), bool), *found], axis=0).tolist()
+
+
+class TestFillRules:
+    RING = "M0 0h40v40h-40z M10 10h20v20h-20z"
+    STAR = "M20 0L32 38L0 14H40L8 38z"
+
+    @pytest.mark.parametrize(
+        ("said", "middle"),
+        [
+            ("", True),
+            ('fill-rule="evenodd"', False),
+            ('style="fill-rule:evenodd"', False),
+            ('fill-rule="evenodd" style="fill-rule: nonzero !important"', True),
+        ],
+    )
+    def test_an_outline_of_the_same_direction_is_a_hole_by_one_rule_only(
+        self, tmp_path: Path, said: str, middle: bool
+    ) -> None:
+        assert solid(tmp_path, f'<path {said} d="{self.RING}"/>', (0.5, 0.5), (2, 2), (5, 5)) == [True, middle, False]
+        assert solid(tmp_path, f'<g {said}><path d="{self.STAR}"/></g>', (2, 1), (2, 2), (2, 3.5), (0.2, 3)) == [
+            *(True, middle, False, False)
+        ]
+
+    def test_holes_and_isles_by_direction(self, tmp_path: Path) -> None:
+        isle = "M0 0h50v50h-50z M10 10v30h30v-30z M20 20h10v10h-10z M22 22h4v4h-4z"
+        (area,) = shapes(tmp_path, f'<path d="{isle}"/>')
+        assert isinstance(area, Area)
+        assert len(area.outlines) == 3, "the innermost is within the isle, and runs as it does"
+        assert solid(tmp_path, f'<path d="{isle}"/>', (0.5, 0.5), (1.5, 1.5), (2.1, 2.1), (2.4, 2.4)) == [
+            *(True, False, True, True)
+        ]
+
+    def test_outlines_that_cross_each_other_are_united(self, tmp_path: Path) -> None:
+        both = '<path d="M0 0h30v30h-30z M20 20h30v30h-30z"/>'
+        assert solid(tmp_path, both, (1, 1), (2.5, 2.5), (4, 4), (1, 4)) == [True, True, True, False]
+
+    @given(st.lists(st.tuples(st.integers(0, 800), st.integers(0, 800)), min_size=3, max_size=8))
+    def test_as_the_winding_number_says(self, corners: list[Point]) -> None:
+        corners = [(x / 100, y / 100) for x, y in corners]
+        triples = (
+            (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) for a, b, c in combinations(corners, 3)
+        )
+        assume(min(map(abs, triples)) > 1e-3)
+        area = Area(filled((tuple(corners),), "nonzero"))
+        for x, y in ((1.231, 2.387), (4.429, 4.173), (6.617, 2.951), (3.337, 6.741)):
+            turns = 0
+            for (x0, y0), (x1, y1) in pairwise([*corners, corners[0]]):
+                if (y0 <= y) != (y1 <= y) and x < x0 + (y - y0) / (y1 - y0) * (x1 - x0):
+                    turns += 1 if y1 > y0 else -1
+            assert inside(area, np.array([x]), np.array([y]))[0] == (turns != 0), (x, y)
+
+
+class TestStyles:
+    @pytest.mark.parametrize(
+        ("sheet", "element", "is_wall"),
+        [
+            ("path{fill:none}", "", True),
+            ("*{fill:none}", "", True),
+            ("#p{fill:none}", 'id="p"', True),
+            ("path.a#p, .b {fill: none}", 'class="a" id="p"', True),
+            ("path.a.c{fill:none}", 'class="a"', False),
+            (".g path{fill:none}", "", True),
+            (".g > path{fill:none}", "", False),
+            (".h > path{fill:none}", "", True),
+            ("svg .g .h path{fill:none}", "", True),
+            (".h .g path{fill:none}", "", False),
+            (".g rect{fill:none}", "", False),
+            ("path{fill:red} path{fill:none}", "", True),
+            (".a{fill:none} path{fill:red}", 'class="a"', True),
+            ("#p{fill:none} .a.a{fill:red}", 'id="p" class="a"', True),
+            ("path{fill:none}", 'style="fill:red"', False),
+            ("path{fill:none!important}", 'style="fill:red"', True),
+            ("path{fill:none ! important} #p{fill:red}", 'id="p"', True),
+            ("path{fill:none}", 'fill="red"', True),
+            ("path{FILL:NONE}", "", True),
+            ("path{fill:nonsense}", 'fill="none"', True),
+            ("path{fill:var(--x)}", "", False),
+            ("path:hover{fill:none}", "", False),
+            ("path[d]{stroke:red}", "", False),
+            ("@font-face{font-family:x}@media screen{path{fill:none}}", "", True),
+            ("<![CDATA[ .a > b {} path { fill : none } ]]>", "", True),
+        ],
+    )
+    def test_selectors_and_their_order(self, tmp_path: Path, sheet: str, element: str, is_wall: bool) -> None:
+        inside_page = f'<g class="g"><g class="h"><path {element} d="M0,0h9v9z"/></g></g><style>{sheet}</style>'
+        (found,) = shapes(tmp_path, inside_page.replace("> path", "&gt; path") if "CDATA" not in sheet else inside_page)
+        assert isinstance(found, Wall if is_wall else Area)
+
+    @pytest.mark.parametrize(
+        ("said", "wanted"),
+        [
+            ('fill="#ffffff00"', Wall),
+            ('fill="rgba(1, 2, 3, 0)"', Wall),
+            ('fill="rgb(1 2 3 / 0%)"', Wall),
+            ('fill="transparent"', Wall),
+            ('fill="#fff0"', Wall),
+            ('fill="#fff1"', Area),
+            ('fill="red" fill-opacity="0"', Wall),
+            ('style="fill-opacity:0%"', Wall),
+            ('fill="url(#pattern)"', Area),
+            ('fill="currentColor"', Area),
+            ('fill="none" style="fill:inherit"', Area),
+            ('opacity="0"', None),
+            ('style="display:none"', None),
+            ('visibility="hidden"', None),
+        ],
+    )
+    def test_what_cannot_be_seen_is_not_filled(self, tmp_path: Path, said: str, wanted: type | None) -> None:
+        found = shapes(tmp_path, f'<g fill="blue"><path {said} d="M0,0h9v9z"/></g>')
+        assert [type(each) for each in found] == ([] if wanted is None else [wanted])
+
+    def test_what_is_visible_in_a_hidden_group_is_seen(self, tmp_path: Path) -> None:
+        assert shapes(tmp_path, '<g visibility="hidden"><path visibility="visible" d="M0,0h9v9z"/></g>')
+        assert not shapes(tmp_path, '<g display="none"><path style="display:inline" d="M0,0h9v9z"/></g>')
+
+    @pytest.mark.parametrize(
+        ("said", "wanted"),
+        [
+            ("translate(10px, 20px)", (17, 28)),
+            ("translateX(10px) translateY(1in)", (17, 104)),
+            ("rotate(90deg)", (-8, 7)),
+            ("rotate(0.25turn) scale(2)", (-16, 14)),
+            ("scaleX(3) scaleY(0.5)", (21, 4)),
+            ("skewX(45deg)", (15, 8)),
+            ("skew(45deg, 50grad)", (15, 15)),
+            ("matrix(1,2,3,4,5,6)", (36, 52)),
+            ("none", (7, 8)),
+            ("rotate(90deg); transform-origin: 7px 8px", (7, 8)),
+            ("rotate(180deg); transform-origin: 10px 10px", (13, 12)),
+        ],
+    )
+    @pytest.mark.parametrize("how", ['style="transform: {}"', 'class="m"'])
+    def test_transforms_in_a_style(self, tmp_path: Path, said: str, wanted: tuple[float, float], how: str) -> None:
+        sheet = f"<style>.m{{transform: {said}}}</style>"
+        (wall,) = shapes(tmp_path, f'{sheet}<path fill="none" transform="scale(9)" {how.format(said)} d="M7 8L0 0"/>')
+        assert isinstance(wall, Wall)
+        assert close(wall.points[:1], [(wanted[0] / 10, 6 - wanted[1] / 10)])
+
+    def test_all_are_walls_if_that_is_wanted(self, tmp_path: Path) -> None:
+        file = tmp_path / "room.svg"
+        file.write_text(PAGE % '<rect width="20" height="10"/><circle r="5" cx="9" cy="9"/><path d="M0 0h9v9z"/>')
+        assert {type(each) for each in read_drawing(file, 10.0, walls=True).shapes} == {Wall}
+        assert {type(each) for each in read_drawing(file, 10.0).shapes} == {Area, Circle}
+        for walls, solid_things in (("all", False), ("unfilled", True)):
+            table = f'drawing = {{ file = "room.svg", metre = 10, walls = "{walls}" }}'
+            (tmp_path / "scenario.toml").write_text(SCOUTS.replace("[world]", f"[world]\n{table}"))
+            assert (Area in {type(each) for each in load(tmp_path / "scenario.toml").shapes}) == solid_things
+        (tmp_path / "scenario.toml").write_text(
+            SCOUTS.replace("[world]", '[world]\ndrawing = { file = "room.svg", walls = "some" }')
+        )
+        with pytest.raises(SettingsError, match=r"unfilled.*all"):
+            load(tmp_path / "scenario.toml")
+
+    def test_many_rules_for_many_elements_are_refused(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(svg_styles, "MAX_TRIES", 10_000)
+        sheet = "<style>" + "* * *{fill:none}" * 100 + "</style>"
+        with pytest.raises(
+            SettingsError, match=r"room.svg:2: <path>: its style sheets have too many rules for so many"
+        ):
+            drawing(tmp_path, sheet + '<path d="M0,0h9v9z"/>' * 100)
+        monkeypatch.setattr(svg_styles, "MAX_PARTS", 100)
+        with pytest.raises(SettingsError, match=r"room.svg:2: <style>: more than 100 parts of selectors"):
+            drawing(tmp_path, sheet)
 
 
 class TestCurves:
@@ -272,6 +447,14 @@ MISTAKES = [
     (PAGE, '<g transform="scale(1 2 3)"/>', "transform: scale takes 2 numbers"),
     (PAGE, '<g transform="scale(1 NaN)"/>', 'scale: wanted numbers, not "1 NaN"'),
     (PAGE, '<g transform="scale(1e9)"><g transform="scale(1e9)"/></g>', "transform: too large"),
+    (PAGE, '<g style="transform: rotate3d(1,1,1,45deg)"/>', 'room.svg:2: <g>: transform: "rotate3d" with 4 numbers'),
+    (PAGE, '<g style="transform: translate(50%)"/>', 'transform: "50%" is not read: wanted a number, or one in px'),
+    (PAGE, '<g style="transform: rotate(1deg); transform-origin: center"/>', 'transform-origin: "center" is not read'),
+    (PAGE, "<style>\n path[d]{fill:none}</style>", 'room.svg:3: <style>: the selector "path[d]" is not read'),
+    (PAGE, "<style>a + b{fill:none}</style>", 'room.svg:2: <style>: the selector "a + b" is not read'),
+    (PAGE, "<style>g &gt;{fill:none}</style>", 'the selector "g >" is none: something is missing at its end'),
+    (PAGE, "<style>@import url(a.css);</style>", "room.svg:2: <style>: a style sheet in another file"),
+    (f'<?xml-stylesheet href="a.css"?>{PAGE}', "", "room.svg:1: its style sheet is in another file"),
     (PAGE, '<use href="#a"/>', "room.svg:2: <use>: a drawing within the drawing"),
     (PAGE, "<svg/>", "room.svg:2: <svg>: a drawing within the drawing"),
     (PAGE, "<g>" * (MAX_DEPTH + 1), f"more than {MAX_DEPTH} groups in groups"),

@@ -168,7 +168,8 @@ def _from_files(world: Table) -> list[_Taken]:
             path = each.file("file")
             metre = each.number("metre", low=LEAST, high=1.0 / LEAST) if each.has("metre") else None
             at = each.point("at", (0.0, 0.0), (MAX_WORLD, MAX_WORLD)) if each.has("at") else (0.0, 0.0)
-            drawing = read_drawing(path, metre, at)
+            walls = each.text("walls", "unfilled", choices=("unfilled", "all")) == "all"
+            drawing = read_drawing(path, metre, at, walls=walls)
             found.append(_Taken("drawing", drawing.shapes, drawing.low, drawing.high))
     return found
 

@@ -12,11 +12,13 @@ are not opened.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from xml.parsers import expat
 
 from sleepcast.core.settings import SettingsError, read_text
+from sleepcast.simulator.world.fill import filled
 from sleepcast.simulator.world.svg import (
     MAX_CURVES,
     MAX_NUMBER,
@@ -27,9 +29,16 @@ from sleepcast.simulator.world.svg import (
     length,
     page_of,
     read_path,
-    rules,
-    style_of,
-    transform,
+)
+from sleepcast.simulator.world.svg_styles import (
+    Match,
+    Style,
+    StyleError,
+    StyleSheets,
+    is_filled,
+    is_paint,
+    matrix_of,
+    share,
 )
 from sleepcast.simulator.world.world import MAX_SOLIDS, Area, Circle, Point, Shape, Wall
 
@@ -61,29 +70,60 @@ class Drawing:
 
 @dataclass(frozen=True, slots=True)
 class _Around:
-    """What an element inherits from the groups around it."""
+    """What an element inherits from the groups around it. shown: whether anything of it is; visible: unless it says
+    otherwise itself. match: which selectors it fits."""
 
     matrix: Matrix = Matrix()  # noqa: RUF009  # frozen: nobody can change it
     name: str = ""
-    filled: bool = True
+    fill: str = "black"
+    fill_opacity: float = 1.0
+    fill_rule: str = "nonzero"
     shown: bool = True
+    visible: bool = True
+    match: Match = Match()  # noqa: RUF009  # as above
+
+    @property
+    def filled(self) -> bool:
+        return self.fill_opacity > 0.0 and is_filled(self.fill)
+
+    def inside(self, name: str, attributes: dict[str, str], style: Style, match: Match) -> _Around:
+        """What holds inside an element that has this style. Raises PathError."""
+        matrix = self.matrix.after(matrix_of(style, attributes))
+        if not all(abs(value) <= MAX_NUMBER for value in matrix):
+            raise PathError("transform: too large")
+        fill, visible = style.get("fill", "inherit"), style.get("visibility", "inherit").casefold()
+        rule, opacity = style.get("fill-rule", "inherit").casefold(), style.get("fill-opacity", "inherit")
+        return _Around(
+            matrix=matrix,
+            name=attributes.get("id", self.name)[:MAX_NAME],
+            fill=self.fill if fill.casefold() == "inherit" or not is_paint(fill) else fill,
+            fill_opacity=self.fill_opacity if opacity.casefold() == "inherit" else share(opacity),
+            fill_rule=rule if rule in ("nonzero", "evenodd") else self.fill_rule,
+            shown=self.shown
+            and style.get("display", "").casefold() != "none"
+            and share(style.get("opacity", "1")) > 0.0,
+            visible=self.visible if visible == "inherit" else visible not in ("hidden", "collapse"),
+            match=match,
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class _Drawn:
-    """One element, in units of the drawing. disc: centre and radius of a circle, which is also given as lines. number:
-    line number in the file."""
+    """One element, in units of the drawing. solid: whether it is filled. disc: centre and radius of a circle, which is
+    also given as lines. number: line number in the file."""
 
     lines: list[Line]
     around: _Around
+    solid: bool
     number: int
     disc: tuple[complex, float] | None = None
 
 
-def read_drawing(path: Path, metre: float | None, at: Point = (0.0, 0.0)) -> Drawing:
+def read_drawing(path: Path, metre: float | None, at: Point = (0.0, 0.0), *, walls: bool = False) -> Drawing:
     """The drawing in the SVG file at `path`. metre: units of the drawing per metre; None uses the size that the file
-    states. at: position of the page's lower left corner in the world, m. Raises SettingsError."""
-    reader = _Reader(path)
+    states. at: position of the page's lower left corner in the world, m. walls: whether filled shapes are thin walls
+    along their outlines, too. Raises SettingsError."""
+    reader = _Reader(path, walls=walls)
     reader.read(read_text(path, MAX_BYTES))
     page = reader.page
     scale = 1.0 / metre if metre else page.unit
@@ -111,7 +151,7 @@ def _shapes(drawn: _Drawn, upright: Matrix, room: int) -> Iterator[Shape]:
     """The shapes that an element becomes in the world. room: for so many lines. Raises PathError for more."""
     around = drawn.around
     whole = upright.after(around.matrix)
-    if drawn.disc and around.filled and whole.grows:
+    if drawn.disc and drawn.solid and whole.grows:
         centre = whole.of(drawn.disc[0])
         yield Circle(centre.real, centre.imag, drawn.disc[1] * whole.grows, around.name)
         return
@@ -121,11 +161,11 @@ def _shapes(drawn: _Drawn, upright: Matrix, room: int) -> Iterator[Shape]:
         room -= len(lines[-1][1]) - 1
         if room < 0:
             raise PathError(TOO_MANY)
-    outlines = tuple(_open(points) for _, points in lines if around.filled and len(_open(points)) > 2)
-    if outlines:
-        yield Area(outlines, around.name)
+    outlines = tuple(_open(points) for _, points in lines if drawn.solid and len(_open(points)) > 2)
+    if area := filled(outlines, around.fill_rule) if outlines else ():
+        yield Area(area, around.name)
     for closed, points in lines:
-        if len(points) > 1 and not (around.filled and len(_open(points)) > 2):
+        if len(points) > 1 and not (drawn.solid and len(_open(points)) > 2):
             again = (points[0],) if closed and points[0] != points[-1] else ()
             yield Wall((*points, *again), around.name)
 
@@ -193,26 +233,82 @@ def _rectangle(attributes: dict[str, str]) -> list[Line]:
     )
 
 
-class _Reader:
-    """Goes through the elements of one file."""
+def _parser() -> expat.XMLParserType:
+    return expat.ParserCreate("utf-8", " ")  # whatever encoding the file declares: it was read as this one
+
+
+@dataclass(slots=True)
+class _Sheet:
+    """A style sheet; number: line number of its beginning."""
+
+    text: str
+    number: int
+
+
+class _Sheets:
+    """Goes through a file in search of style sheets, which often stand among definitions, and of what is refused."""
 
     def __init__(self, path: Path) -> None:
-        self.drawn: list[_Drawn] = []
-        self.page = Page(0.0, 0.0, 0.0, 0.0, None)
-        self.page_number = 0
-        self._path = path
-        self._around = [_Around()]
-        self._classes: dict[str, dict[str, str]] = {}
-        self._sheet: list[str] | None = None
-        self._skipped = 0
-        self._elements = self._curves = 0
-        self._parser = expat.ParserCreate("utf-8", " ")  # whatever encoding the file declares: it was read as this one
+        self._path, self._parser = path, _parser()
+        self._found: list[_Sheet] = []
+        self._open = False
         self._parser.StartElementHandler = self._start
         self._parser.EndElementHandler = self._end
         self._parser.CharacterDataHandler = self._text
         self._parser.EntityDeclHandler = self._entity
+        self._parser.ProcessingInstructionHandler = self._instruction
+
+    def read(self, text: str) -> list[_Sheet]:
+        with suppress(expat.ExpatError):  # whoever reads the elements says so
+            self._parser.Parse(text.encode(), True)
+        return self._found
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        space, _, name = tag.rpartition(" ")
+        if name == "style" and space in ("", SVG):
+            self._found.append(_Sheet("", self._parser.CurrentLineNumber))
+            self._open = True
+
+    def _end(self, _: str) -> None:
+        self._open = False
+
+    def _text(self, text: str) -> None:
+        if self._open:
+            self._found[-1].text += text
+
+    def _entity(self, name: str, *_: object) -> None:
+        self._refuse(f'it declares an entity "{name[:20]}": wanted a drawing without them')
+
+    def _instruction(self, target: str, _: str) -> None:
+        if target == "xml-stylesheet":
+            self._refuse("its style sheet is in another file, which is not opened: put its rules into a <style>")
+
+    def _refuse(self, sentence: str) -> None:
+        raise SettingsError(f"{self._path}:{self._parser.CurrentLineNumber}: {sentence}")
+
+
+class _Reader:
+    """Goes through the elements of one file, after its style sheets, which count for all of them."""
+
+    def __init__(self, path: Path, *, walls: bool) -> None:
+        self.drawn: list[_Drawn] = []
+        self.page = Page(0.0, 0.0, 0.0, 0.0, None)
+        self.page_number = 0
+        self._path, self._walls = path, walls
+        self._around = [_Around()]
+        self._sheets = StyleSheets()
+        self._skipped = 0
+        self._elements = self._curves = 0
 
     def read(self, text: str) -> None:
+        for sheet in _Sheets(self._path).read(text):
+            try:
+                self._sheets.add(sheet.text, sheet.number)
+            except StyleError as error:
+                raise SettingsError(f"{self._path}:{error.line}: <style>: {error}") from None
+        self._parser = _parser()
+        self._parser.StartElementHandler = self._start
+        self._parser.EndElementHandler = self._end
         try:
             self._parser.Parse(text.encode(), True)
         except expat.ExpatError as error:
@@ -226,8 +322,6 @@ class _Reader:
             raise self._error("", f"more than {MAX_ELEMENTS} elements")
         if not self.page_number and (name != "svg" or space not in ("", SVG)):
             raise self._error(name, "is no drawing: wanted an svg")
-        if name == "style" and space in ("", SVG):  # often among definitions, which are skipped
-            self._sheet = []
         if self._skipped or space not in ("", SVG):
             self._skipped += 1
         elif name in ("use", "svg") and self.page_number:
@@ -243,51 +337,27 @@ class _Reader:
             self._skipped = 1
 
     def _end(self, _: str) -> None:
-        if not self._skipped:
+        if self._skipped:
+            self._skipped -= 1
+        else:
             self._around.pop()
-            return
-        self._skipped -= 1
-        if self._sheet is not None:
-            self._classes |= rules("".join(self._sheet))
-            self._sheet = None
-
-    def _text(self, text: str) -> None:
-        if self._sheet is not None:
-            self._sheet.append(text)
-
-    def _entity(self, name: str, *_: object) -> None:
-        raise self._error("", f'it declares an entity "{name[:20]}": wanted a drawing without them')
 
     def _enter(self, name: str, attributes: dict[str, str]) -> None:
-        around = self._inside(attributes)
+        outer = self._around[-1]
+        around = outer.inside(name, attributes, *self._sheets.style_of(name, attributes, outer.match))
         if len(self._around) > MAX_DEPTH:
             raise PathError(f"more than {MAX_DEPTH} groups in groups")
         self._around.append(around)
         if name == "svg":
             self.page, self.page_number = page_of(attributes), self._parser.CurrentLineNumber
-        elif name in DRAWN and around.shown:
+        elif name in DRAWN and around.shown and around.visible:
             disc = _disc(attributes) if name == "circle" else None
             lines = _lines(name, attributes)
             self._curves += sum(1 + len(line.curves) for line in lines)
             if self._curves > MAX_CURVES:
                 raise PathError(f"with it the drawing has more than {MAX_CURVES} curves: leave some out")
-            filled = replace(around, filled=around.filled and name != "line")
-            self.drawn.append(_Drawn(lines, filled, self._parser.CurrentLineNumber, disc))
-
-    def _inside(self, attributes: dict[str, str]) -> _Around:
-        outer, said = self._around[-1], style_of(attributes, self._classes)
-        fill = said.get("fill", "inherit")
-        matrix = outer.matrix.after(transform(attributes.get("transform", "")))
-        if not all(abs(value) <= MAX_NUMBER for value in matrix):
-            raise PathError("transform: too large")
-        return _Around(
-            matrix=matrix,
-            name=attributes.get("id", outer.name)[:MAX_NAME],
-            filled=outer.filled if fill == "inherit" else fill not in ("none", "transparent"),
-            shown=outer.shown
-            and said.get("display") != "none"
-            and said.get("visibility") not in ("hidden", "collapse"),
-        )
+            solid = around.filled and name != "line" and not self._walls
+            self.drawn.append(_Drawn(lines, around, solid, self._parser.CurrentLineNumber, disc))
 
     def _error(self, what: str, sentence: str) -> SettingsError:
         shown = f"<{what[:60]}>: " if what else ""

@@ -1,5 +1,5 @@
 """SVG syntax: the `d` attribute of a path as curves, curves flattened to points, and the attributes for lengths,
-transforms, page size and fill.
+transforms and page size.
 
 A point is a complex number. Every curve is a Bézier curve (a line is one with two points) or a part of an ellipse,
 so a transform only moves a few points; curves are flattened afterwards. The grammar, and how an arc follows from its
@@ -232,6 +232,10 @@ _NUMBER = re.compile(r"[+-]?(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?\d++)?+")
 _LENGTH = re.compile(rf"\s*({_NUMBER.pattern})\s*([A-Za-z%]*)\s*")
 _LIST = re.compile(rf"[\s,]*(?:{_NUMBER.pattern}[\s,]*+)*+")
 _TRANSFORM = re.compile(r"[\s,]*(\w+)\s*\(([^()]*)\)[\s,]*")
+_SIZE = re.compile(rf"({_NUMBER.pattern})([A-Za-z]*)")
+_TURNS = {"deg": 1.0, "grad": 0.9, "rad": 180.0 / pi, "turn": 360.0}
+"""CSS's units of angles, in degrees."""
+_SIDES = {"translatex": "translate", "translatey": "translate", "scalex": "scale", "scaley": "scale"}
 
 
 class Matrix(NamedTuple):
@@ -350,6 +354,44 @@ def transform(text: str) -> Matrix:
     return found
 
 
+def css_transform(text: str) -> Matrix:
+    """The matrix of a `transform` in a style, where lengths and angles have units. Raises PathError for one that is not
+    read, such as a percentage or one in space."""
+    found, place = Matrix(), 0
+    while place < len(text) and text.strip().casefold() not in ("none", "inherit", "initial", "unset"):
+        match = _TRANSFORM.match(text, place)
+        if match is None:
+            raise PathError(f'transform: wanted none, {", ".join(_STEPS)}, not "{text[place : place + 20]}"')
+        found = found.after(_css_step(match[1], [_css_number(each) for each in re.split(r"[\s,]+", match[2].strip())]))
+        place = match.end()
+    return found
+
+
+def _css_step(kind: str, values: list[float]) -> Matrix:
+    folded = kind.casefold()
+    name = next((each for each in _STEPS if each.casefold() == folded), _SIDES.get(folded, ""))
+    if folded == "skew" and len(values) in (1, 2):
+        tilted = [tan(radians(each)) for each in values]
+        return Matrix(c=tilted[0], b=tilted[1] if len(tilted) > 1 else 0.0)
+    if not name or len(values) not in ((1,) if folded in _SIDES or name == "rotate" else _STEPS[name]):
+        raise PathError(f'transform: "{kind[:20]}" with {len(values)} numbers: wanted {", ".join(_STEPS)}')
+    if folded in _SIDES:
+        rest = 0.0 if name == "translate" else 1.0
+        values = [values[0], rest] if folded.endswith("x") else [rest, values[0]]
+    return _step(name, values)
+
+
+def _css_number(text: str) -> float:
+    """A number, a length in px, or an angle in degrees."""
+    match = _SIZE.fullmatch(text)
+    factor = None if match is None else (UNITS | _TURNS).get(match[2])
+    if match is None or factor is None:
+        raise PathError(
+            f'transform: "{text[:20]}" is not read: wanted a number, or one in {", ".join((*UNITS, *_TURNS))[2:]}'
+        )
+    return _bounded(match[1]) * factor
+
+
 _STEPS = {
     "matrix": (6,),
     "translate": (1, 2),
@@ -361,49 +403,19 @@ _STEPS = {
 """Numbers of arguments that each kind of transform takes."""
 
 
-def _step(sort: str, values: list[float]) -> Matrix:
+def _step(kind: str, values: list[float]) -> Matrix:
     first = values[0]
-    if sort == "matrix":
+    if kind == "matrix":
         return Matrix(*values)
-    if sort == "translate":
+    if kind == "translate":
         return Matrix(e=first, f=values[1] if len(values) == 2 else 0.0)
-    if sort == "scale":
+    if kind == "scale":
         return Matrix(a=first, d=values[1] if len(values) == 2 else first)
-    if sort == "skewX":
+    if kind == "skewX":
         return Matrix(c=tan(radians(first)))
-    if sort == "skewY":
+    if kind == "skewY":
         return Matrix(b=tan(radians(first)))
     turn = Matrix(cos(radians(first)), sin(radians(first)), -sin(radians(first)), cos(radians(first)))
     if len(values) == 1:
         return turn
     return Matrix(e=values[1], f=values[2]).after(turn).after(Matrix(e=-values[1], f=-values[2]))
-
-
-def style_of(attributes: Mapping[str, str], classes: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
-    """An element's style: attributes, overridden by its classes, overridden by its own `style`."""
-    said = {key: attributes[key] for key in ("fill", "display", "visibility") if key in attributes}
-    for name in attributes.get("class", "").split():
-        said |= classes.get(name, {})
-    return {key: value.strip().casefold() for key, value in (said | declarations(attributes.get("style", ""))).items()}
-
-
-def rules(sheet: str) -> dict[str, dict[str, str]]:
-    """The declarations of each class in a style sheet; other rules are skipped."""
-    found: dict[str, dict[str, str]] = {}
-    for rule in _without_comments(sheet).split("}"):
-        selectors, _, said = rule.rpartition("{")
-        for selector in selectors.rpartition("{")[2].split(","):
-            if selector.strip().startswith("."):
-                found.setdefault(selector.strip()[1:], {}).update(declarations(said))
-    return found
-
-
-def _without_comments(sheet: str) -> str:
-    first, *others = sheet.split("/*")
-    return first + "".join(each.partition("*/")[2] for each in others)
-
-
-def declarations(text: str) -> dict[str, str]:
-    """The declarations in a text such as `fill: none; stroke: red`, by name."""
-    pairs = (part.split(":", 1) for part in text.split(";") if ":" in part)
-    return {key.strip(): value.strip() for key, value in pairs}

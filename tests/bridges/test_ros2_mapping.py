@@ -97,7 +97,7 @@ def test_functions_publish_what_they_are_given(tmp_path: Path) -> None:
         (HEAD + ODOM + '[in."/a/b/odom"]\ntype = "Bool"\nvalues = { b = "data" }\n' + DRIVE, "is there twice"),
         (HEAD + ODOM + 'qos = "best"\n' + DRIVE, "wanted one of sensor, reliable, latched"),
         (HEAD + ODOM + 'turned = "1rad"\n' + DRIVE, "in.odom.turned: unknown key"),
-        (HEAD + ODOM + 'freshness = "1m"\n' + DRIVE, 'wanted a time such as "5ms", not "1m", a length'),
+        (HEAD + ODOM + 'freshness = "1m"\n' + DRIVE, 'wanted a time such as "30s", not "1m", a length'),
         (HEAD.replace("1m/s2", "0m/s2") + ODOM + DRIVE, "acceleration"),
         (HEAD + ODOM + DRIVE + '[out.a]\ntype = "Bool"\nvalues = { lamp = "data" }\n', 'wanted stopped = "data"'),
         (HEAD + ODOM + DRIVE + '[out.a]\ntype = "Bool"\nfunction = "V"\n', 'there is a "v" already'),

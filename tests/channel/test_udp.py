@@ -27,6 +27,9 @@ from sleepcast.channel.transports.udp import MOST_STOPS, UdpError
 @pytest.mark.parametrize(
     ("uri", "complaint"),
     [
+        ("upd://239.1.1.1:5", "(did you mean udp://239.1.1.1:5?)"),
+        ("239.1.1.1:5", "(did you mean udp://239.1.1.1:5?)"),
+        ("udb://a:1", "(did you mean udp://a:1?)"),
         ("", "wanted one that begins with"),
         ("udp://239.255.83.76", "wanted udp://ADDRESS:PORT"),
         ("udp://239.255.83.76:0", "wanted udp://ADDRESS:PORT"),

@@ -56,8 +56,8 @@ def test_help_of_every_command_has_examples(capsys: pytest.CaptureFixture[str], 
         (["demo", "--port", "70000"], "--port"),
         (["demo", "bravo", "more"], "more"),
         (["demo", "--speed", "nan"], "wanted a number, not 'nan'"),
-        (["node", "--tick", "nan"], "wanted a number, not 'nan'"),
-        (["swarm", "3", "--seconds", "nan"], "wanted a number, not 'nan'"),
+        (["node", "--tick", "nan"], 'wanted a time such as "30s", not "nan"'),
+        (["swarm", "3", "--seconds", "nan"], 'wanted a time such as "30s", not "nan"'),
         (["nserver", "--speed", "nan"], "wanted a number, not 'nan'"),
     ],
 )
@@ -168,7 +168,7 @@ def test_a_full_disk_is_told() -> None:
 def test_any_label_prints_whatever_the_encoding() -> None:
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     done = subprocess.run(
-        [*SLEEPCAST, "eval", '(REPORT "größe" 1)', "(+ é 1)"], capture_output=True, env=environment, check=False
+        [*SLEEPCAST, "eval", '(REPORT "größe" 1)', "lost", "(+ é 1)"], capture_output=True, env=environment, check=False
     )
     assert done.stdout == b"1\nUNKNOWN\n"
     assert b"gr\\xf6\\xdfe: 1" in done.stderr

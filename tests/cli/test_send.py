@@ -132,14 +132,14 @@ def test_what_does_not_go_together(channel: str, capsys: pytest.CaptureFixture[s
         ("send", MARK, "--deadline", "0", "--blind"): "a deadline lies",
         ("send", MARK, "--deadline", "nan", "--blind"): "a deadline lies",
         ("send", MARK, "--standing", "--deadline", "5", "--blind"): "no deadline",
-        ("send", MARK, "--within", "nan"): "wanted a number, not 'nan'",
+        ("send", MARK, "--within", "nan"): 'wanted a time such as "30s", not "nan"',
         ("send", MARK, "--hold", "-1"): "not in the range",
         ("send", MARK, "--count", "0"): "not in the range",
         ("send", MARK, "--count", "3", "--blind"): "nothing was sent",
         ("lease", "grant", "bravo"): "--to NAME",
         ("lease", "take", "bra vo"): "not a group's name",
         ("lease", "take", ""): "not a group's name",
-        ("lease", "take", "bravo", "--seconds", "nan"): "a lease is for 0 to 3600 s",
+        ("lease", "take", "bravo", "--seconds", "2h"): "a lease is for 0 to 3600 s, not 7200 s",
         ("lease", "give", "bravo", "--keep"): "--keep goes with",
     }
     for arguments, complaint in wrong.items():

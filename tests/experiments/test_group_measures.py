@@ -81,3 +81,20 @@ def test_the_gap_is_the_widest_between_neighbouring_values_that_are_known() -> N
         assert read_measure("gap (* id id)")(fleet) == 25 - 16
         assert read_measure("gap (IF (< id 4) (* id id) UNKNOWN)")(fleet) == 9 - 4
         assert read_measure("gap 3")(fleet) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("IN bravo", r"write count \(IN bravo\) or share \(IN bravo\)"),
+        ("(IN bravo)", r"write count \(IN bravo\), share"),
+        ("avg fuel", "write mean fuel"),
+        ("percentage (IN bravo)", r"write share \(IN bravo\)"),
+        ("mean(fuel)", "write mean fuel"),
+        ("count(IN bravo)", r"write count \(IN bravo\)"),
+        ("number of robots", 'there is no "number"'),
+    ],
+)
+def test_a_measure_in_other_words_is_answered_with_ours(text: str, meant: str) -> None:
+    with pytest.raises(MisuseError, match=meant):
+        read_measure(text)

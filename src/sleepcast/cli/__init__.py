@@ -60,6 +60,10 @@ COMMANDS = {
 """Every subcommand with its module and its name there, in the order of the help page."""
 
 
+TIMES = ("--seconds", "--time", "--timeout", "--wait", "--within", "--for", "--duration", "--deadline", "--period")
+"""Options with which people say how long something is to take."""
+
+
 class Commands(click.Group):
     """Subcommands that are imported when they are asked for."""
 
@@ -145,6 +149,13 @@ def _run(arguments: list[str]) -> int:
     open_streams()
     try:
         status = program.main(arguments, prog_name="sleepcast", standalone_mode=False)
+    except click.NoSuchOption as error:
+        if times := _other_times(error):
+            said = f"there is no option {error.option_name} here: what takes a time is {', '.join(times)}"
+            click.UsageError(said, error.ctx).show()
+        else:
+            error.show()
+        return error.exit_code
     except click.ClickException as error:
         error.show()
         return error.exit_code
@@ -156,6 +167,16 @@ def _run(arguments: list[str]) -> int:
     except (KeyboardInterrupt, click.Abort):
         return INTERRUPTED
     return status if isinstance(status, int) else 0
+
+
+def _other_times(error: click.NoSuchOption) -> list[str]:
+    """The options of a command that take a time from the person who calls it, for one that it has by another name."""
+    if error.option_name not in TIMES or error.ctx is None:
+        return []
+    from sleepcast.cli.options import Quantity
+
+    named = [each.opts for each in error.ctx.command.params if isinstance(each.type, Quantity)]
+    return [opts[-1] for opts in named if opts[0] not in ("--skew", "--tick")]
 
 
 def _lacks_files(error: BaseException | None) -> bool:

@@ -10,11 +10,12 @@ from typing import TypeVar
 import click
 
 from sleepcast.api.connection import CHANNEL, FLEET, AirOptions, store_file
-from sleepcast.cli.options import NumberRange
+from sleepcast.cli.options import NumberRange, Quantity
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.units import TIME
 
 MOST_SKEW = 3_600.0
-"""Seconds that others' clocks may be wrong at most."""
+"""s that others' clocks may be wrong at most."""
 
 Command = TypeVar("Command", bound=Callable[..., object])
 
@@ -34,9 +35,9 @@ def options(command: Command) -> Command:
         click.option("--rate", metavar="N", type=NumberRange(1.0), help="Signatures of a key checked in a second."),
         click.option(
             "--skew",
-            metavar="S",
-            type=NumberRange(0.0, MOST_SKEW),
-            help="Seconds that others' clocks may be wrong (default: 2).",
+            metavar="TIME",
+            type=Quantity(TIME, 0.0, MOST_SKEW),
+            help="How much others' clocks may be wrong (default: 2s).",
         ),
         click.option("--keys", "folder", type=click.Path(path_type=Path), help="Folder of the keys."),
         click.option("--trust", type=click.Path(path_type=Path), help="The file of trusted keys."),
@@ -63,7 +64,10 @@ def on_air(command: Callable[..., int]) -> Callable[..., int]:
     @options
     @expect_option
     @click.option(
-        "--within", type=NumberRange(0.0, 60.0), help="Seconds for answers (default: one millisecond per robot)."
+        "--within",
+        metavar="TIME",
+        type=Quantity(TIME, 0.0, 60.0),
+        help="Time for answers (default: one millisecond per robot).",
     )
     @journal_option
     @wraps(command)

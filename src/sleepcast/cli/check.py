@@ -13,7 +13,7 @@ import click
 
 from sleepcast.cli.eval import NegativeNumbersAllowed
 from sleepcast.cli.streams import InputError, pieces, put, read_file, read_standard_input
-from sleepcast.core.errors import and_more
+from sleepcast.core.errors import and_more, in_file
 
 if TYPE_CHECKING:
     from sleepcast.language import Finding
@@ -175,11 +175,12 @@ def _review(expression: Expression, names: LearnedNames) -> Review:
 
 
 def _print(review: Review) -> None:
-    place = f"{review.expression.place}: " if review.expression.place else ""
+    place = review.expression.place
     for finding in review.findings:
-        put(f"{place}{finding.severity}: {finding.render(review.expression.text)}")
+        sentence = f"{finding.severity}: {finding.render(review.expression.text)}"
+        put(in_file(place, sentence) if place else sentence)
     for line in and_more(sum(review.counts.values()) - len(review.findings)):
-        put(f"{place}{line}")
+        put(f"{place}: {line}" if place else line)
 
 
 def _summary(reviews: list[Review], errors: int, warnings: int) -> str:

@@ -10,15 +10,16 @@ import click
 
 from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.air import on_air
-from sleepcast.cli.options import NumberRange
+from sleepcast.cli.options import Quantity
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.units import TIME
 
 if TYPE_CHECKING:
     from sleepcast.cli.tui.session import Session
 
-LOOK_EVERY = 2.0
-"""Seconds between two looks at the robots, unless another time is said: often enough for a preview."""
+LOOK_EVERY = "2s"
+"""Between two looks at the robots, unless another time is said: often enough for a preview."""
 DUMB = frozenset({"", "dumb", "unknown"})
 """Terminals that cannot put a letter where it is wanted."""
 
@@ -26,11 +27,11 @@ DUMB = frozenset({"", "dumb", "unknown"})
 @click.command("desk", short_help="A full-screen desk in this terminal, for robots on the air.")
 @click.option(
     "--look",
-    metavar="S",
-    type=NumberRange(0.0, 3600.0),
+    metavar="TIME",
+    type=Quantity(TIME, 0.0, 3600.0),
     default=LOOK_EVERY,
     show_default=True,
-    help="Seconds between two telemetry requests; 0: only on :look.",
+    help="Time between two telemetry requests; 0: only on :look.",
 )
 @on_air
 def desk(look: float, air: AirOptions) -> int:

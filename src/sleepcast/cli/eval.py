@@ -12,6 +12,8 @@ from sleepcast.cli.memories import EvalOutcome, TypedMemory
 from sleepcast.cli.streams import complain, put, read_standard_input
 from sleepcast.core.errors import MisuseError
 
+UNREADABLE = 2
+"""Status of what is no expression."""
 _NEGATIVE_NUMBER = re.compile(r"-\.?[0-9]")
 
 
@@ -46,8 +48,9 @@ def evaluate(
     """Evaluate each EXPR, all in one memory, and print one value a line.
 
     `-` reads expressions from standard input; in the classic dialects they may end with @ and the whole with $.
-    Warnings, faults and what PRINT and REPORT say go to standard error. The exit status is 0 if everything was
-    evaluated (to UNKNOWN, too), 1 if something was refused or faulted, 2 if something could not be read.
+    Warnings, faults and what PRINT and REPORT say go to standard error, and nothing is printed for what is no
+    expression. The exit status is 0 if everything was evaluated (to UNKNOWN, too), 1 if something was refused or
+    faulted, 2 if something could not be read.
 
     \b
     Examples:
@@ -63,7 +66,8 @@ def evaluate(
         memory.set(name.strip(), value.strip())
     worst = 0
     for outcome in _outcomes(memory, expressions):
-        put(outcome.to_json() if as_json else outcome.value)
+        if as_json or outcome.status != UNREADABLE:  # which has no value
+            put(outcome.to_json() if as_json else outcome.value)
         for line in outcome.said:
             complain(line)
         worst = max(worst, outcome.status)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from collections.abc import Iterable
 from contextlib import closing
@@ -82,7 +83,7 @@ def _judge(exercise: Exercise, answer: str, *, hint: bool, as_json: bool, quiet:
     from sleepcast.api.progress import steps
     from sleepcast.experiments.exercises import SEEDS, attempt, read_answer
 
-    is_text = answer.strip()[:1] in ("(", "")
+    is_text = _is_text(answer)
     text = answer if is_text else read_file(Path(answer))
     orders, warnings = read_answer(exercise, text, "the answer" if is_text else answer)
     for warning in warnings:
@@ -105,6 +106,13 @@ def _judge(exercise: Exercise, answer: str, *, hint: bool, as_json: bool, quiet:
     if hint and not passed:
         put(f"hint: {' '.join(exercise.hint.split())}")
     return int(not passed)
+
+
+def _is_text(answer: str) -> bool:
+    """Whether an answer is meant as an expression, well formed or not, and not as the name of a file."""
+    if answer.strip()[:1] in ("(", ""):
+        return True
+    return re.search(r"[\s<>=]", answer.strip()) is not None and not Path(answer).exists()
 
 
 def _together(runs: Iterable[list[Miss]]) -> list[tuple[str, int]]:

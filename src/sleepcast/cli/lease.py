@@ -8,7 +8,7 @@ import click
 
 from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.air import operator
-from sleepcast.cli.options import NumberRange
+from sleepcast.cli.options import Quantity
 from sleepcast.cli.send import GRACE, gathered
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import printable
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from sleepcast.channel.message import LeaseAction
     from sleepcast.station.network import NetworkStation
 
-SECONDS = 60.0
+SECONDS = "60s"
 """For which a lease is had unless another time is said: long enough for a task, short enough to be waited for."""
 DEEDS = ("take", "give", "request", "grant", "force")
 
@@ -25,7 +25,14 @@ DEEDS = ("take", "give", "request", "grant", "force")
 @click.command("lease", short_help="Control a group of robots exclusively for a while.")
 @click.argument("deed", type=click.Choice(DEEDS))
 @click.argument("group")
-@click.option("--seconds", metavar="S", type=NumberRange(), default=SECONDS, show_default=True, help="For how long.")
+@click.option(
+    "--seconds",
+    metavar="TIME",
+    type=Quantity(),
+    default=SECONDS,
+    show_default=True,
+    help="For how long.",
+)
 @click.option("--to", default="", metavar="NAME", help="The operator to grant it to.")
 @click.option("--keep", is_flag=True, help="Renew it until Ctrl-C, then give it back.")
 @operator
@@ -42,7 +49,7 @@ def lease(deed: str, group: str, seconds: float, to: str, keep: bool, air: AirOp
 
     \b
     Examples:
-      sleepcast lease take bravo --seconds 300
+      sleepcast lease take bravo --seconds 5min
       sleepcast lease take bravo --keep
       sleepcast lease grant bravo --to anna
     """

@@ -22,7 +22,7 @@ from sleepcast.cli.describe import heard_text, notices_of
 from sleepcast.cli.local_input import GROUND, LocalInput, TypedLines
 from sleepcast.cli.streams import announce, complain, pieces, read_file
 from sleepcast.core.clock import MADE, Clock, UnixClock, WallClock, epoch_at
-from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.errors import MisuseError, SleepcastError, in_file
 from sleepcast.language import List, Symbol, read, read_all, show
 from sleepcast.loop import vocabulary_of
 from sleepcast.loop.real import EmbodiedMind, Watch, run_robots
@@ -64,7 +64,7 @@ def _expressions(text: str, path: Path) -> Iterator[tuple[str, str]]:
         try:
             forms = read_all(piece)
         except SleepcastError as error:
-            raise MisuseError(f"{place}: {error}") from error
+            raise MisuseError(in_file(place, str(error))) from error
         yield from ((place, piece[form.start : form.end]) for form in forms)
 
 
@@ -75,7 +75,7 @@ def run_start_script(node: Node, beginning: StartScript) -> None:
         try:
             result = node.evaluate(text)
         except SleepcastError as error:
-            raise MisuseError(f"{place}: {error}") from error
+            raise MisuseError(in_file(place, str(error))) from error
         if result.faults:
             raise StartScriptError(f"{place}: {result.faults[0]}")
 
@@ -88,7 +88,7 @@ def install(node: Node, golden: StartScript) -> None:
                 try:
                     node.install(name.text, show(rule))
                 except SleepcastError as error:
-                    raise MisuseError(f"{place}: {error}") from error
+                    raise MisuseError(in_file(place, str(error))) from error
             case _:
                 raise MisuseError(f"{place}: wanted (RULE name expression), not {text!r:.200}")
 

@@ -53,7 +53,7 @@ QUICK = 3.0
 @click.option(
     "--speed",
     metavar="X",
-    type=NumberRange(SLOWEST),
+    type=NumberRange(SLOWEST, suffix="x"),
     default=REAL_TIME,
     help="Speed, as a multiple of real time; inf: unlimited.",
 )

@@ -2,47 +2,54 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import datetime
-from math import isfinite, isnan
+from math import inf, isnan
 from pathlib import Path
 from typing import TypeVar
 
 import click
 
 from sleepcast.core.errors import decimal_comma
-from sleepcast.core.units import TIME, UNITS, to_si
+from sleepcast.core.quantities import QuantityError, in_si
+from sleepcast.core.units import LENGTH, TIME, Dimension
 
-_TIME = re.compile(r"(\d++(?:\.\d*+)?+|\.\d++)\s*([A-Za-z]*)")
+METAVARS = {TIME: "TIME", LENGTH: "LENGTH"}
+"""What help pages show for a value of a dimension."""
 
 
 class NumberRange(click.FloatRange):
-    """A number between two bounds; not "nan", which lies between any two."""
+    """A number between two bounds; not "nan", which lies between any two. suffix: what people write behind it, such as
+    the x of 30x, and may leave out."""
 
-    def convert(self, value: float, param: click.Parameter | None, ctx: click.Context | None) -> float:
+    def __init__(self, low: float | None = None, high: float | None = None, *, suffix: str = "") -> None:
+        super().__init__(low, high)
+        self._suffix = suffix
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
         if comma := decimal_comma(value):
             self.fail(f"{str(value)[:40]!r} is not a number{comma}", param, ctx)
-        number: float = super().convert(value, param, ctx)
+        written = value.strip().removesuffix(self._suffix) if isinstance(value, str) else value
+        number: float = super().convert(written, param, ctx)  # type: ignore[arg-type]  # takes a text, too
         if isnan(number):
             self.fail(f"wanted a number, not {str(value)[:40]!r}", param, ctx)
         return number
 
 
-class SimulatedTime(click.ParamType):  # type: ignore[type-arg]  # takes one only where click is new
-    """A time with its unit; gives seconds."""
+class Quantity(click.ParamType):  # type: ignore[type-arg]  # takes one only where click is new
+    """A value with its unit, or a plain number in SI, as in files and in Python; gives SI. low, high: bounds, SI."""
 
-    name = "time"
+    def __init__(self, dimension: Dimension = TIME, low: float = 0.0, high: float = inf) -> None:
+        self.name = METAVARS[dimension].lower()
+        self._wanted = dimension, low, high
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        seconds = _seconds(str(value).strip())
-        if seconds is None:
-            comma = decimal_comma(value)
-            self.fail(f"wanted a time such as 30s or 2min, not {str(value)[:40]!r}{comma}", param, ctx)
-        if not isfinite(seconds):
-            self.fail(f"{str(value)[:40]!r} is too far away", param, ctx)
-        return seconds
+        try:
+            return in_si(value, *self._wanted)
+        except QuantityError as error:
+            self.fail(str(error), param, ctx)
 
 
 class Moment(click.ParamType):  # type: ignore[type-arg]  # as above
@@ -55,9 +62,8 @@ class Moment(click.ParamType):  # type: ignore[type-arg]  # as above
         if isinstance(value, float):
             return value
         text = str(value).strip()
-        ago = _seconds(text)
-        if ago is not None:
-            return time.time() - ago
+        with suppress(QuantityError):
+            return time.time() - in_si(text, TIME, 0.0)
         when = _moment(text)
         if when is None:
             comma = decimal_comma(text)
@@ -73,15 +79,6 @@ def _moment(text: str) -> float | None:
         except (ValueError, OverflowError, OSError):
             continue
     return None
-
-
-def _seconds(text: str) -> float | None:
-    """A time with its unit in s, inf for one that is too long; None if it is no time."""
-    match = _TIME.fullmatch(text)
-    unit = match[2].casefold() or "s" if match else ""
-    if match is None or unit not in UNITS or UNITS[unit].dimension != TIME:
-        return None
-    return to_si(float(match[1]), unit)
 
 
 allow_host_option = click.option(
@@ -108,7 +105,12 @@ alert_option = click.option(
 LONGEST_TICK = 0.5
 """s: a body that its mind does not look at for a second is brought to rest."""
 tick_option = click.option(
-    "--tick", type=NumberRange(0.01, LONGEST_TICK), default=0.1, show_default=True, help="Seconds per tick."
+    "--tick",
+    metavar="TIME",
+    type=Quantity(TIME, 0.01, LONGEST_TICK),
+    default="0.1s",
+    show_default=True,
+    help="How long a tick lasts.",
 )
 each_rules_option = click.option(
     "--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions that each robot starts with."
@@ -122,11 +124,11 @@ def every_option(what: str) -> Callable[[Command], Command]:
     """How often robots are asked: the command gets `every`, s. what: between two of which."""
     return click.option(
         "--every",
-        metavar="S",
-        type=NumberRange(0.2, 60.0),
-        default=1.0,
+        metavar="TIME",
+        type=Quantity(TIME, 0.2, 60.0),
+        default="1s",
         show_default=True,
-        help=f"Seconds between two {what}.",
+        help=f"Time between two {what}.",
     )
 
 

@@ -28,7 +28,10 @@ if TYPE_CHECKING:
 @click.option("--verify", is_flag=True, help="Run it again, and compare the hashes of the state.")
 @click.option("--quiet", is_flag=True, help="Show no progress on standard error.")
 @click.option(
-    "--speed", metavar="X", type=NumberRange(SLOWEST, FASTEST), help="Page: speed, as a multiple of real time."
+    "--speed",
+    metavar="X",
+    type=NumberRange(SLOWEST, FASTEST, suffix="x"),
+    help="Page: speed, in multiples of real time.",
 )
 @click.option(
     "--port",

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, TypedDict, TypeVar, Unpack
 import click
 
 from sleepcast.cli.interrupts import INTERRUPTED, TERMINATED, Interrupts, Terminated, end_now
-from sleepcast.cli.options import NumberRange, SimulatedTime, alert_option, allow_host_option
+from sleepcast.cli.options import NumberRange, Quantity, alert_option, allow_host_option
 from sleepcast.cli.prepare import advise
 from sleepcast.cli.streams import announce, put
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.units import TIME
 
 if TYPE_CHECKING:
     from sleepcast.api.recording import RecordingPlan
@@ -60,22 +61,25 @@ class Options(TypedDict):
     journal: Path | None
 
 
-_PERIOD = NumberRange(0.001, 86_400.0)
-"""Simulated seconds, from the shortest tick to a day."""
+_PERIOD = Quantity(TIME, 0.001, 86_400.0)
+"""Simulated time, from the shortest tick to a day."""
 
 _COMMON = (
     click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Random seed (default: the scenario's)."),
     click.option(
         "--robots", metavar="N", type=click.IntRange(min=1), help="Number of robots (default: the scenario's)."
     ),
-    click.option("--density", metavar="M2", type=NumberRange(), help="Square metres per robot."),
+    click.option("--density", metavar="M2", type=NumberRange(suffix="m2"), help="Square metres per robot."),
     click.option("--no-walls", is_flag=True, help="Leave out everything solid in the scenario."),
     click.option("--threads", metavar="N", type=click.IntRange(1, 64), help="Worker threads (default: one per core)."),
-    click.option("--seconds", metavar="S", type=NumberRange(), help="Headless: how long to run, in simulated time."),
+    click.option("--seconds", metavar="TIME", type=Quantity(), help="Headless: how long to run, in simulated time."),
     click.option("--json", "as_json", is_flag=True, help="Headless: print the outcome as one JSON object."),
     click.option("--quiet", is_flag=True, help="Headless: show no progress on standard error."),
     click.option(
-        "--speed", metavar="X", type=NumberRange(SLOWEST, FASTEST), help="Page: speed, as a multiple of real time."
+        "--speed",
+        metavar="X",
+        type=NumberRange(SLOWEST, FASTEST, suffix="x"),
+        help="Page: speed, in multiples of real time.",
     ),
     click.option(
         "--run/--wait",
@@ -96,9 +100,11 @@ _COMMON = (
     click.option("--no-browser", is_flag=True, help="Page: print its address, but open no browser."),
     alert_option,
     click.option("--record", metavar="FILE", type=click.Path(path_type=Path), help="Record the run into an MCAP file."),
-    click.option("--record-pictures", metavar="S", type=_PERIOD, help="Record positions every S simulated seconds."),
     click.option(
-        "--record-readings", metavar="S", type=_PERIOD, help="Record sensor readings every S simulated seconds."
+        "--record-pictures", metavar="TIME", type=_PERIOD, help="Record positions once in this simulated time."
+    ),
+    click.option(
+        "--record-readings", metavar="TIME", type=_PERIOD, help="Record sensor readings so often, in simulated time."
     ),
     click.option("--record-rotate", metavar="WHEN", help="Start a new file after 100MB, 10min, or 100MB,10min."),
     click.option("--from", "from_", metavar="FILE", type=click.Path(path_type=Path), help="Resume from this snapshot."),
@@ -106,7 +112,7 @@ _COMMON = (
         "--snapshot", metavar="FILE", type=click.Path(path_type=Path), help="Write a snapshot of the swarm into a file."
     ),
     click.option(
-        "--snapshot-at", metavar="TIME", type=SimulatedTime(), help="Headless: when, e.g. 30s (default: at the end)."
+        "--snapshot-at", metavar="TIME", type=Quantity(), help="Headless: when, e.g. 30s (default: at the end)."
     ),
     click.option("--journal", metavar="FILE", type=click.Path(path_type=Path), help="Write the journal into a file."),
 )
@@ -339,7 +345,7 @@ def _refuse_contradictions(headless: bool, options: Options) -> None:
         raise MisuseError("--run and --wait are for the page: without one, the run begins at once")
     _refuse_one_file_for_two(options)
     if seconds is not None and not (isfinite(seconds) and 0.0 < seconds <= MAX_TIME):
-        raise MisuseError(f"--seconds must be more than 0 and at most {MAX_TIME:.0f}, not {seconds:g}")
+        raise MisuseError(f"--seconds must be more than 0 and at most {MAX_TIME:.0f} s, not {seconds:g} s")
 
 
 def _refuse_one_file_for_two(options: Options) -> None:

@@ -14,7 +14,7 @@ from sleepcast.api.connection import AirOptions, expectation, station_for
 from sleepcast.cli.account import FEW, account_lines, as_dict, listed
 from sleepcast.cli.air import operator
 from sleepcast.cli.interrupts import Interrupts, Terminated
-from sleepcast.cli.options import NumberRange
+from sleepcast.cli.options import Quantity
 from sleepcast.cli.progress import Status
 from sleepcast.cli.streams import complain, put, somebody_there
 from sleepcast.core.errors import MisuseError, printable
@@ -48,9 +48,9 @@ NAMED = 3
     "--timeout",
     "--seconds",
     "seconds",
-    metavar="S",
-    type=NumberRange(0.0),
-    help="Give up on silent robots after S seconds (default: at Ctrl-C).",
+    metavar="TIME",
+    type=Quantity(),
+    help="Give up on silent robots after this time (default: at Ctrl-C).",
 )
 @click.option("--accepted", is_flag=True, help="End when all robots have accepted STOP, at rest or not.")
 @operator
@@ -69,7 +69,7 @@ def stop(air: AirOptions, seconds: float | None, accepted: bool, as_json: bool) 
       sleepcast stop
       sleepcast stop --accepted
       sleepcast stop --expect 100
-      sleepcast stop --timeout 30 --json
+      sleepcast stop --timeout 30s --json
     """
     with Interrupts() as interrupts:
         interrupts.defer()  # STOP goes out whatever comes

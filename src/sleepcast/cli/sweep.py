@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.options import SimulatedTime
+from sleepcast.cli.options import Quantity
 from sleepcast.cli.streams import announce, complain, put, somebody_there
 from sleepcast.core.errors import MisuseError, printable
 
@@ -33,13 +33,13 @@ SHOWN_ERRORS = 3
 @click.option(
     "--measure", "measures", metavar="[NAME=]M", multiple=True, help="What is measured: mean fuel; may be repeated."
 )
-@click.option("--seconds", metavar="TIME", type=SimulatedTime(), help="Length of a run (default: the scenario's).")
-@click.option("--every", metavar="TIME", type=SimulatedTime(), help="Measure all along, not only at the end.")
+@click.option("--seconds", metavar="TIME", type=Quantity(), help="Length of a run (default: the scenario's).")
+@click.option("--every", metavar="TIME", type=Quantity(), help="Measure all along, not only at the end.")
 @click.option("--until", metavar="M>=V", help="End a run early, as soon as this holds.")
 @click.option("--no-mission", is_flag=True, help="Leave out the scenario's own commands.")
 @click.option("--out", metavar="RESULTS", type=click.Path(path_type=Path), help="Folder, or table beside its folder.")
 @click.option("--workers", metavar="N", type=click.IntRange(1, 1024), help="Processes (default: one per core).")
-@click.option("--timeout", metavar="TIME", type=SimulatedTime(), help="Longest time for a run (default: 1h).")
+@click.option("--timeout", metavar="TIME", type=Quantity(), help="Longest time for a run (default: 1h).")
 @click.option("--cluster", metavar="ADDRESS", help="Instead: the workers of a dask cluster, as tcp://host:8786.")
 @click.option("--insecure", is_flag=True, help="Allow a cluster on other machines, unencrypted: trust its network.")
 @click.option("--retry", is_flag=True, help="Do runs again that failed.")

@@ -15,6 +15,9 @@ MAX_LINE = 100
 """Characters of a line that are shown around a caret: a line of a message may have 16,384."""
 
 
+_WITHIN = re.compile(r" at (\d{1,6}):\d{1,6}\b")
+
+
 class SleepcastError(Exception):
     """Anything that a person using sleepcast can cause or must know about."""
 
@@ -109,6 +112,19 @@ def placed(message: str, text: str, offset: int) -> str:
     """`message` with its last `@@`, which stands for the place, as `at LINE:COLUMN` of `offset` in `text`."""
     line, column = line_and_column(text, offset)
     return f"at {line}:{column}".join(message.rsplit("@@", 1))
+
+
+def in_file(place: str, sentence: str) -> str:
+    """`sentence`, about a text that begins at `place` in a file (FILE:LINE), with one place: the line in the file. The
+    `at LINE:COLUMN` of the text, which a caret shows as well, is left out."""
+    first, newline, rest = sentence.partition("\n")
+    file, _, line = place.rpartition(":")
+    within = list(_WITHIN.finditer(first))
+    if not within or not file or not line.isdigit():
+        return f"{place}: {sentence}"
+    found = within[-1]
+    shown = f"{file}:{int(line) + int(found[1]) - 1}"
+    return f"{shown}: {first[: found.start()]}{first[found.end() :]}{newline}{rest}"
 
 
 def printable(text: str) -> str:

@@ -11,14 +11,15 @@ import re
 import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from math import inf, isfinite
+from math import inf
 from os.path import isfile
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple, NoReturn
+from typing import NoReturn
 
-from sleepcast.core.errors import MisuseError, decimal_comma, did_you_mean, nearest
-from sleepcast.core.units import NONE, UNITS, Dimension, to_si
+from sleepcast.core.errors import MisuseError, did_you_mean, nearest
+from sleepcast.core.quantities import Measure, QuantityError, as_measure, measure_of, refusal
+from sleepcast.core.units import NONE, UNITS, Dimension
 
 MAX_BYTES = 1_048_576
 """Of one file: the largest scenario of people is a hundred times smaller."""
@@ -32,7 +33,6 @@ MAX_DEPTH = 64
 """Tables in tables: scenarios have four. What is read for each key is as long as the way to it, so a text of a
 megabyte that is one key would fill any memory, and the standard parser takes hours for it."""
 
-_QUANTITY = re.compile(r"\s*([+-]?(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?\d++)?)\s*([A-Za-z%][A-Za-z/0-9]*|)\s*")
 _NAME = r"""(?:[\w-]+|"[^"]*"|'[^']*')"""
 _DEEP = re.compile(rf"""(?<![\w\\-])(?:(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{MAX_DEPTH}}}""")
 _KEY = re.compile(rf"\s*({_NAME}(?:\s*\.\s*{_NAME})*)\s*=")
@@ -47,13 +47,6 @@ Path_ = tuple[str | int, ...]
 
 class SettingsError(MisuseError):
     """Something wrong in a file; the text begins with the file, the line and the key."""
-
-
-class Measure(NamedTuple):
-    """A physical value in SI, and the unit in which it was written ("" for a plain number)."""
-
-    value: float
-    unit: str = ""
 
 
 class Document:
@@ -92,7 +85,7 @@ class Document:
                 here = here.get(part)
             else:
                 here = here[part] if isinstance(part, int) and isinstance(here, list) and part < len(here) else None
-        found = _as_measure(here)
+        found = as_measure(here)
         if found is None or (found.unit and found.unit not in UNITS):
             raise MisuseError(f"this file has no number at {key:.80}")
         return found
@@ -383,25 +376,16 @@ class Table:
     def _measured(self, key: str, value: object, dimension: Dimension | None, low: float, high: float) -> Measure:
         if isinstance(value, Measure):
             return value
-        found = _as_measure(value)
-        wanted = f"{dimension or 'a value'}{_example(dimension)}"
-        if found is None:
-            self._refuse(key, wanted, value)
-        if found.unit and found.unit not in UNITS:
-            units = [unit for unit, known in UNITS.items() if dimension in (None, known.dimension)]
-            raise self.error(key, f'unknown unit in "{value}"{did_you_mean(found.unit, units)}; wanted {wanted}')
-        if dimension is not None and found.unit and UNITS[found.unit].dimension != dimension:
-            raise self.error(key, f'wanted {wanted}, not "{value}", {UNITS[found.unit].dimension}')
-        if not isfinite(found.value) or not low <= found.value <= high:
-            self._refuse(key, f"{dimension or 'a value'} {_between(low, high, found.unit)}", value)
-        return found
+        try:
+            return measure_of(value, dimension, low, high)
+        except QuantityError as error:
+            raise self.error(key, str(error)) from None
 
     def _known(self) -> str:
         return f"known here: {', '.join(sorted(self._asked))}" if self._asked else "nothing is wanted here"
 
     def _refuse(self, key: str, wanted: str, value: object) -> NoReturn:
-        comma = decimal_comma(value)
-        raise self.error(key, f"wanted {wanted}{'' if wanted.endswith(',') else ','} not {shown_value(value)}{comma}")
+        raise self.error(key, refusal(wanted, value))
 
 
 def checked_name(around: Table, name: str, key: str | None = None) -> str:
@@ -410,41 +394,3 @@ def checked_name(around: Table, name: str, key: str | None = None) -> str:
     if not _CHOSEN.match(name):
         raise around.error(key or name, f'"{name}" is no name: wanted a letter, then up to 31 letters, digits and _')
     return name
-
-
-def _as_measure(value: object) -> Measure | None:
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return Measure(float(value) if abs(value) < 2**1023 else inf)
-    match = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
-    if match is None:
-        return None
-    number, unit = float(match[1]), match[2]
-    unit = unit if unit in UNITS else next((known for known in UNITS if known == unit.casefold()), unit)
-    return Measure(to_si(number, unit) if unit in UNITS else number, unit)
-
-
-def _example(dimension: Dimension | None) -> str:
-    examples = (unit for unit, known in UNITS.items() if known.dimension == dimension and dimension != NONE)
-    return "".join(f' such as "5{unit}"' for unit in list(examples)[:1])
-
-
-def _between(low: float, high: float, unit: str) -> str:
-    def end(value: float) -> str:
-        return f"{value / UNITS[unit].factor:.6g}{unit}" if unit in UNITS else f"{value:.6g}"
-
-    if high == inf:
-        return f"of at least {end(low)}"
-    return f"from {end(low)} to {end(high)}"
-
-
-def shown_value(value: object) -> str:
-    """A TOML value as people write it, shortened."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return f'"{value[:40]}"'
-    if isinstance(value, dict):
-        return "a table"
-    if isinstance(value, list):
-        return f"[{', '.join(map(shown_value, value[:4]))}{', ...' if len(value) > 4 else ''}]"
-    return str(value)[:40]

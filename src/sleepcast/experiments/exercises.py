@@ -22,11 +22,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from sleepcast.api.fleet import open as open_fleet
-from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.errors import MisuseError, did_you_mean, in_file
 from sleepcast.core.settings import Table, toml_document
 from sleepcast.core.units import TIME
 from sleepcast.experiments.goals import EVERY, MAX_GOALS, Goal, GoalJudge, Miss, answering, read_goal
-from sleepcast.language import check, read_all
+from sleepcast.language import List, check, read, read_all
 from sleepcast.language.learned_names import LearnedNames
 from sleepcast.language.reader import Symbol, walk
 from sleepcast.simulator import Scenario, find_scenario, parse_mission, scenario_names
@@ -115,6 +115,8 @@ def read_answer(exercise: Exercise, text: str, name: str) -> Answer:
     else:
         with answering(name):
             forms = read_all(text)
+            if len(forms) > 1 and not isinstance(forms[0], List):
+                read(text)  # which says what was probably meant
         lines = [1 + text.count("\n", 0, form.start) for form in forms]
         places = [f"{name}:{line}" if "\n" in text.strip() else name for line in lines]
         orders = tuple(
@@ -141,7 +143,7 @@ def read_answer(exercise: Exercise, text: str, name: str) -> Answer:
             if isinstance(inside, Symbol) and inside.key in exercise.without:
                 raise MisuseError(f"{order.place}: {inside.text} is used: this exercise is to be done without it")
         names.learn(form)
-        warnings += [f"{order.place}: {finding.render(text)}" for finding in checked.warnings]
+        warnings += [in_file(order.place, finding.render(text)) for finding in checked.warnings]
     return Answer(orders, tuple(warnings))
 
 

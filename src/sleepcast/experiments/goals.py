@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from math import isnan
 
 from sleepcast.api.fleet import SimulatedFleet
-from sleepcast.core.errors import MisuseError
+from sleepcast.core.errors import MisuseError, in_file
 from sleepcast.core.settings import Table
 from sleepcast.core.units import TIME
 from sleepcast.experiments.measures import StopCondition, read_stop
@@ -74,7 +74,7 @@ def answering(place: str) -> Iterator[None]:
     try:
         yield
     except (ReadError, CheckError) as error:
-        raise MisuseError(f"{place}: {error}") from error
+        raise MisuseError(in_file(place, str(error))) from error
 
 
 class GoalJudge:

@@ -32,6 +32,7 @@ from sleepcast.core.errors import MisuseError, decimal_comma, did_you_mean
 from sleepcast.core.extensions import extensions, load_extension
 from sleepcast.experiments.group_measures import NAMES, read_group_measure
 from sleepcast.language import CheckError
+from sleepcast.language.functions import BUILT_IN
 
 Values: TypeAlias = NDArray[np.float64]
 Measure: TypeAlias = Callable[[SimulatedFleet], float]
@@ -66,9 +67,21 @@ OF_TRUE: dict[str, Callable[[Values], float]] = {
 }
 """What is made of for whom it is true; unknown is not."""
 AGGREGATES = (*OF_KNOWN, *OF_TRUE, "quantile", "stock")
+OTHER_WORDS = {
+    **dict.fromkeys(("avg", "average"), "mean"),
+    **dict.fromkeys(("number", "num"), "count"),
+    **dict.fromkeys(("fraction", "part", "percent", "percentage", "ratio"), "share"),
+    "total": "sum",
+    "minimum": "min",
+    "least": "min",
+    "maximum": "max",
+    "most": "max",
+}
+"""Words that people write for those above."""
 GROUP = "sleepcast.measures"
 
 _FUNCTION = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)[.:]([A-Za-z_]\w*)")
+_CALLED = re.compile(rf"({'|'.join(AGGREGATES)})\((.*)\)", re.DOTALL)
 _QUANTILE = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s+(.+)", re.DOTALL)
 _STOP = re.compile(r"(.+?)\s*(>=|<=|==|>|<)\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*", re.DOTALL)
 _COMPARED = {">=": ge, "<=": le, "==": eq, ">": gt, "<": lt}
@@ -93,6 +106,8 @@ def read_measure(text: str, *, own: bool = False) -> Measure:
         return _quantile(text, expression)
     if expression and first == "stock":
         return lambda fleet: _of_stocks(fleet, expression.split())
+    if meant := _meant(text.strip()):
+        raise MeasureError(f'measure "{text:.80}": write {meant:.80}')
     if expression:
         raise MeasureError(
             f'measure "{text:.80}": there is no "{first:.40}"{did_you_mean(first, (*AGGREGATES, *NAMES))}: '
@@ -104,6 +119,20 @@ def read_measure(text: str, *, own: bool = False) -> Measure:
             f"{', '.join((*AGGREGATES, *NAMES))}, as in mean fuel"
         )
     return _function(first, own=own)
+
+
+def _meant(text: str) -> str:
+    """The measure that was probably meant by what is none: other words for these, or a test without one."""
+    first, _, rest = text.partition(" ")
+    if found := _CALLED.fullmatch(text):
+        given = found[2].strip()
+        return f"{found[1]} ({given})" if " " in given and not given.startswith("(") else f"{found[1]} {given}"
+    if first.casefold() in OTHER_WORDS and (rest.startswith("(") or len(rest.split()) == 1):
+        return f"{OTHER_WORDS[first.casefold()]} {rest.strip()}"
+    if text.startswith("("):
+        return f"count {text}, share {text} or mean {text}"
+    known = BUILT_IN.get(first.casefold())
+    return f"count ({text}) or share ({text})" if known and rest else ""
 
 
 def own_function(text: str) -> tuple[str, str] | None:

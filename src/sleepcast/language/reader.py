@@ -226,6 +226,11 @@ def rows(form: List, begin: int) -> Iterator[Row]:
             at += 1
 
 
+def is_row(forms: Sequence[Form]) -> bool:
+    """Whether these are operands with operators between them, and nothing else."""
+    return len(forms) >= 3 and len(forms) % 2 == 1 and all(is_operator(f) == bool(at % 2) for at, f in enumerate(forms))
+
+
 def written(row: Sequence[Form], text: str) -> str:
     """A row of `text` as it is written here, "" for one that is too long."""
     if len(row) >= 2 * MAX_OPERANDS:
@@ -253,6 +258,66 @@ def brief(form: Form, text: str) -> str:
     """What stands in `text` for `form`, on one line, its end left out where it is long."""
     found = " ".join(text[form.start : min(form.end, form.start + MAX_BRIEF + 1)].split())
     return found if form.end - form.start <= MAX_BRIEF else f"{found[:MAX_BRIEF]}..."
+
+
+# ---- what was probably meant by several forms in a row: `fuel > 50%` without parentheses, `IN bravo`, `5 m`. It only
+# words what an error proposes; nothing is obeyed of it.
+
+
+MAX_MEANT = 16
+"""Of a text for which something is proposed: more are prose."""
+CONDITIONS = ("if", "when", "where")
+_ALONE = re.compile(rf"(\d)\s+({'|'.join(map(re.escape, UNITS))})(?=[\s()]|$)")
+
+
+def meant(forms: Sequence[Form], text: str) -> str:
+    """The expression that the forms of `text` probably stand for; "" where that cannot be guessed."""
+    joined = _ALONE.sub(r"\1\2", text)
+    forms = forms if joined == text else read_all(joined)
+    return "" if len(forms) > MAX_MEANT else _meant(forms, joined)
+
+
+def _meant(forms: Sequence[Form], text: str) -> str:
+    if len(forms) == 1:
+        return brief(forms[0], text)
+    if is_row(forms):
+        return written(forms, text)
+    return _conditional(forms, text) or _call(forms, text)
+
+
+def _conditional(forms: Sequence[Form], text: str) -> str:
+    """`if TEST then ACTION` and `ACTION if TEST`."""
+    words = [form.key if isinstance(form, Symbol) else "" for form in forms]
+    if words[0] in CONDITIONS and "then" in words:
+        at = words.index("then")
+        return _when(forms[1:at], forms[at + 1 :], text)
+    at = next((at for at, word in enumerate(words) if at and word in CONDITIONS), 0)
+    return _when(forms[at + 1 :], forms[:at], text) if at else ""
+
+
+def _when(test: Sequence[Form], action: Sequence[Form], text: str) -> str:
+    if not (test and action):
+        return ""
+    condition, does = (_meant(each, text) for each in (test, action))
+    if not (condition and does):
+        return ""
+    return f"(WHEN {condition} {does if does.startswith('(') else f'({does})'})"
+
+
+def _call(forms: Sequence[Form], text: str) -> str:
+    """A function before what it is given, or an action before the test for it."""
+    first, rest = forms[0], forms[1:]
+    if not isinstance(first, Symbol) or first.key in CONDITIONS or (is_operator(first) and len(rest) < 2):
+        return ""
+    from sleepcast.language.functions import BUILT_IN  # only needed when something is wrong already
+
+    known = BUILT_IN.get(first.key)
+    if is_row(rest) and (known is None or known.most == 0):
+        return _when(rest, forms[:1], text)
+    if known is None and not first.text.isupper():
+        return ""  # any word
+    given = [written(rest, text)] if is_row(rest) else [brief(each, text) for each in rest]
+    return f"({first.text} {' '.join(given)})"
 
 
 # ---- reading
@@ -296,6 +361,8 @@ def read(text: str) -> Form:
         raise ReadError("no expression @@: wanted a number, a name or (function argument ...)", text, 0, 1)
     if len(forms) > 1:
         first, second = forms[:2]
+        if proposed := meant(forms, text):
+            raise ReadError(f"this is no expression @@: write {proposed}", text, first.start, forms[-1].end)
         if isinstance(first, Symbol):
             wanted = 'an expression starts with "(", as in (WHEN (> fuel 50%) (ST))'
             raise ReadError(f"this is no expression @@: {wanted}", text, first.start, first.end)

@@ -23,7 +23,7 @@ from sleepcast.channel import Channel, Message
 from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.channel.simulated_radio import OPERATOR, Radio
 from sleepcast.core.clock import Clock
-from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.errors import MisuseError, SleepcastError, in_file
 from sleepcast.core.model import Constant
 from sleepcast.core.units import NONE, UNITS
 from sleepcast.fleet import Fleet, RobotView
@@ -271,7 +271,7 @@ def give(desk: Desk, order: Order, *, confirmed: bool = False) -> object:
             undecided=True,
         )
     except SleepcastError as error:
-        raise MissionError(f"{order.place}: {error}") from error
+        raise MissionError(in_file(order.place, str(error))) from error
 
 
 def _think(swarm: Swarm) -> None:
@@ -391,5 +391,5 @@ def _readable(order: Order) -> Order:
         if text := instruction(order).text:
             read(text)
     except SleepcastError as error:
-        raise MissionError(f"{order.place}: {error}") from error
+        raise MissionError(in_file(order.place, str(error))) from error
     return order

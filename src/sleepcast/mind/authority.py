@@ -51,6 +51,8 @@ from sleepcast.channel.message import (
     message_id,
 )
 from sleepcast.core.errors import MisuseError, decimal_comma
+from sleepcast.core.quantities import QuantityError, in_si
+from sleepcast.core.units import TIME
 from sleepcast.language.parts import label_of, rules, walk
 from sleepcast.language.program import Program
 
@@ -239,17 +241,14 @@ def driver_of(message: Message) -> str:
 
 
 def read_lease(text: str) -> float:
-    """Parse a lease: seconds (`1s`, `0.5`), or `off`. Raises MisuseError."""
+    """Parse a lease: a time (`1s`, `500ms`, `0.5`), or `off`. Raises MisuseError."""
     if text.strip().casefold() == OFF:
         return inf
     try:
-        found = float(text.strip().removesuffix("s"))
-    except ValueError:
-        found = 0.0
-    if not LEAST_DEAD_MAN <= found <= MOST_DEAD_MAN:
+        return in_si(text, TIME, LEAST_DEAD_MAN, MOST_DEAD_MAN)
+    except QuantityError:
         wanted = f"wanted {LEAST_DEAD_MAN:g}s to {MOST_DEAD_MAN:g}s, or {OFF}"
-        raise MisuseError(f"a lease of {text!r:.40}: {wanted}{decimal_comma(text)}")
-    return found
+        raise MisuseError(f"a lease of {text!r:.40}: {wanted}{decimal_comma(text)}") from None
 
 
 # ---- authority

@@ -27,7 +27,7 @@ def lease_body(deed: LeaseAction, group: str, seconds: float, to: str = "") -> d
     if not named or len(group) > MAX_NAME:
         raise LeaseError(f"{group!r:.80} is not a group's name: wanted one word, e.g. bravo")
     if not 0.0 <= seconds <= MAX_LEASE:
-        raise LeaseError(f"a lease is for 0 to {MAX_LEASE:g} s, not {seconds:g}: renew it if you need it longer")
+        raise LeaseError(f"a lease is for 0 to {MAX_LEASE:g} s, not {seconds:g} s: renew it if you need it longer")
     if deed is LeaseAction.GRANT and not to:
         raise LeaseError(f"say to whom {group} is granted (--to NAME)")
     return {LEASE: {DO: deed.value, GROUP: group, SECONDS: seconds, TO: to}}

@@ -7,16 +7,18 @@ what opens such an address, `open(uri, clock)`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from typing import cast
 
 from sleepcast.channel.transports.address import EXAMPLE, AddressError
 from sleepcast.channel.transports.transport import Transport
 from sleepcast.core.clock import Clock, UnixClock
-from sleepcast.core.errors import did_you_mean
+from sleepcast.core.errors import nearest
 
 Opening = Callable[[str, Clock], Transport]
 TRANSPORTS = "sleepcast.transports"
+_PLAIN = re.compile(r"[\w.-]+:\d+(\?.*)?")
 
 
 def open_transport(uri: str, clock: Clock | None = None) -> Transport:
@@ -28,6 +30,22 @@ def open_transport(uri: str, clock: Clock | None = None) -> Transport:
     found = find_extension(TRANSPORTS, scheme)
     if found is None:
         schemes = tuple(extensions(TRANSPORTS))
-        wanted = f"wanted one that begins with {', '.join(schemes)}:, for instance {EXAMPLE}"
-        raise AddressError(f"{uri[:80]!r} is not a channel address{did_you_mean(scheme, schemes)}: {wanted}")
+        known = ", ".join(f"{each}:" for each in schemes)
+        wanted = f"wanted one that begins with {known}, for instance {EXAMPLE}"
+        raise AddressError(f"{uri[:80]!r} is not a channel address{_slip(scheme, uri, schemes)}: {wanted}")
     return cast(Opening, load_extension(found, "transport"))(uri, clock or UnixClock())
+
+
+def _slip(scheme: str, uri: str, schemes: Sequence[str]) -> str:
+    """What was probably meant: an address without its scheme, or with one of which it is a slip."""
+    if "://" not in uri:
+        return f" (did you mean udp://{uri[:80]}?)" if _PLAIN.fullmatch(uri) else ""
+    written = scheme.casefold()
+    near = (each for each in schemes if len(each) == len(written) and _letters_apart(each, written) < 2)
+    meant = next(near, None) or nearest(scheme, schemes)
+    return f" (did you mean {meant}{uri[len(scheme) : 80]}?)" if meant else ""
+
+
+def _letters_apart(one: str, other: str) -> int:
+    """How many letters differ; two that are exchanged count as none."""
+    return 0 if sorted(one) == sorted(other) else sum(a != b for a, b in zip(one, other, strict=True))

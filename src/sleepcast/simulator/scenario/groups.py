@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 
 from sleepcast.core.errors import did_you_mean
 from sleepcast.core.model import Quantity
-from sleepcast.core.settings import Measure, SettingsError, Table, checked_name
+from sleepcast.core.quantities import Measure
+from sleepcast.core.settings import SettingsError, Table, checked_name
 from sleepcast.core.units import UNITS
 from sleepcast.robot import BodyConstant
 

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import inf, pi
 
-from sleepcast.core.settings import Measure, Table, checked_name, shown_key
+from sleepcast.core.quantities import Measure
+from sleepcast.core.settings import Table, checked_name, shown_key
 from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, UNITS, Dimension
 from sleepcast.robot import Geometry, Limits
 from sleepcast.simulator.scenario.groups import RobotGroup

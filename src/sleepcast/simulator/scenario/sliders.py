@@ -20,7 +20,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sleepcast.core.settings import Document, Measure, Table, checked_name
+from sleepcast.core.quantities import Measure
+from sleepcast.core.settings import Document, Table, checked_name
 from sleepcast.core.units import UNITS
 from sleepcast.robot import BodyConstant
 

@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
-from sleepcast.core.settings import Measure, Table
+from sleepcast.core.quantities import Measure
+from sleepcast.core.settings import Table
 from sleepcast.core.units import LENGTH
 from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_WORLD
 from sleepcast.simulator.world.drawing import MAX_NAME, read_drawing

@@ -1,0 +1,21 @@
+"""Sentences about files have one place."""
+
+from __future__ import annotations
+
+import pytest
+
+from sleepcast.core.errors import in_file
+
+
+@pytest.mark.parametrize(
+    ("place", "sentence", "shown"),
+    [
+        ("a.sleep:4", 'unknown name "fule" at 3:12\n  x\n  ^', 'a.sleep:6: unknown name "fule"\n  x\n  ^'),
+        ("a.sleep:4", 'the "(" at 1:1 is not closed', 'a.sleep:4: the "(" is not closed'),
+        ("a.sleep:4", "no such group", "a.sleep:4: no such group"),
+        ("the answer", "1 22 at 1:3", "the answer: 1 22 at 1:3"),
+        ("C:x.sleep:2", "(f at 9:9) takes 1 argument at 1:2", "C:x.sleep:2: (f at 9:9) takes 1 argument"),
+    ],
+)
+def test_a_sentence_about_a_file_has_one_line_count(place: str, sentence: str, shown: str) -> None:
+    assert in_file(place, sentence) == shown

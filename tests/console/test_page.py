@@ -358,6 +358,23 @@ def test_what_is_for_everybody_must_be_meant(rovers: Page) -> None:
     expect(box).not_to_be_checked()  # meant once is not meant for ever
 
 
+def test_enter_twice_sends_to_everybody_but_a_held_key_does_not(rovers: Page) -> None:
+    before = rovers.locator("#commands tr").count()
+    type_in(rovers, "(UNMARK)")
+    box = rovers.get_by_label("This applies to all 20 robots. Send anyway?")
+    expect(box).to_be_visible()
+    rovers.locator("#text").focus()
+    for _ in range(4):  # without the key let go, as a keyboard repeats it
+        rovers.keyboard.down("Enter")
+    expect(box).to_be_focused()
+    expect(box).not_to_be_checked()
+    assert rovers.locator("#commands tr").count() == before
+    rovers.keyboard.up("Enter")
+    rovers.keyboard.press("Enter")
+    expect(rovers.locator("#commands tr")).to_have_count(before + 1)
+    expect(rovers.locator("#text")).to_have_value("")
+
+
 def test_what_is_hardly_meant_is_sent_by_a_second_enter(rovers: Page) -> None:
     before = rovers.locator("#commands tr").count()
     type_in(rovers, "(WHEN (> battery 1%) (< battery 101%) (MARK))")

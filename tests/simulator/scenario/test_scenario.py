@@ -60,7 +60,7 @@ MISTAKES = [
     ('"1km"\nheight', '"1kn"\nheight', 9, "world.width", 'wanted a length such as "5m", not "1kn", a speed'),
     ('"1km"\nheight', '"1kmh"\nheight', 9, "world.width", 'unknown unit in "1kmh" (did you mean km?)'),
     ('"1km"\nheight', '"wide"\nheight', 9, "world.width", 'wanted a length such as "5m", not "wide"'),
-    ('"1km"\nheight', '"0km"\nheight', 9, "world.width", 'from 1e-09km to 10000km, not "0km"'),
+    ('"1km"\nheight', '"0km"\nheight', 9, "world.width", 'from 1e-06m to 10000km, not "0km"'),
     ("count = 20", "count = 0", 18, "robots.count", "wanted a whole number from 1 to 1000000, not 0"),
     ("count = 20", 'count = "many"', 18, "robots.count", 'not "many"'),
     ("count = 20", "count = true", 18, "robots.count", "not true"),

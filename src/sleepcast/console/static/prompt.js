@@ -18,6 +18,15 @@ const FIRST_HINT = "Enter starts time";
 const MOST_NAMES = 12; // names offered at once
 const MOST_CHARACTERS = 16384; // of a command, as console/incoming.py has it
 
+// Enter in a field that asks back; not of a key that is still held down from the question.
+function onceMore(field, then) {
+  field.addEventListener("keydown", (event) => {
+    if (event.key !== "Enter") return;
+    event.preventDefault();
+    if (!event.repeat) then();
+  });
+}
+
 export class Prompt extends EventTarget {
   constructor(root, wire) {
     super();
@@ -49,13 +58,14 @@ export class Prompt extends EventTarget {
     document.addEventListener("selectionchange", () => this.showUsage());
     this.completions.addEventListener("take", (event) => this.complete(event.detail));
     this.find("send").addEventListener("click", () => this.send());
-    this.find("everybody-yes").addEventListener("change", () => this.showSend());
-    this.find("sort").addEventListener("change", () => this.sorted());
-    this.find("meant-count").addEventListener("keydown", (event) => {
-      if (event.key !== "Enter") return;
-      event.preventDefault();
+    const everybody = this.find("everybody-yes");
+    everybody.addEventListener("change", () => this.showSend());
+    onceMore(everybody, () => {
+      everybody.checked = true;
       this.send();
     });
+    this.find("sort").addEventListener("change", () => this.sorted());
+    onceMore(this.find("meant-count"), () => this.send());
     this.search.addEventListener("take", (event) => this.set(event.detail));
     this.search.addEventListener("end", () => this.focus());
     setInterval(() => {
@@ -221,7 +231,7 @@ export class Prompt extends EventTarget {
     }
     if (everybody) {
       const count = (answer.yes + answer.no + answer.unknown).toLocaleString("en");
-      this.find("everybody-text").textContent = `This applies to all ${count} robots. Send anyway?`;
+      this.find("everybody-text").textContent = `This applies to all ${count} robots. Send anyway? (Enter twice)`;
     }
   }
 
@@ -311,7 +321,7 @@ export class Prompt extends EventTarget {
       event.preventDefault();
     } else if (event.key === "Enter" && !event.shiftKey) {
       event.preventDefault();
-      this.send();
+      if (!event.repeat) this.send(); // a key that is held down confirms nothing
     } else if (event.key === "r" && event.ctrlKey) {
       event.preventDefault();
       this.search.begin();

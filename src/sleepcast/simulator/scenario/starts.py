@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.message import MAX_NAME, is_robot_name
 from sleepcast.core.errors import decimal_comma, did_you_mean
-from sleepcast.core.settings import Document, SettingsError, Table, read_text, shown_value
+from sleepcast.core.quantities import shown_value
+from sleepcast.core.settings import Document, SettingsError, Table, read_text
 from sleepcast.core.units import LENGTH, UNITS
 from sleepcast.simulator.simd.formulas import sine_cosine
 

@@ -110,6 +110,7 @@ SLOW = {
     "scenarios/test_search.py": 4,
     "scenarios/test_beeclust.py": 4,
     "scenarios/test_barrier.py": 4,
+    "language/test_behaviours.py": 4,
     "scenarios/test_recruit.py": 5,
     "scenarios/test_rewrite_1000.py": 4,
     "scenarios/test_rooms.py": 4,

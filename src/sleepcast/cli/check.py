@@ -13,7 +13,7 @@ import click
 
 from sleepcast.cli.eval import NegativeNumbersAllowed
 from sleepcast.cli.streams import InputError, pieces, put, read_file, read_standard_input
-from sleepcast.core.errors import and_more, in_file
+from sleepcast.core.errors import MisuseError, and_more, in_file
 
 if TYPE_CHECKING:
     from sleepcast.language import Finding
@@ -49,8 +49,13 @@ class Review:
 @click.option("--scenario", metavar="NAME", help="Check against the names that the robots of this scenario know.")
 @click.option("--strict", is_flag=True, help="Treat warnings as errors.")
 @click.option("--sentence", is_flag=True, help="Translate English sentences into expressions, and expressions back.")
+@click.option(
+    "--from", "notation", type=click.Choice(["hoskins"]), help="Translate behaviours in Hoskins' notation into rules."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as one JSON object.")
-def check(sources: tuple[str, ...], scenario: str | None, strict: bool, sentence: bool, as_json: bool) -> int:
+def check(
+    sources: tuple[str, ...], scenario: str | None, strict: bool, sentence: bool, notation: str | None, as_json: bool
+) -> int:
     """Check expressions without evaluating them: print every finding with its place, and the cost in steps.
 
     A source is an expression, a file of expressions, a mission script (.sleep), a file of cases (.cases), or - for
@@ -62,7 +67,14 @@ def check(sources: tuple[str, ...], scenario: str | None, strict: bool, sentence
       sleepcast check --scenario bravo '(WHEN (> fule 50%) (JOIN bravo))'
       sleepcast check --strict mission.sleep
       sleepcast check --scenario bravo --sentence 'scouts within 5 miles of X join bravo'
+      sleepcast check --from hoskins '4: ((F, S, *, *), PING, 0.9)'
     """
+    if notation:
+        if scenario or strict or sentence:
+            raise MisuseError("--from only translates: check the rules that it prints, with --scenario or --strict")
+        from sleepcast.cli.behaviours import translate as translate_behaviours
+
+        return FAILED if translate_behaviours(map(_whole, sources), as_json) else 0
     if sentence:
         from sleepcast.cli.sentences import translate
 
@@ -105,6 +117,13 @@ def _expressions(source: str) -> Iterator[Expression]:
         yield from _cases(read_file(Path(source)), source)
     else:
         yield from _plain(read_file(Path(source)), source)
+
+
+def _whole(source: str) -> tuple[str, str]:
+    """The name of a source, "" for one that was typed, and all its text."""
+    if source == "-":
+        return "standard input", read_standard_input()
+    return (source, read_file(Path(source))) if _is_file(source) else ("", source.strip())
 
 
 def _is_file(source: str) -> bool:

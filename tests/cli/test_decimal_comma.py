@@ -15,7 +15,6 @@ from sleepcast.experiments.plan import read_experiment
 from sleepcast.language import Vocabulary, check
 from sleepcast.language.learned_names import LearnedNames
 from sleepcast.mind.authority import read_lease
-from sleepcast.sentences.tokens import ODD, cut
 from sleepcast.simulator import parse_mission, read_scenario
 from sleepcast.simulator.nomads.sites import read_site
 from sleepcast.simulator.recording.recorder import read_rotation
@@ -90,10 +89,6 @@ def test_in_files(tmp_path: Path) -> None:
         read_site(site)
     with pytest.raises(MisuseError, match=rf"{POINT}0\.5"):
         read_experiment(tmp_path / "experiment.toml", PLAN + '"radio.loss" = { low = 0, high = "0,5" }\n')
-
-
-def test_in_a_sentence() -> None:
-    assert [token.written for token in cut("drive 12,5 km") if token.kind == ODD] == ["12,5"]
 
 
 @pytest.mark.parametrize(

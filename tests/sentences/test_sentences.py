@@ -112,6 +112,7 @@ UNCLEAR = [
     ("robots near X join bravo", ["near X"], "nothing that these robots are known to do"),
     ("robots with 50 % fuel stop", ["50 % fuel"], '"more than"'),
     ("robots within 1,000 m of X stop", ["1,000 m of X"], "no commas"),
+    ("robots within 1,5 km of X stop", ["1,5 km of X"], "Decimals have a point, not a comma: 1.5"),
     ("robots within 5 miles", [""], 'wanted "of" at the end'),
     ("robots within 5 miles of X with", [""], "the name of a variable at the end"),
     ("robots", [""], "what the robots are to do is missing"),

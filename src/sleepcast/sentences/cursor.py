@@ -170,8 +170,8 @@ class Cursor:
         if token.kind != NUMBER:
             if "," in self.said():
                 said = self.said()
-                why = decimal_comma(said) or ": numbers have no commas, and a blank follows each comma"
-                self.stuck(f'"{said}" is no number{why}')
+                why = f"numbers have no commas, and a blank follows each comma{decimal_comma(said)}"
+                self.stuck(f'"{said}" is no number: {why}')
             if token.kind == ODD:
                 self.stuck(f'"{self.said()}" is no number with a unit')
             self.stuck("wanted a number")

@@ -114,6 +114,13 @@ def test_rules_run_at_every_tick_in_their_order_until_their_lease_ends(robot: bo
     assert evaluate(robot, "n").value == 13.0
 
 
+def test_a_priority_is_refused_in_a_sentence(robot: board.Talk) -> None:
+    fresh(robot)
+    for text in ("(RULE a 1 :priority 2)", "(RULE a (ONCE marked (UNMARK)) :priority 2)"):
+        assert evaluate(robot, text).refused.startswith("RULE has no :priority on this computer"), text
+    assert evaluate(robot, "(RULE a 1)").value == 1.0
+
+
 def test_a_rule_that_fails_ten_times_is_deactivated_and_rollback_restores_what_worked(robot: board.Talk) -> None:
     fresh(robot)
     for text in ("(DEFVAR n 0)", "(RULE good (SETQ n (+ n 1)))"):

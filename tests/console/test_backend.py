@@ -395,7 +395,12 @@ class TestNames:
 
 class TestWatchedRobot:
     def test_tells_its_values_groups_state_rules_and_reports(self, stand: Stand) -> None:
-        orders = ("(JOIN Crew)", "(RULE careful (WHEN (< battery 1%) (ST)))", '(REPORT "level" battery x)', "(FREEZE)")
+        orders = (
+            "(JOIN Crew)",
+            "(RULE careful (WHEN (< battery 1%) (ST)) :priority 2)",
+            '(REPORT "level" battery x)',
+            "(FREEZE)",
+        )
         for order in orders:
             stand.desk.send(1, order, True)
         stand.run()
@@ -406,7 +411,7 @@ class TestWatchedRobot:
         assert (values["battery"].kind, values["drive_speed"].kind) == ("sensor", "actuator")
         assert not {"active1", "time", "tick"} & set(values)
         (rule,) = robot.rules
-        assert (rule.name, rule.active, rule.fault) == ("careful", True, "")
+        assert (rule.name, rule.active, rule.fault, rule.priority) == ("careful", True, "", 2)
         assert robot.said[0].text.startswith("level 0.")
 
     def test_nobody_is_watched_unless_asked_for(self, stand: Stand) -> None:

@@ -72,7 +72,8 @@ def message(chance: Random, author: Author) -> str:
     if kind == 4:
         return f"(RULE r{chance.randint(1, 2)} (PROGN {author.text()} (ROLLBACK) {author.text()}))"
     if kind == 1:
-        return f"(RULE r{chance.randint(1, 2)} {author.text()})"
+        rank = chance.choice(("", "", f" :priority {chance.randint(-9, 9)}"))
+        return f"(RULE r{chance.randint(1, 2)} {author.text()}{rank})"
     if kind == 2:
         return f"(WHEN (> {chance.choice(('x', 'fuel', 'id'))} {chance.randint(0, 3)}) {author.text()})"
     if kind == 3:

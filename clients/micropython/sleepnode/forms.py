@@ -56,6 +56,7 @@ _LET_TWICE_REFUSED = const(60)
 _BINDING_REFUSED = const(61)
 _LET_REFUSED = const(62)
 _CLAUSE_REFUSED = const(63)
+_PRIORITY_REFUSED = const(66)
 
 _SELDOM = const(("dotimes", "dice", "defun", "edge-dist", "area", "inside", "to-edge", "tell"))
 _FLAGS = {"sleep": 7, "wake": 6, "freeze": 5, "thaw": 4, "mark": 1, "unmark": 0}
@@ -342,6 +343,8 @@ def write(c, form, key):
             raise Refused(*((_BUFFER_REFUSED,) if key == "setqq" else (_A_NAME_REFUSED, key.upper())))
         if key == "setqq" and buffer_number(form[1].lower()) is None:
             raise Refused(_BUFFER_REFUSED)
+        if len(form) > 3:
+            raise Refused(_PRIORITY_REFUSED)
         return store(c, form[1], form[2], key == "rule")
     elif key in ("quote", "quasiquote", "unquote"):
         raise Refused(_QUOTED_REFUSED)

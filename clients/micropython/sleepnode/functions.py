@@ -155,7 +155,7 @@ _ARGUMENTS = const(
     " + 0- - 1- * 0- / 1- ^ 2 mod 2 abs 1 min 1- max 1- sqrt 1 exp 1 log 1 sin 1 cos 1 tan 1 atan2 2 floor 1 ceil 1 "
     "round 1 dist 4 bearing 4 edge-dist 8-98 wrap 1 clamp 3 = 1- /= 1- < 1- <= 1- > 1- >= 1- not 1 eq 1- and 0- or 0- "
     "known 1 cond 0- if 2-3 when 1- progn 0- let 1- dotimes 1- setq 2 setqq 2 defvar 1-2 quote 1 quasiquote 1 "
-    "unquote 1 rule 2 activate 1 deactivate 1 forget 1 lease 2 defun 3- join 1 leave 1 in 1 prob 1 dice 1- random 2 "
+    "unquote 1 rule 2-4 activate 1 deactivate 1 forget 1 lease 2 defun 3- join 1 leave 1 in 1 prob 1 dice 1- random 2 "
     "gauss 2 sleep 0 wake 0 freeze 0 thaw 0 mark 0 unmark 0 rollback 0 report 1- print 1- tell 1-3 ping 0-1 "
     "area 4-97 inside 1 to-edge 1 once 1- held 2 hysteresis 3 every 1- after 1- within 2 age 1 share 2-3 "
 )

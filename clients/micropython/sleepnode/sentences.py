@@ -72,6 +72,7 @@ a clause of COND is a list: wanted (test expr ...)
 """,
     """nested too deeply for this computer
 no room for a user variable %s: there are %d already
+RULE has no :priority on this computer: its rules run in the order in which they came
 """,
 )
 

@@ -74,7 +74,7 @@ class RecordingWitness:
         self._groups = Groups()
         self._minds = np.full(len(swarm.minds), -1, np.int32)
         """Which mind each robot had when its rules were last looked at."""
-        self._rules: dict[int, list[tuple[str, str, bool]]] = {}
+        self._rules: dict[int, list[tuple[str, str, bool, int]]] = {}
         """The rules of robots that have any, as they were recorded last."""
         self._answers: dict[str, int] = {}
         self._failing = FailuresBody([])
@@ -218,11 +218,11 @@ class RecordingWitness:
 
     def _look_at_rules(self, index: int, now: float) -> None:
         mind = self._swarm.fleet.at(index)
-        rules = [(rule.name, rule.text, rule.active) for rule in mind.rules()]
+        rules = [(rule.name, rule.text, rule.active, rule.priority) for rule in mind.rules()]
         if rules != self._rules.get(index, []):
             self._rules[index] = rules
             self._note_rules(index, now)
-            active = ", ".join(name for name, _, active in rules if active)
+            active = ", ".join(name for name, _, active, _ in rules if active)
             self._recorder.log(now, mind.name, f"active rules: {active or 'none'}")
 
     def _note_rules(self, index: int, now: float) -> None:

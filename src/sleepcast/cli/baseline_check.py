@@ -14,6 +14,7 @@ from itertools import count, islice
 from typing import TYPE_CHECKING, NamedTuple
 
 from sleepcast.core.errors import SleepcastError, printable
+from sleepcast.language.functions import PRIORITY
 from sleepcast.language.vocabulary import buffer_number
 from sleepcast.mind.limits import MAX_QUEUE
 
@@ -38,7 +39,7 @@ class Learned(NamedTuple):
 
     groups: frozenset[str]
     operators: tuple[tuple[str, tuple[str, ...], str], ...]
-    rules: tuple[tuple[str, str], ...]
+    rules: tuple[tuple[str, str, int], ...]
     registers: object = None
 
 
@@ -58,7 +59,7 @@ class Case:
         node = Node("r", self.vocabulary, on_air=True)
         node.catching_up = True  # rules that were replaced would not run on a newcomer, either
         for text, install in _starting(self.start, self.touched):
-            _begin(node, text, install)
+            _begin(node, text, self.start.priorities if install else None)
         waiting = iter(messages)
         for tick in count(1):
             some = list(islice(waiting, MAX_QUEUE))
@@ -118,18 +119,23 @@ def _starting(start: MindRecord, touched: frozenset[str]) -> Iterator[tuple[str,
         if protected:
             yield f"{name} {text}", True
         elif _rule_key(name) not in touched:
-            yield f"({'RULE' if buffer_number(name.casefold()) is None else 'SETQQ'} {name} {text})", False
+            rank = f" {PRIORITY} {start.priorities[name]}" if name in start.priorities else ""
+            yield (
+                f"({'RULE' if rank or buffer_number(name.casefold()) is None else 'SETQQ'} {name} {text}{rank})",
+                False,
+            )
     for name in start.groups:
         if name.casefold() not in touched:
             yield f"(JOIN {name})", False
 
 
-def _begin(node: Node, text: str, built_in: bool) -> None:
-    """What cannot be learned here, the robot has learned in another way, which the comparison shows."""
+def _begin(node: Node, text: str, built_in: Mapping[str, int] | None) -> None:
+    """What cannot be learned here, the robot has learned in another way, which the comparison shows. built_in: the
+    priorities of rules that are."""
     name, _, body = text.partition(" ")
     try:
-        if built_in:
-            node.install(name, body)
+        if built_in is not None:
+            node.install(name, body, priority=built_in.get(name, 0))
         else:
             node.evaluate(text)
     except SleepcastError:
@@ -153,7 +159,7 @@ def _told(record: MindRecord, touched: frozenset[str]) -> Learned:
     return Learned(
         frozenset(name.casefold() for name in record.groups) & touched,
         tuple((name, tuple(given), text) for name, given, text in record.operators if name.casefold() in touched),
-        tuple((name, text) for name, text, _ in record.rules if _rule_key(name) in touched),
+        tuple((n, text, record.priorities.get(n, 0)) for n, text, _ in record.rules if _rule_key(n) in touched),
     )
 
 

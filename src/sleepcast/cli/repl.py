@@ -134,6 +134,7 @@ class Conversation:
             yield "no rules yet: store one with (RULE name expression)"
         for rule in found:
             state = "active" if rule.active else "idle"
+            state += f"  priority {rule.priority}" if rule.priority else ""
             yield f"{rule.name}  {state}  last {format_value(rule.last_value)}  fired {rule.firings}  {rule.text}"
             if rule.last_fault:
                 yield f"  fault: {rule.last_fault}"

@@ -363,7 +363,7 @@ class Backend:
 
     def _show_rule(self, rule: RuleView) -> outgoing.ShownRule:
         value = "never ran" if isnan(rule.last_value) else format_value(rule.last_value)
-        return outgoing.ShownRule(rule.name, rule.text, rule.active, value, rule.last_fault)
+        return outgoing.ShownRule(rule.name, rule.text, rule.active, value, rule.last_fault, rule.priority)
 
     def _show_value(self, name: str, value: float) -> outgoing.ShownValue:
         vocabulary = self._swarm.vocabulary

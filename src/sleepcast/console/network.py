@@ -250,4 +250,4 @@ class NetworkBackend(Backend):
         return super()._states(mind) + self._fleet.states(mind.name) + old
 
     def _show_rule(self, rule: RuleView) -> outgoing.ShownRule:
-        return outgoing.ShownRule(rule.name, rule.text, rule.active, NOT_SENT, rule.last_fault)
+        return outgoing.ShownRule(rule.name, rule.text, rule.active, NOT_SENT, rule.last_fault, rule.priority)

@@ -250,13 +250,14 @@ class ShownValue(msgspec.Struct, frozen=True):
 
 
 class ShownRule(msgspec.Struct, frozen=True):
-    """An expression that the watched robot keeps."""
+    """An expression that the watched robot keeps. priority: rules with a higher one run later."""
 
     name: str
     text: str
     active: bool
     value: str
     fault: str
+    priority: int = 0
 
 
 class ShownReport(msgspec.Struct, frozen=True):

@@ -177,7 +177,7 @@ class RobotView:
                     tally.steps_of(self.place),
                     int(tally.firings[self.place]),
                     inf if leases is None else float(leases[self.place]),
-                    kept.priority,
+                    kept.shown_priority,
                     kept.protected,
                 )
             )

@@ -317,7 +317,8 @@ def _keep(memory: FleetMemory, part: Part, rows: Rows, form: Form, storing: Stor
     for flag in (False, True):
         chosen = flags == flag
         if chosen.any():
-            store = partial(rules.store, key=key, name=name, text=text, activate=storing.activate, flag=flag)
+            store = partial(rules.store, key=key, name=name, text=text, flag=flag)
+            store = partial(store, activate=storing.activate, rank=storing.rank)
             done[chosen] = memory.change(part, rows.take(chosen), store)
     return done
 

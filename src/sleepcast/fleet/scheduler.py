@@ -23,7 +23,7 @@ from sleepcast.fleet.state import Mask, Mind, Rows
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import TIME_SLOT
 from sleepcast.mind.limits import FAILED, MAX_FAULTS_IN_ROW, TICK_STEPS
-from sleepcast.mind.rules import Rule
+from sleepcast.mind.rules import Rule, levels
 
 
 class Way:
@@ -165,17 +165,18 @@ class BatchScheduler:
 
     def _choose(self, robot: int) -> tuple[str, ...]:
         """The rules that one robot's budget suffices for, in order of evaluation; the others are left over."""
-        running = self._memory.kept(robot).running
+        mind = self._memory.kept(robot)
+        running, level = mind.running, levels(mind.rules)
         left_over = self.left_over.get(robot, frozenset())
         budget = TICK_STEPS
         taken: set[str] = set()
-        for kept in sorted(running, key=lambda k: (-k.priority, k.key not in left_over)):
+        for kept in sorted(running, key=lambda k: (-level(k), k.key not in left_over)):
             budget -= max(kept.program.cost, self._memory.statistics[kept.key].steps_of(robot))
             if budget < 0 and taken:
                 break
             taken.add(kept.key)
         chosen = [kept for kept in running if kept.key in taken]
-        chosen.sort(key=lambda k: (k.priority, k.key not in left_over))
+        chosen.sort(key=lambda k: (level(k), k.key not in left_over))
         self._leave_over(robot, frozenset(kept.key for kept in running) - taken)
         return tuple(kept.key for kept in chosen)
 

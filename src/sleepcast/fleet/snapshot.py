@@ -99,7 +99,7 @@ def refill(minds: Minds, kept: SharedMinds) -> None:
 
 def _shared(mind: Mind, place: Callable[..., int]) -> SharedMind:
     rules = [
-        SharedRule(rule.key, rule.name, place(rule.program), rule.active, rule.protected, rule.priority)
+        SharedRule(rule.key, rule.name, place(rule.program), rule.active, rule.protected, rule.priority, rule.rank)
         for rule in mind.rules.values()
     ]
     operators = {}
@@ -114,7 +114,8 @@ def _mind(kept: SharedMind, programs: list[Program], vocabulary: Vocabulary) -> 
     rules, operators = {}, {}
     for rule in kept.rules:
         program = _at(programs, rule.program, 0)
-        rules[rule.key] = Rule(rule.key, rule.name, program.text, program, rule.active, rule.protected, rule.priority)
+        flags = (rule.active, rule.protected, rule.priority, rule.rank)
+        rules[rule.key] = Rule(rule.key, rule.name, program.text, program, *flags)
     for key, number in kept.operators.items():
         found = symbols.get(key)
         if not isinstance(found, Operator):

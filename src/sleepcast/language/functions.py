@@ -18,6 +18,9 @@ MANY = 100
 """Arguments of one call at most: the bound of the original interpreter (`eval numArgs > 100`)."""
 MAX_CORNERS = 48
 """Corners of an area: as many as the arguments of one call have room for."""
+PRIORITY = ":priority"
+MAX_PRIORITY = 9
+"""Of a rule, and its negative the least. As many levels as people tell apart."""
 MAX_HOPS = 8
 """How often robots may hand on what one of them tells, at most: across a fleet and not for ever."""
 MAX_REPEATS = 1_000
@@ -307,7 +310,7 @@ _TABLE = (
         "expr with its ,parts replaced by their values, for TELL.",
     ),
     Function("UNQUOTE", 1, 1, "expr", "special", "truth", "Inside a quasi-quote: the value of expr."),
-    Function("RULE", 2, 2, "name expr", "special", "truth", "Stores expr under a name and activates it."),
+    Function("RULE", 2, 4, "name expr [:priority n]", "special", "truth", "Stores expr under a name and activates it."),
     Function("ACTIVATE", 1, 1, "name", "special", "truth", "Lets a rule run at every tick."),
     Function("DEACTIVATE", 1, 1, "name", "special", "truth", "Keeps a rule but does not run it."),
     Function("FORGET", 1, 1, "name", "special", "truth", "Removes a rule, a buffer's expression or an operator."),

@@ -43,10 +43,10 @@ class LearnedNames:
             self._learned[key] = Operator(name.text, parameters, self._uses(form.items[3:], parameters))
         elif form.head == "area":
             self._learned[key] = Operator(name.text, (), self._uses(form.items[2:], ()))
-        elif form.head in ("rule", "setqq") and len(form.items) == 3:
+        elif form.head in ("rule", "setqq") and len(form.items) >= 3:
             number = buffer_number(key)
             key = key if number is None else f"e{number}"
-            self._learned[key] = Stored(name.text, self._uses(form.items[2:], ()))
+            self._learned[key] = Stored(name.text, self._uses(form.items[2:3], ()))
 
     def _uses(self, body: tuple[Form, ...], parameters: tuple[str, ...]) -> frozenset[str]:
         program, _ = build("", body, self, parameters)

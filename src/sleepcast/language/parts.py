@@ -67,12 +67,13 @@ class Part:
 
 
 class Storing:
-    """What a `store` part stores: `form` under `key`, or the number it evaluates to if `value`; a rule is activated."""
+    """What a `store` part stores: `form` under `key`, or the number it evaluates to if `value`; a rule is activated.
+    rank: what RULE gave as `:priority`."""
 
-    __slots__ = ("activate", "form", "key", "value")
+    __slots__ = ("activate", "form", "key", "rank", "value")
 
-    def __init__(self, key: str, form: Form, *, activate: bool, value: bool = False) -> None:
-        self.key, self.form, self.activate, self.value = key, form, activate, value
+    def __init__(self, key: str, form: Form, *, activate: bool, value: bool = False, rank: int = 0) -> None:
+        self.key, self.form, self.activate, self.value, self.rank = key, form, activate, value, rank
 
 
 class Defining:

@@ -122,14 +122,14 @@ def written_out(form: Form, own: Own) -> Form:
 def _message(form: Form, own: Own) -> Form:
     if not isinstance(form, List) or form.head in (QUOTE, QUASIQUOTE, "tell"):
         return form
-    target, body = form.items[1:3] if len(form.items) == 3 else (form, form)
+    target, body = form.items[1:3] if len(form.items) >= 3 else (form, form)
     quoted = form.head == "setq" and isinstance(body, List) and body.head == QUOTE and len(body.items) == 2
     if isinstance(target, Symbol) and (quoted or form.head in ("rule", "setqq")):
         number = buffer_number(target.key)
         rule = _Rule(target.key if number is None else f"e{number}", form, own)
         body = rule.body(body.items[1] if quoted and isinstance(body, List) else body)
         head = Symbol("SETQQ", form.start, form.end) if quoted else form.items[0]
-        stored = List((head, target, body), form.start, form.end)
+        stored = List((head, target, body, *form.items[3:]), form.start, form.end)
         return List((Symbol("PROGN"), *rule.resets, stored), form.start, form.end) if rule.resets else stored
     return List(tuple(_message(item, own) for item in form.items), form.start, form.end)
 

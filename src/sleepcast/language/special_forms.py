@@ -13,7 +13,7 @@ from sleepcast.core.errors import decimal_comma
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language import areas
 from sleepcast.language.checker import STORE_STEPS, Checker, Special
-from sleepcast.language.functions import FUNCTIONS, MAX_HOPS, MAX_REPEATS
+from sleepcast.language.functions import FUNCTIONS, MAX_HOPS, MAX_PRIORITY, MAX_REPEATS, PRIORITY
 from sleepcast.language.parts import Defining, Label, Part, Storing, Template
 from sleepcast.language.reader import (
     MAX_NESTING,
@@ -28,12 +28,15 @@ from sleepcast.language.reader import (
     Text,
     height,
     show,
+    walk,
 )
 from sleepcast.language.remembering import FORMS, SHARE
 from sleepcast.language.vocabulary import Variable, VariableKind, buffer_number
 
 MAX_LOOPS = 4
 """DOTIMES inside DOTIMES at most."""
+
+PRIORITIES = range(-MAX_PRIORITY, MAX_PRIORITY + 1)
 
 SPECIAL: dict[str, Special] = {}
 
@@ -195,10 +198,22 @@ def _setqq(checker: Checker, form: List) -> Part:
 
 @_special("rule")
 def _rule(checker: Checker, form: List) -> Part:
-    target, body = form.items[1:]
+    target, body = form.items[1:3]
     if not isinstance(target, Symbol):
         return checker.error("RULE @@ wants a name", target)
-    return _store(checker, form, target, body, activate=True)
+    return _store(checker, form, target, body, activate=True, rank=_rank(checker, form))
+
+
+def _rank(checker: Checker, form: List) -> int:
+    """The priority of a rule: 0, or what follows `:priority`."""
+    match form.items[3:]:
+        case ():
+            return 0
+        case (Symbol(key=key), Number(dimension=None, value=rank)) if key == PRIORITY and rank in PRIORITIES:
+            return int(rank)
+    wanted = f"what follows it can only be {PRIORITY} and a whole number from -{MAX_PRIORITY} to {MAX_PRIORITY}"
+    checker.error(f"RULE stores one expression @@: {wanted}", form.items[3])
+    return 0
 
 
 @_special(*FORMS)
@@ -214,7 +229,7 @@ def _share(checker: Checker, form: List) -> Part:
     return checker.error(f"SHARE @@ stands in a rule: {wanted}", form)
 
 
-def _store(checker: Checker, form: List, target: Symbol, body: Form, *, activate: bool) -> Part:
+def _store(checker: Checker, form: List, target: Symbol, body: Form, *, activate: bool, rank: int = 0) -> Part:
     number = buffer_number(target.key)
     if number == 0:
         return checker.error("E0 @@ holds the message itself: nothing can be stored there", target)
@@ -224,7 +239,7 @@ def _store(checker: Checker, form: List, target: Symbol, body: Form, *, activate
     if height(body) > MAX_NESTING or len(show(body)) > MAX_TEXT:
         return checker.error("this rule @@, written out, is too long or too deeply nested: use two rules", form)
     steps = checker.stored(key, (body,), [], target)
-    return Part("store", form, name=key, number=steps, data=Storing(key, body, activate=activate))
+    return Part("store", form, name=key, number=steps, data=Storing(key, body, activate=activate, rank=rank))
 
 
 def _is_free_for(checker: Checker, target: Symbol, sort: str) -> bool:
@@ -391,6 +406,9 @@ def _tell(checker: Checker, form: List) -> Part:
     if head != QUOTE:
         _collect_unquoted(checker, template, unquoted)
     hops = _hops(checker, form)
+    for told in walk(template):
+        if isinstance(told, List) and told.head == "rule" and len(told.items) > 3:
+            checker.error(f"a TELL @@ cannot give a rule a {PRIORITY}: only a commander can", told.items[3])
     parts = checker.parts(tuple(unquoted))
     # Robots that hear it may keep the same under these names: a rule must not come to tell itself for ever.
     checker.uses |= _entered(template)

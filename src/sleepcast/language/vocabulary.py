@@ -16,7 +16,7 @@ from enum import Enum
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.model import Constant, HostFunction, NamedArea, Quantity
 from sleepcast.core.units import NONE
-from sleepcast.language.functions import BUILT_IN, FUNCTIONS
+from sleepcast.language.functions import BUILT_IN, FUNCTIONS, PRIORITY
 
 BUFFERS = 64
 """Buffers E0 (the message) to E63."""
@@ -28,6 +28,8 @@ MAX_OPERATORS = 64
 """Operators made by DEFUN, on one robot."""
 MAX_GROUPS = 64
 """Groups that one robot may know."""
+NEW_FORMS = frozenset({PRIORITY})
+"""Parts of forms that came after 0.2.0: robots that know them say so, and others refuse what has them."""
 
 
 class VariableKind(Enum):
@@ -96,7 +98,7 @@ def buffer_number(key: str) -> int | None:
 @dataclass(eq=False)
 class Vocabulary:
     """The names of one type of robot; see the module. Sensors and actuators keep the order they are given in. areas:
-    what its robots have learned from the start."""
+    what its robots have learned from the start. forms: see `NEW_FORMS`."""
 
     name: str = "robot"
     sensors: tuple[Quantity, ...] = ()
@@ -105,6 +107,7 @@ class Vocabulary:
     constants: tuple[Constant, ...] = ()
     functions: tuple[HostFunction, ...] = ()
     areas: tuple[NamedArea, ...] = ()
+    forms: frozenset[str] = NEW_FORMS
     bindings: dict[str, Binding] = field(default_factory=dict, init=False)
     user_slots: dict[str, int] = field(default_factory=dict, init=False)
 

@@ -14,6 +14,7 @@ from functools import partial
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import HostFunction
 from sleepcast.language.areas import text_of
+from sleepcast.language.functions import MAX_PRIORITY, PRIORITY
 from sleepcast.language.program import Library, Program
 from sleepcast.language.reader import MAX_TEXT, read_all
 from sleepcast.language.symbols import (
@@ -48,8 +49,9 @@ BUFFER_KEYS = tuple(f"e{number}" for number in range(1, BUFFERS))
 class Rule:
     """A rule or buffer: its key, its name as written, text, program, and whether it runs at every tick.
 
-    key: e1 to e63, or the case-folded name. protected: it cannot be changed by radio. priority: rules with a higher
-    one are evaluated later (so their writes win) and are served first when the budget does not suffice for all.
+    key: e1 to e63, or the case-folded name. protected: it cannot be changed by radio. priority: of its host; rules with
+    a higher one are evaluated later (so their writes win) and are served first when the budget does not suffice for
+    all. rank: the `:priority` of its RULE, which decides in the same way among rules of the same `priority`.
     """
 
     key: str
@@ -59,6 +61,12 @@ class Rule:
     active: bool = False
     protected: bool = False
     priority: int = 0
+    rank: int = 0
+
+    @property
+    def shown_priority(self) -> int:
+        """For people: a rule has a priority from its host, or from a RULE, never both."""
+        return self.priority or self.rank
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +86,21 @@ def in_order(rules: Mapping[str, Rule]) -> Iterator[Rule]:
 
 def running(rules: Mapping[str, Rule]) -> list[Rule]:
     """The active rules in order of evaluation: higher priorities later."""
-    return sorted((rule for rule in in_order(rules) if rule.active), key=lambda rule: rule.priority)
+    return sorted((rule for rule in in_order(rules) if rule.active), key=levels(rules))
+
+
+_RANKS = 2 * MAX_PRIORITY + 1
+
+
+def levels(rules: Mapping[str, Rule]) -> Callable[[Rule], int]:
+    """What orders these rules: the host's priority, then `:priority`, by which none rises above a protected rule."""
+    most = 0 if guard(rules) is not None else MAX_PRIORITY
+    return lambda rule: rule.priority * _RANKS + min(rule.rank, most)
+
+
+def guard(rules: Mapping[str, Rule]) -> Rule | None:
+    """A protected rule that a `:priority` above 0 would outrank; a host's priority of another level decides alone."""
+    return next((rule for rule in rules.values() if rule.protected and not rule.priority), None)
 
 
 def learned_at_first(vocabulary: Vocabulary, library: Library) -> tuple[dict[str, Declared], dict[str, Program]]:
@@ -157,14 +179,14 @@ class RuleBase:
 
     # ---- rules
 
-    def put(self, key: str, name: str, text: str, program: Program, *, flag: bool) -> None:
+    def put(self, key: str, name: str, text: str, program: Program, *, flag: bool, rank: int = 0) -> None:
         """Store an expression; an existing one keeps its place and its flag. flag: of the buffer, if it is new."""
         found = self.rules.get(key)
         if found is None:
-            self.rules[key] = Rule(key, name, text, program, flag)
+            self.rules[key] = Rule(key, name, text, program, flag, rank=rank)
             self.effects.append(Effect("new", key))
         else:
-            self.rules[key] = replace(found, text=text, program=program)
+            self.rules[key] = replace(found, text=text, program=program, rank=rank)
             self.effects.append(Effect("renewed", key))
 
     def remove(self, key: str) -> None:
@@ -184,8 +206,8 @@ class RuleBase:
         self.rules[key] = replace(self.rules[key], active=active)
 
     def rank(self, key: str, priority: int, protected: bool) -> None:
-        """Set a rule's priority, and whether it is protected."""
-        self.rules[key] = replace(self.rules[key], priority=priority, protected=protected)
+        """Set a rule's priority of its host, and whether it is protected."""
+        self.rules[key] = replace(self.rules[key], priority=priority, protected=protected, rank=0)
 
     def arrange(self) -> None:
         """Sort the rules by the commands that made them first; those of the same command keep their order."""
@@ -210,11 +232,15 @@ class RuleBase:
 # ---- acts: each changes a rule base, or returns the reason for its refusal
 
 
-def store(base: RuleBase, key: str, name: str, text: str, *, activate: bool, flag: bool) -> str | None:
-    """SETQQ, RULE, and SETQ of a buffer. flag: of the buffer now."""
+def store(base: RuleBase, key: str, name: str, text: str, *, activate: bool, flag: bool, rank: int = 0) -> str | None:
+    """SETQQ, RULE, and SETQ of a buffer. flag: of the buffer now; rank: what RULE gives as `:priority`."""
     before, named = base.rules.get(key), buffer_number(key) is None
     if before is not None and before.protected:
         return built_in(before.name)
+    if rank and before is not None and before.priority:
+        return ranked_by_host(before.name)
+    if rank > 0 and (built := guard(base.rules)) is not None:
+        return outranks(name, built.name)
     if named:
         taken = clash(base.symbols.get(key), Stored)
         if taken is not None:
@@ -228,7 +254,7 @@ def store(base: RuleBase, key: str, name: str, text: str, *, activate: bool, fla
     if not base.merging.write(key):
         return base.too_late(key)
     base.changing()
-    base.put(key, name, text, program, flag=flag)
+    base.put(key, name, text, program, flag=flag, rank=rank)
     if named:
         base.learn(key, Stored(name, program.uses))
     wanted = base.merging.flag(key, True if activate else None)
@@ -338,7 +364,7 @@ def roll_back(base: RuleBase, wanted: Iterable[Rule]) -> None:
     for key in [rule.key for rule in base.rules.values() if not rule.protected]:
         base.remove(key)
     for rule in wanted:
-        base.put(rule.key, rule.name, rule.text, rule.program, flag=False)
+        base.put(rule.key, rule.name, rule.text, rule.program, flag=False, rank=rule.rank)
         base.activate(rule.key, rule.active)
     for key in [key for key, each in base.symbols.items() if isinstance(each, Stored) and key not in base.rules]:
         base.unlearn(key)
@@ -358,6 +384,16 @@ UNKNOWN_CASTE = "a ping of unknown caste"
 def built_in(name: str) -> str:
     """Refuses to change a built-in rule or buffer, or the flag of one."""
     return f"{name} is built in: it cannot be changed over the air"
+
+
+def ranked_by_host(name: str) -> str:
+    """Refuses a `:priority` for a rule that has one from its host."""
+    return f"{name} has its priority from the robot's own program: leave out {PRIORITY}"
+
+
+def outranks(name: str, built: str) -> str:
+    """Refuses a priority by which a rule would have the last word over a protected one."""
+    return f"{name} would outrank {built}, which is built in: here {PRIORITY} is at most 0"
 
 
 def too_late(name: str) -> str:

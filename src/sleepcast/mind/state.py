@@ -8,16 +8,21 @@ bit for bit: each program is stored with the meanings that its names had when it
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import Annotated
 
 import msgspec
 
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.serial import SerialError
+from sleepcast.language.functions import MAX_PRIORITY
 from sleepcast.language.program import Library, Program
 from sleepcast.language.reader import read_all
 from sleepcast.language.symbols import SORTS, Declared, Group, Operator, Stored, UserVariable
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.mind.merging import MergingState
+
+RuleRank = Annotated[int, msgspec.Meta(ge=-MAX_PRIORITY, le=MAX_PRIORITY)]
+"""See `Rule.rank`. Stores and snapshots of 0.2.0 have none."""
 
 
 class OperatorState(msgspec.Struct, frozen=True, array_like=True):
@@ -32,12 +37,13 @@ class OperatorState(msgspec.Struct, frozen=True, array_like=True):
 
 
 class RuleState(msgspec.Struct, frozen=True, array_like=True):
-    """A rule or buffer: its name as written. left: remaining s of its lease, None without one."""
+    """A rule or buffer: its name as written. left: remaining s of its lease, None without one. rank: see `Rule`."""
 
     name: str
     text: str
     active: bool
     left: float | None
+    rank: RuleRank = 0
 
 
 class MindState(msgspec.Struct, frozen=True):
@@ -124,6 +130,7 @@ class SharedRule(msgspec.Struct, array_like=True):
     active: bool
     protected: bool
     priority: int
+    rank: RuleRank = 0
 
 
 class SharedMind(msgspec.Struct, array_like=True):

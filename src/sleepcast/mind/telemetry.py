@@ -149,14 +149,15 @@ class FunctionRecord(msgspec.Struct, array_like=True):
         return HostFunction(self.name, _far_away, dimensions, *shape, irreversible=self.irreversible)
 
 
-class VocabularyRecord(msgspec.Struct):
-    """See `Vocabulary`."""
+class VocabularyRecord(msgspec.Struct, omit_defaults=True):
+    """See `Vocabulary`. forms: parts of forms that robots of 0.2.0 do not have, and that these robots know."""
 
     name: Words
     sensors: Annotated[list[QuantityRecord], msgspec.Meta(max_length=MAX_NAMES)]
     actuators: Annotated[list[QuantityRecord], msgspec.Meta(max_length=MAX_NAMES)]
     constants: Annotated[list[ConstantRecord], msgspec.Meta(max_length=MAX_NAMES)]
     functions: Annotated[list[FunctionRecord], msgspec.Meta(max_length=MAX_NAMES)]
+    forms: Annotated[list[Name], msgspec.Meta(max_length=MAX_NAMES)] = []
 
     @classmethod
     def of(cls, found: Vocabulary, doc: int) -> VocabularyRecord:
@@ -166,6 +167,7 @@ class VocabularyRecord(msgspec.Struct):
             [QuantityRecord.of(each, doc) for each in found.actuators],
             [ConstantRecord.of(each, doc) for each in found.constants],
             [FunctionRecord.of(each, doc) for each in found.functions],
+            sorted(found.forms),
         )
 
     def made(self) -> Vocabulary:
@@ -176,15 +178,18 @@ class VocabularyRecord(msgspec.Struct):
             tuple(found.made() for found in self.actuators),
             constants=tuple(found.made() for found in self.constants),
             functions=tuple(found.made() for found in self.functions),
+            forms=frozenset(self.forms),
         )
 
 
-class MindRecord(msgspec.Struct):
-    """What a robot has learned. operators: name, parameters, text. rules: name, text, whether it is built in."""
+class MindRecord(msgspec.Struct, omit_defaults=True):
+    """What a robot has learned. operators: name, parameters, text. rules: name, text, whether it is built in.
+    priorities: of the rules that have another than 0, by their names."""
 
     groups: Annotated[list[Name], msgspec.Meta(max_length=MAX_GROUPS)]
     operators: Annotated[list[tuple[Name, list[Name], Text]], msgspec.Meta(max_length=MAX_OPERATORS)]
     rules: Annotated[list[tuple[Name, Text, bool]], msgspec.Meta(max_length=MAX_RULES + BUFFERS)]
+    priorities: Annotated[dict[Name, int], msgspec.Meta(max_length=MAX_RULES + BUFFERS)] = {}
 
 
 class TelemetryRecord(msgspec.Struct):

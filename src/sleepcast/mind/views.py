@@ -25,8 +25,8 @@ class RuleView:
     """A rule or buffer as shown to people.
 
     lease: time (s) at which it is deactivated, inf for never. last_value, last_fault, steps: of its last evaluation.
-    firings: evaluations in which its test held. priority: rules with a higher one are evaluated later. protected:
-    built in.
+    firings: evaluations in which its test held. priority: rules with a higher one are evaluated later; of its
+    host, or the `:priority` of its RULE. protected: built in.
     """
 
     name: str

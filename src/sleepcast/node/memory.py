@@ -256,17 +256,17 @@ class RobotMemory:
         if not isinstance(storing, Storing):
             raise TypeError(f"a part of op {part.op} stores nothing")
         if not storing.value:
-            done = self._store(part, storing.key, storing.form, storing.activate)
+            done = self._store(part, storing, storing.form)
             return self._answer((1.0 if storing.activate else 0.0) if done else nan)
         if value != value:
             return self._answer(self.refuse(part, UNKNOWN_STORED))
-        return self._answer(value if self._store(part, storing.key, Number(value), False) else nan)
+        return self._answer(value if self._store(part, storing, Number(value)) else nan)
 
-    def _store(self, part: Part, key: str, form: Form, activate: bool) -> bool:
-        number = buffer_number(key)
+    def _store(self, part: Part, storing: Storing, form: Form) -> bool:
+        key, number = storing.key, buffer_number(storing.key)
         name = written(part) if number is None else key.upper()
-        flag = number is not None and self.values[ACTIVE0 + number] > 0.0
-        return self.change(part, rules.store(self.base, key, name, show(form), activate=activate, flag=flag))
+        flags = {"activate": storing.activate, "flag": number is not None and self.values[ACTIVE0 + number] > 0.0}
+        return self.change(part, rules.store(self.base, key, name, show(form), **flags, rank=storing.rank))
 
     def change(self, part: Part, refusal: str | None) -> bool:
         """Apply what an act has changed in the rule base, or record its refusal as a fault; returns whether it was

@@ -216,7 +216,7 @@ class Node:
         for rule in in_order(self._memory.base.rules):
             r = self._memory.records[rule.key]
             done = r.last_value, r.last_fault, r.steps, r.firings, r.lease
-            found.append(RuleView(rule.name, rule.text, rule.active, *done, rule.priority, rule.protected))
+            found.append(RuleView(rule.name, rule.text, rule.active, *done, rule.shown_priority, rule.protected))
         return found
 
     def variables(self) -> list[tuple[str, float]]:

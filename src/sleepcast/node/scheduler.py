@@ -13,7 +13,7 @@ from math import inf, nan
 
 from sleepcast.language.vocabulary import ACTIVE0, buffer_number
 from sleepcast.mind.limits import TICK_STEPS
-from sleepcast.mind.rules import Rule, RuleBase, running
+from sleepcast.mind.rules import Rule, RuleBase, levels, running
 
 RuleSet = dict[str, tuple[Rule, float]]
 """What ROLLBACK restores: each rule that is not built in, by its key, and the end of its lease."""
@@ -60,6 +60,10 @@ class RuleRecords:
         if self._running is None:
             self._running = [self._records[rule.key] for rule in running(self._base.rules)]
         return self._running
+
+    def levels(self) -> Callable[[Rule], int]:
+        """What orders the rules: see `mind.rules.levels`."""
+        return levels(self._base.rules)
 
     def carry_out(self) -> None:
         """Apply the effects of the last changes of the rule base to this robot."""
@@ -140,8 +144,8 @@ class Scheduler:
 
     def _choose(self, running: list[RuleRecord]) -> list[RuleRecord]:
         """Those that the budget suffices for, in order of evaluation; the others are left over."""
-        left_over = self._left_over
-        urgent = sorted(running, key=lambda r: (-r.rule.priority, r.rule.key not in left_over))
+        left_over, level = self._left_over, self._records.levels()
+        urgent = sorted(running, key=lambda r: (-level(r.rule), r.rule.key not in left_over))
         budget = TICK_STEPS
         taken: set[str] = set()
         for record in urgent:
@@ -150,7 +154,7 @@ class Scheduler:
                 break
             taken.add(record.rule.key)
         chosen = [record for record in running if record.rule.key in taken]
-        chosen.sort(key=lambda r: (r.rule.priority, r.rule.key not in left_over))
+        chosen.sort(key=lambda r: (level(r.rule), r.rule.key not in left_over))
         self._left_over = frozenset(record.rule.key for record in running) - taken
         return chosen
 

@@ -147,7 +147,7 @@ def _is_protected(memory: RobotMemory, key: str) -> bool:
 
 def _packed(rules: RuleSet, now: float) -> tuple[RuleState, ...]:
     return tuple(
-        RuleState(rule.name, rule.text, rule.active, None if lease == inf else lease - now)
+        RuleState(rule.name, rule.text, rule.active, None if lease == inf else lease - now, rule.rank)
         for rule, lease in rules.values()
     )
 
@@ -162,7 +162,7 @@ def _unpacked(rules: tuple[RuleState, ...], memory: RobotMemory, away: float, lo
         program = _program(memory, f"rule {rule.name}", rule.text, (), lost)
         if program is not None:
             lease = inf if rule.left is None else memory.time + rule.left - away
-            found[key] = (Rule(key, rule.name, rule.text, program, rule.active), lease)
+            found[key] = (Rule(key, rule.name, rule.text, program, rule.active, rank=rule.rank), lease)
     return found
 
 

@@ -104,6 +104,7 @@ def mind_text(memory: RobotMemory) -> str:
                 if isinstance(found, Operator)
             ],
             [(rule.name, rule.text, rule.protected) for rule in in_order(memory.base.rules)],
+            {rule.name: rule.shown_priority for rule in in_order(memory.base.rules) if rule.shown_priority},
         )
     )
 

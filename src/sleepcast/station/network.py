@@ -75,7 +75,7 @@ from sleepcast.station.validation import (
     SendPolicy,
     Validated,
 )
-from sleepcast.station.whose_names import check_for
+from sleepcast.station.whose_names import check_for, doubt_forms
 
 ANSWERS_A_SECOND = 1_000.0
 """Answers that are asked for in a second: 200 kB on the air, a fifth of what a slow radio carries."""
@@ -237,10 +237,12 @@ class NetworkStation(Station):
 
     def check(self, text: str, *, only: Sequence[str] | None = None, anyway: bool = False) -> Checked:
         """See `Station`; of robots that differ, those decide that are there, and that it is for (`whose_names`)."""
-        whole = super().check(text)
-        if not whole.errors or not isinstance(self._minds, RemoteMinds):
-            return whole
-        return check_for(whole, self._minds, self.present(only), anyway=anyway)
+        found = super().check(text)
+        if isinstance(self._minds, RemoteMinds):
+            if found.errors:
+                found = check_for(found, self._minds, self.present(only), anyway=anyway)
+            doubt_forms(found, self._minds, self.present(only))
+        return found
 
     def present(self, only: Sequence[str] | None = None) -> list[str]:
         """The robots, of these or of all, that this desk itself has heard a short while ago."""

@@ -86,6 +86,7 @@ class RemoteRule:
     text: str
     active: bool
     protected: bool
+    priority: int = 0
     last_value: float = nan
     last_fault: str = ""
 
@@ -202,9 +203,13 @@ class RemoteMind:
 
     def rules(self) -> list[RemoteRule]:
         """Every stored expression that is known."""
-        learned = self.learned
-        rules = () if learned is None else learned.record.rules
-        return [RemoteRule(name, text, self.telemetry.runs(at), own) for at, (name, text, own) in enumerate(rules)]
+        if self.learned is None:
+            return []
+        record = self.learned.record
+        return [
+            RemoteRule(name, text, self.telemetry.runs(at), own, record.priorities.get(name, 0))
+            for at, (name, text, own) in enumerate(record.rules)
+        ]
 
 
 class RemoteMinds(Mapping[str, RemoteMind]):

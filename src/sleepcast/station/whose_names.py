@@ -19,8 +19,9 @@ from sleepcast.core.errors import printable
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language import Checked, check
 from sleepcast.language.functions import MANY
+from sleepcast.language.reader import Symbol, read, walk
 from sleepcast.language.symbols import Declared
-from sleepcast.language.vocabulary import Binding, Variable, Vocabulary
+from sleepcast.language.vocabulary import NEW_FORMS, Binding, Variable, Vocabulary
 from sleepcast.station.remote import RemoteMind, RemoteMinds
 from sleepcast.station.schema_merge import merge_schemas
 
@@ -92,6 +93,21 @@ def check_for(whole: Checked, minds: RemoteMinds, robots: Sequence[str], *, anyw
     there = () if found.errors else robots
     tries = (check(text, NamesOfSome(minds, there, hearsay)) for hearsay in HEARSAY)
     return _informed(next((each for each in tries if not each.errors), bare), whole, minds, set(there))
+
+
+def doubt_forms(checked: Checked, minds: RemoteMinds, robots: Sequence[str]) -> None:
+    """Doubt a text with a new part of a form (`NEW_FORMS`) that some of these robots do not say they know."""
+    new = [form for form in walk(read(checked.text)) if isinstance(form, Symbol) and form.key in NEW_FORMS]
+    for form in new:
+        types: dict[bytes, list[str]] = {}
+        for name in sorted(robots, key=natural_order):
+            kind = minds.type_of(name)
+            if kind in minds.types and form.key not in minds.types[kind].forms:
+                types.setdefault(kind, []).append(name)
+        if types:
+            whose = " and ".join(_named(minds.types[kind], names) for kind, names in types.items())
+            message = f"{form.text} @@ is not known to {whose}, which would refuse this"
+            checked.found.note("warning", message, form.start, form.end, confirm=True)
 
 
 def _informed(found: Checked, whole: Checked, minds: RemoteMinds, there: set[str]) -> Checked:

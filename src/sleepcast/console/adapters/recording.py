@@ -143,7 +143,7 @@ class TimelineBuilder:
         self.film.obstacles.add(time, tuple(map(outlines, self._solids.values())))
 
     def _keep(self, time: float, found: RulesBody) -> None:
-        rules = [ShownRule(rule.name, rule.text, rule.active, "", "") for rule in found.rules]
+        rules = [ShownRule(rule.name, rule.text, rule.active, "", "", rule.priority) for rule in found.rules]
         self.film.rules.setdefault(found.robot, Track()).add(time, rules)
 
 

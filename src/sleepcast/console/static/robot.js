@@ -83,7 +83,7 @@ export class RobotPane {
       this.find("pane-rules"),
       ["Rule", "Active", "Last value", "Text"],
       news.rules,
-      (rule) => [rule.name, rule.active ? "● yes" : "○ no", rule.fault ? `! ${rule.fault}` : rule.value, rule.text],
+      (rule) => [rule.priority ? `${rule.name} (priority ${rule.priority})` : rule.name, rule.active ? "● yes" : "○ no", rule.fault ? `! ${rule.fault}` : rule.value, rule.text],
       "This robot has no rules: it only answers messages. (RULE guard (WHEN (< fuel 10%) (ST))) gives it one.",
     );
     for (const [name, head] of [["said", "What it reported"], ["told", "What it was told"]]) {

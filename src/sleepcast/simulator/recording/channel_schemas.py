@@ -70,8 +70,12 @@ ACCOUNTING = _object(
     "what became of a command",
     optional=("values", "unknown", "held"),
 )
+_RULE = _object(
+    {"name": _TEXT, "text": _TEXT, "active": _TRUTH, "priority": _WHOLE | _said("0 if it is left out")},
+    optional=("priority",),
+)
 RULES = _object(
-    {"robot": _TEXT, "rules": _list(_object({"name": _TEXT, "text": _TEXT, "active": _TRUTH}))},
+    {"robot": _TEXT, "rules": _list(_RULE)},
     "all expressions stored on a robot",
 )
 FAILING = _object(

@@ -170,12 +170,13 @@ class AccountBody(msgspec.Struct, omit_defaults=True):
     held: int = 0
 
 
-class RuleBody(msgspec.Struct):
-    """An expression stored on a robot."""
+class RuleBody(msgspec.Struct, omit_defaults=True):
+    """An expression stored on a robot. priority: left out if it is 0."""
 
     name: str
     text: str
     active: bool
+    priority: int = 0
 
 
 class RulesBody(msgspec.Struct):

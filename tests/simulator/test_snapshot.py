@@ -47,6 +47,10 @@ def in_rooms(folder: Path) -> Simulator:
     return sim
 
 
+def counting(folder: Path) -> Simulator:
+    return scouts(folder, ("[robots.sonar]\n", "counts = 100\n\n[robots.sonar]\n"), MANY, WANDER)
+
+
 def talking(folder: Path) -> Simulator:
     return scouts(folder, TALK, MANY, WANDER)
 
@@ -114,7 +118,7 @@ def everything(sim: Simulator) -> object:
 
 @pytest.mark.parametrize(
     "make",
-    [crafts, firing, listening, in_rooms, talking, arranged, arranged_in_part, of_several_sorts, eventful],
+    [crafts, firing, counting, listening, in_rooms, talking, arranged, arranged_in_part, of_several_sorts, eventful],
 )
 def test_it_goes_on_to_the_last_bit(tmp_path: Path, make: Callable[[Path], Simulator]) -> None:
     sim = make(tmp_path)

@@ -18,7 +18,7 @@ from sleepcast.simulator.bodies.payload import Payload
 from sleepcast.simulator.bodies.proximity import Sonars
 from sleepcast.simulator.bodies.senses import Senses
 from sleepcast.simulator.engine import Machine, choose, cores
-from sleepcast.simulator.motion import steps
+from sleepcast.simulator.motion import encoders, steps
 from sleepcast.simulator.motion.driving import bounded
 from sleepcast.simulator.motion.steps import Draws, Proposal, Settled, clear
 from sleepcast.simulator.scenario.events import apply_events
@@ -347,7 +347,10 @@ def step(bodies: Bodies) -> None:
     else:
         clear(settled)
     for part, which in sorts:
+        before = encoders.before_tick(part.columns, part.laws) if part.counts else None
         machine.commit(part.columns, part.laws, proposal.of(which), Settled(*(each[which] for each in settled)))
+        if before is not None:
+            encoders.count(part.columns, part.laws, before, free[which], part.uncounted, part.counts)
         if not part.laws.track and part is not bodies:  # odometry is separate where other types have wheels
             part.encoder_x[:], part.encoder_y[:], part.encoder_heading[:] = part.x, part.y, part.heading
     bodies.moved()

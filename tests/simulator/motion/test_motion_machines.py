@@ -24,6 +24,8 @@ STORES = (
 WHEELS = {
     "rolling": "",
     "biased": 'slip_left = "1%"\nslip_right = "-2%"\n',
+    "counted": "counts = 300\n",
+    "noisy and counted": 'slip_noise = "20mm"\ncounts = 16700\n',
     "noisy": 'slip_left = "1%"\nslip_noise = "20mm"\n',
 }
 

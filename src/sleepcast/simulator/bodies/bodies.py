@@ -130,6 +130,9 @@ class Bodies:
         self.store_names = tuple(store.name.casefold() for store in robots.stores)
         self.uses, self.drains = self._uses()
         self.left, self.right, self.wanted_speed, self.wanted_turn = filled(0.0, np.float64, 4, self.count)
+        counts = any(sort.wheels is not None and sort.wheels.counts for sort in sorts)
+        self.uncounted: Floats = np.zeros((2, self.count if counts else 0))
+        """What each wheel has turned since the last step that its encoder has counted, m: left, right."""
         self.hit_x, self.hit_y = np.zeros(self.count), np.zeros(self.count)
         names = [sensor.name for sensor in self.sensors]
         self.bumper: Floats = self.known[names.index("bumper")] if robots.bumpers else np.zeros(self.count)
@@ -241,6 +244,12 @@ class Bodies:
         """The state that motion changes."""
         return BodyColumns(*_COLUMNS(self))
 
+    @property
+    def counts(self) -> float:
+        """Steps of the wheels' encoders in a metre, for bodies of one type; 0 for exact ones, or without wheels."""
+        wheels = self.scenario.robots.wheels
+        return wheels.counts if wheels else 0.0
+
     def _uses(self) -> tuple[Floats, Floats]:
         """What each store loses per metre and per second."""
         stores = {store.name.casefold(): store for store in self.scenario.robots.stores}
@@ -281,6 +290,7 @@ class Bodies:
             (self.encoder_x, self.encoder_y, self.encoder_heading),
         ):
             across[number], up[number], towards[number] = x, y, heading
+        self.uncounted[:, number : number + 1] = 0.0
         self.settle(number)
         self.forget()
 
@@ -381,6 +391,7 @@ class Bodies:
         names += ["mode", "stopped", "held"]
         names += ["known"] if self.scenario.noise else []
         names += ["x", "y", "heading", "left", "right"] if robots.wheels else []
+        names += ["uncounted"] if self.uncounted.size else []
         names += ["hit_x", "hit_y"] if self.contact else []
         found: dict[str, NDArray[np.generic]] = {name: getattr(self, name) for name in names}
         for number, ring in enumerate(self.rings):

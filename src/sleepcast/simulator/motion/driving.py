@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.simulator.scenario.robot_settings import Wheels
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.simd.formulas import arc_tangent, either, shortest, sine_cosine, wrap
 from sleepcast.simulator.world.grid import Floats
@@ -24,6 +25,9 @@ AT_ONCE = 1e9
 MOST_SLIP = 1.0
 """Share of a wheel's path that slip may add or remove in one tick, so that bodies stay within the reach assumed for
 contact."""
+TINIEST = 1e-300
+"""A slip too small to change any number. Any slip makes the simulator track the true pose apart from the odometry;
+without it, correcting the encoders would turn the body."""
 WANDER, DRIVE, GOTO = 0, 1, 2
 """What moves a body, see `bodies.Mode`."""
 
@@ -82,7 +86,7 @@ def laws_of(scenario: Scenario) -> Laws:
         turn_acceleration=2.0 * limits.acceleration / wheels.track if wheels else AT_ONCE,
         radius=robots.geometry.radius,
         track=wheels.track if wheels else 0.0,
-        slip_left=wheels.slip_left if wheels else 0.0,
+        slip_left=_slip_left(wheels) if wheels else 0.0,
         slip_right=wheels.slip_right if wheels else 0.0,
         slip_noise=wheels.slip_noise if wheels else 0.0,
         roam_speed=wander.speed,
@@ -98,6 +102,12 @@ def laws_of(scenario: Scenario) -> Laws:
         parts=float(robots.bumpers),
         slides=float(robots.slides),
     )
+
+
+def _slip_left(wheels: Wheels) -> float:
+    """The slip of the left wheel. Encoders that count steps need the true pose apart from the odometry."""
+    exact = not wheels.counts or wheels.slip_left or wheels.slip_right or wheels.slip_noise
+    return wheels.slip_left if exact else TINIEST
 
 
 def bounded(value: Floats, low: Floats | float, high: Floats | float) -> Floats:

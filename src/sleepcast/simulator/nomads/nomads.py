@@ -154,9 +154,13 @@ class NomadWorld:
             bodies.wanted_turn[:] = (speeds[0] - speeds[1]) / self.setup.track
         self._turn_turrets(speeds[2] - speeds[1] if self.setup.steers else speeds[2])
         x, y, heading = bodies.encoder_x.copy(), bodies.encoder_y.copy(), bodies.encoder_heading.copy()
+        uncounted = bodies.uncounted.copy()
         self.simulator.step()
         turned = wrap(bodies.encoder_heading - heading)
         way = _way(bodies.encoder_x - x, bodies.encoder_y - y, heading, turned)
+        if uncounted.size:  # motors travel as far as they are told, and between two steps of their encoders, too
+            left, right = bodies.uncounted - uncounted
+            way, turned = way + (left + right) / 2.0, turned + (right - left) / self.setup.track
         aside = turned * self.setup.track / 2.0
         first, second = (way, turned) if self.setup.steers else (way + aside, way - aside)
         motors.count(np.stack((first, second, speeds[2] * tick)), speeds, tick)

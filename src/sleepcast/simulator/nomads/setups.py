@@ -14,6 +14,7 @@ from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.settings import Table, toml_document
 from sleepcast.core.units import LENGTH, RATE, TIME
 from sleepcast.robot import Axes
+from sleepcast.simulator.motion.driving import TINIEST
 from sleepcast.simulator.scenario.robot_settings import (
     LEAST,
     MAX_SONARS,
@@ -30,9 +31,6 @@ FORMAT = 1
 SETUPS = Path(__file__).parent.parent / "setups"
 MADE = ("limits", "body", "wheels", "sonar", "stores")
 """Tables that a setup shares with a robot type."""
-TINIEST = 1e-300
-"""A slip too small to change any number. Any slip makes the simulator track the true pose apart from the odometry;
-without it, correcting the encoders would turn the body."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,6 +32,8 @@ MAX_TICKS = 10_000_000_000
 """Ticks of one run: the same time in the shortest ticks."""
 MAX_WORLD = 10_000_000.0
 """Size of a world, m: a quarter of the way around the earth; beyond that, a flat world makes no sense."""
+MOST_COUNTS = 1e7
+"""Steps of an encoder in a metre of travel: a tenth of a micrometre each."""
 LEAST = 1e-6
 """Least value of anything that must be above zero, in SI."""
 WIDEST_BEAM = pi / 2
@@ -89,13 +91,14 @@ class Wheels:
 
     A wheel that turns by w m moves the body by w * (1 + slip) m, with `slip_left` and `slip_right`, plus a random
     part: its standard deviation is `slip_noise` m after 1 m and grows with the square root of the distance. The
-    encoders measure w.
+    encoders measure w, in whole steps if there are `counts` of them in a metre, exactly if that is 0.
     """
 
     track: float
     slip_left: float = 0.0
     slip_right: float = 0.0
     slip_noise: float = 0.0
+    counts: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,7 +265,15 @@ def _wheels(robots: Table) -> Wheels:
             slip_left=table.number("slip_left", default=0.0, low=-0.5, high=0.5),
             slip_right=table.number("slip_right", default=0.0, low=-0.5, high=0.5),
             slip_noise=table.number("slip_noise", LENGTH, 0.0, low=0.0, high=1.0),
+            counts=_counts(table),
         )
+
+
+def _counts(wheels: Table) -> float:
+    found = wheels.number("counts", default=0.0, low=0.0, high=MOST_COUNTS)
+    if 0.0 < found < 1.0:
+        raise wheels.error("counts", "wanted at least 1 step a metre, or 0 for exact encoders")
+    return found
 
 
 def _ring(robots: Table) -> Ring:

@@ -77,13 +77,19 @@ def test_it_serves_on_this_machine_s_addresses_until_ctrl_c(tmp_path: Path) -> N
     assert "Traceback" not in err
 
 
-def test_a_program_may_end_it_where_that_is_permitted() -> None:
-    with started("--may-quit", "--setup", "nomad200", "--lockstep", "--host", "0.0.0.0") as made:
-        assert made.where["hosts"] == ["0.0.0.0"]
+def test_a_program_may_end_it_where_a_setup_file_of_1998_permits_that(tmp_path: Path) -> None:
+    (tmp_path / "lab.txt").write_text("4 1000 -200 1100 -200 1100 200 1000 200\n")
+    world, robot = tmp_path / "world.setup", tmp_path / "robot.setup"
+    world.write_text("[server]\nport = 7771\nquit_server = yes\nmap = lab.txt\nrobots = 2\nwindow = big\n")
+    robot.write_text("[sonar]\nrate = 6\noverlap = 0.5\n")
+    with started(world, "--setup", robot, "--lockstep", "--host", "0.0.0.0") as made:
+        assert (made.where["hosts"], made.where["robots"]) == (["0.0.0.0"], 2)
+        assert made.where["port"] != 7771, "an option comes first"
         assert made.ask("127.0.0.1", (102, 1, 1), (GS,), (QUIT,))[1][0] == 10
         out, err = made.process.communicate(timeout=LONGEST)
         assert (made.process.returncode, out) == (0, ""), err
         assert "whoever can reach 0.0.0.0 can drive these robots" in err
+        assert f"{world}:6: ignored: window = big\n{robot}:3: ignored: overlap = 0.5\n" in err
 
 
 def test_a_port_that_is_taken_is_one_sentence_and_a_failure() -> None:
@@ -101,6 +107,7 @@ def test_a_port_that_is_taken_is_one_sentence_and_a_failure() -> None:
     ("arguments", "said"),
     [
         (["nowhere.toml"], "nowhere.toml"),
+        (["nowhere.setup"], "nowhere.setup: cannot be read"),
         (["--setup", "nomad2000"], "nomad2000"),
         (["--real", "2=nomad://127.0.0.1:7019#1"], "--real wants the number of a robot, 1 to 1"),
         (["--robots", "100000"], "100000 robots"),

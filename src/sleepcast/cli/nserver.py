@@ -25,9 +25,12 @@ if TYPE_CHECKING:
     from sleepcast.bridges.ros2.scouts import Ros2Scouts
     from sleepcast.nomad import Nserver, RealAddress, ServerPace
     from sleepcast.simulator.nomads.nomads import NomadWorld
+    from sleepcast.simulator.nomads.setup_files import WorldSetup
 
 PAGE_PORT = 8318
 """Where the page is, unless another port is wanted: beside the other page's, so that both can be open."""
+PORT = 7019
+"""Where programs look for a Nomads' server."""
 REAL_TIME, SLOWEST = 1.0, 0.01
 """Simulated seconds in a second."""
 SCOUTS = "scout"
@@ -38,7 +41,13 @@ QUICK = 3.0
 
 @click.command("nserver", short_help="Simulated Nomads for programs that speak their wire.")
 @click.argument("world", required=False, metavar="[WORLD]", type=click.Path(path_type=Path))
-@click.option("--setup", metavar="ROBOT", default="ideal", show_default=True, help="ideal, noisy, nomad200, or a file.")
+@click.option(
+    "--setup",
+    metavar="ROBOT",
+    default="ideal",
+    show_default=True,
+    help="ideal, noisy, nomad200, or a file.",
+)
 @click.option(
     "--robots", metavar="N", type=click.IntRange(min=1), help="Number of robots (default: the world's, or 1)."
 )
@@ -46,7 +55,9 @@ QUICK = 3.0
 @click.option(
     "--crosstalk/--no-crosstalk", default=None, help="Sonars hear each other's echoes (default: as in ROBOT)."
 )
-@click.option("--port", type=click.IntRange(0, 65_535), default=7019, show_default=True, help="For programs; 0 is any.")
+@click.option(
+    "--port", type=click.IntRange(0, 65_535), help=f"For programs; 0 is any (default: the world's, or {PORT})."
+)
 @click.option(
     "--host", "hosts", metavar="ADDRESS", multiple=True, help="Also listen here (default: this machine only)."
 )
@@ -81,7 +92,7 @@ def nserver(
     robots: int | None,
     seed: int | None,
     crosstalk: bool | None,
-    port: int,
+    port: int | None,
     hosts: tuple[str, ...],
     speed: float,
     lockstep: bool,
@@ -97,13 +108,15 @@ def nserver(
     no_browser: bool,
     as_json: bool,
 ) -> int:
-    """Simulate Nomads in WORLD (a TOML file, a list of polygons, or a ROS map; none is an empty room) and serve them
-    to programs: C programs linked with Nclient, Python ones, SLEEP nodes. The programs of the thesis want port 7771.
+    """Simulate Nomads in WORLD (a TOML file, a world.setup, a list of polygons, or a ROS map; none is an empty room)
+    and serve them to programs: C programs linked with Nclient, Python ones, SLEEP nodes. The programs of the thesis
+    want port 7771.
 
     \b
     Examples:
       sleepcast nserver
       sleepcast nserver lab.toml --setup noisy --robots 2
+      sleepcast nserver world.setup --setup robot.setup
       sleepcast nserver --port 7771
       sleepcast nserver --ros2 --robots 3
       sleepcast nserver --headless --lockstep --port 0 --json
@@ -120,14 +133,17 @@ def nserver(
         from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
         hurry = lockstep or speed > QUICK
+        given = _given(world)
         with unless_soon("compiling what the simulator needs, once on this machine: this takes some ten seconds"):
-            simulated = nomad_world(world, setup, robots, seed, crosstalk=crosstalk, hurry=hurry)
+            simulated = nomad_world(given.map, setup, robots or given.robots, seed, crosstalk=crosstalk, hurry=hurry)
+        for line in (*given.ignored, *simulated.setup.ignored):
+            _say(line)
         real_robots = _real_robots(real, simulated.count)
         server = Nserver(
             simulated,
             windows=Windows(simulated.count),
             tk_order=tk_order,
-            may_quit=may_quit,
+            may_quit=may_quit or bool(given.may_quit),
             lockstep=lockstep,
             headless=headless,
             real=real_robots,
@@ -139,8 +155,16 @@ def nserver(
         interrupts.release()  # from here on Ctrl-C ends the loop in good order
         title = f"{world.stem if world is not None else 'An empty room'}, {Path(setup).stem}"
         page = None if headless else _page(simulated, pace, title, page_port, browser=not no_browser, as_json=as_json)
+        port = (given.port or PORT) if port is None else port
         asyncio.run(_serve(server, pace, addresses, port, page, scouts, as_json=as_json))
     return 0
+
+
+def _given(world: Path | None) -> WorldSetup:
+    """What a world.setup says, or that this is the world. Raises SettingsError."""
+    from sleepcast.simulator.nomads.setup_files import SUFFIX, WorldSetup, read_world_setup
+
+    return read_world_setup(world) if world is not None and world.suffix == SUFFIX else WorldSetup(map=world)
 
 
 def _page(

@@ -12,6 +12,7 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.simulator.engine import Machine, NumPyMachine
 from sleepcast.simulator.nomads.nomads import NomadWorld
 from sleepcast.simulator.nomads.paths import has_room, spread
+from sleepcast.simulator.nomads.setup_files import SUFFIX, read_robot_setup
 from sleepcast.simulator.nomads.setups import Setup, read_setup
 from sleepcast.simulator.nomads.sites import CELL, MAX_NOMADS, Site, read_site
 from sleepcast.simulator.scenario.robot_settings import MAX_TIME, CrosstalkModel, RobotSpec
@@ -56,7 +57,7 @@ def nomad_world(
         raise MisuseError(f"{robots} robots: wanted 1 to {MAX_NOMADS}")
     if not 1e-3 <= tick <= 1.0:
         raise MisuseError(f"a tick of {tick} s: wanted 0.001 to 1")
-    made, site = _heard(read_setup(setup), crosstalk), read_site(world, robots, seed)
+    made, site = _heard(_equipment(setup), crosstalk), read_site(world, robots, seed)
     count = robots or max(1, len(site.starts))
     if machine is None and count <= FEW and not hurry:
         machine = NumPyMachine()
@@ -75,6 +76,13 @@ def nomad_world(
     least = CELL * ceil(2.2 * made.robots.geometry.radius / CELL)
     spread(simulator.bodies, range(len(starts)), site.origin, (2.0 * least, least))
     return NomadWorld(simulator, made, site.origin)
+
+
+def _equipment(setup: Path | str) -> Setup:
+    """The equipment of this name, or from this file; a robot.setup changes that of an ideal Scout."""
+    if Path(setup).suffix == SUFFIX:
+        return read_robot_setup(Path(setup), read_setup("ideal"))
+    return read_setup(setup)
 
 
 @cache

@@ -46,7 +46,7 @@ class Infrared:
 class Setup:
     """The equipment of Nomads. robots: as for other robots; track: of their wheels, m; speeds, accelerations: limits of
     their axes, NaN for missing axes; steers: whether the axes are drive, steering and turret, and not two wheels;
-    infrared: None without."""
+    infrared: None without. ignored: sentences about what its file says and nothing here uses."""
 
     robots: RobotSpec
     track: float
@@ -54,6 +54,7 @@ class Setup:
     accelerations: Axes
     steers: bool
     infrared: Infrared | None
+    ignored: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +75,9 @@ def read_setup(setup: Path | str) -> Setup:
     file."""
     name, known = str(setup), setup_names()
     if name not in known and not name.endswith(".toml"):
-        raise MisuseError(f'no setup "{name}"{did_you_mean(name, known)}: wanted {", ".join(known)}, or a file *.toml')
+        raise MisuseError(
+            f'no setup "{name}"{did_you_mean(name, known)}: wanted {", ".join(known)}, or a file *.toml or *.setup'
+        )
     file = SETUPS / f"{name}.toml" if name in known else Path(setup)
     with toml_document(file).root() as root:
         version = root.whole("format", low=1, high=MAX_SEED)

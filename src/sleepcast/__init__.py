@@ -17,12 +17,14 @@ from sleepcast.core.version import VERSION
 
 if TYPE_CHECKING:
     from sleepcast import language
-    from sleepcast.api.commands import CommandResult, Fleet
+    from sleepcast.api.commands import Fleet
     from sleepcast.api.connected import ConnectedFleet, connect
     from sleepcast.api.events import FleetEvent
     from sleepcast.api.fleet import SimulatedFleet, open, resume
     from sleepcast.api.history import History
+    from sleepcast.api.mission import Mission
     from sleepcast.api.payload import SimulatedBody
+    from sleepcast.api.results import CommandResult
     from sleepcast.api.table import DataTable
     from sleepcast.core import errors
 
@@ -34,6 +36,7 @@ __all__ = [
     "Fleet",
     "FleetEvent",
     "History",
+    "Mission",
     "SimulatedBody",
     "SimulatedFleet",
     "connect",
@@ -46,12 +49,14 @@ __all__ = [
 _PARTS = {"errors": "sleepcast.core.errors", "language": "sleepcast.language"}
 """Modules by their names here."""
 _MODULES = {
-    **dict.fromkeys(("CommandResult", "Fleet"), "sleepcast.api.commands"),
+    "CommandResult": "sleepcast.api.results",
+    "Fleet": "sleepcast.api.commands",
     **dict.fromkeys(("ConnectedFleet", "connect"), "sleepcast.api.connected"),
     **dict.fromkeys(("SimulatedFleet", "open", "resume"), "sleepcast.api.fleet"),
     "DataTable": "sleepcast.api.table",
     "FleetEvent": "sleepcast.api.events",
     "History": "sleepcast.api.history",
+    "Mission": "sleepcast.api.mission",
     "SimulatedBody": "sleepcast.api.payload",
 }
 """Where each other name is."""

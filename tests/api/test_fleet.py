@@ -359,7 +359,8 @@ class TestShown:
         fleet = bravo()
         fleet.send("(JOIN a)", everybody=True)
         assert repr(fleet).startswith("bravo: 100 robots after 0.")
-        assert repr(fleet).endswith("seed 7; groups: a 100")
+        mission = "a mission of 3 commands, none was sent: fleet.play() sends them at their times"
+        assert repr(fleet).endswith(f"seed 7; groups: a 100; {mission}")
         assert repr(fleet.ask("fuel")).startswith("fuel: matched 100")
 
     def test_in_a_notebook(self) -> None:

@@ -9,21 +9,24 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from math import inf
 from threading import Event, Lock
-from typing import TYPE_CHECKING, Concatenate, ParamSpec, Self, TypeVar
+from typing import TYPE_CHECKING, Concatenate, ParamSpec, Self, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.api.events import EventQueue, FleetEvent
+from sleepcast.api.results import CommandResult
 from sleepcast.api.table import DataTable, Numbers, Texts
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.core.model import RestState
-from sleepcast.language import Explanation
-from sleepcast.station import Account, Command, Preview, Station
+from sleepcast.language import Explanation, check
+from sleepcast.language.learned_names import LearnedNames
+from sleepcast.station import Command, Preview, Station
 from sleepcast.station.validation import is_mere_test
 
 if TYPE_CHECKING:
+    from sleepcast.api.mission import Mission
     from sleepcast.notebook import FleetWidget, NotebookDesk
+    from sleepcast.simulator.scenario.mission import Instruction, Order
 
 WAIT = 2.0
 """Seconds for which a command waits for answers: robots answer at once, and a lossy radio asks them again."""
@@ -41,104 +44,6 @@ def _refuse_cancelled() -> None:
 Given = TypeVar("Given", bound=np.generic)
 Result = TypeVar("Result")
 Arguments = ParamSpec("Arguments")
-
-
-class CommandResult:
-    """A command that was sent, with what has become of it so far; it goes on counting while the fleet runs."""
-
-    def __init__(self, fleet: Fleet, command: Command) -> None:
-        self._fleet, self._command = fleet, command
-
-    @property
-    def id(self) -> str:
-        """Of the message."""
-        return self._command.id
-
-    @property
-    def text(self) -> str:
-        """The expression; `STOP` or `RELEASE` for these two."""
-        return self._command.text
-
-    @property
-    def account(self) -> Account:
-        """Everything that is known of it now."""
-        return self._fleet.station.accounting(self.id)
-
-    @property
-    def matched(self) -> tuple[str, ...]:
-        """The robots that obeyed; of a question, that answered; of STOP, that have accepted it: see `at_rest`."""
-        return self.account.matched
-
-    @property
-    def at_rest(self) -> tuple[str, ...]:
-        """Of STOP: the robots that have accepted it and say that they are at rest."""
-        rest = self.account.rest
-        return () if rest is None else rest.at_rest
-
-    @property
-    def stopping(self) -> dict[str, RestState]:
-        """Of STOP: those that have accepted it and are not at rest yet, each with its `speed` (m/s) and the `distance`
-        that it may still go (m); NaN for unknown."""
-        rest = self.account.rest
-        return {} if rest is None else rest.stopping
-
-    @property
-    def not_matched(self) -> tuple[str, ...]:
-        """The robots that decided that it was not for them."""
-        return self.account.not_matched
-
-    @property
-    def held(self) -> tuple[str, ...]:
-        """Those among the matched that were to move, and did not because STOP holds them."""
-        return self.account.held
-
-    @property
-    def unknown(self) -> tuple[str, ...]:
-        """The robots on which the test was neither true nor false, since it reads something that they do not know."""
-        return self.account.unknown
-
-    @property
-    def fault(self) -> tuple[str, ...]:
-        """The robots on which something went wrong."""
-        return self.account.fault
-
-    @property
-    def not_stored(self) -> tuple[str, ...]:
-        """The robots that have done it, but could not store it: a restart may forget it."""
-        return self.account.not_stored
-
-    @property
-    def silent(self) -> tuple[str, ...]:
-        """The robots that were never heard to answer."""
-        return self.account.silent
-
-    @property
-    def values(self) -> dict[str, float | None]:
-        """What each robot answered that the expression came to, SI; None for unknown."""
-        return {name: answer.value for name, answer in self.account.answers.items()}
-
-    def why(self, robot: str) -> Explanation:
-        """How this robot evaluated it: the tree of values, and the first test that did not hold. Raises what
-        `Fleet.why` raises."""
-        return self._fleet.why(robot, self)
-
-    def table(self) -> DataTable:
-        """A row for each robot: `robot`, `outcome`, `value` (SI), `fault`."""
-        found = self.account
-        names = [*found.answers, *found.silent]
-        answers = [found.answers.get(name) for name in names]
-        values = [np.nan if each is None or each.value is None else each.value for each in answers]
-        return DataTable(
-            {
-                "robot": names,
-                "outcome": ["silent" if each is None else str(each.outcome) for each in answers],
-                "value": np.array(values),
-                "fault": ["" if each is None else each.fault or "" for each in answers],
-            }
-        )
-
-    def __repr__(self) -> str:
-        return f"{self.text}: {self.account.sentence()}"
 
 
 def beside(
@@ -259,9 +164,27 @@ class Fleet(ABC):
         program = self.station.check(text).required()
         return self.station.preview(f"(WHEN {text} 1)" if is_mere_test(program) else text)
 
+    @overload
     def send(
         self,
         text: str,
+        *,
+        wait: float = ...,
+        standing: bool = ...,
+        deadline: float | None = ...,
+        everybody: bool = ...,
+        count: int | None = ...,
+        only: Sequence[str] | None = ...,
+        but: Sequence[str] | None = ...,
+        sure: bool = ...,
+    ) -> CommandResult: ...
+    @overload
+    def send(
+        self, text: Mission, *, wait: float = ..., everybody: bool = ..., count: int | None = ..., sure: bool = ...
+    ) -> list[CommandResult]: ...
+    def send(
+        self,
+        text: str | Mission,
         *,
         wait: float = WAIT,
         standing: bool = False,
@@ -271,13 +194,35 @@ class Fleet(ABC):
         only: Sequence[str] | None = None,
         but: Sequence[str] | None = None,
         sure: bool = False,
-    ) -> CommandResult:
+    ) -> CommandResult | list[CommandResult]:
         """Broadcast an expression. wait: seconds that may pass until all have answered; 0 sends several at the same
         moment. count: how many robots are meant, which a real fleet asks for where many may obey. sure: it is meant as
         it stands, though the checker doubts it; otherwise names that no robot has give a UserWarning. The rest, and
-        what is raised: see `Station.send`."""
+        what is raised: see `Station.send`. A `Mission`, or a text that begins with a time, is a script: see `play`,
+        whose list of results it gives. Its lines say themselves whether they are standing, and for whom."""
+        if not isinstance(text, str) or is_script(text):
+            if standing or deadline is not None or only is not None or but is not None:
+                raise MisuseError(
+                    "a script says line by line what is standing, within which time and for whom: @5s standing (...)"
+                )
+            return self.play(text, wait=wait, everybody=everybody, count=count, sure=sure)
         self._prepare(text, sure, only)
         self._warn(text, sure, only)
+        return self._send(text, wait, standing, deadline, everybody, count, only, but, sure)
+
+    def _send(
+        self,
+        text: str,
+        wait: float,
+        standing: bool,
+        deadline: float | None,
+        everybody: bool,
+        count: int | None,
+        only: Sequence[str] | None,
+        but: Sequence[str] | None,
+        sure: bool,
+    ) -> CommandResult:
+        """Broadcast what was prepared."""
         with self._turn():
             sent = self.station.send(
                 text,
@@ -291,6 +236,80 @@ class Fleet(ABC):
                 undecided=True,
             )
         return self._until(sent, wait)
+
+    # ---- missions
+
+    @property
+    def mission(self) -> Mission:
+        """The scenario's mission, and what became of each line; empty where there is none, as on the air."""
+        from sleepcast.api.mission import Mission
+
+        return Mission()
+
+    def play(
+        self,
+        script: Mission | str | None = None,
+        *,
+        wait: float = WAIT,
+        everybody: bool = False,
+        count: int | None = None,
+        sure: bool = False,
+    ) -> list[CommandResult]:
+        """Send each line of a script at its time, and let time pass meanwhile; gives what became of them. script: as in
+        a mission file, None for what was not sent yet of the scenario's own mission. Times count from the start of a
+        simulated run, and on the air from now; what is late is sent at once. wait: seconds that may pass after the last
+        line until all have answered. everybody: robots on the air are meant even where a line has no test; of simulated
+        ones that is known. count, sure: as for `send`. Raises MissionError, with the place of the line, for what cannot
+        be sent; the lines before it were sent."""
+        from sleepcast.api.mission import Mission
+
+        lines = Mission(script) if isinstance(script, str) else self._to_play() if script is None else script
+        began, found, learned = self._zero(), list[CommandResult](), LearnedNames(self.station.vocabulary)
+        for line in lines:
+            self._reach(began + line.time)
+            said = line.instruction
+            with _placed(line.order.place):
+                if said.sort in ("once", "standing"):
+                    self._prepare(said.text, sure, said.only)
+                    self._warn(said.text, sure, said.only, learned)
+                sent = self._order(said, everybody, count, sure)
+            self._played(line.order, sent._command)
+            found.append(CommandResult(self, sent._command, line.order))
+        if found:
+            self._until(found[-1]._command, wait)
+        return found
+
+    def _order(self, said: Instruction, everybody: bool, count: int | None, sure: bool) -> CommandResult:
+        """Send a line now."""
+        match said.sort:
+            case "STOP":
+                return self.stop(wait=0.0)
+            case "RELEASE":
+                return self.release(wait=0.0)
+            case "ask":
+                return self.ask(said.text, wait=0.0, only=said.only, but=said.but, sure=sure)
+        standing = said.sort == "standing"
+        return self._send(said.text, 0.0, standing, said.within, everybody, count, said.only, said.but, sure)
+
+    @abstractmethod
+    def _played(self, order: Order, sent: Command) -> None:
+        """A line was sent as this command."""
+
+    def _to_play(self) -> Mission:
+        """What was not sent yet of the own mission. Raises MisuseError where there is nothing to send."""
+        if not self.mission:
+            raise MisuseError("there is no mission to play: give a script, as fleet.play('@5s (ST)')")
+        if not self.mission.rest:
+            raise MisuseError("all commands of the mission were sent: open the scenario again to play it once more")
+        return self.mission.rest
+
+    def _zero(self) -> float:
+        """The time from which those of a script count, s."""
+        return self.time
+
+    def _reach(self, time: float) -> None:
+        """Let time pass until then (s)."""
+        self.run(max(0.0, time - self.time), quiet=True)
 
     def ask(
         self,
@@ -309,16 +328,22 @@ class Fleet(ABC):
             sent = self.station.ask(text, only=only, but=but, anyway=sure)
         return self._until(sent, wait)
 
-    def _warn(self, text: str, sure: bool, only: Sequence[str] | None) -> None:
-        """Warn the caller's caller of names that no robot has, unless it is sure."""
+    def _warn(self, text: str, sure: bool, only: Sequence[str] | None, learned: LearnedNames | None = None) -> None:
+        """Warn the caller's caller of names that no robot has, unless it is sure. learned: what was sent before in the
+        same script, which robots may not have told yet; it learns this text."""
         if sure:
             return
         try:
-            checked = self.station.check(text, only=only)
+            checked, known = self.station.check(text, only=only), set[int]()
+            if learned is not None:
+                own = check(text, learned)
+                known = {finding.start for finding in checked.findings} - {finding.start for finding in own.findings}
+                if own.program is not None:
+                    learned.learn(own.program.form)
         except SleepcastError:
             return  # the desk says it, and writes it down
         for finding in checked.findings:
-            if finding.unknown:
+            if finding.unknown and finding.start not in known:
                 warnings.warn(finding.render(text), stacklevel=3)
 
     def stop(self, *, wait: float = WAIT) -> CommandResult:
@@ -455,12 +480,30 @@ class Fleet(ABC):
     # ---- for programs with asyncio: each waits on a thread of its own
 
     arun = beside(run)
+    aplay = beside(play)
     apreview = beside(preview)
     asend = beside(send)
     aask = beside(ask)
     astop = beside(stop)
     arelease = beside(release)
     awhy = beside(why)
+
+
+@contextmanager
+def _placed(place: str) -> Iterator[None]:
+    """Raises MissionError, with the place of the line, for what is wrong with one."""
+    try:
+        yield
+    except SleepcastError as error:
+        from sleepcast.simulator import MissionError  # with scenarios, which no fleet on the air needs
+
+        raise MissionError(f"{place}: {error}") from error
+
+
+def is_script(text: str) -> bool:
+    """Whether a text is a mission script: it begins with a time, as no expression does."""
+    lines = (line.partition(";")[0].strip() for line in text.split("\n"))
+    return next((line.startswith("@") for line in lines if line), False)
 
 
 def read_only(values: NDArray[Given]) -> NDArray[Given]:

@@ -14,9 +14,10 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.api.commands import WAIT, CommandResult, Fleet, read_only
+from sleepcast.api.commands import WAIT, Fleet, read_only
 from sleepcast.api.connection import CHANNEL, FLEET, AirOptions, observing_station
 from sleepcast.api.progress import steps
+from sleepcast.api.results import CommandResult
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import Explanation
 from sleepcast.station import Command, Preview
@@ -27,6 +28,7 @@ from sleepcast.station.validation import MAX_LISTED, UnknownNameError
 
 if TYPE_CHECKING:
     from sleepcast.notebook import NotebookDesk
+    from sleepcast.simulator import Order
 
 TURN = 0.05
 """Seconds of hearing in one turn, after which another thread may have its own."""
@@ -129,6 +131,9 @@ class ConnectedFleet(Fleet):
                 look_around(self.station, self.telemetry, patience=AHEAD)
                 self._refuse_unknown(text, only)
         return super().ask(text, wait=wait, only=only, but=but, sure=sure)
+
+    def _played(self, order: Order, sent: Command) -> None:
+        """Nothing: no scenario with a mission lies behind robots on the air."""
 
     def release(self, *, wait: float = WAIT) -> CommandResult:
         with self._turn():

@@ -13,16 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.api.assembly import assemble, assemble_from, warm_up
-from sleepcast.api.commands import CommandResult, Fleet, read_only
+from sleepcast.api.commands import Fleet, read_only
 from sleepcast.api.history import History
+from sleepcast.api.mission import Mission
 from sleepcast.api.payload import payload_of
 from sleepcast.api.picture import picture
 from sleepcast.api.progress import steps
+from sleepcast.api.results import CommandResult
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import CheckError, Explanation
 from sleepcast.loop import Swarm, load, save, snapshot
+from sleepcast.loop.mission import MissionLog
 from sleepcast.loop.rerun import InputLog
 from sleepcast.simulator import Changes, Scenario, World, find_scenario, read_scenario
+from sleepcast.simulator.scenario.mission import Instruction, Order
 from sleepcast.station import Command, Station
 
 if TYPE_CHECKING:
@@ -42,6 +46,8 @@ class SimulatedFleet(Fleet):
         self._histories: list[tuple[int, History]] = []
         self._inputs: InputLog | None = None
         """All that came from outside since the start; None for a fleet whose start nobody saw."""
+        scenario = swarm.simulator.scenario
+        self._mission = MissionLog(scenario.mission, station.commands, scenario.tick)
         self._recording: RunRecording | None = None
 
     def _watch_inputs(self) -> None:
@@ -91,6 +97,42 @@ class SimulatedFleet(Fleet):
 
     def why(self, robot: str, sent: CommandResult | None = None) -> Explanation:
         return self.station.why(robot, None if sent is None else sent.id)
+
+    # ---- the mission
+
+    @property
+    def mission(self) -> Mission:
+        commands = {command.id: command for command in self.station.commands()}
+        orders, sent = self._mission.orders, self._mission.sent()
+        return Mission.of(
+            orders,
+            {
+                number: CommandResult(self, commands[message.id], orders[number])
+                for number, message in sent.items()
+                if message.id in commands
+            },
+        )
+
+    def _to_play(self) -> Mission:
+        found = super()._to_play()
+        self.swarm.mission.clear()  # what the desk was to send by itself is among them
+        return found
+
+    def _played(self, order: Order, sent: Command) -> None:
+        if order in self._mission.orders:
+            self._mission.note(self._mission.orders.index(order), sent.message)
+
+    def _zero(self) -> float:
+        return 0.0
+
+    def _reach(self, time: float) -> None:
+        """Let ticks pass until the one that ends at `time` is next: what is sent then is on the air in it."""
+        simulator = self.swarm.simulator
+        while (simulator.tick + 1) * simulator.scenario.tick < time:
+            self._pass()
+
+    def _order(self, said: Instruction, everybody: bool, count: int | None, sure: bool) -> CommandResult:
+        return super()._order(said, True, count, sure)
 
     # ---- what is so now
 
@@ -241,9 +283,10 @@ class SimulatedFleet(Fleet):
     def __repr__(self) -> str:
         scenario, simulator = self.swarm.simulator.scenario, self.swarm.simulator
         groups = ", ".join(f"{name} {len(members)}" for name, members in self.groups.items())
+        mission = self.mission.sentence()
         return (
             f"{scenario.name}: {len(self):,} robots after {self.time:g} s, seed {simulator.seed}"
-            f"{f'; groups: {groups}' if groups else ''}"
+            f"{f'; groups: {groups}' if groups else ''}{f'; {mission}' if mission else ''}"
         )
 
     def _repr_html_(self) -> str:
@@ -271,9 +314,9 @@ def open(
     scenario: a name of the gallery, the path of a folder or file, TOML text, or a `Scenario`. seed: what all chance
     depends on, None for the scenario's. robots: their number, or a class with @sensor, @actuator,
     @function and @command that adds to each of them, or the name of one that an installed package adds.
-    area_per_robot (m2), walls: changes of the scenario. over: any of its
-    keys, each with what it says instead, as {"radio.loss": 0.3}. mission: whether the
-    desk sends the scenario's own commands. threads: None is one for each core; any number gives the same bits.
+    area_per_robot (m2), walls: changes of the scenario. over: any of its keys, each with what it says instead, as
+    {"radio.loss": 0.3}. mission: whether the desk sends the scenario's own commands by itself, at their times; else
+    `SimulatedFleet.play` does. threads: None is one for each core; any number gives the same bits.
     Raises MisuseError for no such scenario, SettingsError for what is wrong in it.
     """
     changed = (each.item() if isinstance(each, np.generic) else each for each in (over or {}).values())

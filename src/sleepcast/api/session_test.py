@@ -20,10 +20,11 @@ from sleepcast.channel.message import FOR, NOT
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.toml_text import toml_value
 from sleepcast.loop import Swarm
+from sleepcast.loop.mission import named_robots, order_sort
 from sleepcast.loop.swarm import give
 from sleepcast.simulator import Changes, Scenario, find_scenario, scenario_names
 from sleepcast.simulator.packing import pack
-from sleepcast.simulator.scenario.mission import MAX_ORDERS, Instruction, Order, Sort, Wanted, written_mission
+from sleepcast.simulator.scenario.mission import MAX_ORDERS, Instruction, Order, Wanted, written_mission
 from sleepcast.simulator.scenario.origin import read_origin
 from sleepcast.station import Account, Command, Station
 from sleepcast.station.account import COUNTED
@@ -36,7 +37,6 @@ FILE, MISSION = "test.toml", "mission.sleep"
 FORMAT = 1
 SHOWN = 60
 """Characters of a command in a sentence about it."""
-_SORTS: Mapping[Kind, Sort] = {Kind.COMMAND: "once", Kind.ASK: "ask", Kind.STOP: "STOP", Kind.RELEASE: "RELEASE"}
 
 Hold = Callable[[str, Account], Sequence[Wanted]]
 """What shall become of a command, by its id, when its account is this one."""
@@ -80,7 +80,7 @@ def orders_of(swarm: Swarm, station: Station, inputs: Inputs, hold: Hold) -> lis
     known = {command.id for command in station.commands()}
     orders, seen = list[Order](), set[str]()
     for sent, message in inputs.posted:
-        if message.id in seen or message.kind not in _SORTS:  # the desk sends a STOP again until all have answered
+        if message.id in seen or order_sort(message) is None:  # the desk sends a STOP again until all have answered
             continue
         seen.add(message.id)
         if round(message.issued / tick) == sent:  # by the scenario's own mission, which is run again
@@ -100,17 +100,12 @@ def _time(sent: int, tick: float) -> float:
 
 
 def _instruction(message: Message) -> Instruction:
-    sort = "standing" if message.standing else _SORTS[message.kind]
+    sort = order_sort(message)
+    assert sort is not None
     lasts = message.deadline - message.issued
     usual = message.kind is not Kind.COMMAND or lasts == inf or abs(lasts - DEADLINE) < 1e-9
-    only, but = (message.body.get(key) for key in (FOR, NOT))
-    return Instruction(
-        sort,
-        message.text.strip(),
-        None if usual else round(lasts, 9),
-        tuple(map(str, only)) if isinstance(only, list) else None,
-        tuple(map(str, but)) if isinstance(but, list) else None,
-    )
+    only, but = (named_robots(message, key) for key in (FOR, NOT))
+    return Instruction(sort, message.text.strip(), None if usual else round(lasts, 9), only, but)
 
 
 def source_of(scenario: Scenario, seed: int) -> tuple[str, Changes]:

@@ -142,6 +142,8 @@ class Swarm:
         self.desk: Desk | None = None
         self.witnesses: list[Witness] = []
         """They see each tick, in this order."""
+        self.senders: list[Callable[[], None]] = []
+        """Called before each tick, to let the desk send what is due in it as if by hand."""
         self.mission = deque(_readable(order) for order in mission)
         self.given: list[tuple[Order, object]] = []
         """The orders of the mission that say what shall become of them and were sent, with what the desk gave."""
@@ -205,6 +207,8 @@ class Swarm:
 
 def step_swarm(swarm: Swarm) -> None:
     """One tick of the whole swarm: act, advance, deliver, sense, think, report."""
+    for send_due in swarm.senders:
+        send_due()
     for witness in swarm.witnesses:
         witness.ticking()
     swarm.whole = False
@@ -248,9 +252,9 @@ def _give_orders(swarm: Swarm) -> None:
             swarm.given.append((order, sent))
 
 
-def give(desk: Desk, order: Order, *, confirmed: bool = False) -> object:
-    """Let the desk send an order; gives what it keeps account of it by. confirmed: whatever is doubted. Raises
-    MissionError."""
+def give(desk: Desk, order: Order, *, confirmed: bool = False, undecided: bool = True) -> object:
+    """Let the desk send an order; gives what it keeps account of it by. confirmed: whatever is doubted. undecided:
+    whether a test that is unknown on all robots is no doubt. Raises MissionError."""
     found = instruction(order)
     try:
         match found.sort:
@@ -268,7 +272,7 @@ def give(desk: Desk, order: Order, *, confirmed: bool = False) -> object:
             only=found.only,
             but=found.but,
             confirmed=confirmed,
-            undecided=True,
+            undecided=undecided,
         )
     except SleepcastError as error:
         raise MissionError(in_file(order.place, str(error))) from error
@@ -354,7 +358,7 @@ class Pace:
             self._credit += lag * self.factor / tick
             self._credit = min(self._credit, max(1.0, LONGEST_CATCH_UP * self.factor / tick))
         made = 0
-        while (flat_out or self._credit >= 1.0) and self._clock.now() - start <= budget:
+        while self._is_due() and self._clock.now() - start <= budget:
             self._step()
             made += 1
             if not flat_out:
@@ -363,6 +367,10 @@ class Pace:
         while self._seen[0][0] < start - WINDOW:
             self._seen.popleft()
         return made
+
+    def _is_due(self) -> bool:
+        """Whether there is a tick to make; what happens in one may have paused the run."""
+        return not self.paused and (isinf(self.factor) or self._credit >= 1.0)
 
     @property
     def achieved(self) -> float:

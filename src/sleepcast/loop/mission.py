@@ -1,0 +1,100 @@
+"""What a mission has come to: which of its orders a desk has sent already, whoever pressed the key.
+
+A command counts as the first order with its words, its sort and its robots that has not been sent yet. So it does not
+matter who sent it: the mission itself, a person at the prompt, or a program. STOP and RELEASE have no words of their
+own, and everybody may press them: they count at the very time of the order alone, unless whoever plays it says more.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Protocol, TypeAlias
+
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.message import FOR, NOT
+from sleepcast.simulator import Order
+from sleepcast.simulator.scenario.mission import Instruction, Sort, instruction
+
+_SORTS: Mapping[Kind, Sort] = {Kind.COMMAND: "once", Kind.ASK: "ask", Kind.STOP: "STOP", Kind.RELEASE: "RELEASE"}
+_WORDLESS = (Kind.STOP, Kind.RELEASE)
+Words: TypeAlias = tuple[Sort, str, frozenset[str] | None, frozenset[str] | None]
+"""What orders are told apart by: their sort, their text, whom they are for, and whom they are not for."""
+
+
+class SentMessage(Protocol):
+    """What a desk keeps of a message that it has sent."""
+
+    @property
+    def message(self) -> Message: ...
+
+
+def order_sort(message: Message) -> Sort | None:
+    """The sort of order that a message of a desk is; None for what no mission sends."""
+    return "standing" if message.standing and message.kind is Kind.COMMAND else _SORTS.get(message.kind)
+
+
+def named_robots(message: Message, key: str) -> tuple[str, ...] | None:
+    """The robots that a message is for (`FOR`) or not for (`NOT`); None if it names none."""
+    names = message.body.get(key)
+    return tuple(map(str, names)) if isinstance(names, list) else None
+
+
+class MissionLog:
+    """The orders of a mission, and what was sent of them. commands: what the desk has sent, oldest first. tick: s by
+    which an order is sent before its time, so that it is on the air then."""
+
+    def __init__(self, orders: Sequence[Order], commands: Callable[[], Iterable[SentMessage]], tick: float) -> None:
+        self.orders = tuple(orders)
+        self._commands, self._tick = commands, tick
+        self._sent: dict[int, Message] = {}
+        self._seen: set[str] = set()
+        self._waiting: dict[Words, deque[int]] = {}
+        for number, order in enumerate(self.orders):
+            self._waiting.setdefault(_words(instruction(order)), deque()).append(number)
+
+    def sent(self) -> Mapping[int, Message]:
+        """The messages of the orders that were sent, by their place in `orders`."""
+        for command in self._commands():
+            if command.message.id not in self._seen:
+                self._seen.add(command.message.id)
+                self._count(command.message)
+        return self._sent
+
+    def note(self, number: int, message: Message) -> None:
+        """This message is the order at this place, once more if it was sent before."""
+        self._seen.add(message.id)
+        self._sent[number] = message
+        waiting = self._waiting[_words(instruction(self.orders[number]))]
+        if number in waiting:
+            waiting.remove(number)
+
+    def _count(self, message: Message) -> None:
+        words = _words_of(message)
+        waiting = None if words is None else self._waiting.get(words)
+        if waiting and (message.kind not in _WORDLESS or self._in_time(waiting[0], message)):
+            self._sent[waiting.popleft()] = message
+
+    def _in_time(self, number: int, message: Message) -> bool:
+        return abs(message.issued - self.orders[number].time) < 1.5 * self._tick
+
+    def rest(self) -> list[int]:
+        """The places of those that were not sent yet."""
+        sent = self.sent()
+        return [number for number in range(len(self.orders)) if number not in sent]
+
+
+def _words(found: Instruction) -> Words:
+    return found.sort, " ".join(found.text.split()), _names(found.only), _names(found.but)
+
+
+def _words_of(message: Message) -> Words | None:
+    sort = order_sort(message)
+    if sort is None:
+        return None
+    text = "" if sort in ("STOP", "RELEASE") else " ".join(message.text.split())
+    return sort, text, _names(named_robots(message, FOR)), _names(named_robots(message, NOT))
+
+
+def _names(names: Sequence[str] | None) -> frozenset[str] | None:
+    return None if names is None else frozenset(names)

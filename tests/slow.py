@@ -51,6 +51,7 @@ SLOW = {
     "console/test_timeline.py": 12,
     "experiments/test_acceptance.py": 4,
     "console/test_session_test.py": 9,
+    "console/test_mission.py": 10,
     "console/test_past.py": 10,
     "console/test_fork.py": 14,
     "loop/test_rerun.py": 4,

@@ -14,6 +14,7 @@ from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.cli.page_tests import PageTests
 from sleepcast.cli.streams import complain
 from sleepcast.console.adapters.live_past import LivePast
+from sleepcast.console.adapters.mission import SwarmMission
 from sleepcast.console.adapters.swarm import SwarmAdapter, shown_slider
 from sleepcast.console.plots import Measure
 from sleepcast.console.renewal import Choices, Run, ShownScenario, Wish
@@ -148,10 +149,12 @@ class PageRuns:
         return self._run(swarm, station, wish)
 
     def fork(self, run: Run, state: bytes) -> Run:
-        """A run that goes on from a state of this one, with its desk and its past."""
+        """A run that goes on from a state of this one, with its desk and its past. Its mission is played by whoever
+        wants that: another future is what somebody does."""
         old, before = run.station, run.past
         assert isinstance(before, LivePast)
         swarm = resume(state, threads=self._beginning.threads, name="the state of this run")
+        swarm.mission.clear()
         station = station_of(swarm, None if isinstance(old.journal, MemoryJournal) else old.journal)
         station.restore(old.state())
         station.go_back(swarm.now())
@@ -186,7 +189,8 @@ class PageRuns:
         seen = SwarmAdapter(swarm, map_picture)
         past = LivePast(seen, swarm, station, self._clock)
         tests, around = PageTests(fleet, past), self._shown_as(swarm, station, wish, warm)
-        return Run(seen, station, pace, prepare, around, measures, past, tests)
+        mission = SwarmMission(swarm, station) if scenario.mission else None
+        return Run(seen, station, pace, prepare, around, measures, past, tests, mission)
 
     @contextmanager
     def _shown_as(self, swarm: Swarm, station: Station, wish: Wish, warm: Event) -> Iterator[None]:

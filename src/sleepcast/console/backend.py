@@ -14,7 +14,7 @@ from typing import NoReturn
 import msgspec
 
 from sleepcast.console import incoming, outgoing
-from sleepcast.console.account_table import AccountTable
+from sleepcast.console.account_table import AccountTable, CommandRow
 from sleepcast.console.alerts import AlertBoard, Alerted
 from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver
@@ -22,6 +22,7 @@ from sleepcast.console.explanation import ShownWhy, show_why
 from sleepcast.console.ground import pictured
 from sleepcast.console.histogram import Spread, spread
 from sleepcast.console.incoming import AlertMessage, Sort
+from sleepcast.console.mission import NO_MISSION, STOPPED, Mission, MissionPlayer, Played, shown_mission
 from sleepcast.console.past import Past
 from sleepcast.console.picking import Picked, picked
 from sleepcast.console.plots import Measure, Plots
@@ -61,8 +62,8 @@ _KINDS = ("sensor", "actuator", "user", "support")
 
 class Backend:
     """See the module. began: the time of the station's clock with which that of the page begins. measures: of the
-    scenario. past: what is kept of the run, None for nothing. Its questions raise SleepcastError, with a sentence for
-    the person who asked."""
+    scenario. past: what is kept of the run, None for nothing. mission: plays that of the scenario, None if it has none.
+    Its questions raise SleepcastError, with a sentence for the person who asked."""
 
     def __init__(
         self,
@@ -74,8 +75,12 @@ class Backend:
         began: float = 0.0,
         measures: Sequence[Measure] = (),
         past: Past | None = None,
+        mission: MissionPlayer | None = None,
     ) -> None:
         self.driver, self.past = driver, past
+        self._mission, self._held = mission, False
+        if mission is not None:
+            mission.hold = self._hold
         self._swarm, self._station, self._clock = swarm, station, clock
         self._began = began
         self._ledger = AccountTable(station, swarm, began)
@@ -193,6 +198,38 @@ class Backend:
         self.driver.begin()
         return outgoing.Sent(serial, sent.id)
 
+    def mission_wish(self, wish: incoming.Play | incoming.SendLine | incoming.SkipLine) -> Played | outgoing.Sent:
+        """Play the mission or not, or decide about one of its commands."""
+        mission = self._mission
+        if mission is None:
+            raise MisuseError(NO_MISSION)
+        problem, said = mission.problem, ""
+        match wish:
+            case incoming.Play(_, on):
+                said = mission.play() if on else ""
+                if not on:
+                    mission.halt("")
+            case incoming.SendLine(_, line, again, confirmed):
+                mission.send(line, again=again, confirmed=confirmed)
+                self.driver.begin()
+            case incoming.SkipLine(_, line):
+                mission.skip(line)
+        decided = self._held and problem >= 0 > mission.problem
+        if decided or (isinstance(wish, incoming.Play) and wish.on):
+            self._held = False
+            self.driver.set_pace(running=True)
+        return Played(wish.serial, said)
+
+    def _hold(self) -> None:
+        """Time stands still until somebody has decided about a command of the mission."""
+        self._held = True
+        self.driver.hold()
+
+    def mission(self, rows: Sequence[CommandRow], time: float = inf) -> Iterator[Mission]:
+        """The mission, if there is one, with these accounts of its commands. time: as of then, s of the page's time."""
+        if self._mission is not None:
+            yield shown_mission(self._mission, {row.id: row for row in rows}, time, self._began)
+
     def _send_in_stages(self, draft: Draft) -> Command:
         """Refused."""
         raise MisuseError("Only what goes over the air can be sent in stages.")
@@ -218,6 +255,8 @@ class Backend:
         if not self.driver.latched or now - self._stopped_at >= STOP_AGAIN:
             self._stopped_at = now
             self._station.stop()
+        if self._mission is not None:
+            self._mission.halt(STOPPED)
         self._latch(True)
 
     def release(self) -> None:
@@ -309,7 +348,9 @@ class Backend:
 
     def news(self, watched: int) -> Iterator[outgoing.Said]:
         """Everything that may have changed; `watched`: the index of the robot that the page looks at, or -1."""
-        yield self.commands()
+        commands = self.commands()
+        yield commands
+        yield from self.mission(commands.rows)
         yield outgoing.Failing(self._ledger.failing.now.rules, self._swarm.recent)
         groups = self.driver.groups
         shown = zip(groups.names, groups.counts, groups.shown, strict=True)

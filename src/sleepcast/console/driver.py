@@ -162,6 +162,11 @@ class Driver(FrameSource):
         self._wake.set()
         self.draw()
 
+    def hold(self) -> None:
+        """Let time stand still from within a tick: it is the last one, and drawn at once."""
+        self.pace.paused = True
+        self._frame_due = self._clock.now()
+
     def step(self) -> None:
         """One tick, and time stands still. There is none while what it takes is being prepared: it would wait for that,
         and nobody could STOP meanwhile."""

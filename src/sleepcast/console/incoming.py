@@ -489,6 +489,30 @@ class SaveTest(Message):
     exact: bool = False
 
 
+class Play(Message):
+    """Send the commands of the run's mission at their times, or (not on) do so no longer."""
+
+    serial: Serial
+    on: bool = True
+
+
+class SendLine(Message):
+    """Send a command of the mission now, by its place in it. again: although it was sent; confirmed: it is meant as it
+    stands, whatever is doubted."""
+
+    serial: Serial
+    line: Place
+    again: bool = False
+    confirmed: bool = False
+
+
+class SkipLine(Message):
+    """Play the mission without this command."""
+
+    serial: Serial
+    line: Place
+
+
 AlertMessage = AddAlert | MuteAlert | RemoveAlert | Fired
 Incoming = (
     Preview
@@ -497,6 +521,9 @@ Incoming = (
     | AlertMessage
     | Wink
     | Send
+    | Play
+    | SendLine
+    | SkipLine
     | Halt
     | Lease
     | Names

@@ -23,6 +23,7 @@ from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver, aside
 from sleepcast.console.incoming import CountTrue, DraftTest, Fork, Renew, SaveTest, Scenarios, Setup
 from sleepcast.console.marks import clock_time
+from sleepcast.console.mission import MissionPlayer
 from sleepcast.console.outgoing import Hello, Said
 from sleepcast.console.past import Past
 from sleepcast.console.plots import Measure
@@ -97,7 +98,7 @@ class Note(Said):
 class Run:
     """A swarm that a page can show, with its desk. prepare: see `Driver`. around: entered when the run is shown, and
     left when another one is, or the program ends. measures: of its scenario, see `Plots`. past: see `Backend`.
-    tests: makes tests of it."""
+    tests: makes tests of it. mission: plays its mission, None if it has none."""
 
     swarm: SwarmView
     station: Station
@@ -107,6 +108,7 @@ class Run:
     measures: Sequence[Measure] = ()
     past: Past | None = None
     tests: TestMaker | None = None
+    mission: MissionPlayer | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,7 +259,9 @@ class RenewableBackend(Backend):
     """The desk of a run that another one may follow. over: whether one has."""
 
     def __init__(self, run: Run, driver: Driver, clock: Clock, runs: Runs) -> None:
-        super().__init__(run.swarm, run.station, driver, clock, measures=run.measures, past=run.past)
+        super().__init__(
+            run.swarm, run.station, driver, clock, measures=run.measures, past=run.past, mission=run.mission
+        )
         self.over = False
         self._tests = run.tests
         self._runs, self._number = runs, runs.number

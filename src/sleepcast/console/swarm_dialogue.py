@@ -18,6 +18,7 @@ from sleepcast.console.frames import ghosts
 from sleepcast.console.glance import glance
 from sleepcast.console.look import Look
 from sleepcast.console.marks import clock_time
+from sleepcast.console.mission import NO_MISSION, Mission
 from sleepcast.console.past import Past
 from sleepcast.console.renewal import NOT_HERE, RenewableBackend
 from sleepcast.console.replay import ReplayBackend
@@ -25,11 +26,11 @@ from sleepcast.console.session_test import NO_TEST, OF_RECORDING
 from sleepcast.console.table import RobotTable
 from sleepcast.core.errors import MisuseError
 
-OF_THEN = (outgoing.Commands, outgoing.Failing, outgoing.Groups, outgoing.Obstacles, outgoing.Robot)
+OF_THEN = (Mission, outgoing.Commands, outgoing.Failing, outgoing.Groups, outgoing.Obstacles, outgoing.Robot)
 """News that are those of the time at which a page looks; all other news are of now."""
 ACTS = (
     *(incoming.Send, incoming.Wink, incoming.Build, incoming.Shift, incoming.Clear, incoming.Undo),
-    *(incoming.DraftTest, incoming.CountTrue, incoming.SaveTest),
+    *(incoming.DraftTest, incoming.CountTrue, incoming.SaveTest, incoming.Play, incoming.SendLine, incoming.SkipLine),
 )
 """What changes the run, which can be done only now."""
 QUESTIONS = (
@@ -95,6 +96,10 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
                 return desk.wink(serial, robot)
             case incoming.Send(serial, text, everybody, sort, count, confirmed):
                 return desk.send(serial, text, everybody, sort, count, confirmed)
+            case incoming.Play() | incoming.SendLine() | incoming.SkipLine():
+                if not isinstance(desk, Backend):
+                    raise MisuseError(NO_MISSION)
+                return desk.mission_wish(message)
             case incoming.Names(serial):
                 return desk.names(serial)
             case incoming.Glance(serial):
@@ -201,6 +206,8 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
         else:
             yield from look.news()
             yield from (said for said in self._desk.news(-1) if not isinstance(said, OF_THEN))
+            if isinstance(self._desk, Backend) and past is not None:
+                yield from self._desk.mission(commands_of(past.film, look.time).rows, look.time)
         if past is None:
             return
         if self._marked != past.marks.number:

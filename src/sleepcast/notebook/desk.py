@@ -180,5 +180,8 @@ class View:
         self._line.tell({"say": encode(message).decode()})
 
 
-CHANGING = (incoming.Stop, incoming.Release, incoming.Pace, incoming.Step, incoming.Send, incoming.Watch)
+CHANGING = (
+    *(incoming.Stop, incoming.Release, incoming.Pace, incoming.Step, incoming.Send, incoming.Watch),
+    *(incoming.Play, incoming.SendLine, incoming.SkipLine),
+)
 """Messages after which there may be something new to see."""

@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager
 
 from sleepcast.console import outgoing
 from sleepcast.console.adapters.channel import EMPTY, FleetAdapter
+from sleepcast.console.adapters.mission import SwarmMission
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
@@ -47,7 +48,8 @@ def simulated_desk(swarm: Swarm, station: Station, step: Callable[[], None], tur
     seen = SteppedSwarm(swarm, step)
     seen.introduce()
     driver = Driver(seen, pace, clock, waits=seen.tick == 0)
-    return NotebookDesk(Backend(seen, station, driver, clock), clock, turn)
+    mission = SwarmMission(swarm, station) if swarm.simulator.scenario.mission else None
+    return NotebookDesk(Backend(seen, station, driver, clock, mission=mission), clock, turn)
 
 
 class PatientBackend(NetworkBackend):

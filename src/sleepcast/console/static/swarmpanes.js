@@ -13,6 +13,7 @@ import { Glance } from "./glance.js";
 import { SWARM_LAYERS } from "./layers.js";
 import { Legend } from "./legend.js";
 import { Lights } from "./light.js";
+import { MissionPane } from "./mission.js";
 import { NewRun } from "./newrun.js";
 import { Operators } from "./operators.js";
 import { Plots } from "./plots.js";
@@ -51,6 +52,22 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   const senses = new Senses(world, wire);
   const sensors = new SensorsPane(world, senses);
   drawer.add({ name: "sensors", title: "Sensors", element: sensors.root, shown: (open) => sensors.shown(open) });
+
+  const mission = new MissionPane(find("mission"), wire);
+  mission.addEventListener("there", () => {
+    if (embedded) mission.bar.append(Object.assign(mission.root, { hidden: true })); // no drawer is in a cell
+    else drawer.add({ name: "mission", title: "Mission", element: mission.root });
+    world.refit(); // it leaves less room for the map
+  });
+  mission.addEventListener("open", () => {
+    if (embedded) mission.root.hidden = !mission.root.hidden;
+    else drawer.toggle("mission");
+  });
+  mission.addEventListener("put", ({ detail }) => {
+    prompt.set(detail.text);
+    find("sort").value = detail.sort;
+    prompt.sorted();
+  });
 
   let begun = false; // whether the prompt was filled once
   let groups = []; // {name, count, shown}, in the order of their codes in a frame
@@ -315,7 +332,10 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   // ---- the timeline
 
   timeline.addEventListener("jump", () => world.forgetTrails());
-  timeline.addEventListener("turned", () => robot.askWhy());
+  timeline.addEventListener("turned", () => {
+    robot.askWhy();
+    mission.setElsewhere(timeline.elsewhere);
+  });
   timeline.addEventListener("mark", ({ detail }) => {
     marked = detail.command; // its line is there when the news of then have come
   });
@@ -325,6 +345,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   const actions = [
     ["Back to live", "F8", () => timeline.toLive()],
     ["New run: scenario, robots, seed", "", () => find("renew").hidden || press("renew")],
+    ["Play the mission", "the scenario's commands at their times", () => find("mission").hidden || mission.find("play-mission").click()],
     ["Save as a test", "commands and what came of them", () => press("as-test")],
     ["Select robots with a lasso", "L", () => press("lasso")],
     ["Select the highlighted robots", "S", () => press("select-lit")],

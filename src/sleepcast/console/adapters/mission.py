@@ -1,0 +1,156 @@
+"""Plays the mission of a simulated swarm.
+
+Orders that shall go out at their times stand in the swarm's own `mission`, so that a snapshot has them. Those that are
+due in a tick are sent before it begins, as by hand: they are on the air in the very tick in which a run without a page
+sends them, and what is wrong with one is a sentence for a person.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import cast
+
+from sleepcast.channel import Kind, Message
+from sleepcast.console.marks import clock_time
+from sleepcast.console.mission import STOPPED
+from sleepcast.core.errors import MisuseError
+from sleepcast.loop import Swarm
+from sleepcast.loop.mission import MissionLog
+from sleepcast.loop.swarm import give
+from sleepcast.simulator import MissionError, Order
+from sleepcast.station import Command, Station
+from sleepcast.station.validation import DoubtError
+
+
+class SwarmMission:
+    """See the module; a `MissionPlayer`."""
+
+    def __init__(self, swarm: Swarm, station: Station) -> None:
+        scenario = swarm.simulator.scenario
+        self._swarm, self._station = swarm, station
+        self._log = MissionLog(scenario.mission, station.commands, scenario.tick)
+        self._known: set[str] = set()
+        """STOPs that do not end it: those from before it was played, and its own."""
+        self._waiting: list[Order] = []
+        """What is to be played when somebody has decided about the problem."""
+        self.left_out: frozenset[int] = frozenset()
+        self.problem, self.said, self.doubt = -1, "", False
+        self.hold: Callable[[], None] = lambda: None
+        if swarm.mission:  # a snapshot was taken while it was played
+            self._know_stops()
+        swarm.senders.append(self.send_due)
+
+    @property
+    def orders(self) -> Sequence[Order]:
+        return self._log.orders
+
+    @property
+    def playing(self) -> bool:
+        """Whether there is more to send, at its time."""
+        return bool(self._swarm.mission)
+
+    def sent(self) -> Mapping[int, Message]:
+        return self._log.sent()
+
+    # ---- what people do
+
+    def play(self) -> str:
+        if self.playing:
+            return ""
+        rest = [self.orders[number] for number in self._log.rest() if number not in self.left_out]
+        if not rest:
+            raise MisuseError("All commands of the mission were sent. Start the run again to play it once more.")
+        self._go_on(rest)
+        late = sum(order.time < self._swarm.now() for order in rest)
+        return f"Of {late} command{'s' * (late > 1)} the time has passed: sent at once." if late else ""
+
+    def _go_on(self, rest: Sequence[Order]) -> None:
+        self._clear()
+        self._know_stops()
+        self._swarm.mission.extend(rest)
+
+    def _know_stops(self) -> None:
+        self._known.update(each.id for each in self._station.commands() if each.kind is Kind.STOP)
+        self._known.update(each.id for each in self._swarm.posted if each.kind is Kind.STOP)
+
+    def halt(self, why: str) -> None:
+        if self.playing or self._waiting:
+            self._clear()
+            self._swarm.mission.clear()
+            self.said = why
+
+    def _clear(self) -> None:
+        self.problem, self.said, self.doubt, self._waiting = -1, "", False, []
+
+    def send(self, number: int, *, confirmed: bool, again: bool) -> None:
+        self._check(number)
+        if number in self._log.sent() and not again:
+            raise MisuseError(f"It was sent already, at {clock_time(self._log.sent()[number].issued)}.")
+        try:
+            self._send(self.orders[number], number, confirmed=confirmed)
+        except MissionError as error:
+            raise error.__cause__ or error from None
+        self._drop(number)
+
+    def skip(self, number: int) -> None:
+        self._check(number)
+        self.left_out |= {number}
+        self._drop(number)
+
+    def _check(self, number: int) -> None:
+        if not 0 <= number < len(self.orders):
+            raise MisuseError(f"The mission has no command number {number + 1}: it has {len(self.orders):,}.")
+
+    def _drop(self, number: int) -> None:
+        """An order is settled: it goes out no more by itself, and what waited for it goes on."""
+        order = self.orders[number]
+        mission = self._swarm.mission
+        if any(_same(each, order) for each in mission):
+            rest = [each for each in mission if not _same(each, order)]
+            mission.clear()
+            mission.extend(rest)
+        if number == self.problem:
+            self._go_on([each for each in self._waiting if not _same(each, order)])
+
+    # ---- before each tick
+
+    def send_due(self) -> None:
+        """Send what is due in the tick that begins now."""
+        mission, scenario = self._swarm.mission, self._swarm.simulator.scenario
+        if not mission:
+            return
+        if any(each.kind is Kind.STOP and each.id not in self._known for each in self._swarm.posted):
+            self.halt(STOPPED)
+            return
+        end = (self._swarm.simulator.tick + 1) * scenario.tick
+        while mission and mission[0].time <= end:
+            order = mission.popleft()
+            places = [number for number, each in enumerate(self.orders) if _same(each, order)]
+            if places and not (places := [number for number in places if number not in self._log.sent()]):
+                continue  # somebody has sent it meanwhile
+            try:
+                self._send(order, *places[:1])
+            except MissionError as error:
+                self._wait_for_somebody(places[0] if places else -1, error, [order, *mission])
+                return
+
+    def _send(self, order: Order, number: int = -1, *, confirmed: bool = False) -> None:
+        """number: its place, -1 for one of which the scenario knows nothing."""
+        sent = cast(Command, give(self._station, order, confirmed=confirmed, undecided=False))
+        if number >= 0:
+            self._log.note(number, sent.message)
+        if sent.kind is Kind.STOP:
+            self._known.add(sent.id)
+
+    def _wait_for_somebody(self, number: int, error: MissionError, rest: list[Order]) -> None:
+        cause = error.__cause__
+        self._swarm.mission.clear()
+        self._waiting = rest
+        self.problem, self.doubt = number, isinstance(cause, DoubtError)
+        self.said = cause.shown if isinstance(cause, DoubtError) else str(cause or error)
+        self.hold()
+
+
+def _same(order: Order, other: Order) -> bool:
+    """A snapshot keeps of an order only when it is sent, and its text."""
+    return (order.time, order.text) == (other.time, other.text)

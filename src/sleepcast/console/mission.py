@@ -1,0 +1,138 @@
+"""The mission of a run on the page: its commands with their times, what became of each, and who plays it.
+
+The run plays it and pages only show how far it is, so it goes out once however many pages are open. It is sent as a
+person would send it, with the same checks: a command that is doubted waits for somebody, and time with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from math import inf
+from typing import Protocol
+
+import msgspec
+
+from sleepcast.channel import Message
+from sleepcast.console.account_table import CommandRow
+from sleepcast.console.outgoing import Said
+from sleepcast.simulator import Order
+from sleepcast.simulator.scenario.mission import Instruction, Wanted, instruction
+
+NO_MISSION = "This run has no mission: its scenario names none."
+STOPPED = "STOP ended it. Release STOP, then play the rest."
+
+
+class ShownWanted(msgspec.Struct, frozen=True):
+    """What shall have become of a command when the run ends. number: how many it is now, None where nobody knows."""
+
+    text: str
+    met: bool = False
+    number: int | None = None
+
+
+class ShownLine(msgspec.Struct, frozen=True):
+    """A command of a mission. at: its time, s. words: what is said before its text, "" for nothing. sort: as a prompt
+    has it; "" for what cannot be typed there. sent: when it was sent, s, None for not yet; command: its id then.
+    left_out: whether somebody wants to go on without it."""
+
+    at: float
+    text: str
+    words: str
+    sort: str
+    wanted: list[ShownWanted]
+    sent: float | None = None
+    command: str = ""
+    left_out: bool = False
+
+
+class Mission(Said):
+    """The mission of the run. playing: whether the rest goes out at its times. problem: the place of the line that was
+    not sent, -1 for none; said: why, or why it is not played any more; doubt: whether it may be sent as it stands."""
+
+    lines: list[ShownLine]
+    playing: bool = False
+    problem: int = -1
+    said: str = ""
+    doubt: bool = False
+
+
+class Played(Said):
+    """The answer to `Play`, `SendLine` and `SkipLine`: what happens now, in a sentence; "" where it is seen."""
+
+    serial: int
+    said: str = ""
+
+
+class MissionPlayer(Protocol):
+    """Plays the mission of one run. Orders are named by their places. hold: lets time stand still until somebody has
+    decided about a problem."""
+
+    hold: Callable[[], None]
+
+    @property
+    def orders(self) -> Sequence[Order]: ...
+    @property
+    def playing(self) -> bool: ...
+    @property
+    def left_out(self) -> frozenset[int]: ...
+    @property
+    def problem(self) -> int:
+        """See `Mission`."""
+
+    @property
+    def said(self) -> str: ...
+    @property
+    def doubt(self) -> bool: ...
+
+    def sent(self) -> Mapping[int, Message]:
+        """The message of each order that was sent."""
+
+    def play(self) -> str:
+        """From now on, send each at its time; gives what a person should know. Raises MisuseError if all were sent."""
+
+    def halt(self, why: str) -> None:
+        """Play it no longer."""
+
+    def send(self, number: int, *, confirmed: bool, again: bool) -> None:
+        """Send one now. again: although it was sent. Raises SleepcastError."""
+
+    def skip(self, number: int) -> None:
+        """Go on without it."""
+
+
+def shown_mission(
+    player: MissionPlayer, rows: Mapping[str, CommandRow], time: float = inf, began: float = 0.0
+) -> Mission:
+    """The mission as a page shows it. rows: the accounts of commands, by id. time: of what was sent, only what was sent
+    by then, s of the page's time. began: when that began, s of the desk's clock."""
+    sent = {number: each for number, each in player.sent().items() if each.issued - began <= time}
+    lines = []
+    for number, order in enumerate(player.orders):
+        message = sent.get(number)
+        row = None if message is None else rows.get(message.id)
+        found = instruction(order)
+        lines.append(
+            ShownLine(
+                order.time,
+                found.text or found.sort,
+                _words(found),
+                found.sort if found.text and found.only is None and found.but is None and found.within is None else "",
+                [_shown(wanted, row) for wanted in order.wanted],
+                None if message is None else message.issued - began,
+                "" if message is None else message.id,
+                number in player.left_out,
+            )
+        )
+    return Mission(lines, player.playing, player.problem, player.said, player.doubt)
+
+
+def _words(found: Instruction) -> str:
+    """What stands before the text of an order."""
+    return "" if not found.text else found._replace(text="(").written()[:-1].strip()
+
+
+def _shown(wanted: Wanted, row: CommandRow | None) -> ShownWanted:
+    if row is None:
+        return ShownWanted(str(wanted))
+    number: int = getattr(row, wanted.count.replace(" ", "_"))
+    return ShownWanted(str(wanted), wanted.met(number), number)

@@ -215,3 +215,34 @@ def test_a_person_plays_it(context: BrowserContext, tmp_path: Path) -> None:
         expect(page.locator("#mission .told")).to_contain_text("Press Send once more")
         lines.nth(1).locator(".send").click()
         expect(page.locator("#mission .how-far")).to_have_text("all 3 commands sent.")
+
+
+TOGETHER = """
+[[commands]]
+title = "Remember"
+text = "(PROGN (DEFVAR far) (SETQ far 500m))"
+together = true
+
+[[commands]]
+title = "Drive"
+text = "(RULE away (GOTO far far))"
+needs = 1
+together = true
+
+[[commands]]
+title = "Stand"
+text = "(WHEN (> battery 10%) (ST))"
+"""
+
+
+@pytest.mark.browser
+def test_commands_that_work_only_together_are_sent_at_one_press(context: BrowserContext, tmp_path: Path) -> None:
+    write(tmp_path, ('delay = "0s"', 'delay = "0s"\nloss = 0.04'), more=TOGETHER)
+    with Program("run", tmp_path, "--page", "--speed", "10", waits=True) as program:
+        page = context.new_page()
+        page.goto(program.address)
+        page.locator("#ready .all").click()
+        expect(page.locator("#commands tr")).to_have_count(4)  # in their order, twice on a radio that loses some
+        expect(page.locator("#text")).to_have_value("(WHEN (> battery 10%) (ST))")  # what comes next is not sent
+        expect(page.locator("#ready .sent")).to_have_count(2)
+        expect(page.locator("#mission")).to_be_hidden()

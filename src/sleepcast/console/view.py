@@ -71,7 +71,8 @@ class Scene(msgspec.Struct, frozen=True):
     empty where all are of one sort. lights: where they are, with their names. areas: those that robots know by name
     from the start. supplies: what robots use up when they drive, such as fuel. obstacles: each is what lies inside an
     odd number of its closed outlines, lists of corners (x, y) in m. version: of the obstacles, where people may change
-    them; else None. blanks: numbers that ready-made commands name in braces.
+    them; else None. blanks: numbers that ready-made commands name in braces. repeats: how often those that work only
+    together are sent, since the radio may lose one.
     picture: where the picture of the map lies, None if there is none; the desk is asked for it.
     """
 
@@ -91,6 +92,7 @@ class Scene(msgspec.Struct, frozen=True):
     commands: tuple[ReadyCommand, ...] = ()
     supplies: tuple[str, ...] = ()
     blanks: tuple[ShownSlider, ...] = ()
+    repeats: int = 1
     picture: PicturePlace | None = None
 
 

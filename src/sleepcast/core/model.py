@@ -93,13 +93,15 @@ class HostFunction:
 class ReadyCommand:
     """A command that a scenario offers on its page, with the words that a person would say. blank: its text with the
     names of numbers in braces; "" where there are none. needs: the number of the one to be sent before,
-    from 1; 0 for none."""
+    from 1; 0 for none. together: whether it works only with the others of which this is said, which a page sends in
+    their order at one press."""
 
     title: str
     text: str
     about: str = ""
     blank: str = ""
     needs: int = 0
+    together: bool = False
 
 
 class RestState(NamedTuple):

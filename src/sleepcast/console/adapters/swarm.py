@@ -138,6 +138,7 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         lights=tuple(MapLabel(light.title, light.x, light.y) for light in scenario.lights),
         commands=tuple(replace(each, text=each.text.strip(), blank=each.blank.strip()) for each in scenario.commands),
         blanks=tuple(shown_slider(slider) for slider in scenario.sliders if slider.live),
+        repeats=scenario.repeats,
         supplies=tuple(store.name for store in scenario.robots.stores if store.reach < inf),
         picture=placed(scenario.picture),
     )

@@ -87,8 +87,10 @@ export class Prompt extends EventTarget {
 
   // ---- ready-made commands
 
-  setReady(commands) {
+  // repeats: how often those that work only together are sent, since the radio may lose one.
+  setReady(commands, repeats = 1) {
     this.ready = commands;
+    this.repeats = repeats;
     this.find("ready").replaceChildren(
       ...commands.map((command, index) => {
         const button = document.createElement("button");
@@ -102,6 +104,38 @@ export class Prompt extends EventTarget {
       }),
     );
     this.showReady();
+    const together = commands.filter((command) => command.together);
+    if (together.length > 1) this.find("ready").prepend(this.playAll(together));
+  }
+
+  // The button that sends those that work only together.
+  playAll(commands) {
+    const numbers = commands.map((command) => this.ready.indexOf(command) + 1).join(", ");
+    const button = document.createElement("button");
+    button.type = "button";
+    button.className = "all";
+    button.textContent = "Play all";
+    const often = this.repeats > 1 ? `, ${this.repeats} times, since the radio loses messages` : "";
+    button.title = `They work only together: sends ${numbers}, in this order${often}`;
+    button.addEventListener("click", () => this.sendAll(commands));
+    return button;
+  }
+
+  // Send commands one after the other. What is refused stands in the prompt, with the reason, and ends it.
+  async sendAll(commands) {
+    if (this.sending) return;
+    for (const { text } of Array(this.repeats).fill(commands).flat()) {
+      this.set(text, false);
+      this.find("everybody-yes").checked = this.trusting;
+      if (!(await this.send())) return;
+      this.markSent([text]);
+    }
+    if (this.next) this.set(this.next.text, false);
+  }
+
+  // The buttons of the ready-made commands, in their order.
+  get buttons() {
+    return [...this.find("ready").querySelectorAll("button:not(.all)")];
   }
 
   // The ready-made command that this text is.
@@ -121,7 +155,7 @@ export class Prompt extends EventTarget {
   }
 
   showReady() {
-    [...this.find("ready").children].forEach((button, index) => {
+    this.buttons.forEach((button, index) => {
       button.classList.toggle("sent", this.sent.has(this.ready[index].text));
       button.classList.toggle("next", this.ready[index] === this.next);
       const first = this.ready[this.ready[index].needs - 1];
@@ -261,15 +295,16 @@ export class Prompt extends EventTarget {
 
   // ---- sending
 
+  // Send what stands there; whether it went out.
   async send() {
     const { text } = this.editor;
-    if (!text.trim() || this.sending) return;
+    if (!text.trim() || this.sending) return false;
     const box = this.find("everybody-yes");
     if (!this.find("everybody").hidden && !box.checked) {
       box.focus();
-      return;
+      return false;
     }
-    if (this.refuseLong(text)) return;
+    if (this.refuseLong(text)) return false;
     this.refuse("");
     this.setSending(true); // the answer is about this text and this sort, so they stay until it comes
     try {
@@ -282,6 +317,7 @@ export class Prompt extends EventTarget {
       this.sorted();
       this.editor.set("");
       this.dispatchEvent(new CustomEvent("sent", { detail: answer.command }));
+      return true;
     } catch (refusal) {
       this.setSending(false);
       if (!(refusal instanceof Refusal)) throw refusal;
@@ -289,6 +325,7 @@ export class Prompt extends EventTarget {
       if (refusal.count) this.askCount(refusal.message);
       else if (refusal.doubt) this.refuse(refusal.message, "warning");
       else this.refuse(refusal.message);
+      return false;
     }
   }
 

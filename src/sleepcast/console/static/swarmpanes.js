@@ -89,7 +89,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
     prompt.trusting = !hello.air;
     write(find("legend-note"), hello.note);
     find("legend-note").hidden = !hello.note;
-    prompt.setReady(scene.commands);
+    prompt.setReady(scene.commands, scene.repeats);
     blanks.set(scene.commands, scene.blanks);
     table.setScene(scene);
     prompt.setNames(hello.names);

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import inf, pi
+from math import ceil, inf, log, pi
 from pathlib import Path
 
 from sleepcast.channel.simulated_radio import RadioModel
@@ -54,6 +54,10 @@ from sleepcast.simulator.world.world import Shape
 FORMAT = 1
 """Version of the format; files of a newer one are refused."""
 FILE = "scenario.toml"
+MISSED = 0.002
+"""The share of robots that may have missed what everybody must hear."""
+MOST_REPEATS = 8
+"""Times that such a command is said at once."""
 MAX_QUEUED = 10_000
 """Messages queued for one transmitter: at one per second, three hours."""
 MAX_PLACES = 32
@@ -137,6 +141,12 @@ class Scenario:
     def named_points(self) -> tuple[Place | Stock, ...]:
         """What the map shows by its title: places and stocks."""
         return (*self.places, *self.stocks)
+
+    @property
+    def repeats(self) -> int:
+        """How often a command that everybody must hear is said at once: the radio sends each once, and may lose it."""
+        loss = self.radio.loss
+        return 1 if loss <= MISSED else min(MOST_REPEATS, ceil(log(MISSED) / log(min(loss, 0.99))))
 
     @property
     def around(self) -> Around:
@@ -346,7 +356,8 @@ def _commands(root: Table, numbers: Sequence[BodyConstant]) -> tuple[ReadyComman
                 text = filled(blank, numbers, "text")
             blank = "" if blank == text else blank
             needs = table.whole("needs", 0, low=0, high=len(found))
-            found.append(ReadyCommand(table.text("title", most=80), text, table.text("about", ""), blank, needs))
+            title, about = table.text("title", most=80), table.text("about", "")
+            found.append(ReadyCommand(title, text, about, blank, needs, table.flag("together", False)))
     return tuple(found)
 
 

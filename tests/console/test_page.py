@@ -249,6 +249,31 @@ def test_a_newcomers_first_minute(page: Page) -> None:
     expect(page.locator(".tree .skipped").first).to_contain_text("skipped")
 
 
+def test_why_is_about_the_command_that_was_for_the_robot(bravo: Program, context: BrowserContext) -> None:
+    """Followed as README and tutorial say: Bravo is formed and sent; a scout that did not join says what it lacked."""
+    page = context.new_page()
+    page.goto(bravo.address)
+    await_picture(page)
+    for text in (SENTENCE, "(WHEN (IN bravo) (GOTO vessel_x vessel_y))"):
+        type_in(page, text)
+        page.locator("#text").press("Enter")
+        expect(page.locator("#text")).to_have_value("")
+    page.locator("#map").focus()
+    for _ in range(60):
+        page.keyboard.press("ArrowUp")
+        expect(page.locator(".verdict")).to_be_visible()
+        if "not matched" in page.locator(".verdict").inner_text():
+            break
+    expect(page.locator(".reason")).to_have_text(
+        re.compile(r"(fuel|ordnance) = [\d.]+ %, needed > (50|70) %|\(DIST .*\) = [\d.]+ mi, needed < 5 mi")
+    )
+    which = page.locator("#why-command")
+    which.select_option(index=1)  # the newest of all
+    expect(page.locator(".reason")).to_have_text("not a member of bravo")
+    which.select_option(index=0)
+    expect(page.locator(".reason")).to_contain_text("needed")
+
+
 def test_bravo_drives_where_it_is_told(bravo: Program, context: BrowserContext) -> None:
     page = context.new_page()
     poses = Poses(page)

@@ -32,8 +32,8 @@ class PrepareError(SleepcastError):
 def prepare(as_json: bool, quiet: bool) -> int:
     """Compile what the robots of all included scenarios need, and keep it in your cache folder.
 
-    This takes some 20 seconds, once for each version of sleepcast and numba and for each type of processor. Without it,
-    the first scenario that needs something compiles it while you wait.
+    This takes a processor half a minute, once for each version of sleepcast and numba and for each type of processor.
+    Without it, the first scenario that needs something compiles it while you wait.
 
     \b
     Examples:

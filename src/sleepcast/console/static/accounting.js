@@ -11,15 +11,21 @@ export class Accounting extends EventTarget {
     this.root = root;
     this.rows = new Map(); // by id: {row, line}
     this.chosen = "";
+    this.picked = ""; // the same if a person has chosen it, not only sent it
     root.querySelector("#commands").addEventListener("click", (event) => {
       const line = event.target.closest("tr");
-      if (line) this.choose(line.dataset.id === this.chosen ? "" : line.dataset.id);
+      if (line) this.pick(line.dataset.id === this.chosen ? "" : line.dataset.id);
     });
     root.querySelector("#commands").addEventListener("keydown", (event) => this.key(event));
   }
 
   get latest() {
     return [...this.rows.values()].map(({ row }) => row).filter((row) => row.kind === "command").pop()?.id ?? "";
+  }
+
+  // Commands, newest first.
+  get commands() {
+    return [...this.rows.values()].map(({ row }) => row).filter((row) => row.kind === "command").reverse();
   }
 
   get(id) {
@@ -104,8 +110,14 @@ export class Accounting extends EventTarget {
     });
   }
 
+  pick(id) {
+    this.picked = id;
+    this.choose(id);
+  }
+
   choose(id) {
     this.chosen = id;
+    if (id !== this.picked) this.picked = "";
     this.mark();
     this.changed("choose");
   }
@@ -140,9 +152,9 @@ export class Accounting extends EventTarget {
     const line = event.target.closest("tr");
     if (!line || event.target.closest("button")) return;
     const other = { ArrowDown: line.nextElementSibling, ArrowUp: line.previousElementSibling }[event.key];
-    if (event.key === "Enter" || event.key === " ") this.choose(line.dataset.id === this.chosen ? "" : line.dataset.id);
+    if (event.key === "Enter" || event.key === " ") this.pick(line.dataset.id === this.chosen ? "" : line.dataset.id);
     else if (other) {
-      this.choose(other.dataset.id);
+      this.pick(other.dataset.id);
       other.focus();
     } else return;
     event.preventDefault();

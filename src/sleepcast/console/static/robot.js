@@ -6,6 +6,11 @@ import { picture } from "./shapes.js";
 import { drawWhy } from "./why.js";
 import { Refusal } from "./wire.js";
 
+const FILLED = { why: "why-answer" };
+const OTHERS = /^not a member of /; // why a command was for others: those who are in a group
+const LOOKS = 8; // commands that are looked at, newest first, for one that was for this robot
+const BRIEF = 48; // characters of a command in the list
+
 const NONE = {
   said: 'No reports yet. (REPORT "fuel" fuel) makes robots report their fuel.',
   told: "Nobody has told it anything yet.",
@@ -21,6 +26,12 @@ export class RobotPane {
     this.find = (id) => root.querySelector(`#${id}`);
     this.index = -1;
     this.command = null; // the row of the command that is asked about
+    this.picked = false; // whether a person has picked it; else it is the newest that was for this robot
+    this.commands = []; // all commands, newest first
+    this.find("why-command").addEventListener("change", ({ target }) => {
+      const row = this.commands.find((each) => each.id === target.value);
+      this.about(row ?? this.commands[0] ?? null, Boolean(row));
+    });
     this.open(tabs[0]);
     for (const name of tabs) {
       this.find(`tab-${name}`).addEventListener("click", () => this.open(name));
@@ -36,21 +47,38 @@ export class RobotPane {
     this.find("wink").hidden = index < 0;
     this.find("robot-name").textContent = index < 0 ? "Robot" : name;
     this.find("robot-state").replaceChildren();
-    for (const each of this.tabs) this.find(`pane-${each}`).replaceChildren(); // what stood there was said by another robot
+    for (const each of this.tabs) this.find(FILLED[each] ?? `pane-${each}`).replaceChildren(); // what stood there was said by another robot
     this.wire.tell("watch", { robot: index });
     this.askWhy();
   }
 
-  // The command about which the robot is asked; null where there is none.
-  about(row) {
+  // The command about which the robot is asked; null where there is none. picked: whether a person has picked it.
+  about(row, picked = false) {
     this.command = row;
+    this.picked = picked && row !== null;
     this.askWhy();
+  }
+
+  // Offer these commands, newest first.
+  setCommands(rows) {
+    const same = rows.length === this.commands.length && rows.every((row, at) => row.id === this.commands[at].id);
+    this.commands = rows;
+    if (same) return;
+    const newest = new Option("the newest for this robot", "");
+    this.find("why-command").replaceChildren(newest, ...rows.map((row) => new Option(`${clock(row.at)} ${brief(row.text)}`, row.id)));
+    this.showPicked();
+  }
+
+  showPicked() {
+    this.find("why-command").value = this.picked ? this.command.id : "";
+    this.find("why-command").parentElement.hidden = this.commands.length < 2;
   }
 
   async askWhy() {
     const { index, command } = this;
-    const pane = this.find("pane-why");
+    const pane = this.find("why-answer");
     if (index < 0 || !this.tabs.includes("why")) return;
+    this.showPicked();
     if (!command) {
       pane.replaceChildren(sentence("No command has been sent yet. Send one to see why this robot obeys it or not."));
       return;
@@ -63,13 +91,33 @@ export class RobotPane {
       pane.replaceChildren(sentence("STOP and RELEASE are not expressions: every robot that receives them obeys."));
       return;
     }
+    const current = () => index === this.index && command.id === this.command?.id;
     try {
-      const answer = await this.wire.ask("why", { robot: index, command: command.id });
-      if (index === this.index && command.id === this.command?.id) drawWhy(pane, answer.why, command);
+      const [row, why] = await this.explained(index, command);
+      if (current()) drawWhy(pane, why, row);
     } catch (refusal) {
       if (!(refusal instanceof Refusal)) throw refusal;
-      if (index === this.index && command.id === this.command?.id) pane.replaceChildren(sentence(refusal.message));
+      if (current()) pane.replaceChildren(sentence(refusal.message));
     }
+  }
+
+  // The explanation of this command; unless a person has picked it, of the newest one up to it that was not for a group in
+  // which the robot is not.
+  async explained(robot, command) {
+    const ask = async (row) => [row, (await this.wire.ask("why", { robot, command: row.id })).why];
+    const first = await ask(command);
+    if (this.picked || !OTHERS.test(first[1].reason)) return first;
+    const older = this.commands.slice(this.commands.findIndex((row) => row.id === command.id) + 1);
+    for (const row of older.slice(0, LOOKS)) {
+      try {
+        const found = await ask(row);
+        if (!OTHERS.test(found[1].reason)) return found;
+      } catch (refusal) {
+        if (!(refusal instanceof Refusal)) throw refusal;
+        break; // what came before is not known any more
+      }
+    }
+    return first;
   }
 
   // News of the chosen robot: {robot, groups, state, values, rules, said, told}. look: how the map shows it, as `picture` takes it;
@@ -145,4 +193,9 @@ function fill(pane, heads, rows, cellsOf, none) {
       cell.classList.toggle("none", text === "unknown");
     });
   });
+}
+
+function brief(text) {
+  const line = text.replace(/\s+/g, " ");
+  return line.length > BRIEF ? `${line.slice(0, BRIEF)}…` : line;
 }

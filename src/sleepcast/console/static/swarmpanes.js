@@ -119,6 +119,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   wire.addEventListener("commands", ({ detail }) => {
     accounting.set(detail.rows);
     prompt.markSent(detail.rows.map((row) => row.text));
+    robot.setCommands(accounting.commands);
     if (!begun) {
       begun = true;
       if (!prompt.editor.text) prompt.set(prompt.next?.text ?? "", !embedded);
@@ -211,14 +212,14 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
     clearTimeout(fading); // who chooses a command again wants to see it for longer
     legend.forget();
     failing.forget();
-    robot.about(detail ?? accounting.get(accounting.latest) ?? null);
+    robot.about(detail ?? accounting.get(accounting.latest) ?? null, Boolean(detail) && accounting.picked === detail.id);
     foretelling = false;
     if (detail) lightChosen();
     else lightAgain();
   });
 
   accounting.addEventListener("counted", ({ detail }) => {
-    robot.about(detail);
+    robot.about(detail, accounting.picked === detail.id || robot.picked);
     if (!foretelling && !litElsewhere()) lightChosen();
   });
 

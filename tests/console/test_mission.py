@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -161,6 +162,18 @@ def test_a_snapshot_goes_on_with_it(tmp_path: Path) -> None:
     assert other.shown()[:3] == [(True, [True, False]), (True, []), (False, [])]
     assert other.run(4).sent[2:] == ["STOP", "RELEASE", "battery"]
     assert all(sent for sent, _ in other.shown())
+
+
+def test_what_a_snapshot_brings_along_waits_for_somebody_too(tmp_path: Path) -> None:
+    stand = Stand.of(tmp_path, "@0.5s (JOIN crew)\n@1s (JOIN first)\n")
+    stand.mission.play()
+    data = snapshot(stand.run(0.7).swarm)
+    scenario = stand.swarm.simulator.scenario
+    other = Stand(*assemble_from(data, None, 1))
+    other.swarm.mission[0] = replace(scenario.mission[1], text="(SETQ x 1)")  # what no robot can run
+    other.run(2)
+    assert (len(other.sent), other.held, other.mission.playing) == (1, 1, False)
+    assert "x" in other.mission.said
 
 
 @pytest.fixture(scope="module")

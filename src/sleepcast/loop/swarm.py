@@ -145,6 +145,8 @@ class Swarm:
         self.senders: list[Callable[[], None]] = []
         """Called before each tick, to let the desk send what is due in it as if by hand."""
         self.mission = deque(_readable(order) for order in mission)
+        self.refused: Callable[[Order, MissionError], None] | None = None
+        """Told of an order of the mission that cannot be sent; without it that is raised."""
         self.given: list[tuple[Order, object]] = []
         """The orders of the mission that say what shall become of them and were sent, with what the desk gave."""
         self.telemetry_ticks = max(1, round(scenario.telemetry / scenario.tick))
@@ -247,7 +249,13 @@ def _give_orders(swarm: Swarm) -> None:
     """Let the desk send the orders of the mission that are due."""
     while swarm.mission and swarm.desk is not None and swarm.mission[0].time <= swarm.now():
         order = swarm.mission.popleft()
-        sent = give(swarm.desk, order)
+        try:
+            sent = give(swarm.desk, order)
+        except MissionError as error:
+            if swarm.refused is None:
+                raise
+            swarm.refused(order, error)
+            return
         if order.wanted:
             swarm.given.append((order, sent))
 

@@ -2,7 +2,8 @@
 
 Orders that shall go out at their times stand in the swarm's own `mission`, so that a snapshot has them. Those that are
 due in a tick are sent before it begins, as by hand: they are on the air in the very tick in which a run without a page
-sends them, and what is wrong with one is a sentence for a person.
+sends them, and what is wrong with one is a sentence for a person. What a snapshot brings along goes on as it would have
+without a page, to the last bit, so the swarm sends it itself.
 """
 
 from __future__ import annotations
@@ -36,8 +37,10 @@ class SwarmMission:
         self.left_out: frozenset[int] = frozenset()
         self.problem, self.said, self.doubt = -1, "", False
         self.hold: Callable[[], None] = lambda: None
-        if swarm.mission:  # a snapshot was taken while it was played
-            self._know_stops()
+        self._brought = bool(swarm.mission)
+        """Whether a snapshot was taken while the mission was played, and it goes on with that."""
+        self._know_stops()
+        swarm.refused = self._refused
         swarm.senders.append(self.send_due)
 
     @property
@@ -66,6 +69,7 @@ class SwarmMission:
 
     def _go_on(self, rest: Sequence[Order]) -> None:
         self._clear()
+        self._brought = False
         self._know_stops()
         self._swarm.mission.extend(rest)
 
@@ -119,8 +123,10 @@ class SwarmMission:
         mission, scenario = self._swarm.mission, self._swarm.simulator.scenario
         if not mission:
             return
-        if any(each.kind is Kind.STOP and each.id not in self._known for each in self._swarm.posted):
+        if self._is_stopped():
             self.halt(STOPPED)
+            return
+        if self._brought:
             return
         end = (self._swarm.simulator.tick + 1) * scenario.tick
         while mission and mission[0].time <= end:
@@ -133,6 +139,16 @@ class SwarmMission:
             except MissionError as error:
                 self._wait_for_somebody(places[0] if places else -1, error, [order, *mission])
                 return
+
+    def _is_stopped(self) -> bool:
+        """Whether a STOP goes out that is not its own; the desk sends a STOP again while robots are silent."""
+        stops = [each.id for each in self._swarm.posted if each.kind is Kind.STOP and each.id not in self._known]
+        return bool(stops) and not set(stops) <= {each.id for each in self._log.sent().values()}
+
+    def _refused(self, order: Order, error: MissionError) -> None:
+        """The swarm cannot send one that a snapshot brought along."""
+        places = [number for number, each in enumerate(self.orders) if _same(each, order)]
+        self._wait_for_somebody(places[0] if places else -1, error, [order, *self._swarm.mission])
 
     def _send(self, order: Order, number: int = -1, *, confirmed: bool = False) -> None:
         """number: its place, -1 for one of which the scenario knows nothing."""

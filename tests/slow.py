@@ -112,6 +112,7 @@ SLOW = {
     "scenarios/test_search.py": 4,
     "scenarios/test_beeclust.py": 4,
     "scenarios/test_barrier.py": 4,
+    "scenarios/test_overwhelm.py": 6,
     "language/test_behaviours.py": 4,
     "scenarios/test_recruit.py": 5,
     "scenarios/test_rewrite_1000.py": 4,

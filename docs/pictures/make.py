@@ -267,6 +267,7 @@ MOMENTS = {
     "leave-room": 15.0,
     "line-sweep": 200.0,
     "opening": 15.0,
+    "overwhelm": 44.0,
     "recruit": 50.0,
     "search": 20.0,
 }

@@ -98,9 +98,9 @@ class TestCommand:
 
     def test_what_is_not_understood_is_status_2(self, tmp_path: Path) -> None:
         file = tmp_path / "eyes.hoskins"
-        file.write_text("(*, HOP, 1)", encoding="utf-8")
+        file.write_text("; one\n(*, HOP, 1)", encoding="utf-8")
         done = called("check", "--from", "hoskins", str(file))
-        assert (done.status, done.out.splitlines()[0]) == (2, f"{file}: HOP at 1:5 is no action: wanted TUMBLE, PING")
+        assert (done.status, done.out.splitlines()[0]) == (2, f"{file}:2: HOP is no action: wanted TUMBLE, PING")
         done = called("check", "--from", "hoskins", "--json", "(*, HOP, 1)")
         assert done.status == 2
         assert '"message": "HOP at 1:5 is no action' in done.out

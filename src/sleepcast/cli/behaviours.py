@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from sleepcast.cli.streams import put
+from sleepcast.core.errors import in_file
 
 if TYPE_CHECKING:
     from sleepcast.language import ReadError
@@ -31,7 +32,7 @@ def translate(texts: Iterable[tuple[str, str]], as_json: bool) -> int:
     for rule in made:
         put(rule)
     for place, error in unclear:
-        put(f"{place}: {error}" if place else f"not understood: {error}")
+        put(in_file(f"{place}:1", str(error)) if place else f"not understood: {error}")
     return len(unclear)
 
 

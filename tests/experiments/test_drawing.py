@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sleepcast.experiments.drawing import COLOURS, Table, draw
+from sleepcast.experiments.drawing import COLOURS, Table, draw, read_table
 
 pytest.importorskip("matplotlib")
 
@@ -56,6 +56,23 @@ def test_more_lines_than_colours_all_look_different(tmp_path: Path) -> None:
     figure = drawn(tmp_path, table(NAMES, ["10", "20"]), x="robots.count", by="strategy")
     assert len(NAMES) > len(COLOURS)
     assert len(ink(figure)) == len(NAMES)
+
+
+@pytest.mark.parametrize("count", [16, 40, 60])
+def test_a_legend_is_complete_or_counts_what_it_leaves_out(tmp_path: Path, count: int) -> None:
+    names = [f"strategy {number:02d}" for number in range(count)]
+    figure = drawn(tmp_path, table(names, ["10"]), x="robots.count", by="strategy", kind="box")
+    (width, height) = map(float, re.findall(r'viewBox="0 0 ([0-9.]+) ([0-9.]+)"', figure)[0])
+    places = re.findall(r'<text [^>]* x="([0-9.]+)" y="([0-9.]+)"[^>]*>([^<]+)</text>', figure)
+    legend = {name: (float(x), float(y)) for x, y, name in places if name.startswith(("strategy ", "and "))}
+    assert all(0 < x < width - 55 and 0 < y < height for x, y in legend.values())
+    assert set(legend) == set(names) if count <= 48 else set(legend) == {*names[:47], "and 13 more"}
+
+
+def test_two_columns_of_one_name_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "table.csv").write_text("run,a,a\n0,1,2\n")
+    with pytest.raises(ValueError, match="two columns are called a"):
+        read_table(tmp_path / "table.csv")
 
 
 def test_boxes_stand_side_by_side_over_uneven_numbers(tmp_path: Path) -> None:

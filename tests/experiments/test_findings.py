@@ -93,6 +93,16 @@ def test_time_is_drawn_through_a_bounded_number_of_marks() -> None:
     assert [run.value for run in findings.runs_at(View("time", "a"), curve.marks[2].x, "")] == [curve.marks[2].mean] * 3
 
 
+def test_curves_that_are_cut_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    wanted = experiment()
+    findings = Findings(wanted, outcomes(wanted))
+    view = View("robots.count", "a", "robots.limits.speed")
+    assert findings.curves(view).hidden == 0
+    monkeypatch.setattr("sleepcast.experiments.findings.MOST_MARKS", 2)
+    found = findings.curves(view)
+    assert ([len(curve.marks) for curve in found.curves], found.hidden) == ([2, 0], 2)
+
+
 def test_a_view_that_there_is_not_is_refused() -> None:
     findings = Findings(experiment())
     for view in (View("nix", "a"), View("robots.count", "nix"), View("robots.count", "a", "nix"), View("time", "a")):

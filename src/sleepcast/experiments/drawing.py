@@ -24,6 +24,8 @@ STYLES = ("-", "--", ":")
 """Of lines: more than there are colours differ in these."""
 LONG = 36
 """Letters that fit beside the axis: names of many measures stand in the legend only."""
+NAMED, BESIDE = 16, 3
+"""Names below each other in a legend, and such columns of them; what is left out is counted in its last line."""
 LETTERS = 60
 """Letters of names below an axis that fit beside each other; more are written at a slant."""
 RESAMPLED, CONFIDENCE = 2_000, 0.95
@@ -38,6 +40,8 @@ def read_table(file: Path) -> Table:
     """The columns of a CSV file, as texts."""
     with file.open(newline="", encoding="utf-8") as opened:
         head, *rows = list(csv.reader(opened))
+    if twice := [name for place, name in enumerate(head) if name in head[:place]]:
+        raise ValueError(f"two columns are called {twice[0]}: give one of them another name")
     return {name: [row[place] for row in rows] for place, name in enumerate(head)}
 
 
@@ -139,10 +143,25 @@ def draw(
         if ticks:
             _name_ticks(axes, ticks)
         if by is not None or len(y) > 1:
-            figure.legend(title=by, frameon=False, loc="outside right upper")
+            _name_lines(figure, axes, by)
         axes.grid(color="#dddddd", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
     figure.savefig(out, dpi=dpi, metadata={"Date": None} if out.suffix == ".svg" else None)
+
+
+def _name_lines(figure, axes, by: str | None) -> None:  # type: ignore[no-untyped-def]  # Matplotlib has no types
+    """Name every line or box beside the axes, in a figure as wide as that takes; of too many, say how many are left."""
+    handles, names = axes.get_legend_handles_labels()
+    if len(names) > NAMED * BESIDE:
+        shown = NAMED * BESIDE - 1
+        (nothing,) = axes.plot([], [], alpha=0.0)
+        handles, names = [*handles[:shown], nothing], [*names[:shown], f"and {len(names) - shown} more"]
+    columns = -(-len(names) // NAMED)
+    legend = figure.legend(handles, names, title=by, frameon=False, loc="outside right upper", ncols=columns)
+    if columns > 1:
+        figure.draw_without_rendering()
+        wide = legend.get_window_extent().width / figure.dpi
+        figure.set_figwidth(figure.get_figwidth() + wide * (columns - 1) / columns)
 
 
 def _measured(table: Table, name: str) -> tuple[Floats, str]:

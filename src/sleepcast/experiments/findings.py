@@ -62,12 +62,14 @@ class Curve(msgspec.Struct, frozen=True):
 
 class Curves(msgspec.Struct, frozen=True):
     """unit: of the axis. ticks: the names of its places 0, 1, 2, ..., empty if it is one of numbers. joined: whether a
-    line goes through the marks; not where points were drawn from ranges."""
+    line goes through the marks; not where points were drawn from ranges. hidden: curves of which marks are left out,
+    since there are too many."""
 
     curves: list[Curve]
     unit: str = ""
     ticks: list[str] = []
     joined: bool = True
+    hidden: int = 0
 
 
 class ListedRun(msgspec.Struct, frozen=True):
@@ -180,16 +182,18 @@ class Findings:
         ticks = sorted(names) if axis is None else []
         places = {x: float(ticks.index(x)) for x in names} if axis is None else dict(zip(names, axis[0], strict=True))
         unit = "s" if view.x == TIME else "" if axis is None else axis[1]
-        curves, left = [], MOST_MARKS
+        curves, left, hidden = [], MOST_MARKS, 0
         for name in in_order(groups):
             marks = [
                 self._mark(view, name, x, float(places[x]), values)
                 for x, values in sorted(groups[name].items(), key=lambda item: places[item[0]])
             ]
-            known = [mark for mark in marks if mark is not None][:left]
+            known = [mark for mark in marks if mark is not None]
+            hidden += len(known) > left
+            known = known[:left]
             left -= len(known)
             curves.append(Curve(name, known))
-        return Curves(curves, unit, ticks, not isinstance(self.experiment.over.get(view.x), Span))
+        return Curves(curves, unit, ticks, not isinstance(self.experiment.over.get(view.x), Span), hidden)
 
     def runs_at(self, view: View, x: str, name: str) -> list[ListedRun]:
         """The runs behind a mark; over time, those of its curve. Raises KeyError as `curves`."""

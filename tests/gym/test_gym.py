@@ -64,7 +64,7 @@ class TestEpisodes:
 
     def test_first_episodes_are_those_of_0_2_0(self) -> None:
         env = gym.vector_env("bravo", **RESCUE)
-        env.reset(seed=4)
+        env.reset(seed=np.uint64(4))
         assert env.fleet.swarm.simulator.seed == 4137562808371188093
 
     @MAKERS

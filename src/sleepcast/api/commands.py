@@ -21,7 +21,7 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language import Explanation, check
 from sleepcast.language.learned_names import LearnedNames
 from sleepcast.station import Command, Preview, Station
-from sleepcast.station.validation import is_mere_test
+from sleepcast.station.validation import is_mere_test, robot_names
 
 if TYPE_CHECKING:
     from sleepcast.api.mission import Mission
@@ -197,8 +197,8 @@ class Fleet(ABC):
     ) -> CommandResult | list[CommandResult]:
         """Broadcast an expression. wait: seconds that may pass until all have answered; 0 sends several at the same
         moment. count: how many robots are meant, which a real fleet asks for where many may obey. sure: it is meant as
-        it stands, though the checker doubts it; otherwise names that no robot has give a UserWarning. The rest, and
-        what is raised: see `Station.send`. A `Mission`, or a text that begins with a time, is a script: see `play`,
+        it stands, though the checker doubts it; otherwise names that no robot has give a UserWarning. only, but: names
+        of robots, or of one. The rest, and what is raised: see `Station.send`. A `Mission`, or a text that begins with a time, is a script: see `play`,
         whose list of results it gives. Its lines say themselves whether they are standing, and for whom."""
         if not isinstance(text, str) or is_script(text):
             if standing or deadline is not None or only is not None or but is not None:
@@ -206,6 +206,7 @@ class Fleet(ABC):
                     "a script says line by line what is standing, within which time and for whom: @5s standing (...)"
                 )
             return self.play(text, wait=wait, everybody=everybody, count=count, sure=sure)
+        only = robot_names(only)
         self._prepare(text, sure, only)
         self._warn(text, sure, only)
         return self._send(text, wait, standing, deadline, everybody, count, only, but, sure)
@@ -323,6 +324,7 @@ class Fleet(ABC):
         """Ask for the value of an expression over the radio; nothing changes on the robots. The answers are in
         `values`. sure: it is meant as it stands, though the fleet has no such name. Raises what `Station.ask`
         raises."""
+        only = robot_names(only)
         self._warn(text, sure, only)
         with self._turn():
             sent = self.station.ask(text, only=only, but=but, anyway=sure)

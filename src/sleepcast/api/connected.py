@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, closing
-from math import ceil, inf, isfinite
+from math import ceil, inf
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
@@ -19,6 +19,7 @@ from sleepcast.api.connection import CHANNEL, FLEET, AirOptions, observing_stati
 from sleepcast.api.progress import steps
 from sleepcast.api.results import CommandResult
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.given_numbers import read_seconds
 from sleepcast.language import Explanation
 from sleepcast.station import Command, Preview
 from sleepcast.station.asking import AHEAD, ask_first, ask_why, look_around, may_be_known_to_robots, unknown_names
@@ -63,8 +64,7 @@ class ConnectedFleet(Fleet):
         return self.station.now - self._began
 
     def run(self, seconds: float, *, quiet: bool = False) -> Self:
-        if not (isfinite(seconds) and seconds >= 0.0):
-            raise MisuseError(f"cannot run for {seconds} s: wanted a number of seconds, 0 or more")
+        seconds = read_seconds(seconds, "cannot run for")
         began = self.station.now
         with closing(steps(ceil(seconds / TURN), self.channel, quiet=quiet)) as turns:
             for turn in turns:

@@ -21,12 +21,14 @@ from sleepcast.api.picture import picture
 from sleepcast.api.progress import steps
 from sleepcast.api.results import CommandResult
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.given_numbers import read_seconds
 from sleepcast.language import CheckError, Explanation
 from sleepcast.loop import Swarm, load, save, snapshot
 from sleepcast.loop.mission import MissionLog
 from sleepcast.loop.rerun import InputLog
 from sleepcast.simulator import Changes, Scenario, World, find_scenario, read_scenario
 from sleepcast.simulator.scenario.mission import Instruction, Order
+from sleepcast.simulator.scenario.robot_settings import MAX_TIME
 from sleepcast.station import Command, Station
 
 if TYPE_CHECKING:
@@ -65,9 +67,7 @@ class SimulatedFleet(Fleet):
     def run(self, seconds: float, *, quiet: bool = False) -> SimulatedFleet:
         """Let simulated time pass, as fast as possible; gives the fleet itself. quiet: without a progress bar. Raises
         MisuseError for a time that is none."""
-        if not (isfinite(seconds) and seconds >= 0.0):
-            raise MisuseError(f"cannot run for {seconds} s: wanted a number of simulated seconds, 0 or more")
-        count = round(seconds / self.swarm.simulator.scenario.tick)
+        count = round(read_seconds(seconds, "cannot run for", MAX_TIME) / self.swarm.simulator.scenario.tick)
         with closing(steps(count, self.swarm.simulator.scenario.name, quiet=quiet)) as ticks:
             for _ in ticks:
                 self._pass()
@@ -323,7 +323,7 @@ def open(
     count, payload = (None, payload_of(robots)) if isinstance(robots, type | str) else (robots, None)
     changes = Changes(count, area_per_robot, walls, seed, tuple(zip(over or (), changed, strict=True)))
     if isinstance(scenario, Scenario):
-        if changes != Changes(seed=seed):
+        if changes != Changes(seed=changes.seed):
             raise MisuseError("a Scenario object is taken as it is: give its name, path or text to change it")
         found = scenario
     elif isinstance(scenario, str) and "\n" in scenario:
@@ -331,7 +331,7 @@ def open(
     else:
         found = find_scenario(fspath(scenario), changes)
     warm_up(found, threads)
-    fleet = SimulatedFleet(*assemble(found, seed, mission=mission, threads=threads, payload=payload))
+    fleet = SimulatedFleet(*assemble(found, changes.seed, mission=mission, threads=threads, payload=payload))
     fleet._watch_inputs()
     return fleet
 

@@ -15,7 +15,7 @@ import click
 from sleepcast.api.connection import CHANNEL, AirOptions
 from sleepcast.cli.air import no_store_option, options
 from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.options import Quantity, each_rules_option, golden_option, restraints, tick_option
+from sleepcast.cli.options import SEED, Quantity, each_rules_option, golden_option, restraints, tick_option
 from sleepcast.cli.streams import announce, complain, put
 from sleepcast.core.errors import MisuseError
 
@@ -59,7 +59,7 @@ LOOKS = 5.0
 @no_store_option
 @restraints
 @options
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Random seed.")
+@click.option("--seed", type=SEED, default=0, show_default=True, help="Random seed.")
 def ros2(
     robots: tuple[str, ...],
     file: Path | None,

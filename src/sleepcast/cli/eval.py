@@ -9,6 +9,7 @@ from typing import Literal
 import click
 
 from sleepcast.cli.memories import EvalOutcome, TypedMemory
+from sleepcast.cli.options import SEED
 from sleepcast.cli.streams import complain, put, read_standard_input
 from sleepcast.core.errors import MisuseError
 
@@ -39,7 +40,7 @@ class NegativeNumbersAllowed(click.Command):
     "appendix-a the thesis's other listing, where SETQ does not set.",
 )
 @click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="Set a variable first.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Random seed (for PROB, DICE, ...).")
+@click.option("--seed", type=SEED, default=0, show_default=True, help="Random seed (for PROB, DICE, ...).")
 @click.option("--explain", is_flag=True, help="Explain on standard error how each value was computed.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object for each expression instead.")
 def evaluate(

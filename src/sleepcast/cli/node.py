@@ -10,7 +10,7 @@ import click
 from sleepcast.api.connection import AirOptions, open_store, session_for
 from sleepcast.cli.air import chosen_store, no_store_option, options, store_option
 from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.options import Quantity, golden_option, restraints, tick_option
+from sleepcast.cli.options import SEED, Quantity, golden_option, restraints, tick_option
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
 
@@ -53,7 +53,7 @@ SIMULATED = "sim"
 @no_store_option
 @restraints
 @options
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Random seed.")
+@click.option("--seed", type=SEED, default=0, show_default=True, help="Random seed.")
 def node(
     name: str,
     uri: str,

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.options import NumberRange
+from sleepcast.cli.options import SEED, NumberRange
 from sleepcast.cli.progress import unless_soon
 from sleepcast.cli.streams import ReaderGone, announce, complain
 from sleepcast.core.errors import MisuseError
@@ -51,7 +51,7 @@ QUICK = 3.0
 @click.option(
     "--robots", metavar="N", type=click.IntRange(min=1), help="Number of robots (default: the world's, or 1)."
 )
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Random seed (default: the world's).")
+@click.option("--seed", type=SEED, help="Random seed (default: the world's).")
 @click.option(
     "--crosstalk/--no-crosstalk", default=None, help="Sonars hear each other's echoes (default: as in ROBOT)."
 )

@@ -13,11 +13,13 @@ from typing import TypeVar
 import click
 
 from sleepcast.core.errors import decimal_comma
+from sleepcast.core.given_numbers import MAX_SEED
 from sleepcast.core.quantities import QuantityError, in_si
 from sleepcast.core.units import LENGTH, TIME, Dimension
 
 METAVARS = {TIME: "TIME", LENGTH: "LENGTH"}
 """What help pages show for a value of a dimension."""
+SEED = click.IntRange(0, MAX_SEED)
 
 
 class NumberRange(click.FloatRange):

@@ -20,13 +20,13 @@ from sleepcast.console.plots import Measure
 from sleepcast.console.renewal import Choices, Run, ShownScenario, Wish
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.given_numbers import read_seed
 from sleepcast.core.settings import toml_document
 from sleepcast.experiments.live import live_measures
 from sleepcast.experiments.trust import folder_of
 from sleepcast.loop import MAX_MINDS, Pace, Swarm, load, resume
 from sleepcast.simulator import Changes, MapPicture, Scenario, added_scenarios, find_scenario, scenario_names
 from sleepcast.simulator.scenario.scenario import FILE, GALLERY
-from sleepcast.simulator.scenario.world_settings import MAX_SEED
 from sleepcast.station import Journal, Station
 from sleepcast.station.journal.journal import MemoryJournal
 
@@ -131,8 +131,8 @@ class PageRuns:
     def make(self, wish: Wish, tell: Callable[[str], None]) -> Run:
         """A run as wished."""
         beginning = self._beginning
-        if wish.seed is not None and wish.seed > MAX_SEED:
-            raise MisuseError(f"seed {wish.seed}: wanted a whole number from 0 to {MAX_SEED}")
+        if wish.seed is not None:
+            read_seed(wish.seed)
         if self._is_snapshot(wish.scenario):
             assert beginning.snapshot is not None
             tell("Reading the snapshot")

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from sleepcast.cli.options import SEED
 from sleepcast.cli.streams import announce, complain, incoming_lines, still_open
 from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.core.version import VERSION
@@ -31,7 +32,7 @@ WELCOME = f"sleepcast {VERSION}: type an expression, :help for help, :quit or Ct
 
 
 @click.command("repl", short_help="Evaluate expressions interactively.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Random seed (for PROB, DICE, ...).")
+@click.option("--seed", type=SEED, default=0, show_default=True, help="Random seed (for PROB, DICE, ...).")
 def repl(seed: int) -> int:
     """Type expressions and see their values, all in one memory; :help says what else can be asked.
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypedDict, TypeVar, Unpack
 import click
 
 from sleepcast.cli.interrupts import INTERRUPTED, TERMINATED, Interrupts, Terminated, end_now
-from sleepcast.cli.options import NumberRange, Quantity, alert_option, allow_host_option
+from sleepcast.cli.options import SEED, NumberRange, Quantity, alert_option, allow_host_option
 from sleepcast.cli.prepare import advise
 from sleepcast.cli.streams import announce, put
 from sleepcast.core.errors import MisuseError
@@ -65,7 +65,7 @@ _PERIOD = Quantity(TIME, 0.001, 86_400.0)
 """Simulated time, from the shortest tick to a day."""
 
 _COMMON = (
-    click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Random seed (default: the scenario's)."),
+    click.option("--seed", type=SEED, help="Random seed (default: the scenario's)."),
     click.option(
         "--robots", metavar="N", type=click.IntRange(min=1), help="Number of robots (default: the scenario's)."
     ),

@@ -12,7 +12,7 @@ import click
 from sleepcast.api.connection import AirOptions, keeper_for, open_store, sessions_for
 from sleepcast.cli.air import options, store_option
 from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.options import Quantity, each_rules_option, restraints
+from sleepcast.cli.options import SEED, Quantity, each_rules_option, restraints
 from sleepcast.cli.streams import announce, complain
 from sleepcast.core.errors import MisuseError
 
@@ -66,7 +66,7 @@ class Wanted:
 @store_option
 @restraints
 @options
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Random seed (default: the scenario's).")
+@click.option("--seed", type=SEED, help="Random seed (default: the scenario's).")
 @click.option("--seconds", metavar="TIME", type=Quantity(), help="End after this time (default: at Ctrl-C).")
 def swarm(
     count: int,

@@ -18,12 +18,12 @@ from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.api.session_test import FILE, FORMAT, MISSION, counts_of, send_order, unmet
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.files import open_file
+from sleepcast.core.given_numbers import MAX_SEED
 from sleepcast.core.settings import MAX_BYTES, Table, read_text, toml_document
 from sleepcast.core.units import TIME
 from sleepcast.experiments.goals import EVERY, MAX_GOALS, Goal, GoalJudge, read_goal
 from sleepcast.simulator import Changes, Order, Scenario, find_scenario, parse_mission, scenario_names
 from sleepcast.simulator.scenario.robot_settings import MAX_TIME
-from sleepcast.simulator.scenario.world_settings import MAX_SEED
 
 MAX_PACKED = 4 * MAX_BYTES
 """Bytes of a zip file, of which all is read: those that a page saves have a thousandth of it."""

@@ -10,6 +10,7 @@ from secrets import randbits
 from typing import Any, NamedTuple
 
 from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.given_numbers import MAX_SEED, read_seed, whole_number
 from sleepcast.gym.episode import Episode
 from sleepcast.gym.task import Checked
 
@@ -56,7 +57,7 @@ class Episodes:
 
 def _following(key: EpisodeKey | None, seed: int | None, episode: int | None) -> EpisodeKey:
     if seed is not None:
-        return EpisodeKey(seed, episode or 0)
+        return EpisodeKey(read_seed(seed), episode or 0)
     if key is None:
         return EpisodeKey(randbits(32), episode or 0)
     return EpisodeKey(key.seed, key.episode + 1 if episode is None else episode)
@@ -68,6 +69,4 @@ def _episode_in(options: Mapping[str, Any] | None) -> int | None:
         if name != "episode" and (meant := did_you_mean(str(name), ["episode"])):
             raise MisuseError(f'reset: no option "{name!s:.40}"{meant}')
     episode = (options or {}).get("episode")
-    if episode is not None and (not isinstance(episode, int) or isinstance(episode, bool) or episode < 0):
-        raise MisuseError(f"reset: episode {episode!r:.40}: wanted a whole number from 0")
-    return episode
+    return None if episode is None else whole_number(episode, "reset: episode", 0, MAX_SEED)

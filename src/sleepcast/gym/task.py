@@ -104,7 +104,7 @@ def checked(task: Task) -> Checked:
             raise MisuseError(f"{what}: wanted a list of 1 to {MAX_COLUMNS} texts")
     if not 1 <= task.ticks <= MAX_STEPS:
         raise MisuseError(f"ticks {task.ticks}: wanted a whole number from 1 to {MAX_STEPS}")
-    with task.start(None) as fleet:
+    with task.start(0) as fleet:  # with a seed, as every episode
         scenario = fleet.swarm.simulator.scenario
         seconds = scenario.seconds if task.seconds is None else task.seconds
         if not isfinite(seconds) or not scenario.tick <= seconds <= MAX_STEPS * scenario.tick:

@@ -11,6 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from sleepcast.core.given_numbers import read_seed
 from sleepcast.gym.episode import Flags, Singles
 from sleepcast.gym.episodes import EpisodeKey, Episodes
 from sleepcast.gym.task import Checked, Task, checked
@@ -43,7 +44,7 @@ class RobotVector(VectorEnv[Singles, NDArray[np.generic], NDArray[np.generic]]):
         """Begin the first episode of a seed, the next one of the same seed (None), or number n of it
         (options={"episode": n}). Equal seeds and numbers give equal episodes, bit for bit. Raises MisuseError."""
         observed = self._episodes.begin(seed, options).observe()
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else read_seed(seed))
         self._ended = False
         return observed, {}
 

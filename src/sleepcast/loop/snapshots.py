@@ -20,6 +20,7 @@ from sleepcast.channel import Message
 from sleepcast.channel.simulated_radio import RadioState
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.files import open_file, replace_file
+from sleepcast.core.given_numbers import read_seed
 from sleepcast.core.serial import UNREADABLE, SerialError, compressed, plain, room_for, unpack
 from sleepcast.core.version import VERSION
 from sleepcast.fleet import snapshot as fleets
@@ -166,8 +167,10 @@ def resume(
 
     seed: None keeps the swarm's own; another one makes a fork: the same past with another random future. threads:
     for the bodies. desk: makes the operator's desk for a swarm, which then gets the state of the old one. name: of
-    the snapshot, for errors. Raises SnapshotError for bytes that are not a snapshot, of a newer version, or damaged.
+    the snapshot, for errors. Raises SnapshotError for bytes that are not a snapshot, of a newer version, or damaged,
+    and MisuseError for a seed that is none.
     """
+    seed = None if seed is None else read_seed(seed)  # here, where the snapshot is not to blame
     document = _opened(data, name)
     try:
         swarm = _resumed(document, seed, threads)

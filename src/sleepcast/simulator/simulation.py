@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.counter_rng import GOLDEN, key
+from sleepcast.core.given_numbers import read_seed
 from sleepcast.core.threads import ThreadPool
 from sleepcast.robot import RobotModel
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats, Mode, Saying, Whole
@@ -56,7 +57,7 @@ class Simulator:
         payload: Payload | None = None,
     ) -> None:
         self.scenario = scenario
-        self.seed = scenario.seed if seed is None else seed
+        self.seed = scenario.seed if seed is None else read_seed(seed)
         if machine is None:
             blind = scenario.robots.ring is None and not scenario.robots.bumpers
             light = blind and (scenario.neighbours is None or scenario.robots.count < FEW)

@@ -17,6 +17,7 @@ import numpy as np
 
 from sleepcast.channel.message import is_robot_name
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.given_numbers import MAX_SEED
 from sleepcast.core.serial import Arrays, SerialError, dump_arrays, load_arrays, within
 from sleepcast.core.units import UNITS
 from sleepcast.simulator.bodies.bodies import MAX_SAYINGS, Mode, Saying
@@ -41,7 +42,6 @@ from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.signals import MAX_LIGHTS, MAX_QUEUE, MAX_SHARES
 from sleepcast.simulator.scenario.starts import MAX_STARTS, SLACK, Formation, Starts, start_columns
 from sleepcast.simulator.scenario.stocks import MAX_STOCKS
-from sleepcast.simulator.scenario.world_settings import MAX_SEED
 from sleepcast.simulator.simulation import Simulator
 from sleepcast.simulator.sonar.firing import AT_ONCE, Firing
 from sleepcast.simulator.world.world import Shape

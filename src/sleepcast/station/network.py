@@ -74,6 +74,7 @@ from sleepcast.station.validation import (
     Preview,
     SendPolicy,
     Validated,
+    robot_names,
 )
 from sleepcast.station.whose_names import check_for, doubt_forms
 
@@ -230,7 +231,7 @@ class NetworkStation(Station):
         `pump` gives. seconds: for which it is good, unless it stands. Raises UnknownRobotError, AudienceError, and
         RoleError for a kind that our key may not send."""
         self._validate_role(kind, text)
-        audience = Audience(only)
+        audience = Audience.of(only)
         said = {**audience.body(), **(body or {})}
         good, places = inf if standing else seconds, audience.places(self._roster)
         return self._broadcast(kind, text, standing, good, only=places, body=said)
@@ -249,7 +250,8 @@ class NetworkStation(Station):
         with self._lock:
             since = max(self._began, self._clock.now() - PRESENT_FOR)
             names = RobotNames(self._roster.names, np.flatnonzero(self._roster.heard[: len(self._roster)] >= since))
-            return [name for name in names if only is None or name in only]
+            meant = robot_names(only)
+            return [name for name in names if meant is None or name in meant]
 
     def poll(
         self, text: str, patience: float, *, only: Sequence[str] | None = None, anyway: bool = False

@@ -277,7 +277,7 @@ class Station:
         anyway: bool = False,
     ) -> Forecast:
         """Who would obey, of these. anyway: as for `check`. Raises ReadError, CheckError, UnknownRobotError."""
-        audience = Audience(only, but)
+        audience = Audience.of(only, but)
         codes, places = self._judged(self._program(text, only=only, anyway=anyway), audience)
         there = np.arange(len(codes)) if places is None else places
         sorts = (YES, NO, UNKNOWN, UNDECIDED)
@@ -320,7 +320,7 @@ class Station:
         SortError for a standing command that has a test and joins a group (who matches is a matter of the moment) or a
         deadline, UnknownRobotError, AudienceError.
         """
-        audience = Audience(only, but)
+        audience = Audience.of(only, but)
         settled = self.validate(Draft(text, standing, deadline, everybody, count, audience, confirmed, undecided))
         return self._broadcast(Kind.COMMAND, text, *settled)
 
@@ -337,7 +337,7 @@ class Station:
         Who answers is accounted for as who matched. only, but: as for `send`; anyway: as for `check`. Raises ReadError
         and CheckError for a text that no robot could run, UnknownRobotError and AudienceError.
         """
-        audience = Audience(only, but)
+        audience = Audience.of(only, but)
         try:
             self._program(text, only=only, anyway=anyway)
             places, body = audience.places(self._roster), audience.body()

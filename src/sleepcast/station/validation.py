@@ -43,11 +43,28 @@ class AudienceError(MisuseError):
     """Robots that cannot be addressed by name."""
 
 
+def robot_names(given: Sequence[str] | None) -> tuple[str, ...] | None:
+    """The robots that a caller names; a text is the name of one, not a list of letters. Raises AudienceError for what
+    is no name."""
+    if given is None:
+        return None
+    names = (given,) if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)
+    for each in names:
+        if not isinstance(each, str):
+            raise AudienceError(f'{each!r:.80} is no name of a robot: wanted names, such as ["scout1", "scout2"]')
+    return tuple(map(str, names))  # NumPy's texts are texts
+
+
 class Audience(NamedTuple):
     """only: these robots, None for all; but: all except these."""
 
     only: Sequence[str] | None = None
     but: Sequence[str] | None = None
+
+    @classmethod
+    def of(cls, only: Sequence[str] | None = None, but: Sequence[str] | None = None) -> Audience:
+        """As a caller names them, see `robot_names`."""
+        return cls(robot_names(only), robot_names(but))
 
     @property
     def named(self) -> bool:

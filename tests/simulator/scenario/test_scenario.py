@@ -267,5 +267,5 @@ class TestGallery:
 
 @pytest.mark.parametrize("robots", [0, -1, MAX_ROBOTS + 1])
 def test_no_run_has_an_impossible_number_of_robots(robots: int) -> None:
-    with pytest.raises(MisuseError, match=f"^{robots} robots: wanted a whole number from 1 to"):
+    with pytest.raises(MisuseError, match=f"^robots {robots}: wanted a whole number from 1 to"):
         find_scenario("crowd", Changes(robots=robots))

@@ -11,6 +11,7 @@ from math import nan
 from pathlib import Path
 
 from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.given_numbers import MAX_SEED
 from sleepcast.core.settings import Table, toml_document
 from sleepcast.core.units import LENGTH, RATE, TIME
 from sleepcast.robot import Axes
@@ -24,7 +25,6 @@ from sleepcast.simulator.scenario.robot_settings import (
     Wheels,
     read_robots,
 )
-from sleepcast.simulator.scenario.world_settings import MAX_SEED
 
 FORMAT = 1
 """Version of the format of setups; files of a newer one are refused."""

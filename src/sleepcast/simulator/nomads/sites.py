@@ -24,12 +24,13 @@ from math import ceil, isfinite, pi
 from pathlib import Path
 
 from sleepcast.core.errors import decimal_comma
+from sleepcast.core.given_numbers import MAX_SEED
 from sleepcast.core.settings import SettingsError, Table, read_text, toml_document
 from sleepcast.core.units import LENGTH
 from sleepcast.robot import Corners
 from sleepcast.simulator.scenario.robot_settings import INCH, MAX_WORLD, TENTH
 from sleepcast.simulator.scenario.scenario import FILE
-from sleepcast.simulator.scenario.world_settings import MAX_POINTS, MAX_SEED, MAX_SHAPES, Changes, read_world
+from sleepcast.simulator.scenario.world_settings import MAX_POINTS, MAX_SHAPES, Changes, read_world
 from sleepcast.simulator.world.ros_map import read_map
 from sleepcast.simulator.world.world import Point, Polygon, Shape, shifted
 

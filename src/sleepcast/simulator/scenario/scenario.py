@@ -13,6 +13,7 @@ from pathlib import Path
 
 from sleepcast.channel.simulated_radio import RadioModel
 from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.given_numbers import MAX_SEED
 from sleepcast.core.model import NamedArea, ReadyCommand
 from sleepcast.core.settings import Table, checked_name, toml_document
 from sleepcast.core.units import LENGTH, SPEED, TIME
@@ -46,7 +47,7 @@ from sleepcast.simulator.scenario.signals import (
 from sleepcast.simulator.scenario.sliders import Slider, blanks_of, read_sliders
 from sleepcast.simulator.scenario.starts import refuse_equal_names, refuse_misfits, rows_of_starts
 from sleepcast.simulator.scenario.stocks import Stock, read_stocks
-from sleepcast.simulator.scenario.world_settings import MAX_SEED, Changes, WorldSpec, read_world
+from sleepcast.simulator.scenario.world_settings import Changes, WorldSpec, read_world, refuse_overridden
 from sleepcast.simulator.world.map_picture import MapPicture
 from sleepcast.simulator.world.torus import PLAIN, Around
 from sleepcast.simulator.world.world import Shape
@@ -167,8 +168,7 @@ def read_scenario(text: str, changes: Changes = Changes()) -> Scenario:  # noqa:
 
 
 def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> Scenario:
-    if changes.robots is not None and not 1 <= changes.robots <= MAX_ROBOTS:
-        raise MisuseError(f"{changes.robots} robots: wanted a whole number from 1 to {MAX_ROBOTS:,}")
+    refuse_overridden(changes)
     document = toml_document(file, text)
     for key, value in changes.over:
         document.change(key, value)

@@ -9,10 +9,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.given_numbers import MAX_SEED, read_seed, whole_number
 from sleepcast.core.quantities import Measure
 from sleepcast.core.settings import Table
 from sleepcast.core.units import LENGTH
-from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_WORLD
+from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_ROBOTS, MAX_WORLD
 from sleepcast.simulator.world.drawing import MAX_NAME, read_drawing
 from sleepcast.simulator.world.map_picture import MapPicture
 from sleepcast.simulator.world.maze import maze
@@ -23,7 +25,6 @@ MAX_SHAPES = 10_000
 """Polygons, circles or walls in one file, each."""
 MAX_POINTS = 10_000
 """Corners of one polygon or wall."""
-MAX_SEED = 2**63 - 1
 SLACK = 1e-6
 """Distance, m, by which rounding may push a map or drawing beyond a world of its own size."""
 EDGES = ("fence", "wall", "torus")
@@ -42,6 +43,35 @@ class Changes:
     walls: bool = True
     seed: int | None = None
     over: tuple[tuple[str, object], ...] = ()
+
+    def __post_init__(self) -> None:
+        """Numbers of any integer type are plain ones from here on. Raises MisuseError for what is none."""
+        if self.seed is not None:
+            object.__setattr__(self, "seed", read_seed(self.seed))
+        if self.robots is not None:
+            object.__setattr__(self, "robots", whole_number(self.robots, "robots", 1, MAX_ROBOTS))
+
+
+_SOLID = ("world.rooms", "world.maze", "world.polygons", "world.circles", "world.walls", "world.map", "world.drawing")
+
+
+def refuse_overridden(changes: Changes) -> None:
+    """Raise MisuseError for a key in `over` that has no effect, because something else in the changes decides it."""
+    decided: list[tuple[str, object, tuple[str, ...]]] = [
+        ("the seed", changes.seed, ("seed",)),
+        ("the number of robots", changes.robots, ("robots.count",)),
+        ("the area per robot", changes.area_per_robot, ("world.area_per_robot", "world.width", "world.height")),
+        ("that nothing is solid", None if changes.walls else True, (*_SOLID, "events")),
+    ]
+    for key, value in changes.over:
+        for what, said, keys in decided:
+            if said is not None and value != said and any(_inside(key, each) for each in keys):
+                raise MisuseError(f"over {key:.80}: {what} is given as well, and decides: leave one of them out")
+
+
+def _inside(key: str, table: str) -> bool:
+    """Whether a key is this one, or stands in the table that it is."""
+    return key == table or key.startswith((f"{table}.", f"{table}["))
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,47 @@
+"""Numbers that programs give: seeds, counts, seconds. Every type of number means its value, and nothing else does.
+
+A seed is hashed by its text, so NumPy's 7, written `np.uint64(7)`, would be another seed than 7 if it were stored.
+"""
+
+from __future__ import annotations
+
+from math import inf
+from operator import index
+
+from sleepcast.core.errors import MisuseError
+
+MAX_SEED = 2**63 - 1
+"""The largest seed: on the command line, in files and in Python."""
+
+
+def whole_number(value: object, what: str, low: int, high: int) -> int:
+    """`value`, of any integer type, as a plain int from `low` to `high`. what: it is, for the error. Raises MisuseError
+    for anything else: a text, a float and a truth value are no whole numbers."""
+    try:
+        found = None if isinstance(value, bool) else index(value)  # type: ignore[arg-type]  # that is the question
+    except TypeError:
+        found = None
+    if found is None or not low <= found <= high:
+        raise MisuseError(f"{what} {_shown(value)}: wanted a whole number from {low} to {high}")
+    return found
+
+
+def read_seed(value: object) -> int:
+    """A seed as a plain int: equal ones give equal runs, whatever their types. Raises MisuseError."""
+    return whole_number(value, "seed", 0, MAX_SEED)
+
+
+def read_seconds(value: object, what: str, high: float = inf) -> float:
+    """A time of any number type as a float, s, from 0 to `high`. what: it is, for the error. Raises MisuseError."""
+    try:
+        found = -1.0 if isinstance(value, str | bytes | bool) else float(value)  # type: ignore[arg-type]  # as above
+    except (TypeError, ValueError, OverflowError):
+        found = -1.0
+    if not 0.0 <= found <= high or found == inf:
+        most = "0 or more" if high == inf else f"from 0 to {high:g}"
+        raise MisuseError(f"{what} {_shown(value)}: wanted a number of seconds, {most}")
+    return found
+
+
+def _shown(value: object) -> str:
+    return (repr(value) if isinstance(value, str | bytes) else str(value))[:40]

@@ -37,6 +37,22 @@ def test_a_history_is_a_data_frame_in_long_form() -> None:
     assert frame["time"].unique().sort().to_list() == pytest.approx([0.0, 1.0, 2.0])
 
 
+def test_a_variable_does_not_take_the_place_of_a_key() -> None:
+    fleet = sc.open("bravo", robots=3, seed=1)
+    fleet.send("(PROGN (DEFVAR robot 5) (DEFVAR robot_value 9))", everybody=True)
+    fleet.run(1)  # the desk hears of them
+    history = fleet.history("robot", "time")
+    fleet.run(2)
+    now, then = fleet.table("robot", "robot_value", "fuel"), history.table()
+    assert list(now.columns) == ["robot", "robot_value", "robot_value_value", "fuel"]
+    assert list(now["robot"]) == list(fleet.names)
+    assert (list(now["robot_value"]), list(now["robot_value_value"])) == ([5.0] * 3, [9.0] * 3)
+    assert list(then.columns) == ["time", "robot", "robot_value", "time_value"]
+    assert list(then["robot"]) == [*fleet.names] * 3
+    assert list(then["robot_value"]) == [5.0] * 9
+    assert list(then["time"])[-1] == pytest.approx(3.0)
+
+
 def test_it_shows_its_first_rows() -> None:
     table = DataTable({"robot": [f"r<{number}" for number in range(12)], "fuel": np.arange(12.0)})
     assert str(table).splitlines()[:2] == ["robot  fuel", "r<0    0"]

@@ -143,6 +143,13 @@ def test_csv_holds_all_rows_in_their_order(stand: Stand, table: RobotTable) -> N
     assert [line[0] for line in read(table, 5, 2)[1:]] == [f"rover{r + 1}" for r in robots_of(table) if r in (5, 2)]
 
 
+def test_a_variable_does_not_take_the_place_of_a_key_in_it(stand: Stand, table: RobotTable) -> None:
+    rows(table, "robot", "groups")  # variables of robots may be called anything
+    head, *lines = read(table)
+    assert head == ["robot", "groups", "robot_value", "groups_value"]
+    assert {line[0] for line in lines} == {f"rover{robot + 1}" for robot in range(20)}
+
+
 def robots_of(table: RobotTable) -> list[int]:
     return np.frombuffer(table.range(incoming.Range(next(serials), 0, 20)).robots, "<i4").tolist()
 

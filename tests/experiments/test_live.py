@@ -30,6 +30,14 @@ def test_series_of_the_scenario_itself_are_among_them() -> None:
     assert found["radius_of_gyration"]() > 0.0
 
 
+def test_both_are_shown_where_they_share_a_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live, "_texts", lambda *_: {"radius_of_gyration": "mean x"})
+    found = live_measures(sc.open("braitenberg", robots=5, seed=2))
+    names = [name for name, _, _ in found]
+    assert {"radius_of_gyration", "radius_of_gyration_value"} <= set(names)
+    assert len(set(names)) == len(names)
+
+
 def test_a_scenario_without_an_experiment_has_none() -> None:
     assert live_measures(sc.open("crowd", robots=5)) == []
 

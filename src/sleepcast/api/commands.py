@@ -406,10 +406,11 @@ class Fleet(ABC):
         """Which robots STOP holds, shape (robots,)."""
 
     def table(self, *expressions: str) -> DataTable:
-        """A row for each robot: `robot`, and a column for each expression (none: all sensors), SI."""
+        """A row for each robot: `robot`, and a column for each expression (none: all sensors), SI. A variable that is
+        called `robot` is the column `robot_value`."""
         wanted = expressions or tuple(sensor.name for sensor in self.station.vocabulary.sensors)
         columns: dict[str, Texts | Numbers] = {each: self[each] for each in wanted}
-        return DataTable({"robot": tuple(self.names)} | columns)
+        return DataTable.keyed({"robot": tuple(self.names)}, columns)
 
     # ---- shown
 

@@ -19,7 +19,7 @@ class History:
 
     names: of the robots. expressions: of each column. It grows while the fleet runs. For data frames it is a table in
     long form: a row a robot and sample, with the columns `time` (s), `robot`, and one for each expression (SI, NaN or
-    null for unknown).
+    null for unknown). An expression that is called `time` or `robot` is the column `time_value` or `robot_value`.
     """
 
     def __init__(self, names: Sequence[str], expressions: Sequence[str], every: float) -> None:
@@ -58,11 +58,11 @@ class History:
 
     def table(self) -> DataTable:
         """In long form, see the class."""
-        columns: dict[str, Texts | Numbers] = {
+        keys: dict[str, Texts | Numbers] = {
             "time": np.repeat(self.times, len(self.names)),
             "robot": self.names * len(self),
         }
-        return DataTable(columns | {each: self[each].ravel() for each in self.expressions})
+        return DataTable.keyed(keys, {each: self[each].ravel() for each in self.expressions})
 
     def __arrow_c_stream__(self, requested_schema: object = None) -> object:
         return self.table().__arrow_c_stream__(requested_schema)

@@ -13,6 +13,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.core.columns import column_name
 from sleepcast.core.errors import MisuseError, did_you_mean
 
 Texts: TypeAlias = Sequence[str]
@@ -28,6 +29,14 @@ class DataTable:
         if len({len(column) for column in columns.values()}) > 1:
             raise ValueError("the columns of a table have the same length")
         self.columns = dict(columns)
+
+    @classmethod
+    def keyed(cls, keys: Mapping[str, Texts | Numbers], values: Mapping[str, Texts | Numbers]) -> DataTable:
+        """Key columns, then values by expression; one that is called like a key is the column `<name>_value`."""
+        columns = dict(keys)
+        for name, column in values.items():
+            columns[column_name(name, columns)] = column
+        return cls(columns)
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()), ()))

@@ -15,6 +15,7 @@ import numpy as np
 
 from sleepcast.console import incoming, outgoing
 from sleepcast.console.values import Column, Index, Values, in_unit
+from sleepcast.core.columns import column_name
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.units import shown_value
 from sleepcast.fleet.state import is_true
@@ -168,7 +169,7 @@ class RobotTable:
             values, shown = self._read(text, robots[where])
             column = np.empty(len(robots))
             column[where] = in_unit(values, shown.unit)
-            heads.append(f"{text} ({shown.unit})" if shown.unit else text)
+            heads.append(column_name(f"{text} ({shown.unit})" if shown.unit else text, heads))
             columns.append(column)
         return CsvTable(heads, robots, self._groups_of(robots), columns)
 

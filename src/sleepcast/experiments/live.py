@@ -12,6 +12,7 @@ from math import nan
 from pathlib import Path
 
 from sleepcast.api.fleet import SimulatedFleet
+from sleepcast.core.columns import column_name
 from sleepcast.core.errors import SleepcastError
 from sleepcast.experiments.measures import read_measure
 from sleepcast.experiments.plan import experiment_of_scenario, read_experiment
@@ -32,8 +33,12 @@ def live_measures(fleet: SimulatedFleet, folder: Path | None = None) -> list[Tak
     own = folder is not None and is_own(folder)
     if own and folder is not None:
         look_in([folder.resolve()])
-    found = [(name, text, partial(_taken, text, fleet, own)) for name, text in _texts(scenario.name, folder).items()]
-    return [*found, *((spec.name, spec.name, partial(_latest, fleet, spec.name)) for spec in scenario.measures)]
+    texts = _texts(scenario.name, folder)
+    found: list[Taken] = [(name, text, partial(_taken, text, fleet, own)) for name, text in texts.items()]
+    for spec in scenario.measures:  # a plot is found by its name
+        name = column_name(spec.name, [known for known, *_ in found])
+        found.append((name, spec.name, partial(_latest, fleet, spec.name)))
+    return found
 
 
 def _texts(scenario: str, folder: Path | None) -> dict[str, str]:

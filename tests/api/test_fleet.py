@@ -13,10 +13,12 @@ import pytest
 import sleepcast as sc
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.loop.snapshots import SnapshotError
-from sleepcast.simulator import SettingsError, find_scenario
+from sleepcast.simulator import Changes, SettingsError, find_scenario
 from sleepcast.simulator.recording.recording import load_recording
 from sleepcast.station import NotConfirmedError
+from small_worlds import IN_MAZE, SMALL
 
+IN_A_MAZE = SMALL.replace(IN_MAZE[0], IN_MAZE[1].replace("2m", "100m"))
 NEAR = "(WHEN (AND (< (DIST x y vessel_x vessel_y) 5mi) (> fuel 50%)) (JOIN bravo))"
 
 
@@ -34,6 +36,19 @@ class TestCommands:
         assert len(sent.matched) + len(sent.not_matched) == len(fleet) == 100
         assert sent.silent == sent.fault == ()
         assert fleet.groups == {"bravo": sent.matched}
+
+    def test_a_text_is_the_name_of_one_robot(self) -> None:
+        fleet = bravo().run(1)
+        name = fleet.names[3]
+        assert fleet.ask("fuel", only=name).matched == (name,)
+        assert fleet.send("(MARK)", only=np.array([name])).matched == (name,)  # type: ignore[arg-type]
+        assert name not in fleet.send("(MARK)", but=name, everybody=True).matched
+        assert tuple(fleet.station.forecast("(MARK)", only=name).yes) == (name,)
+        with pytest.raises(sc.errors.MisuseError, match='no robot "nobody"'):
+            fleet.ask("fuel", only="nobody")
+        for wrong in (3, [3], [name, None]):
+            with pytest.raises(sc.errors.MisuseError, match=r'is no name of a robot: wanted names, such as \["scout1"'):
+                fleet.send("(MARK)", only=wrong)  # type: ignore[arg-type]
 
     def test_a_misspelt_name_gives_a_warning_and_is_counted_as_unknown(self) -> None:
         fleet = bravo().run(2)
@@ -257,11 +272,70 @@ class TestRuns:
         with pytest.raises(SettingsError, match=complaint):
             sc.open("bravo", over={key: value})
 
+    @pytest.mark.parametrize(
+        ("key", "value", "complaint"),
+        [
+            ("constants.DROPP", 1, r"over constants\.DROPP: the file has no such name"),
+            (
+                "places.vesel.x",
+                1,
+                r"over places\.vesel: the file has no such name \(did you mean vessel\?\): wanted one of",
+            ),
+            ("places", {"vesel": {"x": 1, "y": 1}}, r"over places\.vesel: the file has no such name"),
+            ("robots.stores.fule.reach", "5mi", r"over robots\.stores\.fule: .*did you mean fuel"),
+            ("sliders.neer.value", 1, r"over sliders\.neer: .*did you mean near"),
+        ],
+    )
+    def test_a_name_that_the_file_does_not_have_is_refused(self, key: str, value: object, complaint: str) -> None:
+        with pytest.raises(SettingsError, match=complaint):
+            sc.open("bravo", over={key: value})
+
+    @pytest.mark.parametrize(
+        ("over", "options", "complaint"),
+        [
+            ({"seed": 5}, {"seed": 7}, "over seed: the seed is given as well, and decides"),
+            ({"robots.count": 5}, {"robots": 6}, "over robots.count: the number of robots is given as well"),
+            ({"world.width": "5km"}, {"area_per_robot": 60.0}, "over world.width: the area per robot is given as well"),
+            ({"radio": {"loss": 1}, "radio.loss": 0}, {}, "over radio.loss: radio is given as well"),
+        ],
+    )
+    def test_what_something_else_decides_is_refused(
+        self, over: dict[str, object], options: dict[str, int], complaint: str
+    ) -> None:
+        with pytest.raises(sc.errors.MisuseError, match=complaint):
+            sc.open("bravo", over=over, **options)  # type: ignore[arg-type]
+        assert sc.open("bravo", robots=5, over={"seed": 7}, seed=7).swarm.simulator.seed == 7, "no contradiction"
+
+    def test_every_integer_type_is_the_same_seed(self) -> None:
+        hashes = {sc.open(IN_A_MAZE, seed=seed).run(1).hash for seed in (7, np.uint64(7), np.int16(7))}
+        assert len(hashes) == 1
+        fleet = sc.open(find_scenario("bravo", Changes(robots=np.int64(5))), seed=np.int32(7))  # type: ignore[arg-type]
+        assert fleet.swarm.simulator.scenario.robots.count == 5
+        forks = {fleet.fork(seed=seed).run(1).hash for seed in (8, np.uint64(8))}
+        assert len(forks) == 1
+
+    @pytest.mark.parametrize("seed", [7.0, "7", True, -1, 2**63, np.float64(7)])
+    def test_what_is_no_seed_is_refused(self, seed: int) -> None:
+        fleet = sc.open(IN_A_MAZE)
+        said = r"^seed .+: wanted a whole number from 0 to 9223372036854775807$"
+        for attempt in (
+            lambda: sc.open("bravo", seed=seed),
+            lambda: fleet.fork(seed),
+            lambda: sc.resume(b"", seed=seed),
+        ):
+            with pytest.raises(sc.errors.MisuseError, match=said):
+                attempt()
+
+    @pytest.mark.parametrize("robots", [7.0, True, 0, -1, 1_000_001, np.float64(7)])
+    def test_what_is_no_number_of_robots_is_refused(self, robots: int) -> None:
+        with pytest.raises(sc.errors.MisuseError, match=r"^robots .+: wanted a whole number from 1 to 1000000$"):
+            sc.open("bravo", robots=robots)
+
     def test_the_mission_is_sent_where_it_is_wanted(self) -> None:
         assert sc.open("bravo", robots=20, mission=True).run(60).station.commands()
         assert not bravo().run(60).station.commands()
 
-    @pytest.mark.parametrize("seconds", [-1.0, float("nan"), float("inf")])
+    @pytest.mark.parametrize("seconds", [-1.0, float("nan"), float("inf"), "5", True, None, 1e8])
     def test_a_time_that_is_none_is_refused(self, seconds: float) -> None:
         with pytest.raises(sc.errors.MisuseError, match="cannot run for"):
             bravo().run(seconds)

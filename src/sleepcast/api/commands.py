@@ -198,8 +198,9 @@ class Fleet(ABC):
         """Broadcast an expression. wait: seconds that may pass until all have answered; 0 sends several at the same
         moment. count: how many robots are meant, which a real fleet asks for where many may obey. sure: it is meant as
         it stands, though the checker doubts it; otherwise names that no robot has give a UserWarning. only, but: names
-        of robots, or of one. The rest, and what is raised: see `Station.send`. A `Mission`, or a text that begins with a time, is a script: see `play`,
-        whose list of results it gives. Its lines say themselves whether they are standing, and for whom."""
+        of robots, or of one. The rest, and what is raised: see `Station.send`. A `Mission`, or a text that begins with
+        a time, is a script: see `play`, whose list of results it gives. Its lines say themselves whether they are
+        standing, and for whom."""
         if not isinstance(text, str) or is_script(text):
             if standing or deadline is not None or only is not None or but is not None:
                 raise MisuseError(

@@ -18,7 +18,7 @@ from types import TracebackType
 from typing import NoReturn
 
 from sleepcast.core.errors import MisuseError, did_you_mean, nearest
-from sleepcast.core.quantities import Measure, QuantityError, as_measure, measure_of, refusal
+from sleepcast.core.quantities import Measure, QuantityError, as_measure, measure_of, refusal, shown_value
 from sleepcast.core.units import NONE, UNITS, Dimension
 
 MAX_BYTES = 1_048_576
@@ -55,21 +55,22 @@ class Document:
     def __init__(self, path: Path, values: dict[str, object], lines: dict[Path_, int]) -> None:
         self.path, self.values, self.lines = path, values, lines
         self._changed: set[Path_] = set()
+        self._added: set[Path_] = set()
+        self._given: list[Path_] = []
 
     def root(self) -> Table:
         return Table(self, self.values, ())
 
     def change(self, key: str, value: object) -> None:
         """Have a key, as `shown_key` writes it, say something else than the file does; errors then name no line.
-        Raises SettingsError for a key that is none, or in something that is no table."""
-        if not _SHOWN_KEY.fullmatch(key):
-            raise SettingsError(f'over "{key:.80}": wanted a key such as radio.loss or commands[0].title')
-        where = _parts(key)
+        Raises SettingsError for a key that is none, in something that is no table, or given before."""
+        where = self._new_key(key)
         here: object = self.values
         for depth, part in enumerate(where, 1):
             self._changed |= {where[:depth]} - self.lines.keys() | {where}
             last = depth == len(where)
             if isinstance(part, str) and isinstance(here, dict):
+                self._note_added(where[: depth - 1], here, {part: value if last else {}})
                 inside = here[part] = value if last else here.get(part, {})
             elif isinstance(part, int) and isinstance(here, list) and part < len(here):
                 inside = here[part] = value if last else here[part]
@@ -77,8 +78,27 @@ class Document:
                 raise self.error(where[:depth], "there is no such place to be changed")
             here = inside
 
+    def _note_added(self, around: Path_, old: object, new: object) -> None:
+        """Note which keys of a table, and of tables in it, were not there before. around: where it stands."""
+        for key, value in new.items() if isinstance(new, dict) else ():
+            known = old.get(key) if isinstance(old, dict) else None
+            self._added |= set() if known is not None else {(*around, key)}
+            self._note_added((*around, key), known, value)
+
+    def _new_key(self, key: str) -> Path_:
+        """The place of a key that is to be changed: neither it nor a table around or inside it was changed before."""
+        where = key_path(key)
+        for other in self._given:
+            if other == where:
+                raise SettingsError(f"over {shown_key(where)}: it is given twice: give it once")
+            if where[: len(other)] == other or other[: len(where)] == where:
+                raise SettingsError(f"over {shown_key(where)}: {shown_key(other)} is given as well: give one of them")
+        self._given.append(where)
+        return where
+
     def measure(self, key: str) -> Measure:
-        """The number at a key, as `shown_key` writes it, in SI with its unit. Raises MisuseError if there is none."""
+        """The number at a key, as `shown_key` writes it, in SI with its unit. Raises MisuseError if there is none, and
+        SettingsError, which names the key, if `change` has put something else there."""
         here: object = self.values
         for part in _parts(key) if _SHOWN_KEY.fullmatch(key) else ():
             if isinstance(part, str) and isinstance(here, dict):
@@ -87,12 +107,21 @@ class Document:
                 here = here[part] if isinstance(part, int) and isinstance(here, list) and part < len(here) else None
         found = as_measure(here)
         if found is None or (found.unit and found.unit not in UNITS):
+            if self.is_changed(key):
+                raise self.error(
+                    _parts(key), "is missing" if here is None else f"wanted a number, not {shown_value(here)}"
+                )
             raise MisuseError(f"this file has no number at {key:.80}")
         return found
 
     def is_changed(self, key: str) -> bool:
-        """Whether `change` has had this key say something else."""
-        return _parts(key) in self._changed
+        """Whether `change` has had this key, or a table around it, say something else."""
+        where = _parts(key)
+        return any(where[: len(given)] == given for given in self._given)
+
+    def is_added(self, where: Path_) -> bool:
+        """Whether only `change` has this key, and the file does not."""
+        return where in self._added
 
     def error(self, where: Path_, sentence: str) -> SettingsError:
         """An error at the key `where`, or at the nearest table around it that has a line of its own."""
@@ -161,6 +190,14 @@ def key_lines(text: str) -> dict[Path_, int]:
     return found
 
 
+def key_path(key: str) -> Path_:
+    """Where a key stands that people write, as `radio.loss`; equal for all ways to write it. Raises SettingsError for a
+    text that is no key."""
+    if not _SHOWN_KEY.fullmatch(key):
+        raise SettingsError(f'over "{key:.80}": wanted a key such as radio.loss or commands[0].title')
+    return _parts(key)
+
+
 def _parts(key: str) -> Path_:
     """What a key consists of, as `shown_key` writes it."""
     return tuple(int(part[1:-1]) if part[0] == "[" else part for part in _SHOWN_PART.findall(key))
@@ -215,6 +252,12 @@ class Table:
     def has(self, key: str) -> bool:
         self._asked.add(key)
         return key in self.values or (self.below is not None and self.below.has(key))
+
+    def has_written(self, key: str) -> bool:
+        """Whether the file has this key, or the one below; not if only a change of this run does."""
+        if self.below is not None and self.below.has_written(key):
+            return True
+        return key in self.values and not self.document.is_added((*self.where, key))
 
     def text(self, key: str, default: str | None = None, *, choices: Sequence[str] = (), most: int = 500) -> str:
         """A text of at most `most` characters, one of `choices` if there are any."""
@@ -390,7 +433,11 @@ class Table:
 
 def checked_name(around: Table, name: str, key: str | None = None) -> str:
     """`name`, a key of the table `around` that people choose, or what stands there under `key`. Raises SettingsError if
-    it cannot be a name."""
+    it cannot be a name, and for a key that no file has: a change of a file names what there is."""
+    if key is None and not around.has_written(name):
+        known = [each for each in around.names() if around.has_written(each)]
+        wanted = f": wanted one of {', '.join(known)}" if known else ""
+        raise around.error(name, f"the file has no such name{did_you_mean(name, known)}{wanted}")
     if not _CHOSEN.match(name):
         raise around.error(key or name, f'"{name}" is no name: wanted a letter, then up to 31 letters, digits and _')
     return name

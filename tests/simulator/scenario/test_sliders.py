@@ -52,6 +52,21 @@ def test_a_sweep_may_go_beyond_a_slider() -> None:
 
 
 @pytest.mark.parametrize(
+    ("over", "said"),
+    [
+        ({"robots.limits.speed": "fast"}, 'scenario.toml: over robots.limits.speed: wanted a number, not "fast"'),
+        ({"robots.limits.speed": "5s"}, "over robots.limits.speed: its number has not the unit of low and high"),
+        ({"robots.limits": {}}, "over robots.limits.speed: is missing"),
+    ],
+)
+def test_a_wrong_change_is_not_the_fault_of_a_slider(over: dict[str, object], said: str) -> None:
+    more = '\n[sliders.a]\nkey = "robots.limits.speed"\nlow = "0m/s"\nhigh = "9m/s"'
+    with pytest.raises(SettingsError) as error:
+        world(more, **over)
+    assert said in str(error.value)
+
+
+@pytest.mark.parametrize(
     ("more", "said"),
     [
         ('[sliders.a]\nkey = "robots.speed"\nlow = 0\nhigh = 1', "this file has no number at robots.speed"),

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sleepcast.core.quantities import Measure
-from sleepcast.core.settings import Document, Table, checked_name
+from sleepcast.core.settings import Document, Table, checked_name, key_path
 from sleepcast.core.units import UNITS
 from sleepcast.robot import BodyConstant
 
@@ -70,17 +70,15 @@ def _read(name: str, table: Table, document: Document, taken: set[str]) -> Slide
     if not low.value < high.value:
         raise table.error("high", "wanted more than low")
     live = not table.has("key")
-    if live:
-        key = f"sliders.{name}.value"
-        value = table.measure("value", None)
-        if name.casefold() in taken:
-            raise table.error("value", f'{name} is one of [constants] already: write key = "constants.{name}" instead')
-    else:
-        key = table.text("key")
-        with table.answering("key"):
-            value = document.measure(key)
+    key = f"sliders.{name}.value" if live else table.text("key")
+    if live and name.casefold() in taken:
+        raise table.error("value", f'{name} is one of [constants] already: write key = "constants.{name}" instead')
+    value = table.measure("value", None) if live else _elsewhere(key, table, document)
     if value.unit and _dimension(value.unit) != _dimension(unit):  # a plain number is in SI
-        raise table.error("value" if live else "key", f'its number has not the unit of low and high, "{unit}"')
+        wrong = f'its number has not the unit of low and high, "{unit}"'
+        if document.is_changed(key):
+            raise document.error(key_path(key), f"{wrong}, of the slider {name}")
+        raise table.error("value" if live else "key", wrong)
     if document.is_changed(key):  # a run may go beyond
         low, high = Measure(min(low.value, value.value), unit), Measure(max(high.value, value.value), unit)
     if not low.value <= value.value <= high.value:
@@ -91,6 +89,14 @@ def _read(name: str, table: Table, document: Document, taken: set[str]) -> Slide
         raise table.error("step", f'wanted the unit of low and high, "{unit}"')
     at, least, most, each = (round(number.value / factor, 12) for number in (value, low, high, step))
     return Slider(name, table.text("title", name, most=60), key, unit, at, least, most, each, live)
+
+
+def _elsewhere(key: str, table: Table, document: Document) -> Measure:
+    """The number that stands under a key of the file. What a run has put there answers for itself, not the slider."""
+    if document.is_changed(key):
+        return document.measure(key)
+    with table.answering("key"):
+        return document.measure(key)
 
 
 def _dimension(unit: str) -> object:

@@ -17,7 +17,7 @@ from console.running import PATIENCE, Program, open_page
 expect.set_options(timeout=1000 * PATIENCE)
 
 SWEEP = (
-    *("--over", "robots.count=5,10,20", "--over", "radio.loss=0,0.5", "--seeds", "2", "--seconds", "3s"),
+    *("--over", "robots.count=5,10,20", "--over", "radio.loss=0,0.5,0.50", "--seeds", "2", "--seconds", "3s"),
     *("--every", "1s", "--measure", "charge=mean battery", "--measure", "odd=mean (/ 1 0)", "--workers", "1"),
 )
 
@@ -82,6 +82,9 @@ class TestPage:
         expect(page.locator("#title")).to_have_text("crowd")
         expect(page.locator("#rest")).to_have_text("finished")
         expect(page.locator("#counts")).to_have_text(re.compile(r"12 of 12 runs done, 48 values unknown"))
+        expect(page.locator("#notes li")).to_have_text(
+            "over radio.loss: 0.5 was given more than once, and is done once."
+        )
         expect(page.locator(".mark")).to_have_count(3)
         page.locator("#by").select_option("radio.loss")
         expect(page.locator(".mark")).to_have_count(6)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
 from sleepcast.core.errors import MisuseError
@@ -158,6 +159,111 @@ def test_what_is_wrong_is_said(wrong: str, sentence: str) -> None:
 def test_wrong_options_are_refused(options: dict[str, object], sentence: str) -> None:
     with pytest.raises(MisuseError, match=sentence):
         experiment_of("crowd", **{"measures": ["mean x"], **options}).checked()  # type: ignore[arg-type]
+
+
+GRID = 'scenario = "crowd"\n[measures]\na = "mean x"\n[over]\n'
+DRAWN = (
+    'scenario = "crowd"\nseeds = [1, 2, 1]\nsampling = "sobol"\npoints = 16\n[measures]\na = "mean x"\n[over]\n'
+    "robots.count = { low = 5, high = 7, whole = true }\n"
+)
+
+
+class TestEqualOnes:
+    """Points and seeds that coincide are one run each."""
+
+    @pytest.mark.parametrize(
+        ("values", "kept", "said"),
+        [
+            ("radio.loss=0.1,0.1,0", (0.1, 0), "over radio.loss: 0.1 was given more than once, and is done once"),
+            ("radio.loss=1,1.0,1e0", (1,), "over radio.loss: 1.0 was given"),
+            ("radio.reach=1m,100cm,2m", ("1m", "2m"), "over radio.reach: 100cm was given"),
+            ("world.edge=wall,wall", ("wall",), "over world.edge: wall was given"),
+        ],
+    )
+    def test_values_that_mean_the_same_are_one(self, values: str, kept: tuple[object, ...], said: str) -> None:
+        found = experiment_of("crowd", measures=["mean x"], over=[values], seeds=2).checked()
+        assert found.over[values.partition("=")[0]] == kept
+        assert len(found) == len(list(found.runs())) == len({run.key for run in found.runs()}) == 2 * len(kept)
+        assert said in found.repeats()[0]
+
+    def test_truth_and_numbers_differ(self) -> None:
+        found = Experiment("crowd", (1,), {"a": "mean x"}, {"radio.loss": (1, True, "1m", 1.0)})
+        assert found.over["radio.loss"] == (1, True, "1m")
+
+    def test_equal_seeds_are_one(self) -> None:
+        found = read_experiment(Path("experiment.toml"), "seeds = [3, 5, 3, 3]\n" + GRID)
+        assert found.seeds == (3, 5)
+        assert found.repeats() == ("seeds: 3 was given more than once, and is done once",)
+        assert len(list(found.runs())) == len(found) == 2
+        assert Experiment("crowd", (np.uint64(7), 7), {"a": "mean x"}).seeds == (7,)  # type: ignore[arg-type]
+
+    def test_points_that_are_drawn_again_are_one(self) -> None:
+        pytest.importorskip("scipy")
+        found = plan(DRAWN)
+        runs = list(found.runs())
+        assert len(runs) == len(found) == len({run.key for run in runs}) == 2 * 3
+        assert "points: only 3 of 16 that were drawn are different; each is done once" in found.repeats()
+        assert len({run.number for run in runs}) == 6
+        assert sum(map(len, found.rounds())) == 6
+
+    def test_what_differs_is_not_mentioned(self) -> None:
+        assert plan(WHOLE).repeats() == ()
+
+
+class TestKeys:
+    """A key is given once, exists, and is not decided elsewhere."""
+
+    @pytest.mark.parametrize(
+        ("over", "said"),
+        [
+            (["radio.loss=0", "radio.loss=1"], "over radio.loss: it is given twice"),
+            (["commands[0].title=a", "commands[00].title=b"], r"over commands\[0\].title: it is given twice"),
+            (
+                ["constants.FARR=1m,2m"],
+                r"over constants.FARR: the file has no such name .did you mean FAR..: wanted one",
+            ),
+            (["seed=42,43"], r"over seed: each run has a seed of its own: --seeds 20 .* seeds = .42, 43."),
+            (["speed_up=1,2"], "over speed_up: a run of a sweep goes as fast as it can"),
+            (["title=a,b"], "over title: no run depends on it"),
+            (["robots.cont=5"], "did you mean count"),
+        ],
+    )
+    def test_wrong_ones_are_refused(self, over: list[str], said: str) -> None:
+        with pytest.raises(MisuseError, match=said):
+            experiment_of("gauci", measures=["mean x"], over=over).checked()
+
+    @pytest.mark.parametrize(
+        "text", ["radio.loss = [0]\n'radio.loss' = [1]\n", "'radio.loss' = [1]\nradio.loss = [0]\n"]
+    )
+    def test_a_file_gives_a_key_once(self, text: str) -> None:
+        with pytest.raises(MisuseError, match=r"experiment.toml:\d+: over.radio.loss: it is given twice"):
+            plan(GRID + text)
+
+    def test_an_option_does_not_override_a_key(self) -> None:
+        with pytest.raises(MisuseError, match="over seconds: the experiment says how long a run is"):
+            experiment_of("crowd", measures=["mean x"], over=["seconds=5s,9s"], seconds=3.0).checked()
+        experiment_of("crowd", measures=["mean x"], over=["seconds=5s,9s"]).checked()
+
+
+class TestNamesOfMeasures:
+    @pytest.mark.parametrize(
+        "measures",
+        [
+            ["count (< x 5)", "count (> x 5)"],
+            ["sum -1m", "sum 1m"],
+            ["a=mean x", "a=mean y"],
+            ["mean x", "mean_x=mean y"],
+        ],
+    )
+    def test_two_of_one_name_are_refused(self, measures: list[str]) -> None:
+        with pytest.raises(
+            PlanError, match=r'measures ".+" and ".+" would both be called \w+: give them different names'
+        ):
+            experiment_of("crowd", measures=measures)
+
+    def test_with_names_of_their_own_both_are_taken(self) -> None:
+        found = experiment_of("crowd", measures=["count (< x 5)", "more=count (> x 5)"])
+        assert found.measures == {"count_x_5": "count (< x 5)", "more": "count (> x 5)"}
 
 
 class TestAnotherWay:

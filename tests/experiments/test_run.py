@@ -288,6 +288,34 @@ class TestManyRuns:
                 time.sleep(0.01)
 
 
+class TestEnd:
+    def test_what_coincides_is_done_once_and_then_nothing_is_missing(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        asked = ["sweep", "crowd", "--over", "robots.count=5,5", "--seconds", "0.1s", "--measure", "mean x", "--json"]
+        assert main([*asked, "--out", str(tmp_path / "results"), "--workers", "1", "--quiet"]) == 0
+        said = capsys.readouterr()
+        assert (json.loads(said.out)["runs"], json.loads(said.out)["done"]) == (1, 1)
+        assert "over robots.count: 5 was given more than once, and is done once" in said.err
+
+    def test_a_sweep_whose_runs_are_missing_fails(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("sleepcast.experiments.run.run_all", lambda *_, **__: (nothing for nothing in ()))
+        asked = ["sweep", "crowd", "--over", *FEW, "--seeds", "2", "--measure", "mean x", "--quiet"]
+        assert main([*asked, "--out", str(tmp_path / "results")]) == 1
+        assert "2 runs are missing: go on with sleepcast sweep" in capsys.readouterr().err
+
+    def test_results_that_count_equal_runs_twice_are_left_as_they_are(self, tmp_path: Path) -> None:
+        wanted = experiment(seeds=1)
+        sweep(wanted, tmp_path / "results")
+        plan = tmp_path / "results" / "experiment.toml"
+        plan.write_text(plan.read_text().replace("seeds = 1", "seeds = [1, 1]"))
+        with pytest.raises(ResultsError, match="names equal points or seeds twice"):
+            Results(tmp_path / "results", wanted)
+        assert len(list(outcomes_in(tmp_path / "results"))) == 2, "they can be read"
+
+
 class TestResults:
     def test_another_experiment_is_refused(self, tmp_path: Path) -> None:
         sweep(experiment(seeds=1), tmp_path / "results")

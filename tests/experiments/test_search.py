@@ -104,15 +104,16 @@ def test_unknown_values_and_failed_runs_do_not_stop_it(tmp_path: Path) -> None:
         assert {run.number % 3 for run in results.missing(retry=True)} == {1, 2}
 
 
-def test_points_that_are_used_up_are_done_again(tmp_path: Path) -> None:
+def test_each_point_is_done_once_and_there_are_no_more_than_differ(tmp_path: Path) -> None:
     text = TEXT.format(points=9).replace("radio.loss = { low = 0, high = 1 }", "").replace("high = 6", "high = 4")
     text = text.replace('robots.limits.speed = { low = "1m/s", high = "3m/s" }', "")
     wanted = read_experiment(Path("experiment.toml"), text)
+    assert wanted.repeats() == ("points: only 4 different ones fit into these ranges, not 9",)
     with Results(tmp_path / "results", wanted) as results:
         while left := results.missing():
             results.keep(Outcome(run, ((0.1, 1.0),)) for run in left)
     points = [json.dumps(each.run.point) for each in outcomes_in(tmp_path / "results")]
-    assert len(points) == 18
+    assert len(points) == len(wanted) == 8, "two seeds"
     assert len(set(points)) == 4, "every one of them was tried"
 
 

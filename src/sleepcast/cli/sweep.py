@@ -99,6 +99,8 @@ def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_jso
     limit = how["timeout"] or LONGEST_RUN
     runs_programs = let_programs_run(experiment, written_in(what), trusted=how["trust"])
     try_out(experiment, limit)
+    for sentence in experiment.repeats():
+        complain(sentence)
     with Results(folder, experiment) as results, ExitStack() as stack:
         if runs_programs:
             _remember(folder)
@@ -106,7 +108,7 @@ def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_jso
             announce(f"{done:,} of {len(experiment):,} runs are done already")
         findings = stack.enter_context(_page(results, how["port"], not how["no_browser"])) if how["page"] else None
         errors = _sweep(results, many, findings, limit, retry=how["retry"], quiet=quiet)
-        status = _tell(folder, table, errors, as_json=as_json)
+        status = _tell(results, table, errors, as_json=as_json)
         if findings is not None:
             findings.finish()
             complain("the sweep has ended; its page stays open until Ctrl-C")
@@ -257,10 +259,11 @@ def _sweep(
     return errors
 
 
-def _tell(folder: Path, table: Path | None, errors: dict[str, int], *, as_json: bool) -> int:
-    """Write the table, and say what came of it; gives the exit status."""
+def _tell(results: Results, table: Path | None, errors: dict[str, int], *, as_json: bool) -> int:
+    """Write the table, and say what came of it; gives the exit status: 1 if runs failed, or are missing."""
     from sleepcast.experiments.results import best_of, export, summary_of
 
+    folder = results.folder
     if table is not None:
         export(folder, table)
     summary = summary_of(folder)
@@ -274,7 +277,10 @@ def _tell(folder: Path, table: Path | None, errors: dict[str, int], *, as_json: 
         announce(best.sentence())
     for error, count in list(errors.items())[:SHOWN_ERRORS]:
         complain(f"{count:,} {'run' if count == 1 else 'runs'} failed: {error}")
-    return int(summary.failed > 0)
+    missing = len(results.missing())
+    if missing:
+        complain(f"{missing:,} {'run is' if missing == 1 else 'runs are'} missing: go on with sleepcast sweep {folder}")
+    return int(summary.failed > 0 or missing > 0)
 
 
 def _verify(folder: Path, workers: int | str, most: int | None, *, as_json: bool, quiet: bool) -> int:

@@ -44,7 +44,7 @@ def decode(data: str | bytes) -> Incoming:
 
 class Hello(Said):
     """The first words. scenario: its name; folder: of the results; x, y, by: what can be chosen; measures: what each
-    name means; goal: of a search, in words."""
+    name means; goal: of a search, in words; notes: what else is to be known of it, each a sentence."""
 
     scenario: str
     folder: str
@@ -53,6 +53,7 @@ class Hello(Said):
     by: tuple[str, ...]
     measures: dict[str, str]
     goal: str = ""
+    notes: tuple[str, ...] = ()
 
 
 class Come(Said):

@@ -55,6 +55,7 @@ class ExperimentSession:
             views["by"],
             experiment.measures,
             "" if goal is None else f"{'largest' if goal.largest else 'smallest'} {goal.measure}",
+            experiment.repeats(),
         )
 
     async def _answer(self, message: messages.Incoming) -> None:

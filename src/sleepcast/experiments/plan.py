@@ -28,19 +28,24 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
 from importlib.util import find_spec
 from itertools import islice, product
-from math import floor, isfinite, prod
+from math import floor, inf, isfinite, prod
 from pathlib import Path
+from typing import TypeVar
 
 import msgspec
 
 from sleepcast.core.errors import MisuseError, decimal_comma, did_you_mean
 from sleepcast.core.extras import installing
-from sleepcast.core.settings import Table, toml_document
+from sleepcast.core.given_numbers import MAX_SEED, read_seed, whole_number
+from sleepcast.core.quantities import as_measure
+from sleepcast.core.settings import Table, key_path, shown_key, toml_document
 from sleepcast.core.toml_text import toml_key, toml_value
-from sleepcast.core.units import TIME
+from sleepcast.core.units import TIME, UNITS
 from sleepcast.experiments.measures import name_of, read_measure, read_stop
 from sleepcast.simulator import Changes, Scenario, find_scenario, scenario_names
 from sleepcast.simulator.scenario.scenario import GALLERY
@@ -53,9 +58,10 @@ MAX_SEARCHED = 5_000
 MAX_TOGETHER = 100
 """Points that a search suggests at a time: they know nothing of each other."""
 MAX_ROWS = 1_000_000
-MAX_SEED = 2**63 - 1
 MAX_VALUES = 1_000
 """Values of one key in a list: each is checked before the first run."""
+MOST_SAID = 5
+"""Values that a sentence about repeated ones lists."""
 MAX_VARIED, MAX_MEASURES, MAX_COMMANDS = 16, 64, 100
 LONGEST = 1e7
 """Simulated seconds of a run: four months."""
@@ -78,6 +84,11 @@ class Span(msgspec.Struct, frozen=True):
     high: float
     unit: str = ""
     whole: bool = False
+
+    @property
+    def count(self) -> float:
+        """How many different values there are; inf for a range of numbers."""
+        return int(self.high) - int(self.low) + 1 if self.whole else inf
 
     def at(self, share: float) -> Value:
         """The value so far along, as it stands in a scenario."""
@@ -136,7 +147,8 @@ class Run(msgspec.Struct, frozen=True):
 class Experiment(msgspec.Struct, frozen=True):
     """See the module. seconds: of a run, None for the scenario's own. every: s between samples, None for one sample at
     the end. mission: whether the desk sends the scenario's own commands as well. over: by key, its values, or the span
-    from which they are drawn."""
+    from which they are drawn. Seeds, and the values of a key, are different ones: of equal ones the first is kept.
+    repeated: what was given more than once, in sentences for people."""
 
     scenario: str
     seeds: tuple[int, ...]
@@ -151,17 +163,62 @@ class Experiment(msgspec.Struct, frozen=True):
     points: int = 0
     precision: Precision | None = None
     goal: Goal | None = None
+    repeated: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Keep one of equal seeds, values and points: a run that is wanted twice is one run, and would be missed."""
+        seeds, again = _different(map(read_seed, self.seeds), int)
+        said, over = [*self.repeated, *_said_again("seeds", again)], dict(self.over)
+        for key, setting in self.over.items():
+            if not isinstance(setting, Span):
+                over[key], others = _different(setting, _meaning)
+                said += _said_again(f"over {key:.80}", others)
+        points, most = self.points, prod(map(_count, over.values()))
+        if self.goal is not None and most < points:
+            said.append(f"points: only {most:,} different ones fit into these ranges, not {points:,}")
+            points = int(most)
+        for name, value in (("seeds", seeds), ("over", over), ("points", points), ("repeated", tuple(said))):
+            msgspec.structs.force_setattr(self, name, value)
 
     def __len__(self) -> int:
         """How many runs there are; with a precision, at most."""
-        return len(self.seeds) * (self.points or prod(len(_values(each)) for each in self.over.values()))
+        return len(self.seeds) * self._count_points()
+
+    def _count_points(self) -> int:
+        if not self.points:
+            return prod(len(_values(each)) for each in self.over.values())
+        if self.goal is not None:
+            return self.points
+        return _count_drawn(self.sampling, tuple(self.over.values()), self.points)
+
+    def repeats(self) -> tuple[str, ...]:
+        """What was given or drawn more than once, and is done once: sentences for people."""
+        count = self._count_points()
+        if count == self.points or not self.points:
+            return self.repeated
+        return (
+            *self.repeated,
+            f"points: only {count:,} of {self.points:,} that were drawn are different; each is done once",
+        )
 
     def runs(self) -> Iterator[Run]:
         """All of them, seed by seed, so that the first ones say something of every point; none of a search, whose
-        points are known on the way only."""
+        points are known on the way only. What was drawn again has a number, but no run."""
         points = list(self._points())
-        for number, (seed, point) in enumerate(product(self.seeds, points)):
-            yield Run(number, point, seed)
+        width = self.points or len(points)
+        for row, seed in enumerate(self.seeds):
+            for place, point in points:
+                yield Run(row * width + place, point, seed)
+
+    def grid(self) -> Iterator[dict[str, Value]]:
+        """Every point of a search, one after the other, if no key has a range of numbers; else nothing."""
+        size = prod(map(_count, self.over.values()))
+        for number in range(int(size) if isfinite(size) else 0):
+            point = {}
+            for key, setting in self.over.items():
+                number, place = divmod(number, int(_count(setting)))
+                point[key] = setting.written(int(setting.low) + place) if isinstance(setting, Span) else setting[place]
+            yield point
 
     def rounds(self) -> Iterator[list[Run]]:
         """The same in the rounds after which is looked whether there are enough."""
@@ -192,21 +249,19 @@ class Experiment(msgspec.Struct, frozen=True):
             mission=mission and self.mission,
         )
 
-    def _points(self) -> Iterator[dict[str, Value]]:
-        keys = list(self.over)
-        if self.goal is not None:
-            return
-        if not self.points:
-            for values in product(*(_values(each) for each in self.over.values())):
-                yield dict(zip(keys, values, strict=True))
-            return
-        for shares in _drawn(self.sampling, len(keys), self.points):
-            yield {key: _at(self.over[key], share) for key, share in zip(keys, shares, strict=True)}
+    def _points(self) -> Iterator[tuple[int, dict[str, Value]]]:
+        """Each point once, with its place among all that were given or drawn."""
+        settings = tuple(self.over.values())
+        found: Iterable[tuple[int, Setting]] = enumerate(product(*map(_values, settings)))
+        if self.points:
+            found = _drawn_once(self.sampling, settings, self.points)
+        for place, values in () if self.goal is not None else found:
+            yield place, dict(zip(self.over, values, strict=True))
 
     def first(self) -> Run:
         """A run to try things out with."""
         middle = {key: _at(setting, 0.5) for key, setting in self.over.items()}
-        return Run(0, next(self._points(), middle), self.seeds[0])
+        return Run(0, next((point for _, point in self._points()), middle), self.seeds[0])
 
     def scenario_at(self, point: Mapping[str, Value], seed: int | None = None) -> Scenario:
         """The scenario with these settings. Raises what `find_scenario` raises."""
@@ -240,12 +295,32 @@ class Experiment(msgspec.Struct, frozen=True):
             raise PlanError(f'precision: nothing is measured as "{self.precision.measure:.80}"{known}')
         if self.goal is not None:
             self._check_search(self.goal)
-        first = self.first().point
-        for key, setting in self.over.items():
-            for value in _values(setting):
-                self.scenario_at(first | {key: value})
-        self.scenario_at(first)
+        self._check_points()
         return self
+
+    def _check_points(self) -> None:
+        """Raises MisuseError for a value that does not fit the scenario, and for a key on which no run depends."""
+        for key, decided in self._decided().items():
+            if key in self.over:
+                raise PlanError(f"over {key}: {decided}")
+        first = self.first().point
+        self.scenario_at(first)
+        for key, setting in self.over.items():
+            found = [self.scenario_at(first | {key: value}) for value in _values(setting)]
+            if len(found) > 1 and all(_run_of(each) == _run_of(found[0]) for each in found[1:]):
+                raise PlanError(f"over {key:.80}: no run depends on it, so that all would be the same: leave it out")
+
+    def _decided(self) -> dict[str, str]:
+        """The keys of a scenario that an experiment decides itself, each with what to do instead."""
+        found = {
+            "seed": "each run has a seed of its own: --seeds 20 are 1 to 20; in a plan, seeds = [42, 43] are these",
+            "speed_up": "a run of a sweep goes as fast as it can: leave it out",
+        }
+        if self.seconds is not None:
+            found["seconds"] = "the experiment says how long a run is: leave out one of them"
+        if not self.mission:
+            found["mission"] = "the experiment leaves the mission out: leave out one of them"
+        return found
 
     def _check_search(self, goal: Goal) -> None:
         key = "maximise" if goal.largest else "minimise"
@@ -292,7 +367,7 @@ def read_experiment(path: Path, text: str | None = None) -> Experiment:
         sampling = root.text("sampling", "grid", choices=SAMPLINGS)
         most = MAX_SEARCHED if sampling == SEARCH else MAX_ROWS
         points = 0 if sampling == "grid" else root.whole("points", low=1, high=most)
-        over = dict(_over(root, root.table("over"), sampled=sampling != "grid"))
+        over = _over_of(root, sampled=sampling != "grid")
         if sampling != "grid" and not over:
             raise root.error("over", f"wanted a range to draw from, since sampling is {sampling}")
         measures = root.table("measures")
@@ -350,13 +425,28 @@ def experiment_of(
 ) -> Experiment:
     """The experiment that a line of commands describes. over: each `KEY=VALUE,VALUE`; measures: each `NAME=MEASURE`, or
     a measure alone. Raises PlanError."""
-    named = {}
+    name = _absolute(scenario, Path.cwd())
+    return Experiment(name, _numbers(seeds), _named(measures), _varied(over), seconds, every, until, mission)
+
+
+def _named(measures: Sequence[str]) -> dict[str, str]:
+    """Measures by name. Raises PlanError for two of one name, of which one column would be lost."""
+    named: dict[str, str] = {}
     for each in measures:
         found = re.fullmatch(r"\s*([A-Za-z_]\w*)\s*=(?!=)(.+)", each, re.DOTALL)
         name, text = (found[1], found[2].strip()) if found else (name_of(each), each.strip())
+        if name in named:
+            raise PlanError(
+                f'measures "{named[name]:.80}" and "{text:.80}" would both be called {name:.80}: give them different '
+                f"names, as in other={text:.80}"
+            )
         named[name] = text
-    name = _absolute(scenario, Path.cwd())
-    return Experiment(name, _numbers(seeds), named, _varied(over), seconds, every, until, mission)
+    return named
+
+
+def _run_of(scenario: Scenario) -> Scenario:
+    """What a run of a sweep takes of a scenario: equal ones make equal runs."""
+    return replace(scenario, title="", about="", speed_up=1.0, length_unit="", commands=(), sliders=(), origin="")
 
 
 def _varied(said: Sequence[str]) -> dict[str, Setting | Span]:
@@ -366,15 +456,16 @@ def _varied(said: Sequence[str]) -> dict[str, Setting | Span]:
         key, equals, values = each.partition("=")
         if not equals or not key.strip() or not values.strip():
             raise PlanError(f'over "{each:.80}": wanted a key and its values, such as radio.loss=0,0.1,0.3')
-        varied[key.strip()] = tuple(_value(value.strip()) for value in values.split(","))
+        name = shown_key(key_path(key.strip()))
+        if name in varied:
+            raise PlanError(f"over {name:.80}: it is given twice: give all its values at once, as in {name:.80}=1,2")
+        varied[name] = tuple(_value(value.strip()) for value in values.split(","))
     return varied
 
 
 def _numbers(seeds: int) -> tuple[int, ...]:
     """The first so many seeds."""
-    if not 1 <= seeds <= MAX_ROWS:
-        raise PlanError(f"seeds {seeds}: wanted a whole number from 1 to {MAX_ROWS}")
-    return tuple(range(1, seeds + 1))
+    return tuple(range(1, whole_number(seeds, "seeds", 1, MAX_ROWS) + 1))
 
 
 def _at(setting: Setting | Span, share: float) -> Value:
@@ -384,8 +475,58 @@ def _at(setting: Setting | Span, share: float) -> Value:
     return setting[min(int(share * len(setting)), len(setting) - 1)]
 
 
+Thing = TypeVar("Thing")
+
+
+def _different(given: Iterable[Thing], meaning: Callable[[Thing], Hashable]) -> tuple[tuple[Thing, ...], list[Thing]]:
+    """The first of those that mean the same, and all the others."""
+    kept, again = dict[Hashable, Thing](), list[Thing]()
+    for each in given:
+        sense = meaning(each)
+        if sense in kept:
+            again.append(each)
+        kept.setdefault(sense, each)
+    return tuple(kept.values()), again
+
+
+def _meaning(value: Value) -> Hashable:
+    """Equal for values that a scenario takes for the same one: 1 and 1.0, "1m" and "100cm"."""
+    if isinstance(value, bool):
+        return "flag", value
+    found = as_measure(value)
+    if found is None or (found.unit and found.unit not in UNITS):
+        return "text", value
+    return (UNITS[found.unit].dimension, found.value) if found.unit else ("number", value)
+
+
+def _said_again(what: str, again: Sequence[Value]) -> list[str]:
+    """The sentence about what was given more than once, if anything was."""
+    shown = ", ".join(map(str, dict.fromkeys(again[:MOST_SAID]))) + (", ..." if len(again) > MOST_SAID else "")
+    return [f"{what}: {shown:.200} was given more than once, and is done once"] if again else []
+
+
+def _count(setting: Setting | Span) -> float:
+    """How many values a key may have."""
+    return setting.count if isinstance(setting, Span) else len(setting)
+
+
 def _values(setting: Setting | Span) -> Setting:
     return (setting.at(0.0), setting.at(1.0)) if isinstance(setting, Span) else setting
+
+
+def _drawn_once(sampling: str, settings: Sequence[Setting | Span], count: int) -> Iterator[tuple[int, Setting]]:
+    """The different ones of so many points that are drawn, with their places."""
+    taken = set[str]()
+    for place, shares in enumerate(_drawn(sampling, len(settings), count)):
+        values = tuple(_at(setting, share) for setting, share in zip(settings, shares, strict=True))
+        if (text := json.dumps(values)) not in taken:
+            taken.add(text)
+            yield place, values
+
+
+@lru_cache(maxsize=8)  # a page asks for it several times a second
+def _count_drawn(sampling: str, settings: tuple[Setting | Span, ...], count: int) -> int:
+    return sum(1 for _ in _drawn_once(sampling, settings, count))
 
 
 def _drawn(sampling: str, dimensions: int, count: int) -> Iterator[tuple[float, ...]]:
@@ -417,6 +558,17 @@ def _seeds(root: Table) -> tuple[int, ...]:
     if isinstance(root.values.get("seeds", 1), list):
         return root.wholes("seeds", (), low=0, high=MAX_SEED, most=MAX_ROWS)
     return tuple(range(1, 1 + root.whole("seeds", 1, low=1, high=MAX_ROWS)))
+
+
+def _over_of(root: Table, *, sampled: bool) -> dict[str, Setting | Span]:
+    """What is varied, by key. Raises SettingsError for a key that is given twice: as `"radio.loss"` and in `radio`."""
+    found: dict[str, Setting | Span] = {}
+    for key, setting in _over(root, root.table("over"), sampled=sampled):
+        name = shown_key(key_path(key))
+        if name in found:
+            raise root.table("over").error(key, "it is given twice: give all its values at once")
+        found[name] = setting
+    return found
 
 
 def _over(root: Table, table: Table, *, sampled: bool, above: str = "") -> Iterator[tuple[str, Setting | Span]]:

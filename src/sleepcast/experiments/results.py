@@ -410,6 +410,11 @@ def _begin(folder: Path, experiment: Experiment) -> None:
     wanted = experiment.to_toml()
     if (folder / PLAN).exists():
         if (folder / PLAN).read_text(encoding="utf-8") != wanted:
+            if experiment_in(folder).repeated:
+                raise ResultsError(
+                    f"{folder}: its {PLAN} names equal points or seeds twice, which an earlier version numbered twice: "
+                    "choose another folder"
+                )
             raise ResultsError(
                 f"{folder}: holds the results of another experiment (its {PLAN} differs): choose another folder, or go "
                 f"on with that one: sleepcast sweep {folder}"

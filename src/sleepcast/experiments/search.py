@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from optuna.distributions import BaseDistribution
 
 ATTEMPTS = 20
-"""Suggestions after which a point that was tried before is done once more: there may be no other ones."""
+"""Suggestions after which the first point is done that was not tried before, if they can be counted: a point is done
+once, though the search may like it best."""
 
 Point = dict[str, Value]
 
@@ -57,6 +58,8 @@ def suggest(experiment: Experiment, tried: Sequence[Tried], count: int) -> list[
                 point = _written(experiment, study.ask(distributions).params)
                 if point not in known:
                     break
+            else:
+                point = next((each for each in experiment.grid() if each not in known), point)
             known.append(point)
     return known[len(tried) :]
 

@@ -22,6 +22,9 @@ wire.addEventListener("hello", ({ detail }) => {
   find("title").textContent = detail.goal ? `${name}: ${detail.goal}` : name;
   document.title = `${name} · experiment · sleepcast`;
   find("folder").textContent = detail.folder;
+  find("notes").replaceChildren(
+    ...(detail.notes ?? []).map((note) => Object.assign(document.createElement("li"), { textContent: `${note}.` })),
+  );
   measures = detail.measures;
   for (const axis of ["x", "y", "by"]) offer(find(axis), detail[axis]);
   find("by-label").hidden = detail.by.length < 2;
@@ -57,6 +60,11 @@ wire.addEventListener("drawing", ({ detail }) => {
       return line;
     }),
   );
+  const { hidden } = detail.found;
+  if (hidden) {
+    const words = hidden === 1 ? "1 curve is not shown whole" : `${hidden.toLocaleString("en")} curves are not shown whole`;
+    find("legend").append(Object.assign(document.createElement("li"), { textContent: `${words}: there are too many points` }));
+  }
 });
 
 // ---- to the server

@@ -262,6 +262,7 @@ class SimulatedFleet(Fleet):
         if self._inputs is None:
             raise MisuseError("a test begins with its scenario: this fleet goes on from a snapshot, or is a fork")
         place = Path(folder)
+        counts, goals = ((each,) if isinstance(each, str) else each for each in (counts, goals))
         found = [f"count {each} == {int(np.count_nonzero(self[each] > 0.0))}" for each in counts]
         with self._turn():
             inputs = self._inputs.inputs

@@ -6,10 +6,11 @@ from dataclasses import replace
 from functools import partial
 from typing import cast
 
+from sleepcast.api.progress import counting
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Swarm, vocabulary_of
 from sleepcast.loop import resume as resume_swarm
-from sleepcast.simulator import Payload, Scenario, Simulator, choose, compile_kernels
+from sleepcast.simulator import KERNELS, Payload, Scenario, Simulator, choose, compile_kernels, kernel_count
 from sleepcast.station import Journal, SendPolicy, Station
 
 FEW, WARM_TICKS = 12, 3
@@ -57,14 +58,16 @@ def station_of(swarm: Swarm, journal: Journal | None = None) -> Station:
     return Station(swarm.vocabulary, swarm.minds, swarm.post, swarm, journal=journal, caution=SendPolicy(doubts=True))
 
 
-def warm_up(scenario: Scenario, threads: int | None) -> None:
-    """Load and compile all that a tick of `scenario` needs, by letting a few robots live in it for a moment."""
+def warm_up(scenario: Scenario, threads: int | None, *, quiet: bool = False) -> None:
+    """Load and compile all that a tick of `scenario` needs, by letting a few robots live in it for a moment. quiet:
+    without a line that says how many kernels have been compiled."""
     few = few_of(scenario)
-    compile_kernels(few)
-    swarm, _ = assemble(few, None, mission=False, threads=threads)
-    for _ in range(WARM_TICKS):
-        swarm.step()
-        swarm.simulator.readings()
+    with counting("compiling the simulator, once on this computer: kernel", kernel_count, KERNELS, quiet=quiet):
+        compile_kernels(few)
+        swarm, _ = assemble(few, None, mission=False, threads=threads)
+        for _ in range(WARM_TICKS):
+            swarm.step()
+            swarm.simulator.readings()
 
 
 def few_of(scenario: Scenario) -> Scenario:

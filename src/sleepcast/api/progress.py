@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Generator
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
+from threading import Timer
 from time import perf_counter
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.progress import ProgressColumn
 
 PATIENCE = 2.0
 """Seconds of work after which a person wants to know how long it will take."""
@@ -36,3 +42,44 @@ def _with_bar(start: int, count: int, title: str) -> Generator[int, None, None]:
         for number in range(start, count):
             yield number
             bar.advance(task)
+
+
+@contextmanager
+def counting(title: str, count: Callable[[], int], most: int, *, quiet: bool = False) -> Iterator[None]:
+    """A line on standard error, or below a notebook's cell, with what `count` gives of `most`, once the block has taken
+    `PATIENCE` seconds and something is being counted."""
+    if quiet or not _somebody_sees():
+        yield
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TimeElapsedColumn
+
+    columns = SpinnerColumn(), counting_column(title, count, most), TimeElapsedColumn()
+    line, before = Progress(*columns, console=Console(stderr=True), transient=True), count()
+
+    def begin() -> None:
+        if before == 0 or count() > before:
+            line.add_task("")
+            line.start()
+
+    timer = Timer(PATIENCE, begin)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        timer.join()
+        line.stop()
+
+
+def counting_column(title: str, count: Callable[[], int], most: int) -> ProgressColumn:
+    """A column of a line of progress that asks `count` whenever it is drawn."""
+    from rich.progress import ProgressColumn, Task
+    from rich.text import Text
+
+    class Counted(ProgressColumn):
+        def render(self, task: Task) -> Text:
+            return Text(f"{title} {min(count(), most)} of {most}")
+
+    return Counted()

@@ -81,7 +81,7 @@ def _compile_for(name: str) -> None:
     from sleepcast.simulator import choose, find_scenario
 
     scenario = find_scenario(name)
-    warm_up(scenario, None)
+    warm_up(scenario, None, quiet=True)
     swarm, _ = assemble(few_of(scenario), None, mission=True)
     for _ in range(TICKS):
         swarm.step()
@@ -97,12 +97,22 @@ def _progress(count: int, quiet: bool) -> Iterator[Callable[[str], object]]:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+    from sleepcast.api.progress import counting_column
+    from sleepcast.simulator import KERNELS, kernel_count
+
     console = Console(stderr=True)
     if quiet or not console.is_terminal:
-        with nullcontext() if quiet else unless_soon("compiling the simulator for this computer, some 20 seconds ..."):
+        with (
+            nullcontext()
+            if quiet
+            else unless_soon(
+                f"compiling some {KERNELS} kernels for this computer, half a minute of a processor's time ..."
+            )
+        ):
             yield lambda name: None
         return
-    columns = SpinnerColumn(), TextColumn("compiling for {task.description}"), BarColumn(), TimeElapsedColumn()
+    kernels = counting_column("kernel", kernel_count, KERNELS)
+    columns = SpinnerColumn(), TextColumn("compiling for {task.description}"), BarColumn(), kernels, TimeElapsedColumn()
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("", total=count, completed=-1)
         yield lambda name: bar.update(task, description=name, advance=1)

@@ -291,7 +291,7 @@ def _beginning(name: str | None, options: Options) -> Callable[[], tuple[Swarm, 
         scenario = find_scenario(name, _changes(options))
 
         def begin() -> tuple[Swarm, Station]:
-            warm_up(scenario, threads)
+            warm_up(scenario, threads, quiet=options["quiet"])
             return assemble(scenario, seed, mission=True, threads=threads, journal=journal)
 
         return begin
@@ -299,7 +299,7 @@ def _beginning(name: str | None, options: Options) -> Callable[[], tuple[Swarm, 
 
     def go_on() -> tuple[Swarm, Station]:
         swarm, station = assemble_from(load(file), seed, threads, journal, name=str(file))
-        warm_up(swarm.simulator.scenario, threads)
+        warm_up(swarm.simulator.scenario, threads, quiet=options["quiet"])
         return swarm, station
 
     return go_on

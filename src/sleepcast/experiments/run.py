@@ -81,7 +81,7 @@ def opened(experiment: Experiment, run: Run) -> SimulatedFleet:
         added = [replace(each, text=filled(each.text, scenario.constants, each.place)) for each in added]
     orders = sorted((*(scenario.mission if experiment.mission else ()), *added), key=lambda order: order.time)
     if experiment.scenario not in _warm:
-        warm_up(scenario, 1)
+        warm_up(scenario, 1, quiet=True)
         _warm.add(experiment.scenario)
     return SimulatedFleet(*assemble(replace(scenario, mission=tuple(orders)), run.seed, mission=True, threads=1))
 

@@ -18,7 +18,7 @@ from sleepcast.simulator.bodies.bodies import Bodies, Saying
 from sleepcast.simulator.bodies.body import Body
 from sleepcast.simulator.bodies.payload import Payload
 from sleepcast.simulator.engine import Machine, choose
-from sleepcast.simulator.kernel_warm_up import compile_kernels
+from sleepcast.simulator.kernel_warm_up import KERNELS, compile_kernels, kernel_count
 from sleepcast.simulator.scenario.mission import MissionError, Order, parse_mission, read_mission
 from sleepcast.simulator.scenario.robot_settings import Supply
 from sleepcast.simulator.scenario.robot_types import later_starts, named_by_starts
@@ -38,6 +38,7 @@ from sleepcast.simulator.world.map_picture import MapPicture
 from sleepcast.simulator.world.world import Area, Circle, Polygon, Shape, Wall, World
 
 __all__ = [
+    "KERNELS",
     "Area",
     "Bodies",
     "Body",
@@ -64,6 +65,7 @@ __all__ = [
     "choose",
     "compile_kernels",
     "find_scenario",
+    "kernel_count",
     "later_starts",
     "limited",
     "load",

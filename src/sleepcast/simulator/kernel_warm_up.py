@@ -26,6 +26,19 @@ PATIENCE = 60.0
 """Seconds to wait for the second process: several times what it takes on a slow machine."""
 
 
+KERNELS = 88
+"""Kernels, each for its types of arguments, that all included scenarios need together."""
+
+
+def kernel_count() -> int:
+    """How many of them have been compiled so far, also by other processes; 0 without numba."""
+    if not has_numba():
+        return 0
+    from sleepcast.simulator.simd.compiled import kept_count
+
+    return kept_count()
+
+
 def compile_kernels(scenario: Scenario) -> None:
     """Compile the kernels that the robots of a scenario need, if none has been compiled yet. scenario: one with few
     robots."""

@@ -87,6 +87,11 @@ def kept_in() -> Path | None:
     return CACHE.holding(f"{_identity()}-")
 
 
+def kept_count() -> int:
+    """How many kernels of these sources have been compiled for this processor, by any process."""
+    return CACHE.count(f"{_identity()}-")
+
+
 def compiled(function: Kernel) -> Kernel:
     """A kernel; compiled when first called, and cached."""
     return _made(function, fastmath=FASTMATH)

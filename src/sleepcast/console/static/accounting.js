@@ -12,6 +12,7 @@ export class Accounting extends EventTarget {
     this.rows = new Map(); // by id: {row, line}
     this.chosen = "";
     this.picked = ""; // the same if a person has chosen it, not only sent it
+    this.wanted = ""; // the command whose line is to be brought into sight as soon as it is there
     root.querySelector("#commands").addEventListener("click", (event) => {
       const line = event.target.closest("tr");
       if (line) this.pick(line.dataset.id === this.chosen ? "" : line.dataset.id);
@@ -68,6 +69,14 @@ export class Accounting extends EventTarget {
     const now = this.get(this.chosen);
     if (before && now && [...OUTCOMES, "held", "not_stored", "moving", "waiting"].some((what) => before[what] !== now[what])) this.changed("counted");
     if (!now && this.chosen) this.choose("");
+    if (this.rows.has(this.wanted)) this.bring(this.wanted);
+  }
+
+  // Scroll the line of a command that was sent here into sight, and no farther; the keyboard stays where it is.
+  bring(id) {
+    const line = this.rows.get(id)?.line;
+    this.wanted = line ? "" : id;
+    line?.scrollIntoView({ block: "nearest" });
   }
 
   line(row) {

@@ -189,6 +189,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   });
 
   prompt.addEventListener("sent", async ({ detail }) => {
+    accounting.bring(detail);
     try {
       const { rows } = await wire.ask("commands");
       accounting.set(rows);

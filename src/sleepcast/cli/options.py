@@ -14,6 +14,7 @@ import click
 
 from sleepcast.core.errors import decimal_comma
 from sleepcast.core.given_numbers import MAX_SEED
+from sleepcast.core.memory import read_size
 from sleepcast.core.quantities import QuantityError, in_si
 from sleepcast.core.units import LENGTH, TIME, Dimension
 
@@ -52,6 +53,27 @@ class Quantity(click.ParamType):  # type: ignore[type-arg]  # takes one only whe
             return in_si(value, *self._wanted)
         except QuantityError as error:
             self.fail(str(error), param, ctx)
+
+
+class ByteSize(click.ParamType):  # type: ignore[type-arg]  # as above
+    """A size with its unit, between two bounds in bytes; gives bytes."""
+
+    name = "size"
+
+    def __init__(self, least: int, most: int) -> None:
+        self._least, self._most = least, most
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        if isinstance(value, int):
+            return value
+        size = read_size(str(value))
+        if size is None:
+            self.fail(f"wanted a size such as 300MB or 2GB, not {str(value)[:40]!r}", param, ctx)
+        if not self._least <= size <= self._most:
+            self.fail(
+                f"wanted {self._least / 1e6:g} MB to {self._most / 1e9:g} GB, not {str(value)[:40]!r}", param, ctx
+            )
+        return round(size)
 
 
 class Moment(click.ParamType):  # type: ignore[type-arg]  # as above

@@ -16,6 +16,7 @@ from sleepcast.cli.streams import complain
 from sleepcast.console.adapters.live_past import LivePast
 from sleepcast.console.adapters.mission import SwarmMission
 from sleepcast.console.adapters.swarm import SwarmAdapter, shown_slider
+from sleepcast.console.kept import Budget
 from sleepcast.console.plots import Measure
 from sleepcast.console.renewal import Choices, Run, ShownScenario, Wish
 from sleepcast.core.clock import Clock
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, slots=True)
 class Beginning:
     """What the command line asks for: a scenario (by name or path) with changes, or a snapshot; seed, threads and speed
-    are None where it says nothing."""
+    are None where it says nothing. budget: of what is kept of each run."""
 
     name: str | None
     snapshot: Path | None
@@ -47,6 +48,7 @@ class Beginning:
     threads: int | None
     speed: float | None
     journal: Journal | None
+    budget: Budget
 
     @property
     def home(self) -> str:
@@ -187,7 +189,7 @@ class PageRuns:
         fleet = SimulatedFleet(swarm, station)
         measures = [Measure(*each) for each in live_measures(fleet, folder_of(wish.scenario))]
         seen = SwarmAdapter(swarm, map_picture)
-        past = LivePast(seen, swarm, station, self._clock)
+        past = LivePast(seen, swarm, station, self._clock, beginning.budget)
         tests, around = PageTests(fleet, past), self._shown_as(swarm, station, wish, warm)
         mission = SwarmMission(swarm, station) if scenario.mission else None
         return Run(seen, station, pace, prepare, around, measures, past, tests, mission)

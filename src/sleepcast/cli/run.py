@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypedDict, TypeVar, Unpack
 import click
 
 from sleepcast.cli.interrupts import INTERRUPTED, TERMINATED, Interrupts, Terminated, end_now
-from sleepcast.cli.options import SEED, NumberRange, Quantity, alert_option, allow_host_option
+from sleepcast.cli.options import SEED, ByteSize, NumberRange, Quantity, alert_option, allow_host_option
 from sleepcast.cli.prepare import advise
 from sleepcast.cli.streams import announce, put
 from sleepcast.core.errors import MisuseError
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 HOST, PORT = "127.0.0.1", 8317
 FASTEST, SLOWEST = 10_000.0, 0.01
 """Simulated seconds in a second that the page can be asked for."""
+LEAST_PAST, MOST_PAST = 10_000_000, 100_000_000_000
+"""Bytes of the past that a page may be told to keep: fewer hold hardly a moment, and no machine has more."""
 
 Function = TypeVar("Function", bound=Callable[..., int])
 
@@ -51,6 +53,7 @@ class Options(TypedDict):
     allow: tuple[str, ...]
     no_browser: bool
     alerts: tuple[str, ...]
+    past: int | None
     record: Path | None
     record_pictures: float | None
     record_readings: float | None
@@ -99,6 +102,12 @@ _COMMON = (
     allow_host_option,
     click.option("--no-browser", is_flag=True, help="Page: print its address, but open no browser."),
     alert_option,
+    click.option(
+        "--past",
+        metavar="SIZE",
+        type=ByteSize(LEAST_PAST, MOST_PAST),
+        help="Page: memory for what is kept of the run, to be looked at again (default: 300MB).",
+    ),
     click.option("--record", metavar="FILE", type=click.Path(path_type=Path), help="Record the run into an MCAP file."),
     click.option(
         "--record-pictures", metavar="TIME", type=_PERIOD, help="Record positions once in this simulated time."
@@ -240,13 +249,15 @@ def _show(
     page is served already. Raises what the console raises for the address, and what Recorder raises."""
     from sleepcast.cli.page_runs import Beginning, PageRuns
     from sleepcast.console import Address, serve_runs
+    from sleepcast.console.kept import Budget
     from sleepcast.console.renewal import Runs
     from sleepcast.core.clock import WallClock
 
     _check_beginning(name, options)
     changes = _changes(options)
     beginning = Beginning(
-        name, options["from_"], changes, options["seed"], options["threads"], options["speed"], _journal(options)
+        *(name, options["from_"], changes, options["seed"], options["threads"], options["speed"], _journal(options)),
+        Budget() if options["past"] is None else Budget(options["past"]),
     )
     clock = WallClock()
     maker = PageRuns(beginning, wanted, keeping, clock)
@@ -341,6 +352,8 @@ def _refuse_contradictions(headless: bool, options: Options) -> None:
         raise MisuseError("--snapshot-at says when to take the snapshot of a headless run: add --snapshot FILE")
     if headless and options["speed"] is not None:
         raise MisuseError("--speed is for the page: without one, the run goes as fast as it can")
+    if headless and options["past"] is not None:
+        raise MisuseError("--past is for the page: without one, nothing is kept to be looked at again")
     if headless and options["running"] is not None:
         raise MisuseError("--run and --wait are for the page: without one, the run begins at once")
     _refuse_one_file_for_two(options)

@@ -93,6 +93,8 @@ class FailingRules:
                     found.setdefault(command.id, []).append(mine)
                     left = left[~obeyed]
         self._by_command = {command: tuple(rules) for command, rules in found.items()}
+        latest = {command.id for command in commands}
+        self._stored = {command: keys for command, keys in self._stored.items() if command in latest}
 
     def _stores(self, command: Command) -> frozenset[str]:
         """The keys of the rules that a command stores."""

@@ -3,27 +3,55 @@
 States are many bytes, so they are few: one for every `STATE_EVERY` seconds of work, but never so many that keeping them
 takes more than one part in `COST` of it, and no more than `MOST_BYTES` together. When these are full, states are left
 out where they stand closest together, measured by their age: what was just now is kept densely, what was long ago
-thinly.
+thinly. `Budget` says how many bytes of everything are kept.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_right
+from dataclasses import dataclass
 
 STATE_EVERY = 0.2
 """Seconds of a machine's work between two kept states: so long takes it at most to come from one to the next."""
 COST = 10
 """Times as long as it takes to keep a state must pass before the next one."""
-MOST_BYTES = 256 * 1024**2
-"""Of all kept states: two thousand of a thousand robots, or thirty-five of a hundred thousand."""
+MOST_BYTES = 300_000_000
+"""Of the past that a page keeps: six thousand pictures and two thousand states of a thousand robots, say."""
 YOUNG = 600.0
 """Seconds of the run within which states are equally worth keeping, whatever their age."""
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """Bytes that are kept of a past at most, in all and of each sort. What was seen of another future counts, too."""
+
+    most: int = MOST_BYTES
+
+    @property
+    def states(self) -> int:
+        """Of states, from which it is run again."""
+        return self.most * 6 // 10
+
+    @property
+    def pictures(self) -> int:
+        """Of what was to be seen, the marks of robots and the obstacles with it."""
+        return self.most * 3 // 10
+
+    @property
+    def inputs(self) -> int:
+        """Of what came from outside: messages, and changes of obstacles."""
+        return self.most // 20
+
+    @property
+    def accounts(self) -> int:
+        """Of what had become of commands."""
+        return self.most // 20
 
 
 class KeptStates:
     """States of a run by their ticks, as bytes. tick: seconds in a tick. most: bytes of all."""
 
-    def __init__(self, tick: float, most: int = MOST_BYTES) -> None:
+    def __init__(self, tick: float, most: int) -> None:
         self._young, self._most = round(YOUNG / tick), most
         self._ticks: list[int] = []
         self._states: list[bytes] = []
@@ -64,6 +92,17 @@ class KeptStates:
         """The last state up to this tick, None if there is none."""
         place = bisect_right(self._ticks, tick)
         return (self._ticks[place - 1], self._states[place - 1]) if place else None
+
+    def forget_before(self, tick: int) -> None:
+        """Leave out all that are older than this."""
+        count = bisect_right(self._ticks, tick - 1)
+        self.size -= sum(map(len, self._states[:count]))
+        del self._ticks[:count], self._states[:count]
+
+    def after(self, tick: int) -> int | None:
+        """The tick of the first state from this one on, None if there is none."""
+        place = bisect_right(self._ticks, tick - 1)
+        return self._ticks[place] if place < len(self._ticks) else None
 
     def _leave_out(self) -> None:
         """Leave out the one that is missed least; never the first or the last."""

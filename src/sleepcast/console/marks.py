@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
+from typing import TypeVar
 
 import msgspec
 
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.failing import ShownFailing
 
+Known = TypeVar("Known")
+
 MOST_MARKS = 300
 """Marks that are kept, the latest: more cannot be told apart on a screen."""
+MOST_KNOWN = 10_000
+"""Commands, and rules that failed, of which it is known that they have a mark; a page shows the latest of far fewer."""
 JOIN_EVERY = 0.02
 """Part of the time since the start within which joins of one group are one mark."""
 LONGEST = 120
@@ -38,7 +43,7 @@ class Marks:
         """How many there have been."""
         self._known: dict[str, int] = {}
         """The commands that have a mark, each with the faults that were told."""
-        self._failing: set[str] = set()
+        self._failing: dict[str, None] = {}
         """The rules whose failing has a mark."""
         self._groups: dict[str, tuple[float, int]] = {}
         """When each group had its last mark, and its members when it was looked at last."""
@@ -61,14 +66,16 @@ class Marks:
             if row.fault and not self._known[row.id]:
                 self.add(time, "fault", f"{_robots(row.fault)}: fault in {row.text}", command=row.id)
                 self._known[row.id] = row.fault
+        _keep_latest(self._known)
 
     def failing(self, time: float, rules: Iterable[ShownFailing]) -> None:
         """Which rules fail at this time."""
         for rule in rules:
             key = rule.rule.casefold()
             if key not in self._failing:
-                self._failing.add(key)
+                self._failing[key] = None
                 self.add(time, "fault", f"rule {rule.rule} fails on {_robots(rule.robots)}: {rule.reason}")
+        _keep_latest(self._failing)
 
     def take(self, other: Marks, until: float) -> None:
         """Go on from what another run had up to a time."""
@@ -76,7 +83,7 @@ class Marks:
         self.number = other.number + 1
         here = {mark.command for mark in self.all}
         self._known = {command: faults for command, faults in other._known.items() if command in here}
-        self._failing = {key for key in other._failing if any(mark.kind == "fault" for mark in self.all)}
+        self._failing = dict(other._failing) if any(mark.kind == "fault" for mark in self.all) else {}
 
     def groups(self, time: float, names: Sequence[str], counts: Sequence[int]) -> None:
         """How many are in each group at this time."""
@@ -86,6 +93,11 @@ class Marks:
                 self.add(time, "join", f"{name}: {_robots(count)}")
                 marked = time
             self._groups[name] = marked, count
+
+
+def _keep_latest(known: dict[str, Known]) -> None:
+    while len(known) > MOST_KNOWN:
+        del known[next(iter(known))]
 
 
 def _robots(count: int) -> str:

@@ -17,9 +17,10 @@ import msgspec
 from sleepcast.console import incoming
 from sleepcast.console.connection import encode
 from sleepcast.console.film import Timeline
-from sleepcast.console.kept import KeptStates
+from sleepcast.console.kept import Budget, KeptStates
 from sleepcast.console.marks import Marks, clock_time
 from sleepcast.console.rerunner import Deed, Found, Moment, Question, RerunError, Rerunner, digest
+from sleepcast.core.memory import process_in_words, shown_size
 from sleepcast.loop.rerun import Inputs
 
 LOOK, MOST_LOOKS = 0.02, 250
@@ -48,12 +49,12 @@ class Sampled(msgspec.Struct, frozen=True):
 
 class Past:
     """See the module. film: what was seen. tick: seconds in a tick. telemetry: ticks between two reports of a robot.
-    inputs, states: what came from outside, and from where it can be run again; they grow. run: counts the runs of one
-    page. first: the first tick."""
+    inputs, states: what came from outside, and from where it can be run again; they grow, up to the budget. run: counts
+    the runs of one page."""
 
-    def __init__(self, film: Timeline, tick: float, telemetry: int, rerunner: Rerunner) -> None:
-        self.film, self.tick = film, tick
-        self.inputs, self.states = Inputs(), KeptStates(tick)
+    def __init__(self, film: Timeline, tick: float, telemetry: int, rerunner: Rerunner, budget: Budget) -> None:
+        self.film, self.tick, self.budget = film, tick, budget
+        self.inputs, self.states = Inputs(), KeptStates(tick, budget.states)
         self.marks = Marks()
         self.run = 1
         self._telemetry, self._rerunner = telemetry, rerunner
@@ -78,8 +79,12 @@ class Past:
         apart = (pictures[-1] - pictures[0]) / max(1, len(pictures) - 1)
         return (
             f"Kept since {clock_time(self.film.began)}: {len(pictures):,} pictures, every {apart:.3g} s, and "
-            f"{len(states):,} states ({states.size / 1e6:.1f} MB) from which every tick can be run again."
-        )
+            f"{len(states):,} states from which every tick can be run again{self._takes()} {process_in_words()}"
+        ).rstrip()
+
+    def _takes(self) -> str:
+        """How much memory it takes, as the end of a sentence."""
+        return f" ({shown_size(self.states.size)}, at most {shown_size(self.budget.states)})."
 
     async def live(self) -> None:
         """Do what is to be done aside, until cancelled."""

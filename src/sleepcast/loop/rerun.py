@@ -16,6 +16,7 @@ from sleepcast.channel import Message
 from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.loop.swarm import Swarm
 from sleepcast.simulator import World
+from sleepcast.simulator.packing import pack
 from sleepcast.simulator.recording.recorder import WorldChange
 from sleepcast.simulator.world.world import Shape
 
@@ -34,6 +35,17 @@ class Inputs:
         """What came after the tick `after`, up to that of `until`."""
         (first, earliest), (end, latest) = self.places(after), self.places(until)
         return Inputs(self.posted[first:end], self.changes[earliest:latest])
+
+    @property
+    def middle(self) -> int:
+        """The tick by which half of it had come. There must be something."""
+        ticks = sorted([tick for tick, _ in self.posted] + [change.tick for change in self.changes])
+        return ticks[len(ticks) // 2]
+
+    def forget(self, tick: int) -> None:
+        """Leave out all up to this tick."""
+        posted, changes = self.places(tick)
+        del self.posted[:posted], self.changes[:changes]
 
     def leaves(self, other: Inputs) -> int | None:
         """The first tick with something that only one of the two has, None if both are equal."""
@@ -78,11 +90,25 @@ class WorldLog:
         return WorldChange(tick, put, gone, own) if put or gone else None
 
 
+MESSAGE = 1_000
+"""Bytes of a message besides its text."""
+CHANGE = 500
+"""Bytes of a change of the world besides its shapes."""
+SHAPES = 8
+"""Times as many bytes as they have packed do shapes take in memory."""
+
+
+def size_of_change(change: WorldChange) -> int:
+    """Bytes that a change of the world takes, about."""
+    return CHANGE + SHAPES * len(pack(change))
+
+
 class InputLog:
-    """Keeps what a swarm gets from outside, as one of its witnesses."""
+    """Keeps what a swarm gets from outside, as one of its witnesses. size: bytes of it, about."""
 
     def __init__(self, swarm: Swarm) -> None:
         self.inputs = Inputs()
+        self.size = 0
         self._simulator = swarm.simulator
         self._world = WorldLog(swarm.simulator.world, swarm.simulator.world.shapes)
 
@@ -91,10 +117,26 @@ class InputLog:
         found = self._world.look(self._simulator.tick + 1, own=False)
         if found is not None:
             self.inputs.changes.append(found)
+            self.size += size_of_change(found)
 
     def posted(self, message: Message) -> None:
         """The operator's message goes on the air in this tick."""
         self.inputs.posted.append((self._simulator.tick, message))
+        self.size += MESSAGE + len(message.text)
+
+    def begin_with(self, earlier: Inputs) -> None:
+        """This came before, in the run that this one goes on from."""
+        self.inputs.posted[:0], self.inputs.changes[:0] = earlier.posted, earlier.changes
+        self._weigh()
+
+    def forget(self, tick: int) -> None:
+        """Keep nothing of what came up to this tick."""
+        self.inputs.forget(tick)
+        self._weigh()
+
+    def _weigh(self) -> None:
+        posted = sum(MESSAGE + len(message.text) for _, message in self.inputs.posted)
+        self.size = posted + sum(map(size_of_change, self.inputs.changes))
 
     def said(self, batch: MessageBatch) -> None:
         """Nothing: it comes from inside."""

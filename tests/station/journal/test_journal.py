@@ -21,3 +21,13 @@ def test_a_full_journal_forgets_the_oldest_and_says_how_many() -> None:
         journal.append(float(i), "s1", JournalEvent.HEARD, details={})
     assert [entry.number for entry in journal.entries()] == [8, 9, 10]
     assert journal.dropped == 7
+
+
+def test_a_journal_of_long_entries_forgets_the_oldest_sooner() -> None:
+    journal = MemoryJournal(most=50_000)
+    for i in range(100):
+        journal.append(float(i), "s1", JournalEvent.HEARD, text="x" * 4_000, details={"names": ["r1"] * 10})
+    kept = [entry.number for entry in journal.entries()]
+    assert kept == list(range(100 - len(kept) + 1, 101))
+    assert 8 <= len(kept) <= 12
+    assert journal.dropped == 100 - len(kept)

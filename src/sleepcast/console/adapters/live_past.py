@@ -1,7 +1,9 @@
 """The past of a simulated swarm while it runs: a witness of its ticks that keeps pictures, states and inputs.
 
-Pictures are taken as often as a recording takes them, until they fill `FILM`; then every second one is left out, and as
-many fewer are taken from then on. A state is copied between two ticks, and compressed on a thread of its own.
+Pictures are taken as often as a recording takes them, until they fill their part of the budget; then every second one
+is left out, and as many fewer are taken from then on. A state is copied between two ticks, and compressed on a thread
+of its own. Of messages and changes of obstacles the older half is forgotten when they fill their part, with the states
+from which they would be wanted.
 """
 
 from __future__ import annotations
@@ -15,37 +17,46 @@ from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.console.account_table import AccountTable, CommandRow
 from sleepcast.console.adapters.again import serve_past
 from sleepcast.console.adapters.swarm import SwarmAdapter
-from sleepcast.console.film import Kind, Marks, Timeline, Track
-from sleepcast.console.kept import Diary
+from sleepcast.console.film import Marks, Timeline
+from sleepcast.console.kept import Budget, Diary
 from sleepcast.console.past import OtherFuture, Past
 from sleepcast.console.rerunner import Moment, RerunError, Rerunner
+from sleepcast.console.thinning import (
+    BESIDE,
+    cut,
+    forget_accounts,
+    size_of_marks,
+    size_of_pictures,
+    size_of_row,
+    size_of_rows,
+    thin,
+)
 from sleepcast.core.clock import Clock
+from sleepcast.core.memory import shown_size
 from sleepcast.fleet.marks import Groups, flags_of
 from sleepcast.loop import Swarm
 from sleepcast.loop.rerun import InputLog
 from sleepcast.loop.snapshots import SwarmCopy, copy_of
 from sleepcast.station import Station
 
-FILM = 128 * 1024**2
-"""Bytes of pictures: nine thousand of a thousand robots, or ninety of a hundred thousand."""
 PICTURES_PER_SECOND = 10.0
 """Pictures in a second of a person's time, when the scenario runs at its own speed."""
 TICKS_PER_PICTURE = 5
 """Ticks between two pictures at least: more pictures would cost more than the ticks."""
-MOST_ACCOUNTS = 20_000
-"""Changes of accounts that are kept; older ones are left out where later ones are of the same command."""
 HEARD = 20
 """Ticks after a command within which robots have heard it, so that two futures may differ that look alike."""
 
 
 class LivePast(Past):
-    """See the module; it begins with the tick in which the swarm is."""
+    """See the module; it begins with the tick in which the swarm is. budget: see `Past`."""
 
-    def __init__(self, view: SwarmAdapter, swarm: Swarm, station: Station, clock: Clock) -> None:
+    def __init__(
+        self, view: SwarmAdapter, swarm: Swarm, station: Station, clock: Clock, budget: Budget | None = None
+    ) -> None:
         scenario = swarm.simulator.scenario
         now = swarm.now()
         film = Timeline(view.scene, now, scenario.speed_up, {}, swarm.vocabulary, began=now)
-        super().__init__(film, scenario.tick, swarm.telemetry_ticks, Rerunner(serve_past))
+        super().__init__(film, scenario.tick, swarm.telemetry_ticks, Rerunner(serve_past), budget or Budget())
         self._view, self._swarm, self._station, self._clock = view, swarm, station, clock
         self._log = InputLog(swarm)
         self.inputs = self._log.inputs
@@ -53,7 +64,9 @@ class LivePast(Past):
         self._rows: dict[str, CommandRow] = {}
         self._groups = Groups()
         self._every = max(TICKS_PER_PICTURE, round(scenario.speed_up / PICTURES_PER_SECOND / scenario.tick))
-        self._size, self._posted = 0, False
+        self._size = self._of_other = self._of_rows = 0
+        """Bytes of pictures, of those that only the other future has, and of accounts."""
+        self._posted = False
         self._diary, self._began = Diary(), 0.0
         self._packer: Thread | None = None
         self._packed: tuple[int, bytes, float] | None = None
@@ -75,14 +88,30 @@ class LivePast(Past):
         cut(film.failures, old.failures, now)
         self._groups.expect(film.marks_at(now).names)
         self._every = before._every
-        self._size = _pictures(film)
-        earlier = before.inputs.between(-1, tick)
-        self.inputs.posted[:0], self.inputs.changes[:0] = earlier.posted, earlier.changes
+        self._size, self._of_rows = size_of_pictures(film), size_of_rows(film)
+        self._share_with(old)
+        self._log.begin_with(before.inputs.between(-1, tick))
         self.states = before.states.until(tick)
         self.states.add(tick, state)
         self.marks.take(before.marks, now)
         self.run = before.run + 1
         self.other = OtherFuture(tick, old, before.inputs, state)
+
+    def _share_with(self, other: Timeline) -> None:
+        """Leave room for pictures of another future: it may have half of it."""
+        every = self._every
+        while size_of_pictures(other) - self._size > self.budget.pictures // 2 and len(other.poses.times) > 1:
+            every *= 2
+            thin(other, every)
+        self._of_other = max(0, size_of_pictures(other) - self._size)
+
+    @property
+    def size(self) -> int:
+        """Bytes of all that is kept, about."""
+        return self._size + self._of_other + self._of_rows + self.states.size + self._log.size
+
+    def _takes(self) -> str:
+        return f": {shown_size(self.size)}, of {shown_size(self.budget.most)} at most (--past)."
 
     async def _live(self) -> None:
         """Look for the first difference to another future, as soon as there may be one."""
@@ -90,6 +119,8 @@ class LivePast(Past):
         try:
             while other is not None and other.differs is None:
                 await self._diverged.wait()
+                if self.other is not other:  # what came since is not known any more
+                    break
                 tick = self._view.tick
                 await self.compare(other, tick)
                 self._compared = tick
@@ -125,6 +156,8 @@ class LivePast(Past):
             self._picture()
             self._copy(self._view.tick)
         self._log.ticking()
+        if self._log.size > self.budget.inputs // 2:  # the other half is for another future
+            self._forget_inputs()
         self._began = self._clock.now()
 
     def posted(self, message: Message) -> None:
@@ -152,42 +185,53 @@ class LivePast(Past):
         film, minds, now = self.film, self._view.minds, self._view.now()
         poses = self._view.poses()
         film.poses.add(now, (self._view.tick, poses))
+        self._size += BESIDE + len(poses)
         codes, flags = self._groups.look(minds), flags_of(minds, self._view.exhausted())
         marks = Marks(codes, flags, tuple(self._groups.names), self._groups.second, self._view.colours())
         if film.marks.at(now) != marks:
             film.marks.add(now, marks)
-            self._size += _size(marks)
+            self._size += size_of_marks(marks)
         self.marks.groups(now, self._groups.names, self._groups.counts)
         rows = self._accounts.rows()
         failures = self._accounts.failing.now
         if film.failures_at(now) != failures:
             film.failures.add(now, failures)
-            self._size += failures.size
+            self._size += BESIDE + failures.size
         self.marks.failing(now, failures.rules)
         for row in rows:
             if self._rows.get(row.id) is not row:
                 film.rows.add(now, row)
+                self._of_rows += size_of_row(row)
         self._rows = {row.id: row for row in rows}
         self.marks.rows(now, rows)
         solid = self._view.obstacles()
         if solid is not None and film.obstacles.at(now) != solid:
             film.obstacles.add(now, solid)
-        self._size += len(poses)
+            self._size = size_of_pictures(film)
         self._look_for_difference(self._view.tick)
-        if self._size > FILM:
-            self._thin()
-        if len(film.rows.times) > MOST_ACCOUNTS:
-            _drop_superseded(film)
+        self._keep_within()
 
-    def _thin(self) -> None:
-        """Leave out every second picture, and take half as many from now on."""
-        self._every *= 2
-        film, poses = self.film, self.film.poses
-        kept = [at for at, (tick, _) in enumerate(poses.values) if tick % self._every == 0 or at == 0]
-        poses.times, poses.values = [poses.times[at] for at in kept], [poses.values[at] for at in kept]
-        _keep_seen(film.marks, poses.times)
-        _keep_seen(film.failures, poses.times)
-        self._size = _pictures(film)
+    def _keep_within(self) -> None:
+        """Leave out every second picture, and take half as many from now on, and forget accounts, where there are too
+        many of them."""
+        while self._size + self._of_other > self.budget.pictures and len(self.film.poses.times) > 1:
+            self._every *= 2
+            thin(self.film, self._every)
+            self._size = size_of_pictures(self.film)
+        if self._of_rows > self.budget.accounts:
+            forget_accounts(self.film, self.budget.accounts)
+            self._of_rows = size_of_rows(self.film)
+
+    def _forget_inputs(self) -> None:
+        """Forget the older half of what came from outside, up to the next state that is kept: what was before cannot be
+        run again any more."""
+        tick = self.states.after(self._log.inputs.middle)
+        if tick is None:  # a state is on its way
+            return
+        self.states.forget_before(tick)
+        self._log.forget(tick)
+        if self.other is not None and self.other.tick < tick:
+            self.other = None
 
     # ---- states
 
@@ -223,34 +267,3 @@ class LivePast(Past):
         began = thread_time()  # not the wall clock: what else the machine does makes no state dearer
         state = copy.packed()
         self._packed = tick, state, copied + thread_time() - began
-
-
-def cut(into: Track[Kind], track: Track[Kind], time: float) -> None:
-    """Have what a track has up to a time."""
-    count = track.before(time)
-    into.times, into.values = track.times[:count], track.values[:count]
-
-
-def _keep_seen(track: Track[Kind], times: list[float]) -> None:
-    """Leave out what a track has at none of these times."""
-    needed = sorted({at - 1 for time in times if (at := track.before(time))})
-    track.times, track.values = [track.times[at] for at in needed], [track.values[at] for at in needed]
-
-
-def _pictures(film: Timeline) -> int:
-    """Bytes of all pictures."""
-    marks = sum(map(_size, film.marks.values)) + sum(each.size for each in film.failures.values)
-    return sum(len(data) for _, data in film.poses.values) + marks
-
-
-def _size(marks: Marks) -> int:
-    return len(marks.groups) + len(marks.flags) + len(marks.second) + len(marks.colours)
-
-
-def _drop_superseded(film: Timeline) -> None:
-    """Leave out the older half of the accounts where there is a later one of the same command in it."""
-    rows = film.rows
-    half = len(rows.times) // 2
-    latest = {row.id: at for at, row in enumerate(rows.values[:half])}
-    kept = [*sorted(latest.values()), *range(half, len(rows.times))]
-    rows.times, rows.values = [rows.times[at] for at in kept], [rows.values[at] for at in kept]

@@ -11,6 +11,7 @@ from time import perf_counter
 from sleepcast.console.adapters.again import serve_past
 from sleepcast.console.adapters.recording import inputs_of
 from sleepcast.console.film import Timeline
+from sleepcast.console.kept import Budget
 from sleepcast.console.marks import clock_time
 from sleepcast.console.past import Past
 from sleepcast.console.rerunner import Moment, Question, RerunError, Rerunner
@@ -30,7 +31,7 @@ class RecordedPast(Past):
     def __init__(self, recording: Recording, film: Timeline) -> None:
         scenario = recording.scenario
         telemetry = max(1, round(scenario.telemetry / scenario.tick))
-        super().__init__(film, scenario.tick, telemetry, Rerunner(serve_past))
+        super().__init__(film, scenario.tick, telemetry, Rerunner(serve_past), Budget())
         self.inputs = inputs_of(recording)
         self._recording = recording
         self._reached, self._speed, self._trouble = -1, 0.0, ""

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sized
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from enum import StrEnum
@@ -16,6 +16,10 @@ from sleepcast.core.errors import SleepcastError
 
 MAX_ENTRIES = 200_000
 """Entries that a journal in memory keeps: the answers of 1,000 robots to 200 commands; the oldest go first."""
+MAX_BYTES = 100_000_000
+"""Bytes that they may take together, about; the oldest go first."""
+ENTRY, DETAIL = 600, 60
+"""Bytes of an entry besides its texts, and of a detail besides its content."""
 
 
 class JournalError(SleepcastError):
@@ -92,12 +96,19 @@ class Journal(Protocol):
         """How many of the oldest entries have been dropped."""
 
 
-class MemoryJournal:
-    """The latest `MAX_ENTRIES` entries, gone when the program ends."""
+def size_of(entry: JournalEntry) -> int:
+    """Bytes that an entry takes, about."""
+    sized = (8 * len(value) for value in entry.details.values() if isinstance(value, Sized))
+    return ENTRY + len(entry.text) + DETAIL * len(entry.details) + sum(sized)
 
-    def __init__(self, size: int = MAX_ENTRIES) -> None:
-        self._entries: deque[JournalEntry] = deque(maxlen=size)
-        self._written = 0
+
+class MemoryJournal:
+    """The latest `MAX_ENTRIES` entries, or fewer if these take more than `MAX_BYTES`, gone when the program ends."""
+
+    def __init__(self, size: int = MAX_ENTRIES, most: int = MAX_BYTES) -> None:
+        self._entries: deque[JournalEntry] = deque()
+        self._size, self._most = size, most
+        self._written = self._bytes = 0
 
     def append(
         self,
@@ -111,7 +122,14 @@ class MemoryJournal:
     ) -> None:
         """Write one entry; its number is the next one."""
         self._written += 1
-        self._entries.append(JournalEntry(self._written, time, who, event, subject, text, details))
+        self._take(JournalEntry(self._written, time, who, event, subject, text, details))
+
+    def _take(self, entry: JournalEntry) -> None:
+        """Hold one more, and let go of the oldest that are too many."""
+        self._entries.append(entry)
+        self._bytes += size_of(entry)
+        while len(self._entries) > self._size or (self._bytes > self._most and len(self._entries) > 1):
+            self._bytes -= size_of(self._entries.popleft())
 
     def together(self) -> AbstractContextManager[None]:
         """Nothing: memory keeps at once."""
@@ -127,10 +145,12 @@ class MemoryJournal:
         return self._written - len(self._entries)
 
     def fill(self, entries: Iterable[JournalEntry], dropped: int) -> None:
-        """Hold exactly these entries, after this number of dropped ones."""
+        """Hold these entries, after this number of dropped ones."""
         self._entries.clear()
-        self._entries.extend(entries)
-        self._written = dropped + len(self._entries)
+        self._written, self._bytes = dropped, 0
+        for entry in entries:
+            self._written += 1
+            self._take(entry)
 
 
 # How a desk writes its journal: at once, and where that cannot be, as soon as it can.

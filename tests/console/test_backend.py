@@ -16,6 +16,7 @@ from sleepcast.console.explanation import ShownStep
 from sleepcast.console.outgoing import Explained, Failing, Obstacles
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.units import shown_value
 from sleepcast.language.vocabulary import MARKED
 from sleepcast.loop import Pace, Swarm
 from sleepcast.simulator import Wall
@@ -430,3 +431,18 @@ def test_what_has_become_of_solid_things_is_news(stand: Stand) -> None:
     assert wall == (((100.0, 100.0), (300.0, 100.0)),)
     world.remove(number)
     assert told() == [()]
+
+
+def test_each_robot_s_own_answer_is_told_in_its_unit(stand: Stand) -> None:
+    sent = stand.station.ask("battery")
+    before = stand.swarm.now()
+    assert stand.desk.replies(1, sent.id, [0, 3]).texts == ["", ""]
+    stand.run()
+    found = stand.desk.replies(1, sent.id, [3, 0]).texts
+    assert found == [shown_value(stand.level(f"rover{number}"), "%") for number in (4, 1)]
+    assert stand.desk.replies(1, sent.id, [3], before).texts == [""]
+    other = stand.station.ask("(/ id (- id 1))")
+    stand.run()
+    assert stand.desk.replies(1, other.id, [0, 1]).texts == ["fault", "2"]
+    with pytest.raises(MisuseError, match="there is no robot number 20"):
+        stand.desk.replies(1, sent.id, [20])

@@ -33,6 +33,7 @@ GOOD = {
     "why": {"serial": 1, "robot": 0, "command": "desk-1.1"},
     "outcomes": {"serial": 1, "command": "desk-1.1"},
     "failed": {"serial": 1, "rule": "guard"},
+    "replies": {"serial": 1, "command": "desk-1.1", "robots": [3, 0]},
     "members": {"serial": 1, "group": 3},
     "sense": {"serial": 1, "robot": 3},
     "build": {"serial": 1, "corners": [(0.0, 0.0), (1.0, 0.0), (0.5, 2.5)]},

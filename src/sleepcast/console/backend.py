@@ -36,6 +36,7 @@ from sleepcast.core.units import shown_value
 from sleepcast.language import Checked, Explanation, Finding, ReadError, Variable, format_value
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, SUPPORT, TIME_SLOT, unit_of
 from sleepcast.station import NO, UNKNOWN, YES, Command, NoExplanationError, Preview, Report, Station
+from sleepcast.station.account import answer_in_words
 from sleepcast.station.rest import stopped_in_words
 from sleepcast.station.validation import Draft
 
@@ -289,6 +290,14 @@ class Backend:
     def outcomes(self, serial: int, command: str, time: float = inf) -> outgoing.Answered:
         """What had become of a command at a time (s of the page's time) on each robot."""
         return outgoing.Answered(serial, self._ledger.outcomes(command, self._began + time))
+
+    def replies(self, serial: int, command: str, robots: Sequence[int], time: float = inf) -> outgoing.Replied:
+        """What these robots had answered to a question at a time, s of the page's time."""
+        names = [self._name(robot) for robot in robots]
+        asked = next((each for each in self._station.commands() if each.id == command), None)
+        unit = "" if asked is None else unit_of(asked.text.strip(), self._swarm.vocabulary)
+        found = self._station.answers(command, names, self._began + time)
+        return outgoing.Replied(serial, [answer_in_words(answer, unit) for answer in found])
 
     def failed(self, serial: int, rule: str) -> outgoing.Answered:
         """On which robots a rule ("": any rule) fails now."""

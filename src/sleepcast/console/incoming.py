@@ -53,6 +53,8 @@ NomadIndex = Annotated[int, Meta(ge=0, le=10_000_000)]
 Seed = Annotated[str, Meta(pattern=r"\A[0-9]{1,19}\Z")]
 """As text: JavaScript's numbers are not exact that far."""
 
+MOST_REPLIES = 64
+"""Robots whose answers are asked for at one time: about as many as have their names on a map."""
 MAX_COLUMNS = 12
 """Of the table of robots: more of them fit on no screen."""
 MAX_ROWS = 200
@@ -199,6 +201,14 @@ class Outcomes(Message):
 
     serial: Serial
     command: Id
+
+
+class Replies(Message):
+    """What each of these robots (by their indices) answered to a question."""
+
+    serial: Serial
+    command: Id
+    robots: Annotated[list[Annotated[int, Meta(ge=0, le=10_000_000)]], Meta(max_length=MOST_REPLIES)]
 
 
 class Members(Message):
@@ -541,6 +551,7 @@ Incoming = (
     | Undo
     | Picture
     | Commands
+    | Replies
     | Rows
     | Range
     | Csv

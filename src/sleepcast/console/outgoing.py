@@ -128,6 +128,14 @@ class Answered(Said):
     outcomes: bytes
 
 
+class Replied(Said):
+    """What each robot answered to a question, with its unit, in the order in which they were asked for; "" for who is
+    silent."""
+
+    serial: int
+    texts: list[str]
+
+
 class Joined(Said):
     """Who is in a group: a byte for each robot, 1 for its members."""
 

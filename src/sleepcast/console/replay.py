@@ -251,6 +251,10 @@ class ReplayBackend:
         """Refused: answers are recorded as counts."""
         raise MisuseError("A recording stores how many robots obeyed a command, not which ones.")
 
+    def replies(self, serial: int, command: str, robots: Sequence[int]) -> NoReturn:
+        """Refused: answers are recorded as counts."""
+        raise MisuseError("A recording stores the least, the mean and the greatest answer, not those of each robot.")
+
     def stop(self) -> None:
         """Nothing moves in a recording that could be stopped, so time is."""
         self.driver.set_pace(running=False)

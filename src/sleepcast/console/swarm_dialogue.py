@@ -112,6 +112,8 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
                 return desk.why(serial, robot, command)
             case incoming.Outcomes(serial, command):
                 return desk.outcomes(serial, command)
+            case incoming.Replies(serial, command, robots):
+                return desk.replies(serial, command, robots)
             case incoming.Failed(serial, rule):
                 return desk.failed(serial, rule)
             case incoming.Members(serial, group):
@@ -195,6 +197,8 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
                 return commands_of(past.film, look.time, serial)
             case incoming.Outcomes(serial, command) if isinstance(self._desk, Backend):
                 return self._desk.outcomes(serial, command, look.time)
+            case incoming.Replies(serial, command, robots) if isinstance(self._desk, Backend):
+                return self._desk.replies(serial, command, robots, look.time)
             case incoming.Failed(serial, rule):
                 return past.film.failed(look.time, serial, rule)
         return past.answer(look.tick, message) if isinstance(message, QUESTIONS) else None

@@ -32,8 +32,10 @@ from sleepcast.station.sent import (
     OUTCOMES,
     SILENT,
     TEST_UNKNOWN,
+    Answer,
     Answers,
     Command,
+    Outcome,
     nameless,
     silent,
 )
@@ -301,6 +303,15 @@ def account(command: Command, now: float, heard: Seconds, *, angles: bool = Fals
 def rest_counts(found: RestAccount) -> dict[str, object]:
     """How many have accepted a STOP and are at rest, still move, or do not tell."""
     return {"at_rest": found.n_at_rest, "stopping": found.n_stopping, "accepted": found.n_accepted}
+
+
+def answer_in_words(answer: Answer | None, unit: str) -> str:
+    """What one robot answered to a question, as people read it; "" for nothing yet. unit: of the question's value."""
+    if answer is None:
+        return ""
+    if answer.outcome is Outcome.FAULT:
+        return "fault"
+    return "unknown" if answer.value is None else shown_value(answer.value, unit)
 
 
 def values_in_words(command: Command, account: Account, vocabulary: Vocabulary) -> str:

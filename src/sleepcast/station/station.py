@@ -581,6 +581,13 @@ class Station:
             answers.make_room()
             return answers.codes_at(time)
 
+    def answers(self, command: str, robots: Sequence[str], time: float = inf) -> list[Answer | None]:
+        """What each of these robots had answered to the command with this id by a time (s of the desk's clock), None
+        for who is silent. Raises NoSuchCommandError."""
+        with self._lock:
+            found = map(self._sent.get(command).answers.get, robots)
+            return [answer if answer is not None and answer.heard <= time else None for answer in found]
+
     def why(self, robot: str, command: str | None = None) -> Explanation:
         """How `robot` evaluated a command (None: its last one): the tree of values and the first test that failed.
 

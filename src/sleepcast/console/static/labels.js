@@ -14,7 +14,7 @@ const TOGETHER = 90; // pixels: a group whose robots are farther from its middle
 const CODES = 256; // of groups in a frame; 0 is none
 const MOST = 6000; // robots in sight; with more, only the chosen one has its name
 
-const FONTS = { place: [13, 600], light: [13, 600], area: [12, 600], group: [12, 600], chosen: [12, 600], robot: [11] }; // size and weight
+const FONTS = { place: [13, 600], light: [13, 600], area: [12, 600], group: [12, 600], chosen: [12, 600], robot: [11], answer: [12, 600] }; // size and weight
 
 export class Labels {
   constructor() {
@@ -24,7 +24,7 @@ export class Labels {
   }
 
   // what: {scene, frame, marks, colours, ratio, sizes: as of swarm.js, picked: 1 for each selected robot, robots: whether these and
-  // groups have names, all but the chosen one}
+  // groups have names, all but the chosen one, replies: what each robot answered, as of replies.js, or null}
   draw(pen, view, what) {
     const labels = this.arrange(view, what, (text, font) => this.sprites.width(text, font));
     this.sprites.draw(pen, labels, what.colours, what.ratio);
@@ -49,7 +49,11 @@ export class Labels {
     };
     const robot = (i, kind, colour, gap) => {
       const x = view.toScreenX(frame.poses[3 * i]) + what.sizes(i) + 9;
-      return put(scene.names[i], kind, colour, x, view.toScreenY(frame.poses[3 * i + 1]), gap);
+      const answer = what.replies?.of(i);
+      const text = [...(what.robots || kind === "chosen" ? [scene.names[i]] : []), ...(answer ? [answer] : [])].join("  ");
+      if (!text) return false;
+      const look = answer ? ["answer", colours.ink] : [kind, colour];
+      return put(text, ...look, x, view.toScreenY(frame.poses[3 * i + 1]), gap);
     };
 
     const { chosen } = marks;
@@ -57,11 +61,11 @@ export class Labels {
     for (const { name, x, y } of scene.places) put(name, "place", colours.place, view.toScreenX(x) + 17, view.toScreenY(y), 0);
     for (const { name, x, y } of scene.lights) put(name, "light", colours.ink, view.toScreenX(x) + 10, view.toScreenY(y) - 0.75 * GLOW, 0);
     for (const area of scene.areas) put(area.name, "area", colours.place, ...cornerOf(view, area), 0);
-    if (!what.robots) {
+    if (!what.robots && !what.replies) {
       this.shown.clear();
       return found;
     }
-    for (const { code, x, y } of middles(view, frame)) {
+    for (const { code, x, y } of what.robots ? middles(view, frame) : []) {
       const group = scene.groups?.[code - 1];
       if (group) put(group.name, "group", colours.robots[inkOf(lookOfGroup(code))], x - width(group.name, FONTS.group) / 2, y, 0);
     }

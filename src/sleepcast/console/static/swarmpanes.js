@@ -18,6 +18,7 @@ import { NewRun } from "./newrun.js";
 import { Operators } from "./operators.js";
 import { Plots } from "./plots.js";
 import { Prompt } from "./prompt.js";
+import { Replies } from "./replies.js";
 import { RobotPane } from "./robot.js";
 import { SaveTest } from "./savetest.js";
 import { Selecting } from "./select.js";
@@ -49,6 +50,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   const plots = new Plots(document.querySelector(".plots-pane"), wire, names);
   drawer.add({ name: "table", title: "Table", element: table.root, shown: (open) => table.shown(open) });
   drawer.add({ name: "plots", title: "Plots", element: plots.root, shown: (open) => plots.shown(open) });
+  const replies = new Replies(world, wire);
   const senses = new Senses(world, wire);
   const sensors = new SensorsPane(world, senses);
   drawer.add({ name: "sensors", title: "Sensors", element: sensors.root, shown: (open) => sensors.shown(open) });
@@ -118,6 +120,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
 
   wire.addEventListener("commands", ({ detail }) => {
     accounting.set(detail.rows);
+    if (replies.command) replies.count(accounting.get(replies.command));
     prompt.markSent(detail.rows.map((row) => row.text));
     robot.setCommands(accounting.commands);
     if (!begun) {
@@ -208,7 +211,13 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
     world.fade();
   }
 
+  // Whatever else has a use for Escape comes first; on the map it lets go of everything.
+  window.addEventListener("keydown", ({ key, target, defaultPrevented }) => {
+    if (key === "Escape" && (!defaultPrevented || target === world.map) && !target.closest?.("dialog")) replies.about(null);
+  });
+
   accounting.addEventListener("choose", ({ detail }) => {
+    if (!detail || detail.kind === "ask") replies.about(detail); // a command leaves the answers to a question there
     faded = null;
     clearTimeout(fading); // who chooses a command again wants to see it for longer
     legend.forget();

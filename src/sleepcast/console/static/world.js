@@ -45,6 +45,7 @@ export class World extends EventTarget {
     this.pointer = null; // the pixel at which the pointer is
     this.scene = null;
     this.frame = null;
+    this.replies = null; // what each robot answered to a question, as of replies.js
     this.ghosts = null; // where the robots were in another future
     this.latest = null; // the frame that came last, of this scene or of one that is on its way
     this.lit = null; // who was lit last; of these, `marks` has those whose light is drawn
@@ -200,6 +201,8 @@ export class World extends EventTarget {
       if (this.frame.flags[index] & (1 << bit)) words.push(name);
     });
     if (this.frame.flags[index] & EXHAUSTED) words.push(`no ${this.scene.supplies.join(" or ")} left`);
+    const answer = this.replies?.of(index);
+    if (answer) words.push(`answered ${answer}`);
     return words.join(" · ");
   }
 
@@ -351,7 +354,7 @@ export class World extends EventTarget {
     drawPlaces(pens.robots, view, scene.places, colours);
     const { marks, picked, ratio } = this;
     const sizes = sizesOf(view, scene);
-    this.labels.draw(pens.robots, view, { scene, frame, marks, colours, ratio, sizes, picked, robots: this.shows("names") });
+    this.labels.draw(pens.robots, view, { scene, frame, marks, colours, ratio, sizes, picked, replies: this.replies, robots: this.shows("names") });
     for (const tool of this.tools) tool.draw?.(pens.robots);
     this.drawTip();
     if (this.shows("pings") && this.pings.draw(pens.robots, view, frame, sizes, colours, performance.now())) this.repaint("robots");

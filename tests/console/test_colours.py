@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -101,6 +101,18 @@ def test_robots_are_seen_against_the_map(where: str) -> None:
     for colour in ROBOTS[where]:
         for ground in GROUNDS[where]:
             assert contrast(colour, ground) >= 3.0, f"{colour} on {ground}"
+
+
+@pytest.mark.parametrize("sight", SIGHT)
+@pytest.mark.parametrize("where", THEMES)
+def test_a_field_is_read_by_its_brightness_and_hides_no_robot(where: str, sight: str) -> None:
+    scale = [THEMES[where][f"field-{step}"] for step in range(5)]
+    seen = [lab(np.clip(SIGHT[sight] @ linear(colour), 0.0, 1.0)) for colour in scale]
+    bright = [float(each[0]) for each in seen]
+    assert bright == sorted(bright, reverse=where == "light")
+    assert all(distance(one, other) > 4.0 for one, other in pairwise(seen))
+    for robot in ROBOTS[where]:
+        assert contrast(robot, scale[-1]) >= 1.5, robot
 
 
 @pytest.mark.parametrize("sight", SIGHT)

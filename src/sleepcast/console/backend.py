@@ -19,6 +19,7 @@ from sleepcast.console.alerts import AlertBoard, Alerted
 from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import ShownWhy, show_why
+from sleepcast.console.fields import FieldMaps, field_of
 from sleepcast.console.ground import pictured
 from sleepcast.console.histogram import Spread, spread
 from sleepcast.console.incoming import AlertMessage, Sort
@@ -92,6 +93,7 @@ class Backend:
         self.values: Values = TelemetryValues(swarm, station)
         self.plots = Plots(self.values, clock, measures)
         driver.watchers.append(self.plots.sample)
+        self._fields = FieldMaps(swarm.field, clock)
         self._winks: dict[str, float] = {}
         """When each robot was asked to blink, s of the page's time."""
         self.alerts = AlertBoard(self.values, clock)
@@ -334,6 +336,11 @@ class Backend:
     def picture(self, serial: int) -> outgoing.Pictured | Awaitable[outgoing.Pictured]:
         """The picture of the map."""
         return pictured(self._swarm.picture, serial, at_once=self.at_once)
+
+    def field(self, serial: int, name: str) -> outgoing.Fielded:
+        """A field as it is now."""
+        field_of(self._swarm.scene, name)
+        return self._fields.answer(serial, name, self._swarm.tick)
 
     def sense(self, serial: int, robot: int) -> outgoing.Sensed:
         """What the body of the robot with this index senses."""

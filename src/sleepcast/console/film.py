@@ -7,7 +7,7 @@ Here it is put into the shapes of the wire.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Generic, TypeVar
@@ -20,7 +20,7 @@ from sleepcast.console.failing import Failures
 from sleepcast.console.frames import pack
 from sleepcast.console.rerunner import Found
 from sleepcast.console.sensing import BodyKind
-from sleepcast.console.view import Outline, Picture, Scene
+from sleepcast.console.view import FieldPicture, Outline, Picture, Scene
 from sleepcast.core.units import shown_value
 from sleepcast.fleet.failing import RECENT
 from sleepcast.language import Vocabulary
@@ -75,7 +75,8 @@ class Timeline:
     every account as it came. failures: the rules that fail. values: JSON, for each sensor a list of all robots,
     null for unknown; units: of the sensors, as people read them. vocabulary: what robots know from the start.
     kinds: of the bodies, in the order of the scene's sizes. rules, said: by robot. obstacles: what is solid, as in
-    a scene, from the first change on. picture: of the scene."""
+    a scene, from the first change on. picture: of the scene; field: gives that of one of its fields that does not
+    grow."""
 
     scene: Scene
     seconds: float
@@ -94,6 +95,7 @@ class Timeline:
     obstacles: Track[tuple[tuple[Outline, ...], ...]] = field(default_factory=Track)
     failures: Track[Failures] = field(default_factory=Track)
     picture: Picture | None = None
+    field: Callable[[str], FieldPicture] | None = None
 
     def marks_at(self, time: float) -> Marks:
         """The marks at `time`; before the first, nobody is in a group."""

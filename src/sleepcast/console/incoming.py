@@ -264,6 +264,13 @@ class Sense(Message):
     robot: Index
 
 
+class Field(Message):
+    """A map of a field, by its name."""
+
+    serial: Serial
+    name: Annotated[str, Meta(max_length=64)]
+
+
 class Failed(Message):
     """On which robots a rule fails now; "": any rule."""
 
@@ -551,6 +558,7 @@ Incoming = (
     | Undo
     | Picture
     | Commands
+    | Field
     | Replies
     | Rows
     | Range

@@ -14,7 +14,7 @@ from sleepcast.console.failing import ShownFailing
 from sleepcast.console.marks import Mark
 from sleepcast.console.nomads.orders import NomadOrder
 from sleepcast.console.sensing import BodyView
-from sleepcast.console.view import Outline, Scene
+from sleepcast.console.view import FieldPicture, Outline, Scene
 
 
 class Said(msgspec.Struct, tag_field="type", tag=str.lower):
@@ -163,6 +163,15 @@ class Pictured(Said):
 
     serial: int
     png: bytes
+
+
+class Fielded(Said):
+    """A field as it was in a tick."""
+
+    serial: int
+    field: str
+    tick: int
+    picture: FieldPicture
 
 
 class World(Said):

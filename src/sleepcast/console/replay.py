@@ -21,6 +21,7 @@ from sleepcast.console import incoming, outgoing
 from sleepcast.console.alerts import AlertBoard, Alerted
 from sleepcast.console.driver import FRAME_PERIOD, FrameSource
 from sleepcast.console.exact import Exact
+from sleepcast.console.fields import field_of
 from sleepcast.console.film import Timeline, commands_of, frame_of, news_of, values_of
 from sleepcast.console.ground import pictured
 from sleepcast.console.incoming import AlertMessage, Sort
@@ -221,6 +222,17 @@ class ReplayBackend:
     def picture(self, serial: int) -> outgoing.Pictured | Awaitable[outgoing.Pictured]:
         """The picture of the map."""
         return pictured(self._film.picture, serial)
+
+    def field(self, serial: int, name: str) -> outgoing.Fielded | Awaitable[msgspec.Raw]:
+        """A field at this time; of one that grows, by running again. Raises MisuseError where that cannot be done."""
+        film, grows = self._film, field_of(self._film.scene, name).grows
+        if not grows and film.field is not None:
+            return outgoing.Fielded(serial, name, 0, film.field(name))
+        if self.past is None:
+            raise MisuseError(f"The recording does not hold how {name} was at this time.")
+        tick = self.past.tick_of(self.driver.time)
+        self.past.check(tick)
+        return self.past.answer(tick, incoming.Field(serial, name))
 
     def sense(self, serial: int, robot: int) -> outgoing.Sensed:
         """What the body of a robot sensed when that was recorded last."""

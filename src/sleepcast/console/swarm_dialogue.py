@@ -13,6 +13,7 @@ from sleepcast.console import incoming, outgoing
 from sleepcast.console.backend import Backend
 from sleepcast.console.dialogue import Answer, Dialogue
 from sleepcast.console.driver import FrameSource
+from sleepcast.console.fields import field_of
 from sleepcast.console.film import commands_of
 from sleepcast.console.frames import ghosts
 from sleepcast.console.glance import glance
@@ -112,6 +113,8 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
                 return desk.why(serial, robot, command)
             case incoming.Outcomes(serial, command):
                 return desk.outcomes(serial, command)
+            case incoming.Field(serial, name):
+                return desk.field(serial, name)
             case incoming.Replies(serial, command, robots):
                 return desk.replies(serial, command, robots)
             case incoming.Failed(serial, rule):
@@ -191,6 +194,8 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
                 "Go back to live (F8), then do it."
             )
         match message:
+            case incoming.Field(_, name):
+                return past.answer(look.tick, message) if field_of(past.film.scene, name).grows else None
             case incoming.Why():
                 return past.why(look.tick, message)
             case incoming.Commands(serial):

@@ -62,6 +62,26 @@ class PicturePlace(msgspec.Struct, frozen=True):
     resolution: float
 
 
+class ShownField(msgspec.Struct, frozen=True):
+    """A field that fills the world. about: what it is, "" for nothing. grows: whether it changes as time passes."""
+
+    name: str
+    about: str
+    grows: bool
+
+
+class FieldPicture(msgspec.Struct, frozen=True):
+    """A field as a map of cells that fill the world, row by row from the bottom: a byte each, 0 where it is least, 255
+    where it is greatest. scale: the values of 0, of the middle and of 255, with their unit. angles: where vectors
+    point, a byte each, 256 for a whole turn, counter-clockwise from x; empty of other fields."""
+
+    columns: int
+    rows: int
+    cells: bytes
+    scale: tuple[str, str, str]
+    angles: bytes = b""
+
+
 class Scene(msgspec.Struct, frozen=True):
     """What does not change while the swarm runs.
 
@@ -73,7 +93,7 @@ class Scene(msgspec.Struct, frozen=True):
     odd number of its closed outlines, lists of corners (x, y) in m. version: of the obstacles, where people may change
     them; else None. blanks: numbers that ready-made commands name in braces. repeats: how often those that work only
     together are sent, since the radio may lose one.
-    picture: where the picture of the map lies, None if there is none; the desk is asked for it.
+    picture: where the picture of the map lies, None if there is none; the desk is asked for it. fields: likewise.
     """
 
     title: str
@@ -94,6 +114,7 @@ class Scene(msgspec.Struct, frozen=True):
     blanks: tuple[ShownSlider, ...] = ()
     repeats: int = 1
     picture: PicturePlace | None = None
+    fields: tuple[ShownField, ...] = ()
 
 
 class RuleView(Protocol):
@@ -216,6 +237,9 @@ class SwarmView(Protocol):
 
     def colours(self) -> bytes:
         """The colour that each robot shows: as in a frame, empty for none."""
+
+    def field(self, name: str) -> FieldPicture:
+        """A field of the scene as it is now."""
 
     def sensing(self, robot: int) -> BodyView | None:
         """What the body of the robot with this index senses, None where nobody knows."""

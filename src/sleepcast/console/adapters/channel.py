@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from sleepcast.channel import Kind, Message
 from sleepcast.console import Outline, RuleView, SafetyOrder, Scene
 from sleepcast.console.sensing import BodyView
-from sleepcast.console.view import Picture
-from sleepcast.core.errors import SleepcastError, printable
+from sleepcast.console.view import FieldPicture, Picture
+from sleepcast.core.errors import MisuseError, SleepcastError, printable
 from sleepcast.core.model import RestState
 from sleepcast.core.units import LENGTH, UNITS
 from sleepcast.fleet.failing import FailingRule, most_first
@@ -255,6 +255,10 @@ class FleetAdapter:
     def sensing(self, robot: int) -> BodyView | None:
         """Telemetry has the values of sensors, but not the shapes of bodies."""
         return None
+
+    def field(self, name: str) -> FieldPicture:
+        """There is none in the scene: robots tell what they sense, not what is where nobody is."""
+        raise MisuseError(f"Nobody tells of the field {name:.40}.")
 
     def poses(self) -> bytes:
         """x (m), y (m) and heading (rad, counter-clockwise from x; NaN: it stands aside) of each robot in turn,

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.adapters.bodies import kind_of
+from sleepcast.console.adapters.fields import still_picture
 from sleepcast.console.adapters.swarm import outlines, scene_of, there
 from sleepcast.console.failing import Failures, ShownFailing
 from sleepcast.console.film import Marks, Timeline, Track, values_of
@@ -70,6 +71,7 @@ class TimelineBuilder:
             scene, recording.seconds, scenario.speed_up, units, vocabulary, kinds, recording.began, part
         )
         self.film.picture = None if picture is None else picture.png
+        self.film.field = lambda name: still_picture(scenario, name)
         self._solids = dict(enumerate(scenario.shapes, 1))
         for posted in recording.posted:
             message = posted.message

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from sleepcast.console import MapLabel, NamedOutline, Outline, Scene
 from sleepcast.console.adapters.bodies import sensing_of
+from sleepcast.console.adapters.fields import FieldPictures, shown_fields
 from sleepcast.console.adapters.obstacles import editor_of
 from sleepcast.console.sensing import BodyView
-from sleepcast.console.view import Picture, PicturePlace, ShownSlider
+from sleepcast.console.view import FieldPicture, Picture, PicturePlace, ShownSlider
 from sleepcast.core.model import NamedArea
 from sleepcast.fleet.failing import RECENT, FailingRule, failing_rules
 from sleepcast.language import Vocabulary
@@ -44,6 +45,7 @@ class SwarmAdapter:
         scene = scene_of(now, tuple(swarm.simulator.names))
         self.scene = msgspec.structs.replace(scene, version=self.editor.version if self.editor else None)
         self.picture: Picture | None = None if self.map_picture is None else self.map_picture.png
+        self._fields = FieldPictures(swarm.simulator)
         self.minds = swarm.fleet
         self.vocabulary: Vocabulary = swarm.vocabulary
 
@@ -85,6 +87,10 @@ class SwarmAdapter:
             self._world_version = world.version
             self._obstacles = tuple(outlines(shape) for shape in world.shapes.values())
         return self._obstacles
+
+    def field(self, name: str) -> FieldPicture:
+        """A field of the scene as it is now."""
+        return self._fields.of(name)
 
     def exhausted(self) -> NDArray[np.bool_] | None:
         """Which robots have used up one of the scene's supplies, so that they stand; None where no robot can."""
@@ -141,6 +147,7 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         repeats=scenario.repeats,
         supplies=tuple(store.name for store in scenario.robots.stores if store.reach < inf),
         picture=placed(scenario.picture),
+        fields=shown_fields(scenario),
     )
 
 

@@ -3,14 +3,14 @@
 
 import { gridStep } from "./view.js";
 
-// under: what lies under the grid, with a draw(pen, view), or null.
-export function drawGround(pen, view, scene, colours, under = null) {
+// under: what lies under the grid, the lowest first, each with a draw(pen, view), or null.
+export function drawGround(pen, view, scene, colours, under = []) {
   pen.fillStyle = colours.ground;
   pen.fillRect(0, 0, view.width, view.height);
   const [left, bottom, right, top] = scene.area;
   pen.fillStyle = colours.area;
   pen.fillRect(view.toScreenX(left), view.toScreenY(top), (right - left) * view.scale, (top - bottom) * view.scale);
-  under?.draw(pen, view);
+  for (const layer of under) layer?.draw(pen, view);
   const step = gridStep(view, scene.unit, 140).metres;
   drawGrid(pen, view, step, colours.grid);
   pen.strokeStyle = colours.edge;

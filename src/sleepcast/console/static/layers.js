@@ -9,6 +9,7 @@ export const SWARM_LAYERS = [
   { name: "trails", title: "Trails", key: "T", on: true },
   { name: "names", title: "Names", on: true },
   { name: "picture", title: "Picture under the map", on: true, hint: "That of the scenario's map, or one that you choose" },
+  { name: "field", title: "Field", on: true, hint: "What fills the world, such as a scent, with its scale" },
   { name: "pings", title: "Pings", on: true },
   { name: "density", title: "Density", on: null, hint: "How many robots are where. Shown by itself while more than 20,000 are in sight." },
   { name: "sensors", title: "Sensors of the chosen robot", on: false, hint: "Its sonars, what it touches, and how far it senses" },

@@ -204,6 +204,7 @@ export function palette() {
     place: colour("--place"),
     light: colour("--light"),
     density: colour("--density"),
+    field: Array.from({ length: 5 }, (_, step) => colour(`--field-${step}`)),
     robots: Array.from({ length: SECOND_NEUTRAL + 1 }, (_, ink) => colour(`--robot-${ink}`)),
   };
 }

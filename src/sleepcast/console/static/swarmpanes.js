@@ -9,6 +9,7 @@ import { write } from "./elements.js";
 import { Failing } from "./failing.js";
 import { copy } from "./files.js";
 import { ghostsOf } from "./ghosts.js";
+import { FieldLayer } from "./field.js";
 import { Glance } from "./glance.js";
 import { SWARM_LAYERS } from "./layers.js";
 import { Legend } from "./legend.js";
@@ -51,6 +52,8 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   drawer.add({ name: "table", title: "Table", element: table.root, shown: (open) => table.shown(open) });
   drawer.add({ name: "plots", title: "Plots", element: plots.root, shown: (open) => plots.shown(open) });
   const replies = new Replies(world, wire);
+  const elsewhere = () => ["past", "replay"].some((name) => document.body.classList.contains(name));
+  const field = new FieldLayer(world, wire, find("field-scale"), find("layer-menu"), elsewhere);
   const senses = new Senses(world, wire);
   const sensors = new SensorsPane(world, senses);
   drawer.add({ name: "sensors", title: "Sensors", element: sensors.root, shown: (open) => sensors.shown(open) });
@@ -94,6 +97,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
     prompt.setReady(scene.commands, scene.repeats);
     blanks.set(scene.commands, scene.blanks);
     table.setScene(scene);
+    field.setScene(scene);
     prompt.setNames(hello.names);
     sentence.setNoun(scene.noun);
   }
@@ -109,6 +113,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   function show(frame) {
     timeline.show(frame.time);
     senses.ask();
+    field.ask();
     legend.tick(performance.now());
     glance.take(world.scene, frame, document.body.classList.contains("past"));
     document.body.classList.toggle("waiting", frame.waiting);
@@ -390,6 +395,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
     refused,
     legend: () => legend.lines(),
     recolour: () => {
+      field.recolour();
       sensors.draw();
       plots.recolour();
       drawLegend();

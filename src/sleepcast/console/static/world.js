@@ -38,7 +38,8 @@ export class World extends EventTarget {
     this.pings = new Pings();
     this.density = new Density();
     this.labels = new Labels();
-    this.under = null; // what lies under the grid
+    this.under = null; // the picture under the grid
+    this.field = null; // the field there, as of field.js
     this.picked = null; // 1 for each robot that is selected by hand
     this.told = null; // the frame that was last said to be drawn
     this.layers = {}; // whether each is shown, by name, as of layers.js
@@ -336,7 +337,7 @@ export class World extends EventTarget {
     this.stale = new Set();
     if (!scene) return;
     if (stale.has("ground")) {
-      drawGround(pens.ground, view, scene, colours, this.under);
+      drawGround(pens.ground, view, scene, colours, [this.under, this.field]);
       this.drawScale();
     }
     if (!frame) return;

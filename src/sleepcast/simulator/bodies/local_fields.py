@@ -75,6 +75,12 @@ class LocalFields:
             for name, each in cells.arrays().items()
         }
 
+    def amount(self, name: str) -> Floats | None:
+        """The amounts in the cells of a growing field, shape (rows, columns), bottom row first; None of others."""
+        found = (cells for field, _, cells in self._each if field.name == name)
+        cells = next(found, None)
+        return None if cells is None else cells.amount
+
     def _look(self) -> None:
         bodies, scenario = self._bodies, self._bodies.scenario
         size = (scenario.width, scenario.height)

@@ -65,6 +65,10 @@ class Senses:
         """The colour that each robot shows to its neighbours; of none where nobody senses neighbours."""
         return np.zeros(0) if self._near is None else self._near.colours()
 
+    def amount(self, field: str) -> Floats | None:
+        """See `LocalFields.amount`."""
+        return None if self._fields is None else self._fields.amount(field)
+
     def step(self) -> None:
         """Update light sensors, received pings, what neighbours show, stocks and fields, after everything has moved."""
         if self._bodies.scenario.lights:

@@ -1,0 +1,78 @@
+"""The fields of a simulated world, as the map shows them."""
+
+from __future__ import annotations
+
+from math import floor, log10, pi
+
+import numpy as np
+
+from sleepcast.console.view import FieldPicture, ShownField
+from sleepcast.core.units import shown_value
+from sleepcast.simulator import Scenario, Simulator
+from sleepcast.simulator.bodies.field_map import FieldMap, coarse, still_map
+from sleepcast.simulator.scenario.fields import Field, ScalarField
+
+MOST = 128
+"""Cells along the longer side of a map: 16 kilobytes at most, or twice as many where it has directions."""
+
+
+def shown_fields(scenario: Scenario) -> tuple[ShownField, ...]:
+    """The fields of a scenario."""
+    return tuple(ShownField(field.name, field.about, _grows(field)) for field in scenario.fields)
+
+
+def still_picture(scenario: Scenario, name: str) -> FieldPicture:
+    """A field that does not grow, or how one that does began."""
+    field = next(each for each in scenario.fields if each.name == name)
+    return _picture(still_map(field, scenario, MOST), field)
+
+
+class FieldPictures:
+    """The fields of a simulated world as they are now; those that do not grow are drawn once."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        self._simulator = simulator
+        self._still: dict[str, FieldPicture] = {}
+
+    def of(self, name: str) -> FieldPicture:
+        """One of them, by its name."""
+        amount, scenario = self._simulator.senses.amount(name), self._simulator.scenario
+        if amount is not None:
+            return _picture(coarse(amount, MOST), next(each for each in scenario.fields if each.name == name))
+        if name not in self._still:
+            self._still[name] = still_picture(scenario, name)
+        return self._still[name]
+
+
+def _grows(field: Field) -> bool:
+    return isinstance(field, ScalarField) and field.growth is not None
+
+
+def _picture(found: FieldMap, field: Field) -> FieldPicture:
+    low, high = float(found.values.min()), float(found.values.max())
+    if _grows(field) or found.angles is not None:
+        low = 0.0
+    if _grows(field):
+        high = round_above(high)  # so that colours keep their meaning for a while
+    part = (found.values - low) / (high - low) if high > low else np.zeros_like(found.values)
+    rows, columns = found.values.shape
+    angles = b"" if found.angles is None else np.round(found.angles * (128.0 / pi)).astype(np.int64).astype(np.uint8)
+    low_text, middle, high_text = (_shown(each, high - low, field.unit) for each in (low, (low + high) / 2.0, high))
+    cells = np.round(255.0 * part).astype(np.uint8).tobytes()
+    return FieldPicture(columns, rows, cells, (low_text, middle, high_text), bytes(angles))
+
+
+def _shown(value: float, span: float, unit: str) -> str:
+    """A value on a scale: no more digits than tell its ends apart."""
+    if span > 0.0:
+        digits = 2 - floor(log10(span))
+        value = round(value, digits) + 0.0  # no -0
+    return shown_value(value, unit)
+
+
+def round_above(value: float) -> float:
+    """The least of 1, 2 and 5 times a power of ten that is not below a value; 1 for nothing."""
+    if value <= 0.0:
+        return 1.0
+    power = 10.0 ** floor(log10(value))
+    return float(next(times * power for times in (1.0, 2.0, 5.0, 10.0) if times * power >= value * (1.0 - 1e-9)))

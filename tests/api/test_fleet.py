@@ -12,6 +12,7 @@ import pytest
 
 import sleepcast as sc
 from sleepcast.api.fleet import SimulatedFleet
+from sleepcast.language import CheckError
 from sleepcast.loop.snapshots import SnapshotError
 from sleepcast.simulator import Changes, SettingsError, find_scenario
 from sleepcast.simulator.recording.recording import load_recording
@@ -180,6 +181,25 @@ class TestReading:
         with pytest.raises(sc.errors.MisuseError, match="did you mean fuel"):
             history["fule"]
 
+    def test_history_is_sampled_on_the_first_tick_at_each_multiple(self) -> None:
+        fleet = bravo()
+        history = fleet.history("fuel", every=0.25)
+        fleet.run(1)
+        assert history.times.tolist() == pytest.approx([0.0, 0.3, 0.5, 0.8, 1.0])
+        assert history.every == 0.25
+
+    def test_what_was_asked_before_is_checked_anew_when_robots_have_learned(self) -> None:
+        fleet = bravo()
+        for _ in range(2):
+            with pytest.raises(CheckError, match="unknown name"):
+                fleet["helpers"]
+        fleet.send("(DEFVAR helpers 3)", everybody=True)
+        assert (fleet["helpers"] == 3.0).all()
+        fleet.send("(WHEN (> fuel 50%) (DEFUN twice (x) (* 2 x)))", sure=True)
+        found = fleet["(twice helpers)"]
+        assert set(found[~np.isnan(found)]) == {6.0}
+        assert np.isnan(found).any()
+
     @pytest.mark.parametrize("every", [0.0, -1.0, float("nan"), 1e-9])
     def test_a_time_that_is_no_tick_is_refused(self, every: float) -> None:
         with pytest.raises(sc.errors.MisuseError, match="a tick"):
@@ -194,7 +214,31 @@ class TestReading:
         assert len(history) == 2
 
 
+def few(tick: str) -> SimulatedFleet:
+    return sc.open("stop", over={"tick": tick}, robots=3)
+
+
 class TestRuns:
+    @pytest.mark.parametrize(
+        ("tick", "seconds", "times", "ticks"),
+        [
+            *[("0.1s", 0.05, 1, 0), ("0.1s", 0.05, 2, 1), ("0.1s", 0.25, 4, 10), ("0.07s", 1.0, 1, 14)],
+            *[("0.07s", 0.1, 100, 143), ("0.1s", 0.001, 200, 2), ("0.03s", 0.01, 90, 30)],
+        ],
+    )
+    def test_what_is_less_than_a_tick_is_carried_over(self, tick: str, seconds: float, times: int, ticks: int) -> None:
+        fleet = few(tick)
+        for _ in range(times):
+            fleet.run(seconds, quiet=True)
+        assert fleet.swarm.simulator.tick == ticks
+        assert fleet.hash == few(tick).run(ticks * fleet.swarm.simulator.scenario.tick, quiet=True).hash
+
+    def test_a_snapshot_and_a_fork_carry_it_on(self) -> None:
+        fleet = few("0.1s").run(0.04)
+        for other in (fleet.fork(), fleet.fork(seed=5), sc.resume(fleet.snapshot())):
+            assert other.run(0.04).time == 0.1
+        assert fleet.run(0.04).time == 0.1
+
     def test_equal_seeds_make_equal_runs(self) -> None:
         first, second, other = (bravo(seed=seed).run(2).hash for seed in (3, 3, 4))
         assert first == second != other

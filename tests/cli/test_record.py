@@ -35,6 +35,9 @@ MISSION = """
 """
 
 
+TOLD = ("/poses", "/readings")
+
+
 def small_world(folder: Path) -> Path:
     """A small world with a mission and a bad radio."""
     file = write(folder, ('delay = "0s"', 'delay = "0.1s"\nloss = 0.2'))
@@ -90,6 +93,16 @@ def test_another_seed_and_number_of_robots_are_in_the_recording(world: Path) -> 
     assert record(world, "--seed", "11", "--robots", "7", seconds="5").status == 0
     told = json.loads(called("replay", str(world / "run.mcap"), "--verify", "--json").out)
     assert (told["seed"], told["robots"], told["verified"]["same"]) == (11, 7, True)
+
+
+def test_pictures_fall_on_the_first_tick_at_each_multiple(world: Path) -> None:
+    assert record(world, "--record-pictures", "0.25", "--record-readings", "0.5", seconds="1.2").status == 0
+    recording = load_recording(world / "run.mcap")
+    times = {
+        topic: [entry.time for entry in entries(recording.file, recording) if entry.topic == topic] for topic in TOLD
+    }
+    assert times["/poses"] == pytest.approx([0.0, 0.3, 0.5, 0.8, 1.0, 1.2])  # the end is seen in any case
+    assert times["/readings"][:3] == pytest.approx([0.0, 0.5, 1.0])
 
 
 def test_pictures_readings_and_lines_are_there_at_the_rates_asked_for(world: Path) -> None:

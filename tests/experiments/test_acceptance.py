@@ -71,6 +71,19 @@ def test_a_changed_expectation_fails_with_a_sentence(tmp_path: Path) -> None:
     assert run_test(read_test(saved), threads=1).to_dict()["passed"] is False
 
 
+@pytest.mark.parametrize(("when", "missed"), [("once", 0), ("always", 1)])
+def test_a_goal_is_looked_at_on_every_tick(tmp_path: Path, when: str, missed: int) -> None:
+    with sc.open("stop", robots=3, threads=1) as fleet:
+        saved = fleet.run(2.0, quiet=True).save_test(tmp_path / "again")
+    brief = "count (< 1.25s time 1.35s)"
+    goal = f"{brief} >= 1" if when == "once" else f"{brief} <= 0"
+    with (saved / "test.toml").open("a") as file:
+        file.write(f'[[goals]]\nholds = "{goal}"\nwhen = "{when}"\n')
+    found = run_test(read_test(saved), threads=1).missed
+    assert len(found) == missed
+    assert all("but it was 3 at 1.3 s" in each for each in found)
+
+
 def test_a_zip_file_is_read_as_well(tmp_path: Path) -> None:
     with sc.open("bravo", robots=20, threads=1) as fleet:
         fleet.run(0.3, quiet=True)

@@ -8,6 +8,7 @@ import pickle
 import re
 import signal
 import socket
+import sqlite3
 import subprocess
 import sys
 import time
@@ -60,6 +61,12 @@ def sweep(wanted: Experiment, folder: Path, workers: int = 1) -> None:
             pass
 
 
+def as_before(folder: Path, change: str) -> None:
+    """Make the results those of version 0.2.0. change: in SQL."""
+    with sqlite3.connect(folder / "runs.sqlite") as connection:
+        connection.executescript(f"{change}; PRAGMA user_version = 1")
+
+
 @pytest.fixture
 def measures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A module `own_measures` that the workers find, too."""
@@ -89,8 +96,27 @@ class TestOneRun:
         assert found.hash == do(without, next(without.runs())).hash
 
     def test_it_ends_as_soon_as_the_condition_holds(self) -> None:
-        wanted = experiment(over=FEW, seeds=1, seconds=60.0, every=0.5, until="max time >= 0")
-        assert [sample[0] for sample in do(wanted, next(wanted.runs())).samples][-1] == 0.5
+        wanted = experiment(over=FEW, seeds=1, seconds=60.0, every=0.5, until="max time >= 0.7")
+        assert [sample[0] for sample in do(wanted, next(wanted.runs())).samples] == [0.0, 0.5, 0.7]
+
+    @pytest.mark.parametrize("every", [None, 0.5])
+    def test_a_condition_that_holds_for_one_tick_is_seen(self, every: float | None) -> None:
+        wanted = experiment(over=FEW, seeds=1, every=every, until="count (< 0.25s time 0.35s) >= 1")
+        found = do(wanted, next(wanted.runs()))
+        assert found.samples[-1][0] == 0.3
+        assert len(found.samples) == (1 if every is None else 2)
+
+    def test_looking_at_the_condition_changes_nothing(self) -> None:
+        ended = experiment(over=FEW, seeds=1, seconds=60.0, until="max (IF (> front_range 0) time 0) >= 0.7")
+        found = do(ended, next(ended.runs()))
+        assert found.samples[-1][0] == 0.7
+        longer = experiment(over=FEW, seeds=1, seconds=0.7)
+        assert found.same_as(do(longer, next(longer.runs())))
+
+    def test_samples_fall_on_the_first_tick_at_each_multiple(self) -> None:
+        wanted = experiment(over=FEW, seeds=1, seconds=1.2, every=0.25)
+        samples = do(wanted, next(wanted.runs())).samples
+        assert [sample[0] for sample in samples] == [0.0, 0.3, 0.5, 0.8, 1.0, 1.2]
 
     def test_commands_are_sent_in_their_time(self, tmp_path: Path) -> None:
         text = """
@@ -369,16 +395,49 @@ class TestResults:
         assert "Traceback" not in said
 
     def test_results_of_a_newer_format_are_refused(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        import sqlite3
-
         sweep(experiment(seeds=1), tmp_path / "results")
         with sqlite3.connect(tmp_path / "results" / "runs.sqlite") as connection:
-            assert connection.execute("PRAGMA user_version").fetchone() == (1,)
-            connection.execute("PRAGMA user_version = 2")
+            assert connection.execute("PRAGMA user_version").fetchone() == (2,)
+            connection.execute("PRAGMA user_version = 3")
         figure = ("--x", "seed", "--y", "mean_battery", "--out", str(tmp_path / "a.svg"))
         for command in (["sweep"], ["sweep", "--verify"], ["plot", *figure]):
             assert main([command[0], str(tmp_path / "results"), *command[1:]]) == 2
-            assert "have format 2, and this sleepcast knows formats up to 1" in capsys.readouterr().err
+            assert "have format 3, and this sleepcast knows formats up to 2" in capsys.readouterr().err
+
+    @pytest.mark.parametrize(
+        ("changes", "reason"),
+        [
+            ({"until": "max time >= 0.2"}, "which looked at `until` only when a sample was due"),
+            ({"every": 0.25}, "which took samples only every so many whole ticks"),
+        ],
+    )
+    def test_results_of_older_rules_are_read_but_not_gone_on_with(
+        self, tmp_path: Path, changes: dict[str, object], reason: str
+    ) -> None:
+        folder, wanted = tmp_path / "results", experiment(over=FEW, seconds=0.3, **changes)
+        with Results(folder, wanted) as results:
+            results.keep(do(wanted, each) for each in wanted.runs())
+        as_before(folder, "")
+        sweep(wanted, folder)  # nothing is left to do
+        as_before(folder, "DELETE FROM runs WHERE number = 1")
+        said = f"done by sleepcast 0.2.0 or earlier, {reason}: .* \\(sleepcast sweep .*/experiment.toml --out ANOTHER"
+        with pytest.raises(ResultsError, match=said):
+            sweep(wanted, folder)
+        with pytest.raises(ResultsError, match=said):
+            list(verify(folder, 1))
+        assert summary_of(folder).done == 1
+
+    def test_results_to_which_the_rules_make_no_difference_go_on(self, tmp_path: Path) -> None:
+        folder, wanted = tmp_path / "results", experiment(over=FEW, seconds=0.5, every=0.2)
+        with Results(folder, wanted) as results:
+            results.keep(do(wanted, each) for each in wanted.runs())
+        whole = list(outcomes_in(folder))
+        as_before(folder, "DELETE FROM runs WHERE number = 1")
+        with Results(folder, wanted) as results:
+            results.keep(do(wanted, each) for each in results.missing())
+        assert all(each.same_as(before) for each, before in zip(outcomes_in(folder), whole, strict=True))
+        with sqlite3.connect(folder / "runs.sqlite") as connection:
+            assert connection.execute("PRAGMA user_version").fetchone() == (2,)
 
     def test_the_folder_says_what_made_the_results(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)

@@ -211,6 +211,29 @@ class TestParallel:
         assert all(done.values())
         assert not any(cut.values())
 
+    @pytest.mark.parametrize(
+        "end",
+        [{"until": "count (< 0.65s time 0.75s) >= 1"}, {"done": "(< (+ 0.55 (/ id 100)) time (+ 0.7 (/ id 100)))"}],
+    )
+    def test_it_ends_on_the_tick_at_which_it_is_reached(self, end: dict[str, Any]) -> None:
+        env = gym.parallel_env("bravo", **{**RESCUE, "ticks": 5}, **end)
+        env.reset(seed=1)
+        still = {name: np.zeros(2) for name in env.agents}
+        assert [any(env.step(still)[2].values()) for _ in range(2)] == [False, True]
+        assert env.agents == []
+        assert env.fleet.time == pytest.approx(0.7)
+
+    def test_who_is_done_within_a_step_rests_from_then_on(self) -> None:
+        states = []
+        for ticks in (10, 1):
+            env = gym.parallel_env("bravo", **{**RESCUE, "ticks": ticks}, done="(AND (= id 1) (< 0.45s time 0.55s))")
+            env.reset(seed=1)
+            for _ in range(10 // ticks):
+                env.step({name: np.array([5.0, 0.0]) for name in env.agents})
+            states.append((env.fleet.hash, env.agents))
+        assert states[0] == states[1]
+        assert "scout1" not in states[0][1]
+
     @pytest.mark.parametrize("end", [{"until": "share (> time 0.5s) >= 1"}, {"done": "(> time 0.5s)"}, {}])
     def test_when_all_have_left_nothing_happens_any_more(self, end: dict[str, Any]) -> None:
         env = gym.parallel_env("bravo", **RESCUE, **end)

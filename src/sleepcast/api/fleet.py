@@ -22,7 +22,9 @@ from sleepcast.api.progress import steps
 from sleepcast.api.results import CommandResult
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.given_numbers import read_seconds
-from sleepcast.language import CheckError, Explanation
+from sleepcast.core.ticks import Every
+from sleepcast.fleet.asked import MAX_ASKED
+from sleepcast.language import Checked, CheckError, Explanation
 from sleepcast.loop import Swarm, load, save, snapshot
 from sleepcast.loop.mission import MissionLog
 from sleepcast.loop.rerun import InputLog
@@ -45,7 +47,9 @@ class SimulatedFleet(Fleet):
     def __init__(self, swarm: Swarm, station: Station) -> None:
         super().__init__(station)
         self.swarm = swarm
-        self._histories: list[tuple[int, History]] = []
+        self._histories: list[tuple[Every, History]] = []
+        self._checked: dict[str, tuple[int, Checked]] = {}
+        """What was found in expressions, and `FleetState.turns` then."""
         self._inputs: InputLog | None = None
         """All that came from outside since the start; None for a fleet whose start nobody saw."""
         scenario = swarm.simulator.scenario
@@ -65,9 +69,10 @@ class SimulatedFleet(Fleet):
         return self.swarm.now()
 
     def run(self, seconds: float, *, quiet: bool = False) -> SimulatedFleet:
-        """Let simulated time pass, as fast as possible; gives the fleet itself. quiet: without a progress bar. Raises
-        MisuseError for a time that is none."""
-        count = round(read_seconds(seconds, "cannot run for", MAX_TIME) / self.swarm.simulator.scenario.tick)
+        """Let simulated time pass, as fast as possible; gives the fleet itself. It passes in ticks of the scenario, so
+        it ends on the tick that is nearest; what is left over is carried to the next `run`. quiet: without a progress
+        bar. Raises MisuseError for a time that is none."""
+        count = self.swarm.carried.ticks(read_seconds(seconds, "cannot run for", MAX_TIME))
         with closing(steps(count, self.swarm.simulator.scenario.name, quiet=quiet)) as ticks:
             for _ in ticks:
                 self._pass()
@@ -76,8 +81,8 @@ class SimulatedFleet(Fleet):
 
     def _step(self) -> None:
         self.swarm.step()
-        for ticks, history in self._histories:
-            if self.swarm.simulator.tick % ticks == 0:
+        for every, history in self._histories:
+            if every.due(self.swarm.simulator.tick):
                 self._sample(history)
 
     def _pass(self) -> None:
@@ -159,15 +164,24 @@ class SimulatedFleet(Fleet):
 
     def __getitem__(self, expression: str) -> NDArray[np.float64]:
         """See `Fleet`: no radio is needed, and nothing changes."""
-        checked = self.station.check(expression)
-        if checked.unknown:
-            raise CheckError(checked.findings, expression, checked.more)
+        self._check(expression)
         with self._turn():
             return self._values(expression)
 
+    def _check(self, expression: str) -> None:
+        """Raise what is wrong with it; nothing new can be as long as no robot's mind changes."""
+        turns = self.swarm.fleet.state.turns
+        before, checked = self._checked.get(expression, (-1, None))
+        if checked is None or before != turns:
+            if len(self._checked) >= MAX_ASKED:
+                self._checked.clear()
+            checked = self.station.check(expression)
+            self._checked[expression] = turns, checked
+        if checked.unknown:
+            raise CheckError(checked.findings, expression, checked.more)
+
     def _values(self, expression: str) -> NDArray[np.float64]:
-        self.swarm.sense()
-        return read_only(self.swarm.fleet.values_of(expression, self.time))
+        return read_only(self.swarm.values_of(expression))
 
     def _members(self) -> dict[str, tuple[str, ...]]:
         names = np.array(self.names)
@@ -184,21 +198,21 @@ class SimulatedFleet(Fleet):
         return self.swarm.simulator.state_hash()
 
     def history(self, *expressions: str, every: float = 1.0) -> History:
-        """Sample expressions on all robots from now on, every so many simulated seconds. Raises what `fleet[...]`
-        raises, and MisuseError for a time that is no tick of the scenario."""
+        """Sample expressions on all robots from now on, every so many simulated seconds: on the first tick at or after
+        each multiple of `every`, and at once. Raises what `fleet[...]` raises, and MisuseError for a time that is less
+        than a tick of the scenario."""
         tick = self.swarm.simulator.scenario.tick
-        ticks = round(every / tick) if isfinite(every) else 0
-        if not expressions or ticks < 1:
+        if not expressions or not isfinite(every) or round(every / tick) < 1:
             raise MisuseError(
                 f"history needs expressions, and `every` of a tick ({tick:g} s) or more: got "
                 f"{len(expressions)} expressions every {every:g} s"
             )
         for each in expressions:
             self[each]  # what is wrong with it is said now
-        history = History(tuple(self.names), expressions, ticks * tick)
+        history = History(tuple(self.names), expressions, every)
         with self._turn():
             self._sample(history)
-            self._histories.append((ticks, history))
+            self._histories.append((Every(every, tick), history))
         return history
 
     def _sample(self, history: History) -> None:

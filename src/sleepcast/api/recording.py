@@ -18,6 +18,7 @@ from sleepcast.api.painting import Painter
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.ticks import Every, nearest_ticks
 from sleepcast.core.version import VERSION
 from sleepcast.fleet.failing import MOST_TOLD, RECENT, failing_rules
 from sleepcast.fleet.marks import Groups, flags_of
@@ -123,11 +124,11 @@ class RecordingWitness:
                 break
             self._recorder.log(now, simulator.names[saying.robot], saying.text)
         self._look_at_world(simulator.tick, own=True)
-        if simulator.tick % self._pictures == 0:
+        if self._pictures.due(simulator.tick):
             if self._recorder.full(now) and self._recorder.turn(now):
                 self._repeat(now)
             self.picture()
-        if simulator.tick % self._readings == 0 and self._seen != simulator.tick:
+        if self._readings.due(simulator.tick) and self._seen != simulator.tick:
             self.look()
 
     def picture(self) -> None:
@@ -230,12 +231,13 @@ class RecordingWitness:
         self._recorder.note(RULES, now, body)
 
 
-def periods(scenario: Scenario, wanted: RecordingPlan) -> tuple[int, int]:
-    """Ticks between two pictures, and between two readings."""
-    usual = max(TICKS_PER_PICTURE, round(scenario.speed_up / PICTURES_PER_SECOND / scenario.tick))
-    pictures = usual if wanted.pictures is None else max(1, round(wanted.pictures / scenario.tick))
-    readings = PICTURES_PER_READING * pictures if wanted.readings is None else round(wanted.readings / scenario.tick)
-    return pictures, max(1, readings)
+def periods(scenario: Scenario, wanted: RecordingPlan) -> tuple[Every, Every]:
+    """When pictures are due, and when readings."""
+    tick = scenario.tick
+    usual = max(TICKS_PER_PICTURE, nearest_ticks(scenario.speed_up / PICTURES_PER_SECOND, tick)) * tick
+    pictures = usual if wanted.pictures is None else wanted.pictures
+    readings = PICTURES_PER_READING * pictures if wanted.readings is None else wanted.readings
+    return Every(pictures, tick), Every(readings, tick)
 
 
 @contextmanager

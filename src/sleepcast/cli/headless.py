@@ -15,6 +15,7 @@ from sleepcast.api.session_test import counts_of, unmet
 from sleepcast.cli.interrupts import Interrupts, Terminated
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.ticks import nearest_ticks
 from sleepcast.loop import Swarm, save, snapshot
 from sleepcast.loop.snapshots import SnapshotLostError
 from sleepcast.station import Command, Station
@@ -122,8 +123,8 @@ def _ticks(swarm: Swarm, seconds: float | None) -> int:
     """How many ticks a run is to make."""
     scenario, tick = swarm.simulator.scenario, swarm.simulator.scenario.tick
     if seconds is not None:
-        return max(1, round(seconds / tick))
-    left = round(scenario.seconds / tick) - swarm.simulator.tick
+        return max(1, nearest_ticks(seconds, tick))
+    left = nearest_ticks(scenario.seconds, tick) - swarm.simulator.tick
     if left < 1 and swarm.simulator.tick:
         raise MisuseError(
             f"the snapshot was taken at {swarm.now():g} s, and {scenario.name} ends at {scenario.seconds:g} s: say "
@@ -170,7 +171,7 @@ class SnapshotPlan:
         last = first + ticks
         if self.at is None:
             return last
-        found = round(self.at / tick)
+        found = nearest_ticks(self.at, tick)
         if not first < found <= last:
             raise MisuseError(
                 f"--snapshot-at {self.at:g} s: the run goes from {first * tick:g} s to {last * tick:g} s, so take the "

@@ -10,7 +10,6 @@ import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
-from math import ceil
 from pathlib import Path
 
 from sleepcast.api.assembly import assemble, warm_up
@@ -20,8 +19,9 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.core.files import open_file
 from sleepcast.core.given_numbers import MAX_SEED
 from sleepcast.core.settings import MAX_BYTES, Table, read_text, toml_document
+from sleepcast.core.ticks import tick_at
 from sleepcast.core.units import TIME
-from sleepcast.experiments.goals import EVERY, MAX_GOALS, Goal, GoalJudge, read_goal
+from sleepcast.experiments.goals import MAX_GOALS, Goal, GoalJudge, read_goal
 from sleepcast.simulator import Changes, Order, Scenario, find_scenario, parse_mission, scenario_names
 from sleepcast.simulator.scenario.robot_settings import MAX_TIME
 
@@ -31,8 +31,6 @@ MAX_MEMBERS = 100
 """Files in it."""
 BAD_ZIP = (zipfile.BadZipFile, zlib.error, EOFError, ValueError, RuntimeError, NotImplementedError)
 """What reading a malformed zip file may raise."""
-SLACK = 1e-6
-"""Of a tick, by which rounding may move an order."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +50,7 @@ class SavedTest:
 
     @property
     def ticks(self) -> int:
-        return max(1, _tick_of(self.seconds, self.scenario.tick))
+        return max(1, tick_at(self.seconds, self.scenario.tick))
 
 
 @dataclass(frozen=True)
@@ -187,11 +185,6 @@ def _plain(table: Table, key: str) -> object:
     return value
 
 
-def _tick_of(time: float, tick: float) -> int:
-    """The first tick that ends at this time or later."""
-    return ceil(time / tick - SLACK)
-
-
 def run_test(test: SavedTest, *, threads: int | None = None, ticks: Iterable[int] | None = None) -> Verdict:
     """Run a test again. ticks: the numbers of its ticks, from 0, by which to show how far it is. Raises MissionError
     for an order that cannot be sent, MisuseError for a goal that cannot be measured."""
@@ -200,14 +193,12 @@ def run_test(test: SavedTest, *, threads: int | None = None, ticks: Iterable[int
     swarm, station, tick = fleet.swarm, fleet.station, test.scenario.tick
     swarm.introduce()
     judge, waiting, sent = GoalJudge(test.goals, test.name), list(reversed(test.orders)), list[str]()
-    look = max(1, round(EVERY / tick))
     with fleet:
         for done in range(test.ticks) if ticks is None else ticks:
-            while waiting and _tick_of(waiting[-1].time, tick) <= done + 1:
+            while waiting and tick_at(waiting[-1].time, tick) <= done + 1:
                 sent.append(send_order(station, waiting.pop()))
             swarm.step()
-            if (done + 1) % look == 0 or done + 1 == test.ticks:
-                judge.look(fleet, is_end=done + 1 == test.ticks)
+            judge.look(fleet, is_end=done + 1 == test.ticks)
         counts = [counts_of(station.accounting(command)) for command in sent]
         state = fleet.hash
     missed = [f"{order.place}: it was to be sent at {order.time:g} s, after the end" for order in reversed(waiting)]

@@ -24,8 +24,9 @@ from typing import NamedTuple
 from sleepcast.api.fleet import open as open_fleet
 from sleepcast.core.errors import MisuseError, did_you_mean, in_file
 from sleepcast.core.settings import Table, toml_document
+from sleepcast.core.ticks import nearest_ticks
 from sleepcast.core.units import TIME
-from sleepcast.experiments.goals import EVERY, MAX_GOALS, Goal, GoalJudge, Miss, answering, read_goal
+from sleepcast.experiments.goals import MAX_GOALS, Goal, GoalJudge, Miss, answering, read_goal
 from sleepcast.language import List, check, read, read_all
 from sleepcast.language.learned_names import LearnedNames
 from sleepcast.language.reader import Symbol, walk
@@ -152,7 +153,8 @@ def attempt(exercise: Exercise, orders: Sequence[Order], seed: int) -> list[Miss
     scenario = replace(exercise.scenario, mission=tuple(orders), seed=seed)
     judge = GoalJudge(exercise.goals, exercise.name)
     with open_fleet(scenario, mission=True, threads=1) as fleet:
-        while fleet.time < exercise.seconds - 1e-9:
-            fleet.run(min(EVERY, exercise.seconds - fleet.time), quiet=True)
-            judge.look(fleet, is_end=fleet.time >= exercise.seconds - 1e-9)
+        ticks = max(1, nearest_ticks(exercise.seconds, scenario.tick))
+        for number in range(1, ticks + 1):
+            fleet.run(scenario.tick, quiet=True)
+            judge.look(fleet, is_end=number == ticks)
     return judge.missed

@@ -4,7 +4,7 @@
     holds = "share (= marked (> fuel 50%)) >= 0.99"
     otherwise = "Somebody is marked who should not be, or the other way round."
 
-A goal holds at the end; with `when = "always"` in every second, from `after` on; with `when = "once"` in any of them.
+A goal holds at the end; with `when = "always"` at every tick, from `after` on; with `when = "once"` at any of them.
 """
 
 from __future__ import annotations
@@ -22,8 +22,6 @@ from sleepcast.experiments.measures import StopCondition, read_stop
 from sleepcast.language import CheckError, ReadError
 
 MAX_GOALS = 16
-EVERY = 1.0
-"""Simulated seconds between two looks at the goals."""
 MAX_TIME = 1e7
 """Simulated seconds, after which no goal begins."""
 
@@ -86,7 +84,7 @@ class GoalJudge:
         self._met: set[Goal] = set()
 
     def look(self, fleet: SimulatedFleet, *, is_end: bool) -> None:
-        """See how things are now; at the end for the last time. Raises MisuseError for a goal that cannot be
+        """See how things are after a tick; at the end for the last time. Raises MisuseError for a goal that cannot be
         measured."""
         for goal in self._goals:
             if goal in self._met or (goal.when == "end" and not is_end) or fleet.time < goal.after - 1e-9:

@@ -61,9 +61,9 @@ OF_ANGLES: dict[str, Callable[[Values], float]] = OF_KNOWN | {
 """The same of angles, rad; see `core.angles`. sum: of the numbers."""
 ANGULAR = ("min", "mean", "median", "max", "quantile")
 """What is an angle again if it is made of angles."""
-OF_TRUE: dict[str, Callable[[Values], float]] = {
-    "count": lambda true: float(true.sum()),
-    "share": lambda true: float(true.mean()) if true.size else nan,
+OF_TRUE: dict[str, Callable[[NDArray[np.bool_]], float]] = {
+    "count": lambda true: float(np.count_nonzero(true)),
+    "share": lambda true: np.count_nonzero(true) / true.size if true.size else nan,
 }
 """What is made of for whom it is true; unknown is not."""
 AGGREGATES = (*OF_KNOWN, *OF_TRUE, "quantile", "stock")
@@ -101,7 +101,7 @@ def read_measure(text: str, *, own: bool = False) -> Measure:
     if expression and first in OF_KNOWN:
         return lambda fleet: _of_known(fleet, expression, OF_KNOWN[first], OF_ANGLES[first])
     if expression and first in OF_TRUE:
-        return lambda fleet: OF_TRUE[first](np.where(fleet[expression] > 0.0, 1.0, 0.0))
+        return lambda fleet: OF_TRUE[first](fleet[expression] > 0.0)
     if expression and first == "quantile":
         return _quantile(text, expression)
     if expression and first == "stock":

@@ -267,6 +267,12 @@ class Experiment(msgspec.Struct, frozen=True):
         """The scenario with these settings. Raises what `find_scenario` raises."""
         return find_scenario(self.scenario, Changes(seed=seed, over=tuple(point.items())))
 
+    def ticks(self) -> set[float]:
+        """The ticks of its runs, s."""
+        first = self.first().point
+        values = _values(self.over["tick"]) if "tick" in self.over else (None,)
+        return {self.scenario_at(first if each is None else first | {"tick": each}).tick for each in values}
+
     def checked(self) -> Experiment:
         """The same, if it can be carried out: every measure can be read, and every value of every key fits the
         scenario. What measures in Python name is imported: see `trust`. Raises MisuseError."""

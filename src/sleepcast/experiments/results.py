@@ -17,7 +17,7 @@ import platform
 import sqlite3
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import closing, contextmanager, suppress
 from itertools import islice
 from pathlib import Path
 from types import TracebackType
@@ -31,6 +31,7 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.extras import installing
 from sleepcast.core.files import lock_file, replace_file
 from sleepcast.core.settings import SettingsError
+from sleepcast.core.ticks import SLACK
 from sleepcast.core.version import VERSION
 from sleepcast.experiments.angles import angles_of
 from sleepcast.experiments.drawing import band
@@ -45,8 +46,10 @@ CREATE TABLE IF NOT EXISTS runs (
     wall REAL NOT NULL, samples TEXT NOT NULL
 ) STRICT
 """
-FORMAT = 1
-"""Version of the file of runs, which is its `user_version`; those of a newer one are refused."""
+FORMAT = 2
+"""Version of the file of runs and of the rules by which they were done, which is its `user_version`; those of a newer
+one are refused. In 1, `until` was looked at only when a sample was due, and samples fell on every so many whole
+ticks."""
 MAX_CELL = 64 * 1024**2
 """Bytes of one row: a million samples of a measure have a third of it."""
 MAX_VALUES = 8_000_000
@@ -79,8 +82,8 @@ class Outcome(msgspec.Struct, frozen=True):
 
 
 class Results:
-    """The folder of an experiment, open for writing by one process. Raises ResultsError, and ResultsLostError where
-    nothing can be written."""
+    """The folder of an experiment, open for writing by one process. outdated: by which older rule its runs were done,
+    in words; "" if they fit those of now. Raises ResultsError, and ResultsLostError where nothing can be written."""
 
     def __init__(self, folder: Path, experiment: Experiment) -> None:
         self.folder, self.experiment = folder, experiment
@@ -89,9 +92,11 @@ class Results:
             self._lock = lock_file(folder / LOCK)
             self._connection = sqlite3.connect(folder / RUNS, isolation_level=None)
             self._connection.execute("PRAGMA journal_mode = WAL")  # others may read meanwhile
-            _check_format(folder, self._connection)
+            before = _check_format(folder, self._connection) or FORMAT
+            self.outdated = _outdated(experiment) if before < FORMAT else ""
             self._connection.execute(SCHEMA)
-            self._connection.execute(f"PRAGMA user_version = {FORMAT}")
+            if not self.outdated:
+                self._connection.execute(f"PRAGMA user_version = {FORMAT}")
         except BlockingIOError:
             raise ResultsError(
                 f"{folder}: another sweep is writing here: wait for its end, or choose another folder"
@@ -279,16 +284,21 @@ def experiment_in(folder: Path) -> Experiment:
 
 def outcomes_in(folder: Path) -> Iterator[Outcome]:
     """Every finished run, by number. Raises ResultsError."""
+    experiment = experiment_in(folder)
+    with _reading(folder) as connection:
+        _check_format(folder, connection)
+        found = connection.execute("SELECT run, error, hash, wall, samples FROM runs ORDER BY number")
+        for row in islice(found, MAX_ROWS):
+            yield _outcome(row, experiment)
+
+
+@contextmanager
+def _reading(folder: Path) -> Iterator[sqlite3.Connection]:
+    """The file of runs, to be read. Raises ResultsError, also for what is wrong in it."""
     try:
-        experiment = experiment_in(folder)
         connection = sqlite3.connect(f"{(folder / RUNS).resolve().as_uri()}?mode=ro", uri=True, timeout=1.0)
-        try:
-            _check_format(folder, connection)
-            found = connection.execute("SELECT run, error, hash, wall, samples FROM runs ORDER BY number")
-            for row in islice(found, MAX_ROWS):
-                yield _outcome(row, experiment)
-        finally:
-            connection.close()
+        with closing(connection):
+            yield connection
     except (sqlite3.Error, ValueError, RecursionError) as error:
         raise ResultsError(f"{folder / RUNS}: the results cannot be read: {error}") from error
 
@@ -313,20 +323,49 @@ def _samples(text: str, experiment: Experiment) -> tuple[tuple[float | None, ...
     return taken
 
 
-def _check_format(folder: Path, connection: sqlite3.Connection) -> None:
-    """Raise ResultsError for results that this program does not know, or that compute instead of being there: a view
-    of a few bytes may have rows without end, and a trigger may do anything to what is written."""
+def check_rules(folder: Path, outdated: str) -> None:
+    """Raise ResultsError where runs of now would not fit those that are there. outdated: see `Results`."""
+    if outdated:
+        raise ResultsError(
+            f"{folder}: its runs were done by sleepcast 0.2.0 or earlier, {outdated}: runs of this version would not "
+            f"fit them. Begin anew in another folder (sleepcast sweep {folder / PLAN} --out ANOTHER), or finish it "
+            "with the version that began it"
+        )
+
+
+def outdated_in(folder: Path) -> str:
+    """By which older rule its runs were done, see `Results`. Raises ResultsError."""
+    experiment = experiment_in(folder)
+    with _reading(folder) as connection:
+        return _outdated(experiment) if _check_format(folder, connection) < FORMAT else ""
+
+
+def _outdated(experiment: Experiment) -> str:
+    """What an older version did otherwise in such an experiment; "" for nothing."""
+    if experiment.until:
+        return "which looked at `until` only when a sample was due"
+    uneven = experiment.every is not None and any(
+        abs((ratio := experiment.every / tick) - round(ratio)) > SLACK for tick in experiment.ticks()
+    )
+    return "which took samples only every so many whole ticks" if uneven else ""
+
+
+def _check_format(folder: Path, connection: sqlite3.Connection) -> int:
+    """The version of a file of runs, 0 for a new one. Raise ResultsError for results that this program does not know,
+    or that compute instead of being there: a view of a few bytes may have rows without end, and a trigger may do
+    anything to what is written."""
     connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_CELL)
     connection.execute("PRAGMA trusted_schema = OFF")
     others = connection.execute("SELECT name FROM sqlite_schema WHERE type IN ('view', 'trigger')").fetchall()
     if others:
         raise ResultsError(f"{folder}: its {RUNS} has {others[0][0]!r:.80}, which no results have: not read")
-    found = connection.execute("PRAGMA user_version").fetchone()[0]
+    found: int = connection.execute("PRAGMA user_version").fetchone()[0]
     if found > FORMAT:
         raise ResultsError(
             f"{folder}: these results have format {found}, and this sleepcast knows formats up to {FORMAT}: "
             "use a newer sleepcast"
         )
+    return found
 
 
 def summary_of(folder: Path) -> Summary:
@@ -430,6 +469,7 @@ def _begin(folder: Path, experiment: Experiment) -> None:
 def _about() -> dict[str, object]:
     return {
         "sleepcast": VERSION,
+        "rules": FORMAT,
         "python": platform.python_version(),
         "numpy": np.__version__,
         "machine": platform.platform(),

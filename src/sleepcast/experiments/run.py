@@ -31,18 +31,18 @@ from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.extras import installing
 from sleepcast.core.hosts import is_loopback
+from sleepcast.core.ticks import Every, nearest_ticks
 from sleepcast.experiments.measures import Measure, if_known, read_measure, read_stop
 from sleepcast.experiments.plan import Experiment, Run
-from sleepcast.experiments.results import Outcome, Results, experiment_in, outcomes_in
+from sleepcast.experiments.results import Outcome, Results, check_rules, experiment_in, outcomes_in, outdated_in
 from sleepcast.language import CheckError
+from sleepcast.simulator import Scenario
 from sleepcast.simulator.scenario.groups import filled
 from sleepcast.simulator.scenario.mission import Order
 
 if TYPE_CHECKING:
     from distributed import Future
 
-LOOKS = 1.0
-"""Simulated seconds between two looks at the stop condition where no samples are taken on the way."""
 CONNECTING = 10.0
 """Seconds in which a cluster answers."""
 LONGEST_RUN = 3_600.0
@@ -88,27 +88,34 @@ def opened(experiment: Experiment, run: Run) -> SimulatedFleet:
 
 def _done(experiment: Experiment, run: Run) -> tuple[tuple[tuple[float | None, ...], ...], str]:
     measures = [read_measure(text, own=True) for text in experiment.measures.values()]
-    stop = read_stop(experiment.until, own=True) if experiment.until else None
+    soon = [if_known(measure) for measure in measures]
+    stop = if_known(read_stop(experiment.until, own=True).holds) if experiment.until else None
     with opened(experiment, run) as fleet:
-        scenario = fleet.swarm.simulator.scenario
-        last = max(1, round((scenario.seconds if experiment.seconds is None else experiment.seconds) / scenario.tick))
-        sample = None if experiment.every is None else max(1, round(experiment.every / scenario.tick))
-        step = sample or (last if stop is None else max(1, round(LOOKS / scenario.tick)))
-
-        def taken(measures: Sequence[Measure]) -> tuple[float | None, ...]:
-            values = [measure(fleet) for measure in measures]
-            return round(fleet.time, 9), *(None if isnan(value) else value for value in values)
-
-        soon = [if_known(measure) for measure in measures]
-        samples = [taken(soon)] if sample else []
+        tick, last = fleet.swarm.simulator.scenario.tick, ticks_of(experiment, fleet.swarm.simulator.scenario)
+        due = None if experiment.every is None else Every(experiment.every, tick)
+        samples = [] if due is None else [_taken(fleet, soon)]
         ticks = 0
-        while ticks < last and not (stop is not None and ticks and if_known(stop.holds)(fleet) == 1.0):
-            forward = min(step, last - ticks)
-            fleet.run(forward * scenario.tick, quiet=True)
-            ticks += forward
-            if sample:
-                samples.append(taken(soon))
-        return (*samples[:-1], taken(measures)), fleet.hash
+        while ticks < last:
+            following = ticks + 1 if stop else last if due is None else min(last, due.following(ticks))
+            fleet.run((following - ticks) * tick, quiet=True)
+            ticks = following
+            if stop is not None and stop(fleet) == 1.0:
+                break
+            if due is not None and due.due(ticks) and ticks < last:
+                samples.append(_taken(fleet, soon))
+        return (*samples, _taken(fleet, measures)), fleet.hash
+
+
+def ticks_of(experiment: Experiment, scenario: Scenario) -> int:
+    """How long a run is, unless it ends early."""
+    seconds = scenario.seconds if experiment.seconds is None else experiment.seconds
+    return max(1, nearest_ticks(seconds, scenario.tick))
+
+
+def _taken(fleet: SimulatedFleet, measures: Sequence[Measure]) -> tuple[float | None, ...]:
+    """A sample: the time, and each measure, None for unknown."""
+    values = [measure(fleet) for measure in measures]
+    return round(fleet.time, 9), *(None if isnan(value) else value for value in values)
 
 
 def run_all(
@@ -121,6 +128,7 @@ def run_all(
     experiment, left = results.experiment, results.missing(retry=retry)
     if not left:
         return
+    check_rules(results.folder, results.outdated)
     at_once = len(left) if experiment.goal is None else experiment.goal.together * len(experiment.seeds)
     with _pool(experiment, workers, at_once, limit) as pool:
         while left:
@@ -133,6 +141,7 @@ def run_all(
 def verify(folder: Path, workers: int | str, most: int | None = None) -> Generator[tuple[Outcome, bool], None, None]:
     """Do finished runs again, the first `most` of them; gives each, and whether it came out the same."""
     experiment = experiment_in(folder)
+    check_rules(folder, outdated_in(folder))
     before = {each.run.number: each for each in list(outcomes_in(folder))[:most]}
     with _pool(experiment, workers, len(before)) as pool:
         for finished in pool.map([each.run for each in before.values()]):

@@ -20,13 +20,13 @@ from sleepcast.channel.message_batch import Answers, MessageBatch, NameIndex
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.model import RestState
 from sleepcast.core.threads import ThreadPool
+from sleepcast.fleet.asked import AskedTexts
 from sleepcast.fleet.bodies import FleetBodies
 from sleepcast.fleet.evaluation import Noted, fault_text
 from sleepcast.fleet.inspection import (
     EvaluationLog,
     FleetTelemetry,
     LogEntry,
-    QuietMemory,
     ReadSet,
     recollect,
     rehearsal,
@@ -316,6 +316,8 @@ class Fleet(Mapping[str, RobotView]):
         self.telemetry = FleetTelemetry(self.state, self.minds, self._bodies)
         """The latest telemetry of each robot."""
         self._read_set = ReadSet(self.memory)
+        self.asked = AskedTexts(self.state, self.minds, bodies)
+        """The expressions that are asked for on all robots; see `values_of`."""
         self.inbox = Inbox(count)
         self.minds_used = 1
         """Number of minds in use when last counted."""
@@ -561,25 +563,17 @@ class Fleet(Mapping[str, RobotView]):
 
         return [self.run(found, rows) for found, rows, _ in self.memory.divide(self.rows(robots), program)]
 
-    def values_of(self, text: str, now: float, robots: Some = None) -> Column:
-        """The value of an expression on each of these robots at `now` (s), NaN for unknown, without side effects.
+    def values_of(self, text: str, now: float) -> Column:
+        """The value of an expression on each robot at `now` (s), NaN for unknown, without side effects.
 
         Raises ReadError, CheckError, and FleetError for an expression with side effects, random numbers or a function
         that makes a body do something.
         """
-        rows = self.rows(robots)
-        self.state.assign(TIME_SLOT, rows, float(now))  # idle robots have not looked at their clocks
-        found, memory = np.full(rows.size, nan), QuietMemory(self.state, self.minds, self.bodies)
-
-        def program(number: int) -> Program:
-            return self.minds.library.program(
-                text, lambda: [read(text)], MindNames(self.vocabulary, self.minds[number])
-            )
-
-        for checked, some, mask in memory.divide(rows, program):
-            found[... if mask is None else mask] = evaluate(memory, checked, some)
-        if memory.reasons:
-            raise FleetError(f"cannot say what {text} comes to without doing it: {memory.reasons[0]}")
+        asked = self.asked[text]
+        self.state.assign(TIME_SLOT, asked.rows, float(now))  # idle robots have not looked at their clocks
+        found, reason = asked.values()
+        if reason:
+            raise FleetError(f"cannot say what {text} comes to without doing it: {reason}")
         return found
 
     def run(self, program: Program, rows: Rows, command: str = "", *, answered: bool = False) -> Evaluated:

@@ -152,6 +152,7 @@ class FleetState:
         """What each robot has learned: a number in the table of minds. Changed by `turn`."""
         self._one_mind: list[int] = [0]
         """The common mind of all robots, if it is known that there is one; in a list, because shadows share it."""
+        self._turns: list[int] = [0]
         self.proven = np.zeros(count, np.int32)
         """The mind whose rules ROLLBACK restores."""
         self.unproven_since = np.zeros(count, np.int64)
@@ -219,9 +220,15 @@ class FleetState:
         """The common mind of all robots; None if they may have different ones."""
         return self._one_mind[0] if self._one_mind else None
 
+    @property
+    def turns(self) -> int:
+        """How often robots have been given minds: as long as it stays the same, all have the same minds as before."""
+        return self._turns[0]
+
     def turn(self, rows: Rows, mind: int) -> None:
         """Give these robots a mind."""
         self.mind[rows.index] = mind
+        self._turns[0] += 1
         if rows.size == self.count:
             self._one_mind[:] = [mind]
         elif self._one_mind != [mind]:
@@ -311,6 +318,7 @@ class FleetState:
         self.refill(state.values)
         load_arrays(state.arrays, self._arrays())
         self._one_mind.clear()
+        self._turns[0] += 1
         if not all(0 <= slot < len(self._same) for slot in state.actuated):
             raise SerialError("an actuator that is no variable")
         self.actuated = {

@@ -39,6 +39,7 @@ class Episode:
         self._rows = {each.name.casefold(): row for row, each in enumerate(self._swarm.simulator.model.sensors)}
         self._programs = [] if isinstance(checked.acted, Box) else [self._program(text) for text in self._task.actions]
         self._done: Flags = np.zeros(len(checked.names), np.bool_)
+        self._resting: Flags = self._done.copy()
         self._steps = 0
         self._swarm.sense()
 
@@ -46,21 +47,32 @@ class Episode:
         self.fleet.close()
 
     def step(self, actions: NDArray[np.generic]) -> Step:
-        """Let all robots act that are not done, and time pass. actions: shape (robots, actuators), or for expressions
-        their numbers, shape (robots,)."""
+        """Let all robots act that are not done, and time pass: the ticks of a step, or fewer if the episode ends on one
+        of them. actions: shape (robots, actuators), or for expressions their numbers, shape (robots,)."""
         before = self._done.copy()
         self._act(actions, np.flatnonzero(~before))
         for _ in range(self._task.ticks):
+            self._halt_done()
             self._swarm.step()
+            if ended := self._has_ended():
+                break
         self._steps += 1
         self._swarm.sense()
         reward = np.where(before, 0.0, np.nan_to_num(self._values(self._task.reward)))
-        if self._task.done:
-            self._done |= self._values(self._task.done) > 0.0
-            self._swarm.simulator.robots.halt(np.flatnonzero(self._done & ~before))
-        until = self._checked.until
-        ended = bool(self._done.all()) or (until is not None and until.holds(self.fleet))
+        self._halt_done()
         return Step(self.observe(), reward, self._done.copy(), ended, self._steps >= self._checked.steps)
+
+    def _has_ended(self) -> bool:
+        """Whether the episode has reached its goal on this tick; notes who is done by now."""
+        if self._task.done:
+            self._done |= self._swarm.values_of(self._task.done) > 0.0
+        until = self._checked.until
+        return bool(self._done.all()) or (until is not None and until.holds(self.fleet))
+
+    def _halt_done(self) -> None:
+        """Let those rest that are done and still move."""
+        self._swarm.simulator.robots.halt(np.flatnonzero(self._done & ~self._resting))
+        self._resting |= self._done
 
     def observe(self) -> Singles:
         """What robots observe now; unknown values are 0."""

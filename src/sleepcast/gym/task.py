@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sleepcast.api.fleet import SimulatedFleet, open
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.model import Quantity
+from sleepcast.core.ticks import nearest_ticks
 from sleepcast.experiments.measures import StopCondition, read_stop
 from sleepcast.language import check
 from sleepcast.language.learned_names import LearnedNames
@@ -116,7 +117,7 @@ def checked(task: Task) -> Checked:
             tuple(fleet.names),
             _observed(fleet, task.observations),
             _acted(fleet, task.actions),
-            max(1, round(seconds / (scenario.tick * task.ticks))),
+            max(1, nearest_ticks(seconds, scenario.tick * task.ticks)),
             read_stop(task.until, own=True) if task.until else None,
         )
 

@@ -76,10 +76,11 @@ class SnapshotFile(Cover):
 
 class LoopState(msgspec.Struct):
     """The loop's own state. orders: of the mission, not sent yet: time (s), text and place in its script. posted: what
-    the operator has sent since the last tick."""
+    the operator has sent since the last tick. rest: what runs have left over, see `Carried`."""
 
     orders: list[tuple[float, str, str]]
     posted: list[Message]
+    rest: float = 0.0
 
 
 # ---- taking one
@@ -122,7 +123,8 @@ def copy_of(swarm: Swarm, *, desk: Desk | None = None) -> SwarmCopy:
             "swarm be kept so that it goes on as it would have"
         )
     robots = len(swarm.fleet)
-    loop = LoopState([(order.time, order.text, order.place) for order in swarm.mission], list(swarm.posted))
+    orders = [(order.time, order.text, order.place) for order in swarm.mission]
+    loop = LoopState(orders, list(swarm.posted), swarm.carried.rest)
     parts = (simulators.state_of(swarm.simulator), fleets.state_of(swarm.fleet), swarm.radio.state(), loop)
     try:
         copies = [plain(part, room_for(robots)) for part in parts]
@@ -220,9 +222,12 @@ def _resumed(document: SnapshotFile, seed: int | None, threads: int | None) -> S
     loop = unpack(LoopState, document.loop, room, "the part of the loop")
     if max(len(loop.orders), len(loop.posted)) > MAX_ORDERS:
         raise SerialError(f"more than {MAX_ORDERS} orders")
+    if not abs(loop.rest) <= 0.5:
+        raise SerialError(f"{loop.rest} of a tick left over, wanted half of one at most")
     simulator = simulators.resume(state, seed, threads)
     swarm = Swarm(simulator, [Order(*order) for order in loop.orders])
     fleets.restore(swarm.fleet, fleet, simulator.time)
     swarm.radio.restore(radio, simulator.names)
     swarm.posted.extend(loop.posted)
+    swarm.carried.rest = loop.rest
     return swarm

@@ -25,9 +25,10 @@ from sleepcast.channel.simulated_radio import OPERATOR, Radio
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError, in_file
 from sleepcast.core.model import Constant
+from sleepcast.core.ticks import Carried, tick_at
 from sleepcast.core.units import NONE, UNITS
 from sleepcast.fleet import Fleet, RobotView
-from sleepcast.fleet.state import Index, Rows
+from sleepcast.fleet.state import Column, Index, Rows
 from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.mind.views import Result
@@ -149,6 +150,8 @@ class Swarm:
         """Told of an order of the mission that cannot be sent; without it that is raised."""
         self.given: list[tuple[Order, object]] = []
         """The orders of the mission that say what shall become of them and were sent, with what the desk gave."""
+        self.carried = Carried(scenario.tick)
+        """What runs so far have left over, since a tick is the least that time moves."""
         self.telemetry_ticks = max(1, round(scenario.telemetry / scenario.tick))
         """Telemetry period of a robot, in ticks."""
         self.posted: deque[Message] = deque()
@@ -171,8 +174,8 @@ class Swarm:
         step_swarm(self)
 
     def run(self, seconds: float) -> None:
-        """Run for that many simulated seconds, as fast as possible."""
-        for _ in range(round(seconds / self.simulator.scenario.tick)):
+        """Run for that many simulated seconds, as fast as possible. What is less than a tick is carried over."""
+        for _ in range(self.carried.ticks(seconds)):
             step_swarm(self)
 
     def evaluate(self, name: str, text: str) -> Result:
@@ -188,6 +191,17 @@ class Swarm:
         some = None if robots is None or robots.size == len(self.fleet) else robots.robots
         self.simulator.sense(some, sonars)
         self.fleet.look(self.now(), robots)
+
+    def values_of(self, text: str) -> Column:
+        """What an expression comes to on each robot now; of the sonars only those are measured that it reads. Raises
+        what `Fleet.values_of` raises."""
+        reads = self.fleet.asked[text].reads
+        self.sense(sonars=True if reads is None else self.rows_of(self.sonars & reads))
+        return self.fleet.values_of(text, self.now())
+
+    def rows_of(self, sonars: Collection[int]) -> list[int]:
+        """The rows of these slots in the simulator's table."""
+        return [slot - self.vocabulary.first_sensor for slot in sonars]
 
     def introduce(self) -> None:
         """Sample telemetry now: before the first tick, the desk has heard of nobody. Changes nothing that a run depends
@@ -247,7 +261,8 @@ def _deliver(swarm: Swarm) -> None:
 
 def _give_orders(swarm: Swarm) -> None:
     """Let the desk send the orders of the mission that are due."""
-    while swarm.mission and swarm.desk is not None and swarm.mission[0].time <= swarm.now():
+    tick, now = swarm.simulator.scenario.tick, swarm.simulator.tick
+    while swarm.mission and swarm.desk is not None and tick_at(swarm.mission[0].time, tick) <= now:
         order = swarm.mission.popleft()
         try:
             sent = give(swarm.desk, order)
@@ -301,8 +316,7 @@ def _heard(swarm: Swarm) -> bool | Collection[int]:
     asked = swarm.sonars & swarm.fleet.reads()
     if asked and swarm.desk is not None and _is_sampled(swarm):
         return True
-    first = swarm.vocabulary.first_sensor
-    return [slot - first for slot in asked]
+    return swarm.rows_of(asked)
 
 
 def _is_sampled(swarm: Swarm) -> bool:

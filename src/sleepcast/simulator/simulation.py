@@ -108,9 +108,10 @@ class Simulator:
     def step(self) -> None:
         """One tick: apply the scenario's events, move all bodies, update lights, deliver the pings of the last tick,
         settle stocks."""
-        scenario, until = self.scenario, (self.tick + 1) * self.scenario.tick
+        scenario = self.scenario
         if scenario.events:
-            apply_events(self.world, scenario.events, (*scenario.shapes, *scenario.absent), self.time, until)
+            things = (*scenario.shapes, *scenario.absent)
+            apply_events(self.world, scenario.events, things, self.tick + 1, scenario.tick)
         step(self.bodies)
         self.senses.step()
         if self.payload:

@@ -58,6 +58,19 @@ def test_a_distance_leads_to_something(tmp_path: Path) -> None:
         simulator(tmp_path, house, more=BOTH)
 
 
+def test_samples_fall_on_the_first_tick_at_each_multiple() -> None:
+    specs = [MeasureSpec("away", "distance", (3.0, 4.0), 0.25)]
+    measuring = Measuring(specs, 0.1, np.zeros(3), np.zeros(3))
+    for tick in range(1, 11):
+        measuring.observe(tick, tick * 0.1)
+    again = Measuring(specs, 0.1, np.zeros(3), np.zeros(3))
+    again.restore(measuring.state())
+    for each in (measuring, again):
+        each.observe(13, 1.3)
+        each.observe(14, 1.4)
+        assert [time for time, _ in each.series()["away"]] == [0.0, 0.3, 0.5, 0.8, 1.0, 1.3]
+
+
 def test_a_long_series_gets_coarser_and_stays_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(measures, "MAX_SAMPLES", 16)
     x, y = np.zeros(3), np.zeros(3)

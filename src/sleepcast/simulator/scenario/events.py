@@ -25,6 +25,7 @@ from dataclasses import dataclass
 
 from sleepcast.core.errors import did_you_mean
 from sleepcast.core.settings import Table
+from sleepcast.core.ticks import tick_at
 from sleepcast.core.units import TIME
 from sleepcast.simulator.world.world import Point, Shape, World
 
@@ -78,10 +79,11 @@ def _check(events: Sequence[tuple[Event, Table]], there: set[str], absent: set[s
             present.discard(event.name)
 
 
-def apply_events(world: World, events: Sequence[Event], things: Sequence[Shape], after: float, until: float) -> None:
-    """Apply the events due in (after, until], s; a run begins after 0. things: all that may be added."""
+def apply_events(world: World, events: Sequence[Event], things: Sequence[Shape], on: int, tick: float) -> None:
+    """Apply the events that fall on the tick `on`; the first is 1, on which those of the start fall, too.
+    things: all that may be added. tick: s in each."""
     for event in events:
-        if after < event.time <= until or event.time <= 0.0 == after:
+        if max(1, tick_at(event.time, tick)) == on:
             numbers = [number for number, shape in world.shapes.items() if shape.name == event.name]
             if event.sort == "add":
                 for shape in things:

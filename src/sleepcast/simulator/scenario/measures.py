@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from sleepcast.core.serial import SerialError
 from sleepcast.core.settings import Table, checked_name
+from sleepcast.core.ticks import Every, nearest_ticks
 from sleepcast.core.units import TIME
 
 MAX_MEASURES = 16
@@ -65,37 +66,52 @@ class Measuring:
 
     def __init__(self, specs: Sequence[MeasureSpec], tick: float, x: Floats, y: Floats) -> None:
         self._specs, self._x, self._y = specs, x, y
-        self._ticks = [max(1, round(spec.every / tick)) for spec in specs]
+        self._tick = tick
+        self._due = [self._every(spec, 1) for spec in specs]
+        self._thinned = [1] * len(specs)
+        """How many times as long as its period the time between two samples of each has become."""
         self._series: list[list[list[float]]] = [[] for _ in specs]
         self.observe(0, 0.0)
 
     def observe(self, tick: int, time: float) -> None:
         """Take the samples that are due at the tick of this number; time: simulated time of the run, s."""
         for index, spec in enumerate(self._specs):
-            if tick % self._ticks[index] == 0:
+            if self._due[index].due(tick):
                 series = self._series[index]
                 series.append([round(time, 6), self._measure(spec)])
                 if len(series) >= MAX_SAMPLES:
                     del series[1::2]
-                    self._ticks[index] *= 2
+                    self._thin(index, 2 * self._thinned[index])
 
     def series(self) -> dict[str, list[list[float]]]:
         """The samples so far, for each measure a list of [seconds, metres]."""
         return {spec.name: list(series) for spec, series in zip(self._specs, self._series, strict=True)}
 
     def state(self) -> list[tuple[int, list[list[float]]]]:
-        """For each series the sampling period in ticks, and the samples."""
-        return [(ticks, list(series)) for ticks, series in zip(self._ticks, self._series, strict=True)]
+        """For each series the sampling period in ticks, the nearest number of them, and the samples."""
+        periods = [self._ticks(spec) * thinned for spec, thinned in zip(self._specs, self._thinned, strict=True)]
+        return [(ticks, list(series)) for ticks, series in zip(periods, self._series, strict=True)]
 
     def restore(self, state: list[tuple[int, list[list[float]]]]) -> None:
         """Restore a `state`. Raises SerialError."""
         if len(state) != len(self._specs):
             raise SerialError(f"{len(state)} measures, wanted {len(self._specs)}")
-        for ticks, series in state:
-            if ticks < 1 or len(series) >= MAX_SAMPLES or not all(len(sample) == 2 for sample in series):
+        for spec, (ticks, series) in zip(self._specs, state, strict=True):
+            whole = ticks > 0 and ticks % self._ticks(spec) == 0
+            if not whole or len(series) >= MAX_SAMPLES or not all(len(sample) == 2 for sample in series):
                 raise SerialError(f"a measure with {len(series)} samples, {ticks} ticks apart")
-        self._ticks = [ticks for ticks, _ in state]
+        for index, (ticks, _) in enumerate(state):
+            self._thin(index, ticks // self._ticks(self._specs[index]))
         self._series = [list(series) for _, series in state]
+
+    def _thin(self, index: int, thinned: int) -> None:
+        self._thinned[index], self._due[index] = thinned, self._every(self._specs[index], thinned)
+
+    def _every(self, spec: MeasureSpec, thinned: int) -> Every:
+        return Every(max(spec.every, self._tick) * thinned, self._tick)
+
+    def _ticks(self, spec: MeasureSpec) -> int:
+        return max(1, nearest_ticks(spec.every, self._tick))
 
     def _measure(self, spec: MeasureSpec) -> float:
         x, y = float(self._x.mean()), float(self._y.mean())

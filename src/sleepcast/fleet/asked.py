@@ -1,0 +1,80 @@
+"""Expressions that are asked for again and again: each is looked up anew only when some robot's mind has changed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sleepcast.fleet.evaluation import distinct
+from sleepcast.fleet.inspection import QuietMemory, reads_of
+from sleepcast.fleet.machine import evaluate
+from sleepcast.fleet.state import Column, FleetState, Mask, MindNames, Minds, Rows
+from sleepcast.language.parts import walk
+from sleepcast.language.program import Program
+from sleepcast.language.reader import read
+
+MAX_ASKED = 256
+"""Expressions that are kept: more than a sweep may measure."""
+
+
+class AskedTexts:
+    """The expressions that have been asked for, by their text. bodies: see `QuietMemory`."""
+
+    def __init__(self, state: FleetState, minds: Minds, bodies: Sequence[object | None]) -> None:
+        self._state, self._minds, self._bodies = state, minds, bodies
+        self._asked: dict[str, Asked] = {}
+
+    def __getitem__(self, text: str) -> Asked:
+        """This expression, looked up. Raises what `Asked` raises."""
+        found = self._asked.get(text)
+        if found is None or found.turns != self._state.turns or found.refused:
+            if len(self._asked) >= MAX_ASKED:
+                self._asked.clear()
+            found = self._asked[text] = Asked(text, self._state, self._minds, self._bodies)
+        return found
+
+
+class Asked:
+    """One expression on all robots with the minds that they have now. Raises ReadError and CheckError."""
+
+    def __init__(self, text: str, state: FleetState, minds: Minds, bodies: Sequence[object | None]) -> None:
+        self.turns = state.turns
+        self.rows = Rows.run(0, state.count)
+        self._text, self._minds = text, minds
+        self._memory = QuietMemory(state, minds, bodies)
+        self._pieces: list[tuple[Program, Rows, Mask | None]] = self._memory.divide(self.rows, self._program)
+        self.reads = self._read()
+        """The slots of the variables that it may read; None for any."""
+
+    def values(self) -> tuple[Column, str]:
+        """What it comes to, NaN for unknown, without side effects; and why that cannot be said for an expression that
+        would have some, for random numbers, and for a function that makes a body do something, "" if it can."""
+        memory = self._memory
+        if len(self._pieces) == 1:
+            program, some, _ = self._pieces[0]
+            found = evaluate(memory, program, some)
+        else:
+            found = np.empty(self.rows.size)
+            for program, some, mask in self._pieces:
+                found[mask] = evaluate(memory, program, some)
+        return found, memory.reasons[0] if memory.reasons else ""
+
+    @property
+    def refused(self) -> bool:
+        """Whether it could not be said for some robot: the memory remembers that."""
+        return bool(self._memory.reasons)
+
+    def _program(self, number: int) -> Program:
+        names = MindNames(self._minds.vocabulary, self._minds[number])
+        return self._minds.library.program(self._text, lambda: [read(self._text)], names)
+
+    def _read(self) -> frozenset[int] | None:
+        found: set[int] = set()
+        for program, some, _ in self._pieces:
+            numbers = distinct(self._memory.state.mind[some.index])[0]
+            slots = reads_of(program, {self._minds[number] for number in numbers.tolist()})[0]
+            if slots is None or any(part.op == "host" for part in walk(program.root)):
+                return None
+            found |= slots
+        return frozenset(found)

@@ -35,7 +35,7 @@ def changed(folder: Path, *statements: tuple[str, tuple[object, ...]]) -> None:
 
 
 def insert(run: str, samples: str) -> tuple[str, tuple[object, ...]]:
-    return "INSERT INTO runs VALUES ('a', 0, ?, '', '', 1.0, ?)", (run, samples)
+    return "INSERT INTO runs VALUES ('a', 0, ?, '', '', 1.0, ?, '[]')", (run, samples)
 
 
 @pytest.mark.parametrize(
@@ -59,6 +59,13 @@ def test_a_row_that_is_none_is_a_sentence(folder: Path, run: str, samples: str) 
     for read in (summary_of, table_of):
         with pytest.raises(ResultsError, match="the results cannot be read"):
             read(folder)
+
+
+@pytest.mark.parametrize("unsent", ["", "5", "[5]", "[" * 200_000])
+def test_what_was_never_sent_is_a_list_of_texts(folder: Path, unsent: str) -> None:
+    changed(folder, ("INSERT INTO runs VALUES ('a', 0, ?, '', '', 1.0, '[[0.0, 1.0]]', ?)", (RUN, unsent)))
+    with pytest.raises(ResultsError, match="the results cannot be read"):
+        summary_of(folder)
 
 
 @pytest.mark.parametrize("samples", ["", "5", "[5]", "[[0.0]]", "[" * 200_000, "[0]," * (MAX_VALUES + 1)])

@@ -432,7 +432,7 @@ class TestResults:
         with Results(folder, wanted) as results:
             results.keep(do(wanted, each) for each in wanted.runs())
         whole = list(outcomes_in(folder))
-        as_before(folder, "DELETE FROM runs WHERE number = 1")
+        as_before(folder, "DELETE FROM runs WHERE number = 1; ALTER TABLE runs DROP COLUMN unsent")
         with Results(folder, wanted) as results:
             results.keep(do(wanted, each) for each in results.missing())
         assert all(each.same_as(before) for each, before in zip(outcomes_in(folder), whole, strict=True))
@@ -495,6 +495,7 @@ class TestCommandLine:
             "unknown": 0,
             "results": "out",
             "table": "out.csv",
+            "never_sent": {},
         }
         assert main(["sweep", "out", "--verify"]) == 0
         assert "4 of 4 runs came out the same" in capsys.readouterr().out

@@ -22,7 +22,7 @@ from sleepcast.api.progress import steps
 from sleepcast.api.results import CommandResult
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.given_numbers import read_seconds
-from sleepcast.core.ticks import Every
+from sleepcast.core.ticks import Every, tick_at
 from sleepcast.fleet.asked import MAX_ASKED
 from sleepcast.language import Checked, CheckError, Explanation
 from sleepcast.loop import Swarm, load, save, snapshot
@@ -133,7 +133,7 @@ class SimulatedFleet(Fleet):
     def _reach(self, time: float) -> None:
         """Let ticks pass until the one that ends at `time` is next: what is sent then is on the air in it."""
         simulator = self.swarm.simulator
-        while (simulator.tick + 1) * simulator.scenario.tick < time:
+        while simulator.tick + 1 < tick_at(time, simulator.scenario.tick):
             self._pass()
 
     def _order(self, said: Instruction, everybody: bool, count: int | None, sure: bool) -> CommandResult:
@@ -164,12 +164,13 @@ class SimulatedFleet(Fleet):
 
     def __getitem__(self, expression: str) -> NDArray[np.float64]:
         """See `Fleet`: no radio is needed, and nothing changes."""
-        self._check(expression)
+        self.checked(expression)
         with self._turn():
             return self._values(expression)
 
-    def _check(self, expression: str) -> None:
-        """Raise what is wrong with it; nothing new can be as long as no robot's mind changes."""
+    def checked(self, expression: str) -> Checked:
+        """What is known of an expression before it is evaluated; nothing new is, as long as no robot's mind changes.
+        Raises ReadError, and CheckError for names that no robot has."""
         turns = self.swarm.fleet.state.turns
         before, checked = self._checked.get(expression, (-1, None))
         if checked is None or before != turns:
@@ -179,6 +180,7 @@ class SimulatedFleet(Fleet):
             self._checked[expression] = turns, checked
         if checked.unknown:
             raise CheckError(checked.findings, expression, checked.more)
+        return checked
 
     def _values(self, expression: str) -> NDArray[np.float64]:
         return read_only(self.swarm.values_of(expression))

@@ -11,9 +11,6 @@ from sleepcast.simulator.scenario.mission import Instruction, Order, instruction
 if TYPE_CHECKING:
     from sleepcast.api.results import CommandResult
 
-SHOWN = 60
-"""Characters of a line's text where a mission is shown."""
-
 
 @dataclass(frozen=True)
 class MissionLine:
@@ -47,11 +44,9 @@ class MissionLine:
         return () if self.result is None else self.result.unmet
 
     def __repr__(self) -> str:
-        line = " ".join(self.text.split())
-        shown = line if len(line) <= SHOWN else f"{line[: SHOWN - 1]}…"
         said = "not sent" if self.result is None else "sent"
         wanted = f"; wanted {self.wanted}" if self.wanted else ""
-        return f"@{self.time:g}s {shown} [{said}{wanted}]{''.join(f' {each}' for each in self.unmet)}"
+        return f"{self.order.in_short()} [{said}{wanted}]{''.join(f' {each}' for each in self.unmet)}"
 
 
 class Mission(Sequence[MissionLine]):

@@ -9,11 +9,11 @@ A message goes out in the first tick that ends at its time or later, so the run 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import FOR, NOT
@@ -26,7 +26,7 @@ from sleepcast.simulator import Changes, Scenario, find_scenario, scenario_names
 from sleepcast.simulator.packing import pack
 from sleepcast.simulator.scenario.mission import MAX_ORDERS, Instruction, Order, Wanted, written_mission
 from sleepcast.simulator.scenario.origin import read_origin
-from sleepcast.station import Account, Command, Station
+from sleepcast.station import Account, Station
 from sleepcast.station.account import COUNTED
 from sleepcast.station.validation import DEADLINE
 
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 
 FILE, MISSION = "test.toml", "mission.sleep"
 FORMAT = 1
-SHOWN = 60
-"""Characters of a command in a sentence about it."""
+MOST_NAMED = 3
+"""Commands that a sentence names."""
 
 Hold = Callable[[str, Account], Sequence[Wanted]]
 """What shall become of a command, by its id, when its account is this one."""
@@ -54,18 +54,41 @@ def as_now(_: str, found: Account) -> Sequence[Wanted]:
 
 def send_order(station: Station, order: Order) -> str:
     """Send an order between two ticks, as by hand; gives the id of the command. Raises MissionError."""
-    return cast(Command, give(station, order, confirmed=True)).id
+    return give(station, order, confirmed=True).id
 
 
 def unmet(order: Order, counts: Mapping[str, int]) -> list[str]:
     """A sentence for each count of an order that is not as wanted."""
-    line = " ".join(order.text.split())
-    shown = line if len(line) <= SHOWN else f"{line[: SHOWN - 1]}…"
     return [
-        f"{order.place}: {shown}: wanted {wanted}, but it was {counts[wanted.count]}"
+        f"{order.place}: {order.line()}: wanted {wanted}, but it was {counts[wanted.count]}"
         for wanted in order.wanted
         if not wanted.met(counts[wanted.count])
     ]
+
+
+def unsent(order: Order, end: float) -> list[str]:
+    """The same for one that was never sent, since the run ended at `end`, s."""
+    return [
+        f"{order.place}: {order.line()}: wanted {wanted}, but it was never sent: the run ended at {end:g} s, before "
+        f"{order.time:g} s"
+        for wanted in order.wanted
+    ]
+
+
+def never_sent(orders: Iterable[Order]) -> list[dict[str, object]]:
+    """Orders that were never sent, for scripts."""
+    return [{"time": each.time, "text": each.text, "place": each.place} for each in orders]
+
+
+def late_sentence(orders: Sequence[Order], end: float) -> str:
+    """That these orders come after the end of a run, at `end` s, so that they are never sent; for people."""
+    some = "; ".join(each.in_short() for each in orders[:MOST_NAMED])
+    more = f"; and {len(orders) - MOST_NAMED} more" if len(orders) > MOST_NAMED else ""
+    one = len(orders) == 1
+    return (
+        f"{len(orders)} {'command comes' if one else 'commands come'} after the end at {end:g} s and "
+        f"{'is' if one else 'are'} never sent: {some}{more}"
+    )
 
 
 def orders_of(swarm: Swarm, station: Station, inputs: Inputs, hold: Hold) -> list[Order]:

@@ -8,17 +8,18 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from sleepcast.api.progress import steps
-from sleepcast.api.session_test import counts_of, unmet
+from sleepcast.api.session_test import counts_of, late_sentence, never_sent, unmet, unsent
 from sleepcast.cli.interrupts import Interrupts, Terminated
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.ticks import nearest_ticks
 from sleepcast.loop import Swarm, save, snapshot
 from sleepcast.loop.snapshots import SnapshotLostError
-from sleepcast.station import Command, Station
+from sleepcast.simulator.scenario.mission import after_end
+from sleepcast.station import Station
 
 if TYPE_CHECKING:
     from sleepcast.api.recording import RecordingPlan
@@ -55,12 +56,14 @@ class Run:
             "accounting": [self.station.accounting(command.id).to_dict() for command in self.station.commands()],
             "measures": self.swarm.measures(),
             "missed": self.missed(),
+            "never_sent": never_sent(self.swarm.mission),
         }
 
     def missed(self) -> list[str]:
         """A sentence for each count that the mission wanted, and that came otherwise."""
-        accounts = ((order, self.station.accounting(cast(Command, sent).id)) for order, sent in self.swarm.given)
-        return [each for order, found in accounts for each in unmet(order, counts_of(found))]
+        accounts = ((order, self.station.accounting(sent)) for order, sent in self.swarm.given)
+        missed = [each for order, found in accounts for each in unmet(order, counts_of(found))]
+        return missed + [each for order in self.swarm.mission for each in unsent(order, self.swarm.now())]
 
     def to_text(self) -> str:
         """The outcome for people."""
@@ -78,6 +81,8 @@ class Run:
             (_, first), (seconds, last) = series[0], series[-1]
             lines.append(f"  {name}: {first:.4g} m at the start, {last:.4g} m after {seconds:g} s")
         lines += [f"  {each}" for each in self.missed()]
+        if late := list(self.swarm.mission):
+            lines.append(f"  {late_sentence(late, self.swarm.now())}")
         lines.append(f"  state {found['state_hash']}")
         return "\n".join(lines)
 
@@ -104,6 +109,8 @@ def run_headless(
     scenario, first = swarm.simulator.scenario, swarm.simulator.tick
     ticks = _ticks(swarm, seconds)
     due = keeping.tick(first, ticks, scenario.tick) if keeping is not None else None
+    if late := after_end(swarm.mission, first + ticks, scenario.tick):
+        complain(late_sentence(late, (first + ticks) * scenario.tick))
     recorder, lost = None, False
     with _told(swarm, wanted, keeping), ExitStack() as stack:
         if wanted is not None:

@@ -18,10 +18,12 @@ from sleepcast.core.errors import MisuseError, printable
 if TYPE_CHECKING:
     from sleepcast.experiments.findings import Findings
     from sleepcast.experiments.plan import Experiment
-    from sleepcast.experiments.results import Results
+    from sleepcast.experiments.results import Results, Summary
 
 PORT = 8317
 TABLES = (".parquet", ".csv")
+SHOWN_UNSENT = 3
+"""Commands that were never sent which are printed at the end."""
 SHOWN_ERRORS = 3
 """Different errors of failed runs that are printed at the end."""
 
@@ -101,6 +103,7 @@ def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_jso
     try_out(experiment, limit)
     for sentence in experiment.repeats():
         complain(sentence)
+    _tell_too_late(experiment)
     with Results(folder, experiment) as results, ExitStack() as stack:
         if runs_programs:
             _remember(folder)
@@ -115,6 +118,16 @@ def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_jso
             with suppress(KeyboardInterrupt):
                 Event().wait()
     return status
+
+
+def _tell_too_late(experiment: Experiment) -> None:
+    """Say which commands are never sent, before anything is run."""
+    from sleepcast.api.session_test import late_sentence
+    from sleepcast.experiments.run import too_late
+
+    orders, end = too_late(experiment)
+    if orders:
+        complain(late_sentence(orders, end))
 
 
 def _folder(what: str, out: Path | None) -> tuple[Path, Path | None]:
@@ -269,18 +282,28 @@ def _tell(results: Results, table: Path | None, errors: dict[str, int], *, as_js
     summary = summary_of(folder)
     found = {"runs": summary.runs, "done": summary.done, "failed": summary.failed, "unknown": summary.unknown}
     place: dict[str, object] = {"results": str(folder), "table": None if table is None else str(table)}
+    place["never_sent"] = summary.unsent
     best = best_of(folder)
     if best is not None:
         place["best"] = {"measure": best.measure, "value": best.value, "point": best.point, "runs": best.runs}
     announce(json.dumps(found | place) if as_json else f"{summary.sentence()}: {table or folder}")
     if best is not None and not as_json:
         announce(best.sentence())
+    if not as_json:
+        _tell_never_sent(summary)
     for error, count in list(errors.items())[:SHOWN_ERRORS]:
         complain(f"{count:,} {'run' if count == 1 else 'runs'} failed: {error}")
     missing = len(results.missing())
     if missing:
         complain(f"{missing:,} {'run is' if missing == 1 else 'runs are'} missing: go on with sleepcast sweep {folder}")
     return int(summary.failed > 0 or missing > 0)
+
+
+def _tell_never_sent(summary: Summary) -> None:
+    for command, count in list(summary.unsent.items())[:SHOWN_UNSENT]:
+        complain(f"never sent in {count:,} of {summary.done:,} runs, which ended before: {command}")
+    if (more := len(summary.unsent) - SHOWN_UNSENT) > 0:
+        complain(f"and {more:,} more commands were never sent in some runs: see --json")
 
 
 def _verify(folder: Path, workers: int | str, most: int | None, *, as_json: bool, quiet: bool) -> int:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from sleepcast.api.assembly import assemble, warm_up
 from sleepcast.api.fleet import SimulatedFleet
-from sleepcast.api.session_test import FILE, FORMAT, MISSION, counts_of, send_order, unmet
+from sleepcast.api.session_test import FILE, FORMAT, MISSION, counts_of, late_sentence, never_sent, send_order, unmet
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.files import open_file
 from sleepcast.core.given_numbers import MAX_SEED
@@ -62,6 +62,8 @@ class Verdict:
     state: str
     counts: tuple[dict[str, int], ...]
     """Of each order."""
+    late: tuple[Order, ...] = ()
+    """Those that were never sent, the scenario's own among them."""
 
     @property
     def passed(self) -> bool:
@@ -79,6 +81,7 @@ class Verdict:
             "robots": test.scenario.robots.count,
             "seconds": test.seconds,
             "state_hash": self.state,
+            "never_sent": never_sent(self.late),
             "commands": [
                 {"time": order.time, "text": order.text, **counts}
                 for order, counts in zip(test.orders, self.counts, strict=True)
@@ -94,6 +97,7 @@ class Verdict:
             f"  {test.scenario.name}, seed {test.seed}: {test.scenario.robots.count} robots for {test.seconds:g} s; "
             f"{len(test.orders)} commands, {wanted} counts of them and {len(test.goals)} goals were compared",
             *(f"  {each}" for each in self.missed),
+            *([f"  {late_sentence(self.late, test.ticks * test.scenario.tick)}"] if self.late else []),
         ]
         return "\n".join(lines)
 
@@ -208,4 +212,4 @@ def run_test(test: SavedTest, *, threads: int | None = None, ticks: Iterable[int
     if test.state and state != test.state:
         missed.append(f"wanted the state {test.state} at the end, but it was {state}")
     counts += [{}] * len(waiting)
-    return Verdict(test, tuple(missed), state, tuple(counts))
+    return Verdict(test, tuple(missed), state, tuple(counts), (*reversed(waiting), *swarm.mission))

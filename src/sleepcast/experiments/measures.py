@@ -200,7 +200,7 @@ def _of_known(
 ) -> float:
     values = fleet[expression]
     known = values[~np.isnan(values)]
-    aggregate = of_angles if fleet.station.check(expression).is_angle else of_numbers
+    aggregate = of_angles if fleet.checked(expression).is_angle else of_numbers
     return aggregate(known) if known.size else nan
 
 

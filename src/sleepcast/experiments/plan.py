@@ -66,6 +66,9 @@ MAX_VARIED, MAX_MEASURES, MAX_COMMANDS = 16, 64, 100
 LONGEST = 1e7
 """Simulated seconds of a run: four months."""
 
+TIMING = ("seconds", "tick", "mission")
+"""Keys of a scenario that decide about times; `[constants]`, too."""
+
 Value = bool | int | float | str
 Setting = tuple[Value, ...]
 """What one key says, run by run."""
@@ -267,11 +270,14 @@ class Experiment(msgspec.Struct, frozen=True):
         """The scenario with these settings. Raises what `find_scenario` raises."""
         return find_scenario(self.scenario, Changes(seed=seed, over=tuple(point.items())))
 
-    def ticks(self) -> set[float]:
-        """The ticks of its runs, s."""
+    def timings(self) -> Iterator[Scenario]:
+        """The scenario of the first run, and with each value of what decides how long a run is, or when something is
+        sent in it."""
         first = self.first().point
-        values = _values(self.over["tick"]) if "tick" in self.over else (None,)
-        return {self.scenario_at(first if each is None else first | {"tick": each}).tick for each in values}
+        yield self.scenario_at(first)
+        for key, setting in self.over.items():
+            if key in TIMING or key.startswith("constants."):
+                yield from (self.scenario_at(first | {key: value}) for value in _values(setting))
 
     def checked(self) -> Experiment:
         """The same, if it can be carried out: every measure can be read, and every value of every key fits the

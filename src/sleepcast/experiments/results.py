@@ -16,6 +16,7 @@ import os
 import platform
 import sqlite3
 import time
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from itertools import islice
@@ -43,9 +44,11 @@ ABOUT, RUNS, LOCK = "about.json", "runs.sqlite", ".lock"
 SCHEMA = """
 CREATE TABLE IF NOT EXISTS runs (
     key TEXT PRIMARY KEY, number INTEGER NOT NULL, run TEXT NOT NULL, error TEXT NOT NULL, hash TEXT NOT NULL,
-    wall REAL NOT NULL, samples TEXT NOT NULL
+    wall REAL NOT NULL, samples TEXT NOT NULL, unsent TEXT NOT NULL DEFAULT '[]'
 ) STRICT
 """
+ADDED = "ALTER TABLE runs ADD COLUMN unsent TEXT NOT NULL DEFAULT '[]'"
+"""What format 1 did not have."""
 FORMAT = 2
 """Version of the file of runs and of the rules by which they were done, which is its `user_version`; those of a newer
 one are refused. In 1, `until` was looked at only when a sample was due, and samples fell on every so many whole
@@ -68,13 +71,16 @@ class ResultsLostError(SleepcastError):
 
 class Outcome(msgspec.Struct, frozen=True):
     """What came of a run. samples: for each its time (simulated s), then the measures in their order, None unknown.
-    error: why it failed, "" if it did not. hash: of the state at its end. wall: s that it took."""
+    error: why it failed, "" if it did not. hash: of the state at its end. wall: s that it took. unsent: commands that
+    were never sent, since it ended before, each with its time, in short. rules: by which it was done, see FORMAT."""
 
     run: Run
     samples: tuple[tuple[float | None, ...], ...] = ()
     error: str = ""
     hash: str = ""
     wall: float = 0.0
+    unsent: tuple[str, ...] = ()
+    rules: int = 1
 
     def same_as(self, other: Outcome) -> bool:
         """Whether both found the same, to the last bit."""
@@ -96,7 +102,7 @@ class Results:
             self.outdated = _outdated(experiment) if before < FORMAT else ""
             self._connection.execute(SCHEMA)
             if not self.outdated:
-                self._connection.execute(f"PRAGMA user_version = {FORMAT}")
+                self._update()
         except BlockingIOError:
             raise ResultsError(
                 f"{folder}: another sweep is writing here: wait for its end, or choose another folder"
@@ -113,6 +119,12 @@ class Results:
         self._connection.close()
         if self._lock is not None:
             os.close(self._lock)
+
+    def _update(self) -> None:
+        """Make the file one of the format of now."""
+        if not _has_unsent(self._connection):
+            self._connection.execute(ADDED)
+        self._connection.execute(f"PRAGMA user_version = {FORMAT}")
 
     def count(self) -> int:
         """How many runs have finished."""
@@ -197,13 +209,13 @@ class Results:
                     msgspec.json.encode(each.run).decode(),
                     each.error[:MOST_ERROR],
                 ),
-                *(each.hash, each.wall, json.dumps(each.samples)),
+                *(each.hash, each.wall, json.dumps(each.samples), json.dumps(each.unsent)),
             )
             for each in outcomes
         ]
         try:
             self._connection.execute("BEGIN")
-            self._connection.executemany("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
+            self._connection.executemany("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?)", rows)
             self._connection.execute("COMMIT")
         except sqlite3.Error as error:
             raise _lost(self.folder, error) from error
@@ -257,12 +269,14 @@ def best_of(folder: Path) -> Best | None:
 
 
 class Summary(msgspec.Struct, frozen=True):
-    """runs: wanted, at most; done: finished; failed: of these; unknown: values that no robot could give."""
+    """runs: wanted, at most; done: finished; failed: of these; unknown: values that no robot could give; unsent: in
+    how many runs each command was never sent, since they ended before."""
 
     runs: int
     done: int
     failed: int
     unknown: int
+    unsent: dict[str, int] = {}
 
     def sentence(self) -> str:
         """For a person."""
@@ -286,10 +300,11 @@ def outcomes_in(folder: Path) -> Iterator[Outcome]:
     """Every finished run, by number. Raises ResultsError."""
     experiment = experiment_in(folder)
     with _reading(folder) as connection:
-        _check_format(folder, connection)
-        found = connection.execute("SELECT run, error, hash, wall, samples FROM runs ORDER BY number")
+        rules = _check_format(folder, connection)
+        unsent = "unsent" if _has_unsent(connection) else "'[]'"
+        found = connection.execute(f"SELECT run, error, hash, wall, samples, {unsent} FROM runs ORDER BY number")
         for row in islice(found, MAX_ROWS):
-            yield _outcome(row, experiment)
+            yield _outcome(row, experiment, rules)
 
 
 @contextmanager
@@ -303,14 +318,20 @@ def _reading(folder: Path) -> Iterator[sqlite3.Connection]:
         raise ResultsError(f"{folder / RUNS}: the results cannot be read: {error}") from error
 
 
-def _outcome(row: tuple[str, str, str, float, str], experiment: Experiment) -> Outcome:
+def _has_unsent(connection: sqlite3.Connection) -> bool:
+    """Whether a file of runs says which commands were never sent."""
+    return any(row[1] == "unsent" for row in connection.execute("PRAGMA table_info(runs)"))
+
+
+def _outcome(row: tuple[str, str, str, float, str, str], experiment: Experiment, rules: int) -> Outcome:
     """What a row says. Raises ValueError for what no run of this experiment has."""
-    run, error, state, wall, samples = row
+    run, error, state, wall, samples, late = row
     decoded = msgspec.json.decode(run, type=Run)
     taken = _samples(samples, experiment)
     if decoded.point.keys() != experiment.over.keys():
         raise ValueError(f"run {decoded.number} has other measures or settings than its {PLAN}")
-    return Outcome(decoded, taken, error, state, wall)
+    unsent = msgspec.json.decode(late, type=tuple[str, ...])
+    return Outcome(decoded, taken, error, state, wall, unsent, rules)
 
 
 def _samples(text: str, experiment: Experiment) -> tuple[tuple[float | None, ...], ...]:
@@ -345,7 +366,7 @@ def _outdated(experiment: Experiment) -> str:
     if experiment.until:
         return "which looked at `until` only when a sample was due"
     uneven = experiment.every is not None and any(
-        abs((ratio := experiment.every / tick) - round(ratio)) > SLACK for tick in experiment.ticks()
+        abs((ratio := experiment.every / scenario.tick) - round(ratio)) > SLACK for scenario in experiment.timings()
     )
     return "which took samples only every so many whole ticks" if uneven else ""
 
@@ -372,7 +393,8 @@ def summary_of(folder: Path) -> Summary:
     """How far it has come. Raises ResultsError."""
     experiment, done = experiment_in(folder), list(outcomes_in(folder))
     unknown = sum(value is None for each in done for sample in each.samples for value in sample)
-    return Summary(len(experiment), len(done), sum(bool(each.error) for each in done), unknown)
+    unsent = Counter(command for each in done for command in dict.fromkeys(each.unsent))
+    return Summary(len(experiment), len(done), sum(bool(each.error) for each in done), unknown, dict(unsent))
 
 
 def table_of(folder: Path) -> DataTable:

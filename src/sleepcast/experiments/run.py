@@ -33,12 +33,12 @@ from sleepcast.core.extras import installing
 from sleepcast.core.hosts import is_loopback
 from sleepcast.core.ticks import Every, nearest_ticks
 from sleepcast.experiments.measures import Measure, if_known, read_measure, read_stop
-from sleepcast.experiments.plan import Experiment, Run
-from sleepcast.experiments.results import Outcome, Results, check_rules, experiment_in, outcomes_in, outdated_in
+from sleepcast.experiments.plan import MAX_COMMANDS, Experiment, Run
+from sleepcast.experiments.results import FORMAT, Outcome, Results, check_rules, experiment_in, outcomes_in, outdated_in
 from sleepcast.language import CheckError
 from sleepcast.simulator import Scenario
 from sleepcast.simulator.scenario.groups import filled
-from sleepcast.simulator.scenario.mission import Order
+from sleepcast.simulator.scenario.mission import MAX_ORDERS, Order, after_end
 
 if TYPE_CHECKING:
     from distributed import Future
@@ -66,27 +66,44 @@ def do(experiment: Experiment, run: Run) -> Outcome:
     """One run. What goes wrong in it is its outcome."""
     began = perf_counter()
     try:
-        samples, state = _done(experiment, run)
+        samples, state, unsent = _done(experiment, run)
     except (Exception, SystemExit) as error:  # a measure of somebody's own may raise anything
         said = str(error) if isinstance(error, SleepcastError) else f"{type(error).__name__}: {error}"
-        return Outcome(run, error=said or type(error).__name__, wall=perf_counter() - began)
-    return Outcome(run, samples, "", state, perf_counter() - began)
+        return Outcome(run, error=said or type(error).__name__, wall=perf_counter() - began, rules=FORMAT)
+    return Outcome(run, samples, "", state, perf_counter() - began, unsent, FORMAT)
 
 
 def opened(experiment: Experiment, run: Run) -> SimulatedFleet:
     """The fleet at the start of a run. Raises what is wrong in the scenario or in a command."""
     scenario = experiment.scenario_at(run.point, run.seed)
-    added = [Order(each.at, each.text, f"the experiment's command at {each.at:g} s") for each in experiment.commands]
-    if scenario.constants:
-        added = [replace(each, text=filled(each.text, scenario.constants, each.place)) for each in added]
-    orders = sorted((*(scenario.mission if experiment.mission else ()), *added), key=lambda order: order.time)
+    orders = orders_of(experiment, scenario)
     if experiment.scenario not in _warm:
         warm_up(scenario, 1, quiet=True)
         _warm.add(experiment.scenario)
-    return SimulatedFleet(*assemble(replace(scenario, mission=tuple(orders)), run.seed, mission=True, threads=1))
+    return SimulatedFleet(*assemble(replace(scenario, mission=orders), run.seed, mission=True, threads=1))
 
 
-def _done(experiment: Experiment, run: Run) -> tuple[tuple[tuple[float | None, ...], ...], str]:
+def orders_of(experiment: Experiment, scenario: Scenario) -> tuple[Order, ...]:
+    """What the desk sends in a run, in time order."""
+    added = [Order(each.at, each.text, f"the experiment's command at {each.at:g} s") for each in experiment.commands]
+    if scenario.constants:
+        added = [replace(each, text=filled(each.text, scenario.constants, each.place)) for each in added]
+    orders = (*(scenario.mission if experiment.mission else ()), *added)
+    return tuple(sorted(orders, key=lambda order: order.time))
+
+
+def too_late(experiment: Experiment) -> tuple[list[Order], float]:
+    """The commands that come after the end of runs, so that they are never sent there, and when such a run ends, s; the
+    first of these where lengths or times are varied."""
+    for scenario in experiment.timings():
+        last = ticks_of(experiment, scenario)
+        if found := after_end(orders_of(experiment, scenario), last, scenario.tick):
+            return found, last * scenario.tick
+    return [], 0.0
+
+
+def _done(experiment: Experiment, run: Run) -> tuple[tuple[tuple[float | None, ...], ...], str, tuple[str, ...]]:
+    """The samples of a run, the hash of its state at the end, and the commands that were never sent."""
     measures = [read_measure(text, own=True) for text in experiment.measures.values()]
     soon = [if_known(measure) for measure in measures]
     stop = if_known(read_stop(experiment.until, own=True).holds) if experiment.until else None
@@ -103,7 +120,8 @@ def _done(experiment: Experiment, run: Run) -> tuple[tuple[tuple[float | None, .
                 break
             if due is not None and due.due(ticks) and ticks < last:
                 samples.append(_taken(fleet, soon))
-        return (*samples, _taken(fleet, measures)), fleet.hash
+        unsent = tuple(order.in_short() for order in fleet.swarm.mission)
+        return (*samples, _taken(fleet, measures)), fleet.hash, unsent
 
 
 def ticks_of(experiment: Experiment, scenario: Scenario) -> int:
@@ -313,6 +331,7 @@ def outcome_in(answer: object, experiment: Experiment, run: Run) -> Outcome:
         return Outcome(run, error=NOT_OURS)
     wide = all(len(sample) == 1 + len(experiment.measures) for sample in found.samples)
     fits = found.run == run and wide and len(found.hash) <= LONGEST_HASH and bool(found.samples) != bool(found.error)
+    fits = fits and found.rules == FORMAT and len(found.unsent) <= MAX_ORDERS + MAX_COMMANDS
     return found if fits else Outcome(run, error=NOT_OURS)
 
 

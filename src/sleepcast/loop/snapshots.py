@@ -28,6 +28,7 @@ from sleepcast.fleet.schema import FleetSnapshot
 from sleepcast.loop.swarm import MAX_MINDS, Desk, Swarm
 from sleepcast.simulator import Order
 from sleepcast.simulator import snapshot as simulators
+from sleepcast.simulator.scenario.mission import BOUNDS, COUNTS, Wanted
 from sleepcast.simulator.snapshot import SimulatorState
 
 FORMAT = 1
@@ -74,13 +75,24 @@ class SnapshotFile(Cover):
     desk: bytes | None
 
 
+class GivenOrder(msgspec.Struct):
+    """An order as in `LoopState`, what is wanted of it (count, number and bound), and the id of its message."""
+
+    order: tuple[float, str, str]
+    wanted: list[tuple[str, int, str]]
+    id: str
+
+
 class LoopState(msgspec.Struct):
     """The loop's own state. orders: of the mission, not sent yet: time (s), text and place in its script. posted: what
-    the operator has sent since the last tick. rest: what runs have left over, see `Carried`."""
+    the operator has sent since the last tick. rest: what runs have left over, see `Carried`. wanted: of each of the
+    orders, unless nobody wants anything; given: those that were sent and say what shall become of them."""
 
     orders: list[tuple[float, str, str]]
     posted: list[Message]
     rest: float = 0.0
+    wanted: list[list[tuple[str, int, str]]] = []
+    given: list[GivenOrder] = []
 
 
 # ---- taking one
@@ -123,14 +135,27 @@ def copy_of(swarm: Swarm, *, desk: Desk | None = None) -> SwarmCopy:
             "swarm be kept so that it goes on as it would have"
         )
     robots = len(swarm.fleet)
-    orders = [(order.time, order.text, order.place) for order in swarm.mission]
-    loop = LoopState(orders, list(swarm.posted), swarm.carried.rest)
-    parts = (simulators.state_of(swarm.simulator), fleets.state_of(swarm.fleet), swarm.radio.state(), loop)
+    parts = (simulators.state_of(swarm.simulator), fleets.state_of(swarm.fleet), swarm.radio.state(), _loop_of(swarm))
     try:
         copies = [plain(part, room_for(robots)) for part in parts]
         return SwarmCopy(robots, copies, None if desk is None else desk.state())
     except SerialError as error:
         raise SnapshotLostError(f"the swarm does not fit into a snapshot: {error}") from None
+
+
+def _loop_of(swarm: Swarm) -> LoopState:
+    wanted = [_wanted(order) for order in swarm.mission]
+    given = [GivenOrder(_plain(order), _wanted(order), number) for order, number in swarm.given]
+    orders = [_plain(order) for order in swarm.mission]
+    return LoopState(orders, list(swarm.posted), swarm.carried.rest, wanted if any(wanted) else [], given)
+
+
+def _plain(order: Order) -> tuple[float, str, str]:
+    return order.time, order.text, order.place
+
+
+def _wanted(order: Order) -> list[tuple[str, int, str]]:
+    return [(each.count, each.number, each.bound) for each in order.wanted]
 
 
 def save(data: bytes, file: Path) -> None:
@@ -220,14 +245,23 @@ def _resumed(document: SnapshotFile, seed: int | None, threads: int | None) -> S
     fleet = unpack(FleetSnapshot, document.fleet, room, "the part of the minds")
     radio = unpack(RadioState, document.radio, room, "the part of the radio")
     loop = unpack(LoopState, document.loop, room, "the part of the loop")
-    if max(len(loop.orders), len(loop.posted)) > MAX_ORDERS:
+    if max(len(loop.orders), len(loop.posted), len(loop.given)) > MAX_ORDERS:
         raise SerialError(f"more than {MAX_ORDERS} orders")
     if not abs(loop.rest) <= 0.5:
         raise SerialError(f"{loop.rest} of a tick left over, wanted half of one at most")
     simulator = simulators.resume(state, seed, threads)
-    swarm = Swarm(simulator, [Order(*order) for order in loop.orders])
+    wanted = loop.wanted or [[] for _ in loop.orders]
+    swarm = Swarm(simulator, [_order(*each) for each in zip(loop.orders, wanted, strict=True)])
+    swarm.given = [(_order(each.order, each.wanted), each.id) for each in loop.given]
     fleets.restore(swarm.fleet, fleet, simulator.time)
     swarm.radio.restore(radio, simulator.names)
     swarm.posted.extend(loop.posted)
     swarm.carried.rest = loop.rest
     return swarm
+
+
+def _order(plain: tuple[float, str, str], wanted: list[tuple[str, int, str]]) -> Order:
+    for count, _, bound in wanted:
+        if count not in COUNTS or bound not in BOUNDS:
+            raise SerialError(f"an order that wants {bound[:40]} of {count[:40]}")
+    return Order(*plain, tuple(Wanted(*each) for each in wanted))

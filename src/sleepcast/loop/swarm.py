@@ -45,6 +45,13 @@ WINDOW = 1.0
 """Real seconds over which the speed of a run is measured."""
 
 
+class Sent(Protocol):
+    """What a desk keeps account of a message by."""
+
+    @property
+    def id(self) -> str: ...
+
+
 class Desk(Protocol):
     """The operator's desk as the loop uses it."""
 
@@ -59,18 +66,18 @@ class Desk(Protocol):
         but: Sequence[str] | None,
         confirmed: bool,
         undecided: bool,
-    ) -> object:
+    ) -> Sent:
         """Broadcast an expression; everybody: confirms that it is meant for all robots; confirmed: as it stands;
         undecided: even if its test is unknown on all of them. The rest: see `Instruction`. Gives what keeps account of
         it."""
 
-    def ask(self, text: str, *, only: Sequence[str] | None, but: Sequence[str] | None) -> object:
+    def ask(self, text: str, *, only: Sequence[str] | None, but: Sequence[str] | None) -> Sent:
         """Ask robots for the value of an expression."""
 
-    def stop(self) -> object:
+    def stop(self) -> Sent:
         """Stop every body."""
 
-    def release(self) -> object:
+    def release(self) -> Sent:
         """End STOP."""
 
     def hear(self, message: Message) -> None:
@@ -146,10 +153,11 @@ class Swarm:
         self.senders: list[Callable[[], None]] = []
         """Called before each tick, to let the desk send what is due in it as if by hand."""
         self.mission = deque(_readable(order) for order in mission)
+        """The orders that were not sent yet."""
         self.refused: Callable[[Order, MissionError], None] | None = None
         """Told of an order of the mission that cannot be sent; without it that is raised."""
-        self.given: list[tuple[Order, object]] = []
-        """The orders of the mission that say what shall become of them and were sent, with what the desk gave."""
+        self.given: list[tuple[Order, str]] = []
+        """The orders that say what shall become of them and were sent, with the ids of their messages."""
         self.carried = Carried(scenario.tick)
         """What runs so far have left over, since a tick is the least that time moves."""
         self.telemetry_ticks = max(1, round(scenario.telemetry / scenario.tick))
@@ -272,10 +280,10 @@ def _give_orders(swarm: Swarm) -> None:
             swarm.refused(order, error)
             return
         if order.wanted:
-            swarm.given.append((order, sent))
+            swarm.given.append((order, sent.id))
 
 
-def give(desk: Desk, order: Order, *, confirmed: bool = False, undecided: bool = True) -> object:
+def give(desk: Desk, order: Order, *, confirmed: bool = False, undecided: bool = True) -> Sent:
     """Let the desk send an order; gives what it keeps account of it by. confirmed: whatever is doubted. undecided:
     whether a test that is unknown on all robots is no doubt. Raises MissionError."""
     found = instruction(order)

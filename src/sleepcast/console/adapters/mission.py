@@ -15,6 +15,7 @@ from sleepcast.channel import Kind, Message
 from sleepcast.console.marks import clock_time
 from sleepcast.console.mission import STOPPED
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.ticks import tick_at
 from sleepcast.loop import Swarm
 from sleepcast.loop.mission import MissionLog
 from sleepcast.loop.swarm import give
@@ -128,8 +129,8 @@ class SwarmMission:
             return
         if self._brought:
             return
-        end = (self._swarm.simulator.tick + 1) * scenario.tick
-        while mission and mission[0].time <= end:
+        following = self._swarm.simulator.tick + 1
+        while mission and tick_at(mission[0].time, scenario.tick) <= following:
             order = mission.popleft()
             places = [number for number, each in enumerate(self.orders) if _same(each, order)]
             if places and not (places := [number for number in places if number not in self._log.sent()]):

@@ -16,7 +16,7 @@ runs the mission checks them.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
@@ -25,6 +25,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from sleepcast.core.errors import MisuseError, decimal_comma
 from sleepcast.core.settings import SettingsError, read_text
+from sleepcast.core.ticks import tick_at
 from sleepcast.core.units import TIME, UNITS, to_si
 from sleepcast.robot import BodyConstant
 from sleepcast.simulator.scenario.groups import filled
@@ -33,6 +34,9 @@ MAX_BYTES = 1_048_576
 """Bytes of one script, comments included."""
 MAX_ORDERS = 1_000
 """Orders in one mission: what an operator types in a long day."""
+
+SHOWN = 60
+"""Characters of an order in a sentence about it."""
 
 COUNTS = ("matched", "held", "not matched", "unknown", "fault", "silent")
 """What is counted of an order: robots that obeyed, those among them that STOP held, and so on."""
@@ -83,6 +87,15 @@ class Order:
     place: str
     wanted: tuple[Wanted, ...] = ()
 
+    def in_short(self) -> str:
+        """Its time and its text in one line, shortened, for a sentence about it."""
+        return f"@{self.time:g}s {self.line()}"
+
+    def line(self) -> str:
+        """Its text in one line, shortened."""
+        line = " ".join(self.text.split())
+        return line if len(line) <= SHOWN else f"{line[: SHOWN - 1]}…"
+
 
 class Instruction(NamedTuple):
     """What an order comes to. text: "" for STOP and RELEASE. within: s for which it is good, None for the usual. only,
@@ -125,6 +138,11 @@ def instruction(order: Order) -> Instruction:
         rest = rest[match.end() :].lstrip(" \t").removeprefix("\n")
         if not _bare(rest):
             raise MissionError(f"{order.place}: wanted an expression after {order.text.strip()[:40]}")
+
+
+def after_end(orders: Iterable[Order], last: int, tick: float) -> list[Order]:
+    """The orders that a run which ends with the tick `last` does not come to. tick: s in each."""
+    return [order for order in orders if tick_at(order.time, tick) > last]
 
 
 def written_mission(orders: Sequence[Order]) -> str:

@@ -77,6 +77,24 @@ class TestEpisodes:
         other.reset(seed=one.episode_key.seed)
         assert one.fleet.hash == other.fleet.hash
 
+    @pytest.mark.parametrize("leave", [lambda env: pickle.loads(pickle.dumps(env)), lambda env: env.close() or env])
+    def test_a_copy_of_an_ended_episode_and_a_closed_one_begin_nothing_by_themselves(
+        self, leave: Callable[[Any], Any]
+    ) -> None:
+        env = gym.vector_env("bravo", **RESCUE)
+        env.reset(seed=1)
+        while not env.step(np.zeros((6, 2)))[3].any():
+            pass
+        with pytest.raises(MisuseError, match="call reset"):
+            leave(env).step(np.zeros((6, 2)))
+
+    def test_an_environment_that_is_closed_or_copied_has_no_agents(self) -> None:
+        env = gym.parallel_env("bravo", **RESCUE)
+        env.reset(seed=1)
+        assert pickle.loads(pickle.dumps(env)).agents == []
+        env.close()
+        assert env.agents == []
+
     @MAKERS
     def test_a_copy_begins_anew(self, make: Maker) -> None:
         env = make("bravo", **RESCUE)
@@ -330,6 +348,13 @@ def test_what_does_not_fit_is_refused(changes: dict[str, Any], sentence: str) ->
 def test_a_step_before_reset_is_refused() -> None:
     with pytest.raises(MisuseError, match="call reset"):
         gym.vector_env("bravo", **RESCUE).step(np.zeros((6, 2)))
+
+
+def test_actions_in_a_list_are_refused() -> None:
+    env = gym.parallel_env("bravo", **RESCUE)
+    env.reset(seed=1)
+    with pytest.raises(MisuseError, match=r"^actions .*: wanted a dict"):
+        env.step([np.zeros(2)] * 6)  # type: ignore[arg-type]  # what is tried
 
 
 def test_a_missing_action_is_refused() -> None:

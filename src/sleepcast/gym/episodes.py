@@ -9,9 +9,12 @@ from collections.abc import Mapping
 from secrets import randbits
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.given_numbers import MAX_SEED, read_seed, whole_number
-from sleepcast.gym.episode import Episode
+from sleepcast.gym.episode import Episode, Step
 from sleepcast.gym.task import Checked
 
 
@@ -23,11 +26,13 @@ class EpisodeKey(NamedTuple):
 
 
 class Episodes:
-    """One episode of a task after the other. key: that of the one that began last, None before the first."""
+    """One episode of a task after the other. key: that of the one that began last, None before the first. ended:
+    whether the one that runs has reached its goal or its time."""
 
     def __init__(self, task: Checked) -> None:
         self.task = task
         self.key: EpisodeKey | None = None
+        self.ended = False
         self._current: Episode | None = None
 
     def begin(self, seed: int | None, options: Mapping[str, Any] | None) -> Episode:
@@ -45,14 +50,21 @@ class Episodes:
             raise MisuseError("no episode has begun: call reset() first")
         return self._current
 
+    def step(self, actions: NDArray[np.generic]) -> Step:
+        """See `Episode.step`. Raises MisuseError if none has begun."""
+        made = self.running().step(actions)
+        self.ended = made.ended or made.over
+        return made
+
     def close(self) -> None:
+        self.ended = False
         if self._current is not None:
             self._current.close()
             self._current = None
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy, in this process or another, begins anew."""
-        return {"task": self.task, "key": None, "_current": None}
+        return {"task": self.task, "key": None, "ended": False, "_current": None}
 
 
 def _following(key: EpisodeKey | None, seed: int | None, episode: int | None) -> EpisodeKey:

@@ -58,11 +58,12 @@ class RobotAgents(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
     ) -> tuple[dict[str, Singles], dict[str, float], dict[str, bool], dict[str, bool], Infos]:
         """Let every agent act and time pass; agents that are done leave. When all have left, nothing happens any more.
         Raises MisuseError for an action that is missing or does not fit."""
-        episode, places = self._episodes.running(), [self._place[name] for name in self.agents]
+        self._episodes.running()
+        places = [self._place[name] for name in self.agents]
         chosen = self._chosen(actions)
         if not self.agents:
             return {}, {}, {}, {}, {}
-        made = episode.step(chosen)
+        made = self._episodes.step(chosen)
         names, rows = self.agents, range(len(places))
         observed, reward, done = made.observed[places], made.reward[places], made.done[places] | made.ended
         self.agents = [] if made.over else [name for name, gone in zip(names, done.tolist(), strict=True) if not gone]
@@ -76,9 +77,16 @@ class RobotAgents(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
 
     def close(self) -> None:
         self._episodes.close()
+        self.agents = []
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A copy begins anew, as its episodes do."""
+        return self.__dict__ | {"agents": []}
 
     def _chosen(self, actions: Mapping[str, Any]) -> NDArray[np.float64]:
         """The actions as rows for all robots; those of robots that have left are not looked at."""
+        if not isinstance(actions, Mapping):
+            raise MisuseError(f"actions {actions!r:.40}: wanted a dict: one for each of env.agents, by its name")
         for name in actions:
             if name not in self._place:
                 raise MisuseError(f"action for {name!s:.40}: no such agent{did_you_mean(str(name), self._place)}")

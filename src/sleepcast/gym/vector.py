@@ -24,7 +24,7 @@ class RobotVector(VectorEnv[Singles, NDArray[np.generic], NDArray[np.generic]]):
     metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012  # as the base class has it
 
     def __init__(self, task: Checked) -> None:
-        self._task, self._episodes, self._ended = task, Episodes(task), False
+        self._task, self._episodes = task, Episodes(task)
         self.num_envs = len(task.names)
         self.single_observation_space, self.single_action_space = task.observed, task.acted
         self.observation_space = batch_space(task.observed, self.num_envs)
@@ -43,20 +43,19 @@ class RobotVector(VectorEnv[Singles, NDArray[np.generic], NDArray[np.generic]]):
     ) -> tuple[Singles, dict[str, Any]]:
         """Begin the first episode of a seed, the next one of the same seed (None), or number n of it
         (options={"episode": n}). Equal seeds and numbers give equal episodes, bit for bit. Raises MisuseError."""
-        observed = self._episodes.begin(seed, options).observe()
         super().reset(seed=None if seed is None else read_seed(seed))
-        self._ended = False
+        observed = self._episodes.begin(seed, options).observe()
+        self.closed = False
         return observed, {}
 
     def step(self, actions: NDArray[np.generic]) -> tuple[Singles, NDArray[np.float64], Flags, Flags, dict[str, Any]]:
         """Let all robots act and time pass. actions: shape (robots, actuators), or for expressions their numbers, shape
         (robots,). An episode ends for all of them together; the step after it begins the next one, whatever the
         actions. Raises MisuseError for actions that do not fit."""
-        if self._ended:
+        if self._episodes.ended:
             observed, info = self.reset()
             return observed, np.zeros(self.num_envs), self._all(False), self._all(False), info
-        made = self._episodes.running().step(self._task.all_actions(actions))
-        self._ended = made.ended or made.over
+        made = self._episodes.step(self._task.all_actions(actions))
         return made.observed, made.reward, self._all(made.ended), self._all(made.over), {}
 
     def close_extras(self, **kwargs: Any) -> None:

@@ -18,7 +18,7 @@ from pathlib import Path
 from xml.parsers import expat
 
 from sleepcast.core.settings import SettingsError, read_text
-from sleepcast.simulator.world.fill import filled
+from sleepcast.simulator.world.fill import encloses, filled
 from sleepcast.simulator.world.svg import (
     MAX_CURVES,
     MAX_NUMBER,
@@ -155,19 +155,19 @@ def _shapes(drawn: _Drawn, upright: Matrix, room: int) -> Iterator[Shape]:
         centre = whole.of(drawn.disc[0])
         yield Circle(centre.real, centre.imag, drawn.disc[1] * whole.grows, around.name)
         return
-    lines: list[tuple[bool, tuple[Point, ...]]] = []
+    outlines, walls = list[tuple[Point, ...]](), list[tuple[Point, ...]]()
     for line in drawn.lines:
-        lines.append((line.closed, _points(line.moved(whole.of), room)))
-        room -= len(lines[-1][1]) - 1
+        points = _points(line.moved(whole.of), room)
+        room -= len(points) - 1
         if room < 0:
             raise PathError(TOO_MANY)
-    outlines = tuple(_open(points) for _, points in lines if drawn.solid and len(_open(points)) > 2)
-    if area := filled(outlines, around.fill_rule) if outlines else ():
+        if drawn.solid and encloses(_open(points)):
+            outlines.append(_open(points))
+        elif len(points) > 1:
+            walls.append((*points, points[0]) if line.closed and points[0] != points[-1] else points)
+    if area := filled(tuple(outlines), around.fill_rule) if outlines else ():
         yield Area(area, around.name)
-    for closed, points in lines:
-        if len(points) > 1 and not (drawn.solid and len(_open(points)) > 2):
-            again = (points[0],) if closed and points[0] != points[-1] else ()
-            yield Wall((*points, *again), around.name)
+    yield from (Wall(points, around.name) for points in walls)
 
 
 def _points(line: Line, room: int) -> tuple[Point, ...]:

@@ -1,15 +1,15 @@
 """What a filled shape is filled with: its outlines by SVG's fill rules, as outlines of what is inside an odd number.
 
 By the rule "nonzero", which counts unless another is said, a point is inside if the outlines wind around it other than
-zero times altogether: an outline within another one is a hole only if it runs the other way round. Outlines that cross,
-themselves or others, are first parted into loops that do not: at each crossing a line goes on along the other one, as
-in Seifert's circles of a knot (1934), which leaves all winding numbers as they are. Shapes with more than MAX_SIDES
-sides or MAX_CROSSINGS are taken to cross nothing, and those with more than MAX_LOOPS to be filled as by "evenodd".
+zero times altogether: an outline within another one is a hole only if it runs the other way round. Where outlines
+cross, touch or run along each other, themselves or others, all sides are parted there, and those pieces are kept that
+have the inside on one of their two sides. Shapes with more than MAX_SIDES sides or MAX_CONTACTS are taken to touch
+nothing, and those with more than MAX_LOOPS to be filled as by "evenodd".
 """
 
 from __future__ import annotations
 
-from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,99 +19,219 @@ from sleepcast.simulator.world.world import Area, Point
 
 MAX_SIDES = 2_000
 """Sides of one shape that are compared with each other."""
-MAX_CROSSINGS = 5_000
-"""Crossings of one shape: a drawing that somebody has drawn has a few."""
+MAX_CONTACTS = 5_000
+"""Places of one shape where a side meets another one: a drawing that somebody has drawn has a few."""
 MAX_LOOPS = 2_000
-"""Loops of one shape that are compared with each other."""
+"""Outlines of one shape that are compared with each other."""
+AT_ONCE = 1 << 18
+"""Pairs of sides that are compared in one step, which bounds the memory."""
+NEAR = 1e-9
+"""Share of the largest coordinate, or of a metre, within which rounding may have parted equal places."""
 
 Outline = tuple[Point, ...]
+Floats = NDArray[np.float64]
+Numbers = NDArray[np.intp]
 
 
 def filled(outlines: tuple[Outline, ...], rule: str) -> tuple[Outline, ...]:
     """The outlines of the area that a shape fills. rule: "nonzero" or "evenodd"."""
-    loops = _loops(outlines) if rule == "nonzero" else outlines
-    if rule == "evenodd" or len(loops) == 1 or len(loops) > MAX_LOOPS:
-        return loops
-    turns = np.array([1 if _signed_area(loop) > 0.0 else -1 for loop in loops])
-    # The middle of a side, because loops may touch at their corners.
-    x, y = np.array([[(a + b) / 2.0 for a, b in zip(*loop[:2], strict=True)] for loop in loops]).T
-    within = np.array([inside(Area((loop,)), x, y) for loop in loops])
+    if rule == "evenodd":
+        return outlines
+    sides = _sides(outlines)
+    contacts = _contacts(sides) if len(sides.corners) <= MAX_SIDES else None
+    parted = None if contacts is None else _boundary(sides, *contacts)
+    return _nested(outlines) if parted is None else parted
+
+
+def encloses(outline: Outline) -> bool:
+    """Whether an outline goes around anything, and not only to and fro."""
+    if len(outline) < 3:
+        return False
+    box = np.ptp(np.array(outline), axis=0)
+    return abs(_signed_area(outline)) > NEAR * float(box.sum()) or bool(filled((outline,), "nonzero"))
+
+
+def _nested(outlines: tuple[Outline, ...]) -> tuple[Outline, ...]:
+    """The outlines that are not within others of the same way round, of outlines that nowhere touch."""
+    if len(outlines) == 1 or len(outlines) > MAX_LOOPS:
+        return outlines
+    turns = np.array([1 if _signed_area(outline) > 0.0 else -1 for outline in outlines])
+    # The middle of a side, because those of a large shape may touch at their corners.
+    x, y = np.array([[(a + b) / 2.0 for a, b in zip(*outline[:2], strict=True)] for outline in outlines]).T
+    within = np.array([inside(Area((outline,)), x, y) for outline in outlines])
     np.fill_diagonal(within, False)
     outer = within.T @ turns
     edges = (outer == 0) != (outer + turns == 0)
-    return tuple(loop for loop, edge in zip(loops, edges, strict=True) if edge)
+    return tuple(outline for outline, edge in zip(outlines, edges, strict=True) if edge)
 
 
-def _loops(outlines: tuple[Outline, ...]) -> tuple[Outline, ...]:
-    """The outlines, parted where they cross."""
-    if sum(map(len, outlines)) > MAX_SIDES:
-        return outlines
-    first, second, points = _crossings(outlines)
-    if not len(first):
-        return outlines
-    walk, following = _walk(outlines, first, second, points)
-    found, left = list[Outline](), set(range(len(walk)))
-    while left:
-        loop, at = list[Point](), min(left)
-        while at in left:
-            left.remove(at)
-            loop.append(walk[at])
-            at = following[at]
-        if len(loop) > 2:
-            found.append(tuple(loop))
+def _signed_area(outline: Outline) -> float:
+    """Twice of it, above 0 for counter-clockwise."""
+    return sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(outline, (*outline[1:], outline[0]), strict=True))
+
+
+# ---- outlines that meet
+
+
+class _Sides(NamedTuple):
+    """The sides of some outlines: corners, shape (n, 2), at which they begin, and numbers of those at which they
+    end."""
+
+    corners: Floats
+    ends: Numbers
+
+    @property
+    def ways(self) -> Floats:
+        found: Floats = self.corners[self.ends] - self.corners
+        return found
+
+    @property
+    def near(self) -> float:
+        """Distance within which places are one, m."""
+        return NEAR * max(1.0, float(np.abs(self.corners).max()))
+
+
+def _sides(outlines: tuple[Outline, ...]) -> _Sides:
+    begin, ends = 0, list[Numbers]()
+    for outline in outlines:
+        ends.append(begin + (np.arange(len(outline)) + 1) % len(outline))
+        begin += len(outline)
+    return _Sides(np.array([corner for outline in outlines for corner in outline], np.float64), np.concatenate(ends))
+
+
+def _contacts(sides: _Sides) -> tuple[Numbers, Floats] | None:
+    """Numbers of sides that meet others, and where, shape (n, 2); None if there are none, or too many."""
+    firsts, seconds = _neighbours(sides)
+    numbers, points = [np.empty(0, np.intp)], [np.empty((0, 2))]
+    for begin in range(0, len(firsts), AT_ONCE):
+        first, second = firsts[begin : begin + AT_ONCE], seconds[begin : begin + AT_ONCE]
+        crossed, at = _crossed(sides, first, second)
+        touched = _touched(sides, first, second)
+        numbers += [first[crossed], second[crossed], first[touched]]
+        points += [at, at, sides.corners[second[touched]]]
+        if sum(map(len, numbers)) > MAX_CONTACTS:
+            return None
+    return (np.concatenate(numbers), np.concatenate(points)) if any(map(len, numbers)) else None
+
+
+def _neighbours(sides: _Sides) -> tuple[Numbers, Numbers]:
+    """Pairs of sides, each both ways round, that are close enough to meet."""
+    ends = sides.corners[sides.ends]
+    low, high = np.minimum(sides.corners, ends), np.maximum(sides.corners, ends) + sides.near
+    reach = (low[:, None, 0] <= high[:, 0]) & (low[:, None, 1] <= high[:, 1])
+    meet = reach & reach.T
+    np.fill_diagonal(meet, False)
+    first, second = np.nonzero(meet)
+    return first, second
+
+
+def _crossed(sides: _Sides, first: Numbers, second: Numbers) -> tuple[Numbers, Floats]:
+    """The pairs of sides that cross within both, each one way round, and where."""
+    way, other, gap = sides.ways[first], sides.ways[second], sides.corners[second] - sides.corners[first]
+    turn = _cross(way, other)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along, there = _cross(gap, other) / turn, _cross(gap, way) / turn
+        found = (first < second) & (along > 0.0) & (along < 1.0) & (there > 0.0) & (there < 1.0)
+    met = np.flatnonzero(found)
+    return met, sides.corners[first[met]] + along[met, None] * way[met]
+
+
+def _touched(sides: _Sides, first: Numbers, second: Numbers) -> Numbers:
+    """The pairs in which the first side touches the corner where the second one begins, and does not end there."""
+    way, gap = sides.ways[first], sides.corners[second] - sides.corners[first]
+    along = np.clip((gap * way).sum(axis=1) / np.maximum((way * way).sum(axis=1), 1e-300), 0.0, 1.0)
+    away = np.abs(gap - along[:, None] * way).max(axis=1)
+    return np.flatnonzero((away <= sides.near) & (sides.ends[first] != second))
+
+
+def _cross(one: Floats, other: Floats) -> Floats:
+    found: Floats = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    return found
+
+
+def _boundary(sides: _Sides, numbers: Numbers, points: Floats) -> tuple[Outline, ...] | None:
+    """The outlines of the area within, of sides that meet others at these points; None if rounding leaves them open."""
+    places, pieces, turns = _pieces(sides, numbers, points)
+    return _chained(places, pieces[_parting(places, pieces, turns)])
+
+
+def _pieces(sides: _Sides, numbers: Numbers, points: Floats) -> tuple[Floats, Numbers, Numbers]:
+    """Places, and the pieces between them: each once, as the numbers of its two places, with how many more sides run
+    from the first to the second than back."""
+    count = len(sides.corners)
+    steps = np.concatenate((np.arange(count), np.arange(count), numbers))
+    at = _together(np.concatenate((sides.corners, sides.corners[sides.ends], points)), sides.near)
+    along = ((at - sides.corners[steps]) * sides.ways[steps]).sum(axis=1)
+    places, which = np.unique(at, axis=0, return_inverse=True)
+    order = np.lexsort((along, steps))
+    steps, which = steps[order], which.reshape(-1)[order]
+    pairs = np.column_stack((which[:-1], which[1:]))[(steps[:-1] == steps[1:]) & (which[:-1] != which[1:])]
+    pieces, number = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
+    turns = np.zeros(len(pieces), np.intp)
+    np.add.at(turns, number.reshape(-1), np.where(pairs[:, 0] < pairs[:, 1], 1, -1))
+    return places, pieces[turns != 0], turns[turns != 0]
+
+
+def _together(points: Floats, near: float) -> Floats:
+    """The points, where those that rounding has parted have become equal."""
+    found = points.copy()
+    for axis in found.T:
+        order = np.argsort(axis, kind="stable")
+        first = np.flatnonzero(np.diff(axis[order], prepend=-np.inf) > near)
+        axis[order] = np.repeat(axis[order][first], np.diff(first, append=len(axis)))
+    return found
+
+
+def _parting(places: Floats, pieces: Numbers, turns: Numbers) -> NDArray[np.bool_]:
+    """Which pieces have the inside on just one side."""
+    begin, end = places[pieces[:, 0]], places[pieces[:, 1]]
+    steep = np.abs(end[:, 1] - begin[:, 1]) >= np.abs(end[:, 0] - begin[:, 0])
+    found = np.zeros(len(pieces), np.bool_)
+    for some, axes in ((steep, [0, 1]), (~steep, [1, 0])):
+        rows, size = np.flatnonzero(some), max(1, AT_ONCE // max(len(pieces), 1))
+        for part in (rows[first : first + size] for first in range(0, len(rows), size)):
+            found[part] = _parts(begin[:, axes], end[:, axes], turns, part)
+    return found
+
+
+def _parts(begin: Floats, end: Floats, turns: Numbers, some: Numbers) -> NDArray[np.bool_]:
+    """Whether some of the pieces part inside and outside. A ray from the middle of each to the right tells how often
+    all others wind around it, and the piece itself adds what lies on its left."""
+    middle, up = (begin[some] + end[some]) / 2.0, np.where(end[:, 1] > begin[:, 1], turns, -turns)
+    row, other = np.nonzero((begin[:, 1] > middle[:, None, 1]) != (end[:, 1] > middle[:, None, 1]))
+    a, way = begin[other], end[other] - begin[other]
+    beyond = a[:, 0] + (middle[row, 1] - a[:, 1]) * way[:, 0] / way[:, 1] > middle[row, 0]
+    counted = beyond & (other != some[row])
+    outer = np.bincount(row[counted], up[other[counted]], len(some))
+    found: NDArray[np.bool_] = (outer == 0.0) != (outer + up[some] == 0.0)
+    return found
+
+
+def _chained(places: Floats, pieces: Numbers) -> tuple[Outline, ...] | None:
+    """Pieces as closed outlines that pass no place twice; None if they are not closed."""
+    ways: dict[int, set[int]] = {}
+    for one, other in pieces.tolist():
+        ways.setdefault(one, set()).add(other)
+        ways.setdefault(other, set()).add(one)
+    if any(len(each) % 2 for each in ways.values()):
+        return None
+    found = list[Outline]()
+    for begin in sorted(ways):
+        walk, at = dict[int, None](), begin
+        while ways[at]:
+            walk[at] = None
+            following = min(ways[at])
+            ways[at].remove(following)
+            ways[following].remove(at)
+            at = following
+            if at in walk:
+                found.append(tuple((float(x), float(y)) for x, y in places[_since(walk, at)]))
     return tuple(found)
 
 
-def _crossings(outlines: tuple[Outline, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
-    """Pairs of sides, numbered through all outlines, that cross inside both, and where, shape (n, 2)."""
-    starts = np.concatenate([np.array(each, np.float64) for each in outlines])
-    ways = np.concatenate([np.roll(np.array(each, np.float64), -1, axis=0) for each in outlines]) - starts
-    nothing = np.empty((0, 2), np.intp)
-    numbers, shares, count = [nothing], [np.empty(0)], 0
-    for number, (start, way) in enumerate(zip(starts, ways, strict=True)):
-        gap, others = starts[number + 1 :] - start, ways[number + 1 :]
-        turn = way[0] * others[:, 1] - way[1] * others[:, 0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            along = (gap[:, 0] * others[:, 1] - gap[:, 1] * others[:, 0]) / turn
-            there = (gap[:, 0] * way[1] - gap[:, 1] * way[0]) / turn
-            met = np.flatnonzero((along > 0.0) & (along < 1.0) & (there > 0.0) & (there < 1.0))
-        numbers.append(np.column_stack((np.full(len(met), number), met + number + 1)))
-        shares.append(along[met])
-        count += len(met)
-        if count > MAX_CROSSINGS:
-            return nothing[:, 0], nothing[:, 1], np.empty((0, 2))
-    first, second = np.concatenate(numbers).T
-    return first, second, starts[first] + np.concatenate(shares)[:, None] * ways[first]
-
-
-def _walk(
-    outlines: tuple[Outline, ...], first: NDArray[np.intp], second: NDArray[np.intp], points: NDArray[np.float64]
-) -> tuple[list[Point], list[int]]:
-    """All corners and crossings in the order of the outlines, a crossing on each of its two sides; and what follows
-    each where lines change over."""
-    on_side: dict[int, list[tuple[float, int]]] = {}
-    corners = [corner for outline in outlines for corner in outline]
-    for number, sides in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
-        for side in sides:
-            away = float(np.abs(points[number] - corners[side]).sum())
-            on_side.setdefault(side, []).append((away, number))
-    walk, following, visits, side = list[Point](), list[int](), dict[int, list[int]](), 0
-    for outline in outlines:
-        begin = len(walk)
-        for corner in outline:
-            walk.append(corner)
-            following.append(len(walk))
-            for _, number in sorted(on_side.get(side, [])):
-                visits.setdefault(number, []).append(len(walk))
-                walk.append((float(points[number, 0]), float(points[number, 1])))
-                following.append(len(walk))
-            side += 1
-        following[-1] = begin
-    for one, other in visits.values():
-        following[one], following[other] = following[other], following[one]
-    return walk, following
-
-
-def _signed_area(loop: Outline) -> float:
-    """Twice of it, above 0 for counter-clockwise."""
-    return sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in pairwise((*loop, loop[0])))
+def _since(walk: dict[int, None], at: int) -> list[int]:
+    """Take from a walk what it has passed since it was at this place, which comes first."""
+    loop = list[int]()
+    while not loop or loop[-1] != at:
+        loop.append(walk.popitem()[0])
+    return loop[::-1]

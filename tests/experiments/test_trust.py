@@ -221,6 +221,38 @@ def test_the_page_of_ones_own_scenario_takes_measures_beside_it(pond: Path) -> N
         assert read() == 3.0
 
 
+@pytest.mark.parametrize("linked", ["loud.py", "package"])
+def test_links_are_found_where_they_lie(pond: Path, tmp_path: Path, linked: str) -> None:
+    (tmp_path / "far" / "package").mkdir(parents=True)
+    for file in ("loud.py", "package/__init__.py"):
+        (tmp_path / "far" / file).write_text(LOUD)
+    (pond / "loud.py").unlink()
+    (pond / linked).symlink_to(tmp_path / "far" / linked)
+    text = f"{linked.removesuffix('.py')}.spread"
+    sweep = ["sweep", str(pond), "--measure", text, "--out", "found", "--workers", "1", "--quiet"]
+    assert main(sweep) == 2
+    assert not list((tmp_path / "far").rglob("*.ran"))
+    try:
+        assert main([*sweep, "--trust"]) == 0
+    finally:
+        sys.modules.pop("package", None)
+
+
+@pytest.mark.parametrize("open_to_all", ["package/__init__.py", "package/inside.py"])
+def test_the_page_looks_who_may_write_to_the_files_that_it_would_run(pond: Path, open_to_all: str) -> None:
+    (pond / "package").mkdir()
+    for file in ("package/__init__.py", "package/inside.py"):
+        (pond / file).write_text(LOUD)
+    (pond / "experiment.toml").write_text('scenario = "scenario.toml"\n[measures]\nspread = "package.inside.spread"\n')
+    make_own(pond)
+    os.chmod(pond / open_to_all, 0o666)
+    with sc.open(pond) as fleet:
+        ((_, _, read),) = live_measures(fleet, pond)
+        with pytest.raises(SleepcastError, match="not run"):
+            read()
+    assert not list(pond.rglob("*.ran"))
+
+
 def test_a_folder_where_others_may_write_is_nobodys_own(folder: Path) -> None:
     make_own(folder)
     assert is_own(folder)

@@ -196,7 +196,7 @@ def let_programs_run(experiment: Experiment, written: Path | None, *, trusted: b
         return False
     complain(printable(f"this sweep runs programs: {', '.join(each.sentence() for each in found)}"))
     used = [each for each in modules if any(each in program.roots for program in found)]
-    files = [each.file for each in found if each.file is not None and each.roots]
+    files = [file for each in found for file in each.files]
     named = [] if written is None else [written.resolve() if written.is_dir() else written.resolve().parent]
     folders = list(dict.fromkeys(named + used))
     unknown = [each for each in folders if not is_own(each, files)]

@@ -6,7 +6,7 @@ folders that are the user's own.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from math import nan
 from pathlib import Path
@@ -14,9 +14,9 @@ from pathlib import Path
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.columns import column_name
 from sleepcast.core.errors import SleepcastError
-from sleepcast.experiments.measures import read_measure
+from sleepcast.experiments.measures import MeasureError, read_measure
 from sleepcast.experiments.plan import experiment_of_scenario, read_experiment
-from sleepcast.experiments.trust import is_own, look_in
+from sleepcast.experiments.trust import is_own, look_in, programs_of
 
 MOST_ROBOTS = 20_000
 """Robots of which a measure of the group as a whole is taken while a page is served: of more it takes too long between
@@ -30,15 +30,23 @@ def live_measures(fleet: SimulatedFleet, folder: Path | None = None) -> list[Tak
     """The measures of the scenario's experiment, and the time series that its own file asks for. folder: of a scenario
     that is not of the gallery. What is wrong with a measure is said when it is taken: a page opens all the same."""
     scenario = fleet.swarm.simulator.scenario
-    own = folder is not None and is_own(folder)
+    texts = _texts(scenario.name, folder)
+    own = folder is not None and is_own(folder, _files(texts.values(), folder))
     if own and folder is not None:
         look_in([folder.resolve()])
-    texts = _texts(scenario.name, folder)
     found: list[Taken] = [(name, text, partial(_taken, text, fleet, own)) for name, text in texts.items()]
     for spec in scenario.measures:  # a plot is found by its name
         name = column_name(spec.name, [known for known, *_ in found])
         found.append((name, spec.name, partial(_latest, fleet, spec.name)))
     return found
+
+
+def _files(texts: Iterable[str], folder: Path) -> list[Path]:
+    """The files in Python of this folder that measures would run."""
+    try:
+        return [file for each in programs_of(texts, [folder.resolve()]) for file in each.files]
+    except MeasureError:  # said when the measure is taken
+        return []
 
 
 def _texts(scenario: str, folder: Path | None) -> dict[str, str]:

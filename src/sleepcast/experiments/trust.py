@@ -35,11 +35,18 @@ class TrustError(SleepcastError):
 
 class Program(NamedTuple):
     """A function in Python that an experiment names, as module.function, and the file where Python would find it; None
-    for a part of Python itself. roots: of the folders in which modules are sought besides, those that lead there."""
+    for a part of Python itself. roots: of the folders in which modules are sought besides, those that lead there.
+    around: the files of the packages around it, which are run before it."""
 
     function: str
     file: Path | None
     roots: tuple[Path, ...] = ()
+    around: tuple[Path, ...] = ()
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """What is run of these folders."""
+        return () if self.file is None or not self.roots else (*self.around, self.file)
 
     def sentence(self) -> str:
         """For a person."""
@@ -49,7 +56,12 @@ class Program(NamedTuple):
 def programs(experiment: Experiment, folders: Sequence[Path]) -> list[Program]:
     """What an experiment would run, each once; nothing is imported for that. folders: where modules are sought after
     the places of this Python. Raises MeasureError for a condition that is none, and for a module that is nowhere."""
-    texts = [*experiment.measures.values(), *([measure_of_stop(experiment.until)] if experiment.until else [])]
+    until = [measure_of_stop(experiment.until)] if experiment.until else []
+    return programs_of([*experiment.measures.values(), *until], folders)
+
+
+def programs_of(texts: Iterable[str], folders: Sequence[Path]) -> list[Program]:
+    """The same for measures. Raises MeasureError for a module that is nowhere."""
     added, found = extensions(GROUP), dict[str, Program]()
     for text in texts:
         named = own_function(text)
@@ -75,7 +87,9 @@ def _program(function: str, module: str, folders: Sequence[Path]) -> Program:
     """Where a module is, found without importing anything, not even the packages around it."""
     first, *inside = module.split(".")
     found = outer = _spec(first, [*sys.path, *map(str, folders)])
+    around = list[Path]()
     for part in inside:
+        around += [Path(found.origin).resolve()] if found and found.has_location and found.origin else []
         # by its last name alone: a package without a file of its own asks for the imported one around it
         found = PathFinder.find_spec(part, list((found and found.submodule_search_locations) or ()))
     if outer is None or found is None:
@@ -83,8 +97,10 @@ def _program(function: str, module: str, folders: Sequence[Path]) -> Program:
         raise MeasureError(printable(f"no module {module}: looked {where}and where this Python looks (sys.path)"))
     if not found.has_location or found.origin is None:
         return Program(function, None)
-    leading = {Path(each).resolve().parent for each in outer.submodule_search_locations or [outer.origin or ""]}
-    return Program(function, Path(found.origin).resolve(), tuple(each for each in folders if each.resolve() in leading))
+    # Where a link lies, not where it leads: that is where Python looks.
+    leading = {Path(each).parent.resolve() for each in outer.submodule_search_locations or [outer.origin or ""]}
+    roots = tuple(each for each in folders if each.resolve() in leading)
+    return Program(function, Path(found.origin).resolve(), roots, tuple(around))
 
 
 def _spec(name: str, places: list[str]) -> ModuleSpec | None:

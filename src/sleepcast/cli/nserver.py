@@ -164,7 +164,7 @@ def _given(world: Path | None) -> WorldSetup:
     """What a world.setup says, or that this is the world. Raises SettingsError."""
     from sleepcast.simulator.nomads.setup_files import SUFFIX, WorldSetup, read_world_setup
 
-    return read_world_setup(world) if world is not None and world.suffix == SUFFIX else WorldSetup(map=world)
+    return read_world_setup(world) if world is not None and world.suffix.casefold() == SUFFIX else WorldSetup(map=world)
 
 
 def _page(

@@ -84,6 +84,49 @@ def test_what_is_not_understood_is_told_by_its_line_and_ignored(tmp_path: Path) 
     assert many[-1] == "and 480 more"
 
 
+def test_of_a_key_that_comes_twice_the_later_line_counts_and_the_earlier_one_is_told(tmp_path: Path) -> None:
+    found = world(tmp_path, "port = 7000\n[server]\ntcp_port = 7001\n")
+    file = tmp_path / "world.setup"
+    assert found == WorldSetup(7001, ignored=(f"{file}:1: ignored, as {file}:3 says it again: port = 7000",))
+    twice = robot(tmp_path, "[sonar]\nrate 6\nrate 7\n[other]\nsonar.rate 8\n")
+    assert twice.robots.ring is not None
+    assert twice.robots.ring.pause == pytest.approx(0.028)
+    assert [line.rpartition("ignored")[2] for line in twice.ignored] == [
+        f", as {tmp_path / 'robot.setup'}:3 says it again: rate 6",
+        ": sonar.rate 8",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("/maps//lab.txt", "/maps//lab.txt"),
+        ('"lab;2.txt" ; the second', "lab;2.txt"),
+        ("lab,  1.txt // a comment", "lab,  1.txt"),
+        ("lab.txt#", "lab.txt"),
+    ],
+)
+def test_the_name_of_a_map_is_taken_as_it_stands(tmp_path: Path, text: str, name: str) -> None:
+    assert world(tmp_path, f"map = {text}\n").map == tmp_path / name
+
+
+@pytest.mark.parametrize("how", ["utf-8", "utf-8-sig", "latin-1"])
+def test_editors_of_today_and_of_then_may_have_saved_it(tmp_path: Path, how: str) -> None:
+    file = tmp_path / "WORLD.SETUP"
+    file.write_bytes("[server]\nport 7020\nmap = caf\N{LATIN SMALL LETTER E WITH ACUTE}.txt\n".encode(how))
+    assert read_world_setup(file) == WorldSetup(7020, map=tmp_path / "caf\N{LATIN SMALL LETTER E WITH ACUTE}.txt")
+
+
+def test_255_ends_an_order_as_in_conf_sn(tmp_path: Path) -> None:
+    ring = robot(tmp_path, "[sonar]\norder = 0 2 15 1 255 255 3\n").robots.ring
+    assert ring is not None
+    assert ring.order == (0, 2, 15, 1)
+    (tmp_path / "ROBOT.SETUP").write_text("[sonar]\nrate 6\n")
+    big = nomad_world(None, tmp_path / "ROBOT.SETUP", 1).setup.robots.ring
+    assert big is not None
+    assert big.pause == pytest.approx(0.024)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -97,6 +140,8 @@ def test_what_is_not_understood_is_told_by_its_line_and_ignored(tmp_path: Path) 
         ("[sonar]\nmaximum = 5", "the minimum of 6 in is not below the maximum"),
         ("[control]\nerror = \x1b[2J", "wanted a number, got \N{REPLACEMENT CHARACTER}[2J"),
         ("[laser]\noffset " + "1\n" * 300, "more than 256 values of offset"),
+        ("[sonar]\norder = 255", "wanted numbers of sonars from 0 to 15, got 255"),
+        ("[control]\nerror = 601", "tenths of an inch from 0 to 600"),
         (b"x" * (MAX_FILE + 1), "at most 65536 bytes"),
     ],
 )
@@ -108,7 +153,8 @@ def test_a_wrong_value_is_an_error_with_its_file_and_line(tmp_path: Path, text: 
 
 
 @pytest.mark.parametrize(
-    "text", ["port = 0", "port = 70000", "quit_server = perhaps", "robots = 0", "map =", "map a.setup"]
+    "text",
+    ["port = 0", "port = 70000", "quit_server = perhaps", "robots = 0", "map =", "map a.SETUP", "map = a.txt\n5"],
 )
 def test_a_wrong_value_of_a_world_is_an_error(tmp_path: Path, text: str) -> None:
     with pytest.raises(SettingsError, match=r"world\.setup:1: "):

@@ -80,7 +80,7 @@ def nomad_world(
 
 def _equipment(setup: Path | str) -> Setup:
     """The equipment of this name, or from this file; a robot.setup changes that of an ideal Scout."""
-    if Path(setup).suffix == SUFFIX:
+    if Path(setup).suffix.casefold() == SUFFIX:
         return read_robot_setup(Path(setup), read_setup("ideal"))
     return read_setup(setup)
 

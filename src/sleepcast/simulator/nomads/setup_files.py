@@ -5,8 +5,8 @@ most keys were spelled is our reading, and docs/scenarios.md says of which. So w
 left out and told, line by line. What is understood must make sense.
 
 A line has a key and its values, with `=`, `:` or only blanks between them; further lines with nothing but numbers go on
-with the values. `;`, `#` and `//` begin a comment. Lengths are in inches, as the sonars report them, angles in tenths
-of degrees.
+with the values. `;`, `#` and a `//` after a blank begin a comment, except within double quotes. Where a key comes
+twice, the later line counts. Lengths are in inches, as the sonars report them, angles in tenths of degrees.
 """
 
 from __future__ import annotations
@@ -34,6 +34,8 @@ MAX_VALUES = 256
 BRIEF = 60
 """Characters of a line that are told."""
 LAST_PORT = 65_535
+END_OF_ORDER = 255
+"""Stands behind the last sonar of an order, as in `conf_sn`."""
 PAUSE_STEP = 0.004
 """A firing rate of 1, s."""
 TRIAL = 100 * INCH
@@ -43,23 +45,36 @@ _SECTION = re.compile(r"\[([^\[\]]*)\]")
 _LINE = re.compile(r"\r\n|\r|\n")
 _ENTRY = re.compile(r"([A-Za-z_][\w.-]*)\s*[=:]?\s*(.*)")
 _NUMBER = re.compile(r"[+-]?(?:\d{1,15}(?:\.\d{0,15})?|\.\d{1,15})(?:[eE][+-]?\d{1,3})?")
-_COMMENT = re.compile(r"(?:;|#|//).*")
+_COMMENT = re.compile(r'("[^"]*")|(?:;|#|(?<!\S)//).*')
 YES, NO = frozenset({"1", "yes", "true", "on"}), frozenset({"0", "no", "false", "off"})
 
 
 class Entry(NamedTuple):
-    """A key with its values. section, key: in small letters; where: file and line, for errors."""
+    """A key with its values. section, key: in small letters; values: words; rest: what stands behind the key in its
+    line; where: file and line, for errors."""
 
     section: str
     key: str
     values: list[str]
+    rest: str
     where: str
     written: str
+
+    @property
+    def name(self) -> str:
+        """The key with its section, if it has one."""
+        return f"{self.section}.{self.key}" if self.section else self.key
+
+    @property
+    def bare(self) -> str:
+        """The key for those that may stand in any section, "" if it names one itself."""
+        return "" if "." in self.key else self.key
 
     def wrong(self, wanted: str) -> SettingsError:
         """The error for values that are not what is wanted."""
         got = printable(" ".join(self.values))[:BRIEF] or "nothing"
-        return SettingsError(f"{self.where}: [{self.section}] {self.key}: wanted {wanted}, got {got}")
+        section = f"[{self.section}] " if self.section else ""
+        return SettingsError(f"{self.where}: {section}{self.key}: wanted {wanted}, got {got}")
 
     def numbers(self, count: int) -> list[float]:
         """So many numbers. Raises SettingsError."""
@@ -91,9 +106,9 @@ class Entry(NamedTuple):
 
     def text(self) -> str:
         """A text, perhaps in quotes. Raises SettingsError."""
-        found = " ".join(self.values).strip("\"'")
-        if not found:
-            raise self.wrong("a text")
+        found = self.rest.strip("\"'")
+        if not found or len(self.values) > len(_words(self.rest)):
+            raise self.wrong("a text in one line")
         return found
 
 
@@ -114,7 +129,7 @@ def read_world_setup(file: Path) -> WorldSetup:
 
     def map_of(entry: Entry, made: WorldSetup) -> WorldSetup:
         found = file.parent / entry.text()
-        if found.suffix == SUFFIX:
+        if found.suffix.casefold() == SUFFIX:
             raise entry.wrong("a world, not another setup")
         return replace(made, map=found)
 
@@ -136,11 +151,13 @@ Made = TypeVar("Made", WorldSetup, Setup)
 
 def _read(file: Path, made: Made, known: dict[str, Callable[[Entry, Made], Made]]) -> Made:
     """`made` with what the keys in a file say that are known."""
+    found = [(entry, known.get(entry.name) or known.get(entry.bare)) for entry in _entries(file)]
+    latest = {take: entry for entry, take in found}
     ignored: list[str] = []
-    for entry in _entries(file):
-        take = known.get(f"{entry.section}.{entry.key}") or known.get(entry.key)
-        if take is None:
-            ignored.append(f"{entry.where}: ignored: {printable(entry.written)[:BRIEF]}")
+    for entry, take in found:
+        again = "" if take is None or latest[take] is entry else f", as {latest[take].where} says it again"
+        if take is None or again:
+            ignored.append(f"{entry.where}: ignored{again}: {printable(entry.written)[:BRIEF]}")
         else:
             made = take(entry, made)
     told: list[str] = [*ignored[:MOST_TOLD], *and_more(len(ignored[MOST_TOLD:]))]
@@ -149,17 +166,17 @@ def _read(file: Path, made: Made, known: dict[str, Callable[[Entry, Made], Made]
 
 def _entries(file: Path) -> Iterator[Entry]:
     """What stands in a file, in order; a line that is no entry has an empty key. Raises SettingsError."""
-    section, entry = "", Entry("", "", [], "", "")
+    section, entry = "", _NONE
     for number, line in enumerate(_LINE.split(_text(file)), 1):
-        written = _COMMENT.sub("", line).strip()
-        values = written.replace(",", " ").split()
+        written = _COMMENT.sub(r"\1", line).strip()
+        values = _words(written)
         if not values:
             continue
         where = f"{file}:{number}"
         if found := _SECTION.fullmatch(written):
             if entry.where:
                 yield entry
-            section, entry = found[1].strip().casefold(), Entry("", "", [], "", "")
+            section, entry = found[1].strip().casefold(), _NONE
         elif entry.key and all(map(_NUMBER.fullmatch, values)):
             entry.values.extend(values)
             if len(entry.values) > MAX_VALUES:
@@ -167,20 +184,27 @@ def _entries(file: Path) -> Iterator[Entry]:
         else:
             if entry.where:
                 yield entry
-            key, values = _key_of(written)
-            entry = Entry(section, key, values, where, written)
+            key, rest = _key_of(written)
+            entry = Entry(section, key, _words(rest), rest, where, written)
     if entry.where:
         yield entry
 
 
-def _key_of(written: str) -> tuple[str, list[str]]:
-    """The key of a line, "" if there is none, and its values."""
+_NONE = Entry("", "", [], "", "", "")
+
+
+def _key_of(written: str) -> tuple[str, str]:
+    """The key of a line, "" if there is none, and what stands behind it."""
     found = _ENTRY.fullmatch(written)
-    return (found[1].casefold(), found[2].replace(",", " ").split()) if found else ("", [])
+    return (found[1].casefold(), found[2].strip()) if found else ("", "")
+
+
+def _words(written: str) -> list[str]:
+    return written.replace(",", " ").split()
 
 
 def _text(file: Path) -> str:
-    """What stands in a file of those years: any byte is a character."""
+    """What stands in a file of those years, when any byte was a character, or one that an editor of today has saved."""
     try:
         with file.open("rb") as opened:
             raw = opened.read(MAX_FILE + 1)
@@ -188,7 +212,10 @@ def _text(file: Path) -> str:
         raise SettingsError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
     if len(raw) > MAX_FILE:
         raise SettingsError(f"{file}: too long for a setup file: at most {MAX_FILE} bytes")
-    return raw.decode("latin-1")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return raw.decode("latin-1")
 
 
 # ---- keys, by section and key, or in any section
@@ -232,6 +259,7 @@ def _ring(change: Callable[[Entry, Ring], Ring]) -> Callable[[Entry, Setup], Set
 
 def _order(entry: Entry, ring: Ring) -> Ring:
     found = entry.numbers(len(entry.values))
+    found = found[: found.index(END_OF_ORDER)] if END_OF_ORDER in found else found
     if not 1 <= len(found) <= MAX_ORDER or not set(found) <= set(range(ring.count)):
         raise entry.wrong(f"numbers of sonars from 0 to {ring.count - 1}")
     return replace(ring, order=tuple(map(int, found)))
@@ -240,7 +268,7 @@ def _order(entry: Entry, ring: Ring) -> Ring:
 def _error(entry: Entry, made: Setup) -> Setup:
     wheels = made.robots.wheels
     assert wheels  # a setup has wheels
-    slip = entry.number(0.0, 1_000.0, "tenths of an inch") * TENTH / sqrt(TRIAL)
+    slip = entry.number(0.0, 600.0, "tenths of an inch") * TENTH / sqrt(TRIAL)
     return replace(made, robots=replace(made.robots, wheels=replace(wheels, slip_noise=slip)))
 
 

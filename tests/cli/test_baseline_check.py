@@ -26,6 +26,7 @@ def text_of(chance: Random, number: int) -> str:
             f"(RULE {name} (WHEN (IN g{other}) (SETQ drive (+ {number} (f{other} 1)))))",
             f"(DEFUN f{name} (x) (+ x {number}))",
             f"(DEFUN f{name} (x) (f{other} {number}))",
+            f"(RULE {name} {number} :priority {number % 19 - 9})",
             f"(FORGET {name})",
             f"(FORGET f{name})",
             f"(ACTIVATE {name})",
@@ -81,6 +82,21 @@ def test_what_others_have_taught_is_no_difference_and_is_used() -> None:
     start = MindRecord(["birds"], [("f", ["x"], "(+ x 1)")], [("a", "(f 3)", False)])
     assert Case(("r1",), BODY, start, touched).objection(sent, kept) == ""
     assert len(kept) == 2
+
+
+def test_priorities_of_rules_are_compared_and_those_of_others_are_used() -> None:
+    sent = messages(["(RULE a 1)", "(RULE a (own) :priority 2)", "(RULE a own :priority 3)"])
+    kept, touched = propose(dict(sent))
+
+    def objection(vocabulary: Vocabulary = BODY, **priorities: int) -> str:
+        rules = [("guard", "1", True), ("own", "7", False), ("a", "own", False)]
+        return Case(("r1",), vocabulary, MindRecord([], [], rules, priorities), touched).objection(sent, kept)
+
+    assert objection(guard=4, own=12, a=3) == "", "own has it from its host"
+    assert objection(guard=4, own=-9, a=3) == "", "own has it from a RULE, or its host"
+    assert "differ in the rule a" in objection(guard=4, a=2)
+    assert "differ in the rule a" in objection(guard=0, a=3), "guard would be outranked, so robots have refused it"
+    assert "differ in the rule a" in objection(Vocabulary("body", forms=frozenset()), guard=4, a=3), "of 0.2.0"
 
 
 def test_a_proposal_that_drops_too_much_is_found_out() -> None:

@@ -10,7 +10,8 @@ from msgspec.msgpack import decode, encode
 from fleet.twins import Twins
 from language.cases import Body
 from sleepcast.channel import Message
-from sleepcast.channel.message import Kind
+from sleepcast.channel.message import HOPS, Kind
+from sleepcast.language import CheckError
 from sleepcast.language.functions import MAX_PRIORITY, PRIORITY
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.mind.state import MindState, RuleState, SharedRule
@@ -143,6 +144,52 @@ def test_rollback_brings_priorities_back() -> None:
     assert (lamp(both), priorities(both)) == (1.0, {"a": 2, "b": 0})
 
 
+def test_rollback_keeps_what_a_host_has_given_and_protected() -> None:
+    both = twins("(RULE late (SETQ lamp 1) :priority 2)")
+    for robot in range(2):
+        both.install(robot, "own", "(SETQ lamp 7)", 3, protected=False)
+    both.think(120)
+    both.do("(RULE own (SETQ lamp 8))")
+    for robot in range(2):
+        both.install(robot, "late", "(SETQ lamp 5)", 1, protected=True)
+    both.do("(ROLLBACK)")
+    assert (lamp(both), priorities(both)) == (7.0, {"late": 1, "own": 3})
+    assert [(rule.name, rule.text, rule.protected) for rule in both.nodes[0].rules()] == [
+        ("late", "(SETQ lamp 5)", True),
+        ("own", "(SETQ lamp 7)", False),
+    ]
+    both.do("(RULE own 1 :priority 5)")
+    both.compare()
+    assert priorities(both) == {"late": 1, "own": 3}, "refused"
+
+
+def test_a_lease_does_not_end_a_rule_that_its_host_has_protected_since() -> None:
+    both = twins("(RULE guard (SETQ lamp 1))", "(LEASE guard 3)")
+    for robot in range(2):
+        both.install(robot, "guard", "(SETQ lamp 7)", 0, protected=True)
+    both.think(120)
+    both.do("(SETQ lamp 0)")
+    assert lamp(both) == 7.0
+    both.do("(ROLLBACK)")
+    both.think(120)
+    both.do("(SETQ lamp 0)")
+    assert lamp(both) == 7.0
+
+
+def test_a_restart_keeps_what_the_host_gives_now() -> None:
+    node, again = Node("r", Vocabulary(), body=Body()), Node("r", Vocabulary(), body=Body())
+    for text in ("(RULE own 1)", "(RULE a 1 :priority 5)", "(RULE b 1 :priority 5)"):
+        node.evaluate(text)
+    again.install("own", "2", priority=3, protected=False)
+    again.install("a", "2", priority=-2, protected=False)
+    assert restore(mind_of(node), again, 0.0) == []
+    assert [(rule.name, rule.text, rule.priority) for rule in again.rules()] == [
+        ("own", "1", 3),
+        ("a", "1", -2),
+        ("b", "1", 5),
+    ]
+
+
 def test_a_store_keeps_priorities_and_one_of_0_2_0_has_none() -> None:
     node = Node("r", Vocabulary(), body=Body())
     node.evaluate("(RULE a 1 :priority 4)")
@@ -191,6 +238,26 @@ def test_only_a_commander_gives_priorities() -> None:
         assert len(node.rules()) == (role == "commander"), role
     told = node.evaluate("(DEFUN raise () (TELL 1))")
     assert told.faults == ()
+
+
+@pytest.mark.parametrize("text", ["(RULE a 1 :priority 2)", "(DEFUN f () (PROGN 1 (RULE a 1 :priority 2)))"])
+def test_no_robot_obeys_a_priority_that_another_one_tells(text: str) -> None:
+    """A robot of 0.2.0 or a small computer would tell it, and where nobody signs no role forbids it."""
+    node = Node("r", Vocabulary(), body=Body())
+    node.receive(Message("x", 1, 1, Kind.COMMAND, 0.0, text=text, body={HOPS: 1}))
+    node.think(1, 0.1)
+    assert [outcome for _, outcome, _ in node.evaluated] == ["fault"]
+    assert node.rules() == []
+    node.receive(Message("x", 1, 2, Kind.COMMAND, 0.0, text="(RULE a 1)", body={HOPS: 1}))
+    node.think(2, 0.2)
+    assert len(node.rules()) == 1
+
+
+def test_robots_that_do_not_know_it_refuse_a_priority() -> None:
+    old = Node("r", Vocabulary("old", forms=frozenset()), body=Body())
+    with pytest.raises(CheckError, match=":priority at 1:11 came after what these robots run"):
+        old.evaluate("(RULE a 1 :priority 2)")
+    assert old.evaluate("(RULE a 1)").faults == ()
 
 
 def test_a_tell_carries_no_priority() -> None:

@@ -8,13 +8,13 @@ business: the mind begins with them, and they are not compared.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from itertools import count, islice
 from typing import TYPE_CHECKING, NamedTuple
 
 from sleepcast.core.errors import SleepcastError, printable
-from sleepcast.language.functions import PRIORITY
 from sleepcast.language.vocabulary import buffer_number
 from sleepcast.mind.limits import MAX_QUEUE
 
@@ -58,8 +58,7 @@ class Case:
 
         node = Node("r", self.vocabulary, on_air=True)
         node.catching_up = True  # rules that were replaced would not run on a newcomer, either
-        for text, install in _starting(self.start, self.touched):
-            _begin(node, text, self.start.priorities if install else None)
+        _begin(node, self.start, self.touched)
         waiting = iter(messages)
         for tick in count(1):
             some = list(islice(waiting, MAX_QUEUE))
@@ -110,34 +109,26 @@ def cases(minds: RemoteMinds, robots: Iterable[str], touched: frozenset[str]) ->
     return found
 
 
-def _starting(start: MindRecord, touched: frozenset[str]) -> Iterator[tuple[str, bool]]:
-    """Texts that give a new mind what the robots have from others; whether each is of a rule that is built in."""
+def _begin(node: Node, start: MindRecord, touched: frozenset[str]) -> None:
+    """Give a new mind what the robots have from others, or built in. What it cannot learn here, they have learned in
+    another way, which the comparison shows."""
     for name, parameters, text in start.operators:
         if name.casefold() not in touched:
-            yield f"(DEFUN {name} ({' '.join(parameters)}) {text})", False
+            _try(node.evaluate, f"(DEFUN {name} ({' '.join(parameters)}) {text})")
     for name, text, protected in start.rules:
-        if protected:
-            yield f"{name} {text}", True
+        priority = start.priorities.get(name, 0)
+        if protected or (priority and _rule_key(name) not in touched):  # of a RULE or of the host: nobody tells which
+            _try(partial(node.install, priority=priority, protected=protected), name, text)
         elif _rule_key(name) not in touched:
-            rank = f" {PRIORITY} {start.priorities[name]}" if name in start.priorities else ""
-            yield (
-                f"({'RULE' if rank or buffer_number(name.casefold()) is None else 'SETQQ'} {name} {text}{rank})",
-                False,
-            )
+            _try(node.evaluate, f"({'RULE' if buffer_number(name.casefold()) is None else 'SETQQ'} {name} {text})")
     for name in start.groups:
         if name.casefold() not in touched:
-            yield f"(JOIN {name})", False
+            _try(node.evaluate, f"(JOIN {name})")
 
 
-def _begin(node: Node, text: str, built_in: Mapping[str, int] | None) -> None:
-    """What cannot be learned here, the robot has learned in another way, which the comparison shows. built_in: the
-    priorities of rules that are."""
-    name, _, body = text.partition(" ")
+def _try(learn: Callable[..., object], *given: str) -> None:
     try:
-        if built_in is not None:
-            node.install(name, body, priority=built_in.get(name, 0))
-        else:
-            node.evaluate(text)
+        learn(*given)
     except SleepcastError:
         return
 

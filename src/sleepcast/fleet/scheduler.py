@@ -302,4 +302,4 @@ def expired(memory: FleetMemory, rows: Rows, now: float) -> None:
 
 
 def _leased(memory: FleetMemory, mind: Mind) -> list[Rule]:
-    return [kept for kept in mind.running if kept.key in memory.statistics.leases]
+    return [kept for kept in mind.running if kept.key in memory.statistics.leases and not kept.protected]

@@ -23,6 +23,7 @@ from collections.abc import Iterable
 from sleepcast.core.model import HostFunction
 from sleepcast.language.functions import Function
 from sleepcast.language.reader import Form, List, Symbol, format_literal, replaced, show
+from sleepcast.language.reader import walk as walk_forms
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Variable
 
 ACTING = frozenset({"set_user", "write", "defvar", "store", "act"})
@@ -149,6 +150,12 @@ def _is_ruling(part: Part) -> bool:
     if part.op == "write":
         return ACTIVE0 < part.slot < ACTIVE0 + BUFFERS
     return part.op == "store" or (part.op == "act" and part.name in RULING)
+
+
+def ranked(form: Form) -> Form | None:
+    """Where a RULE in `form` has a `:priority`, also one that is quoted or kept for later; None if none has."""
+    lists = (each for each in walk_forms(form) if isinstance(each, List) and each.head == "rule")
+    return next((each.items[3] for each in lists if len(each.items) > 3), None)
 
 
 def irreversible(part: Part) -> str:

@@ -14,7 +14,7 @@ from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language import areas
 from sleepcast.language.checker import STORE_STEPS, Checker, Special
 from sleepcast.language.functions import FUNCTIONS, MAX_HOPS, MAX_PRIORITY, MAX_REPEATS, PRIORITY
-from sleepcast.language.parts import Defining, Label, Part, Storing, Template
+from sleepcast.language.parts import Defining, Label, Part, Storing, Template, ranked
 from sleepcast.language.reader import (
     MAX_NESTING,
     MAX_TEXT,
@@ -28,7 +28,6 @@ from sleepcast.language.reader import (
     Text,
     height,
     show,
-    walk,
 )
 from sleepcast.language.remembering import FORMS, SHARE
 from sleepcast.language.vocabulary import Variable, VariableKind, buffer_number
@@ -210,6 +209,8 @@ def _rank(checker: Checker, form: List) -> int:
         case ():
             return 0
         case (Symbol(key=key), Number(dimension=None, value=rank)) if key == PRIORITY and rank in PRIORITIES:
+            if PRIORITY not in checker.names.vocabulary.forms:
+                checker.error(f"{PRIORITY} @@ came after what these robots run", form.items[3])
             return int(rank)
     wanted = f"what follows it can only be {PRIORITY} and a whole number from -{MAX_PRIORITY} to {MAX_PRIORITY}"
     checker.error(f"RULE stores one expression @@: {wanted}", form.items[3])
@@ -406,9 +407,8 @@ def _tell(checker: Checker, form: List) -> Part:
     if head != QUOTE:
         _collect_unquoted(checker, template, unquoted)
     hops = _hops(checker, form)
-    for told in walk(template):
-        if isinstance(told, List) and told.head == "rule" and len(told.items) > 3:
-            checker.error(f"a TELL @@ cannot give a rule a {PRIORITY}: only a commander can", told.items[3])
+    if (rank := ranked(template)) is not None:
+        checker.error(f"a TELL @@ cannot give a rule a {PRIORITY}: only a commander can", rank)
     parts = checker.parts(tuple(unquoted))
     # Robots that hear it may keep the same under these names: a rule must not come to tell itself for ever.
     checker.uses |= _entered(template)

@@ -53,7 +53,8 @@ from sleepcast.channel.message import (
 from sleepcast.core.errors import MisuseError, decimal_comma
 from sleepcast.core.quantities import QuantityError, in_si
 from sleepcast.core.units import TIME
-from sleepcast.language.parts import label_of, rules, walk
+from sleepcast.language.functions import PRIORITY
+from sleepcast.language.parts import label_of, ranked, rules, walk
 from sleepcast.language.program import Program
 
 MAX_LEASE = 3_600.0
@@ -265,6 +266,7 @@ class Tells(StrEnum):
     """Whatever their role allows."""
 
 
+NO_TOLD_PRIORITY = f"no TELL gives a rule a {PRIORITY}: only a commander can"
 NO_TELLS = "this robot obeys no TELL (--tells none)"
 """Why it does nothing of what another robot tells."""
 NO_MOTION = "a TELL does not act on the body of this robot (--tells marks)"
@@ -314,6 +316,8 @@ class Authority:
         """Why a command is not to be evaluated on a robot in these groups (their keys), "" if it may be."""
         if self.tells is Tells.NONE and _is_told(message):
             return NO_TELLS
+        if _is_told(message) and ranked(program.form) is not None:
+            return NO_TOLD_PRIORITY
         if message.kind is not Kind.COMMAND or not message.role:
             return ""
         if message.role != Role.COMMANDER and rules(program.root):

@@ -360,11 +360,15 @@ def leave(base: RuleBase, name: str) -> str | None:
 
 
 def roll_back(base: RuleBase, wanted: Iterable[Rule]) -> None:
-    """ROLLBACK: replace all rules by these, except protected ones."""
-    for key in [rule.key for rule in base.rules.values() if not rule.protected]:
+    """ROLLBACK: replace all rules by these, except protected ones; what the host gives as priority stays."""
+    hosts = {key: rule.priority for key, rule in base.rules.items() if not rule.protected}
+    for key in hosts:
         base.remove(key)
-    for rule in wanted:
+    for rule in (each for each in wanted if each.key not in base.rules):  # the host may have protected it since
         base.put(rule.key, rule.name, rule.text, rule.program, flag=False, rank=rule.rank)
+        priority = hosts.get(rule.key, rule.priority)
+        if priority:
+            base.rank(rule.key, priority, False)
         base.activate(rule.key, rule.active)
     for key in [key for key, each in base.symbols.items() if isinstance(each, Stored) and key not in base.rules]:
         base.unlearn(key)

@@ -102,8 +102,8 @@ class RuleRecords:
         self.carry_out()
 
     def expire(self, now: float) -> list[Rule]:
-        """Deactivate those whose lease has ended, and return them."""
-        ended = [record.rule for record in self.running if record.lease <= now]
+        """Deactivate those whose lease has ended, and return them; what the host has protected since goes on."""
+        ended = [record.rule for record in self.running if record.lease <= now and not record.rule.protected]
         for rule in ended:
             self.deactivate(rule.key)
         return ended

@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from mcap.reader import make_reader
@@ -21,17 +22,18 @@ from cli.calling import Called, called
 from console.running import PATIENCE, Program, open_page
 from sleepcast.cli import replay
 from sleepcast.cli.interrupts import Interrupts
+from sleepcast.console.adapters.recording import load_timeline
 from sleepcast.loop import Swarm
 from sleepcast.simulator import load
 from sleepcast.simulator.recording.foxglove import read_poses
-from sleepcast.simulator.recording.recorder import Recorder
+from sleepcast.simulator.recording.recorder import Recorder, RuleBody
 from sleepcast.simulator.recording.recording import Recording, entries, load_recording
 from small_worlds import write
 
 MISSION = """
 @1s (WHEN (> battery 50%) (JOIN full))
 @2s (WHEN (IN full) (DRIVE 2m/s 10deg/s) (TK "off we go") (REPORT "left with" battery))
-@3s (WHEN (IN full) (RULE turn (IF (> x 600m) (ST))))
+@3s (WHEN (IN full) (RULE turn (IF (> x 600m) (ST)) :priority 2))
 """
 
 
@@ -120,7 +122,10 @@ def test_pictures_readings_and_lines_are_there_at_the_rates_asked_for(world: Pat
         assert line in log
     rules = list(bodies(recording, "/rules"))
     assert rules
-    assert rules[0]["rules"] == [{"name": "turn", "text": "(IF (> x 600m) (ST))", "active": True}]
+    assert rules[0]["rules"] == [{"name": "turn", "text": "(IF (> x 600m) (ST))", "active": True, "priority": 2}]
+    shown = load_timeline(load_recording(world / "run.mcap")).rules[str(rules[0]["robot"])].at(20.0)
+    assert [(rule.name, rule.priority) for rule in shown] == [("turn", 2)]
+    assert b"priority" not in msgspec.json.encode(RuleBody("turn", "1", True)), "as a recording of 0.2.0 has it"
     full = sum(each["matched"] for each in recording.accounting.values() if "JOIN" in str(each["text"]))  # type: ignore[misc]
     marks = list(bodies(recording, "/sleepcast/marks"))[-1]
     assert marks["names"] == ["full"]

@@ -223,6 +223,7 @@ def test_the_desk_doubts_a_priority_for_robots_that_do_not_know_it() -> None:
     assert doubt.message == ":priority at 1:11 is not known to old (tiny), which would refuse this"
     assert not fleet.desk.check(text, only=["r1"]).doubts
     assert not fleet.desk.check("(RULE a 1)").doubts
+    assert not fleet.desk.check("(DEFVAR :priority 1)").doubts, "a name like any other"
     with pytest.raises(DoubtError):
         fleet.desk.validate(Draft(text, everybody=True))
     fleet.desk.validate(Draft(text, everybody=True, confirmed=True))
@@ -258,6 +259,18 @@ def test_robots_that_do_not_know_it_refuse_a_priority() -> None:
     with pytest.raises(CheckError, match=":priority at 1:11 came after what these robots run"):
         old.evaluate("(RULE a 1 :priority 2)")
     assert old.evaluate("(RULE a 1)").faults == ()
+
+
+def test_why_shows_a_priority_and_why_it_was_refused() -> None:
+    node = Node("r", Vocabulary(), body=Body())
+    node.install("guard", "1")
+    for number, text in enumerate(("(RULE a 1 :priority -2)", "(RULE b 1 :priority 4)"), 1):
+        node.receive(Message("x", 1, number, Kind.COMMAND, 0.0, text=text))
+        node.think(number, number / 10)
+        told = node.why()
+        assert told is not None
+        assert told.root.text == told.text == text
+    assert told.faults == (f"b would outrank guard, which is built in: here :priority is at most 0 in {text}",)
 
 
 def test_a_tell_carries_no_priority() -> None:

@@ -18,8 +18,8 @@ from sleepcast.channel.message_batch import natural_order
 from sleepcast.core.errors import printable
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language import Checked, check
-from sleepcast.language.functions import MANY
-from sleepcast.language.reader import Symbol, read, walk
+from sleepcast.language.functions import FUNCTIONS, MANY
+from sleepcast.language.reader import List, Symbol, read, walk
 from sleepcast.language.symbols import Declared
 from sleepcast.language.vocabulary import NEW_FORMS, Binding, Variable, Vocabulary
 from sleepcast.station.remote import RemoteMind, RemoteMinds
@@ -97,8 +97,9 @@ def check_for(whole: Checked, minds: RemoteMinds, robots: Sequence[str], *, anyw
 
 def doubt_forms(checked: Checked, minds: RemoteMinds, robots: Sequence[str]) -> None:
     """Doubt a text with a new part of a form (`NEW_FORMS`) that some of these robots do not say they know."""
-    new = [form for form in walk(read(checked.text)) if isinstance(form, Symbol) and form.key in NEW_FORMS]
-    for form in new:
+    calls = [form for form in walk(read(checked.text)) if isinstance(form, List) and form.head in FUNCTIONS]
+    behind = [item for call in calls for item in call.items[2:]]
+    for form in (item for item in behind if isinstance(item, Symbol) and item.key in NEW_FORMS):
         types: dict[bytes, list[str]] = {}
         for name in sorted(robots, key=natural_order):
             kind = minds.type_of(name)

@@ -598,7 +598,7 @@ def test_the_map_works_from_the_keyboard(rovers: Page) -> None:
 
 
 def test_a_robot_shows_its_values_rules_and_reports(rovers: Page) -> None:
-    for order in ("(RULE careful (WHEN (< battery 1%) (ST)))", '(REPORT "level" battery)'):
+    for order in ("(RULE careful (WHEN (< battery 1%) (ST)) :priority 2)", '(REPORT "level" battery)'):
         type_in(rovers, order)
         rovers.locator("#everybody-yes").check()
         rovers.locator("#text").focus()
@@ -608,7 +608,7 @@ def test_a_robot_shows_its_values_rules_and_reports(rovers: Page) -> None:
     rovers.locator("#tab-values").click()
     expect(rovers.locator("#pane-values tr", has_text="battery")).to_contain_text("%")
     rovers.keyboard.press("ArrowRight")
-    expect(rovers.locator("#pane-rules tr", has_text="careful")).to_contain_text("● yes")
+    expect(rovers.locator("#pane-rules tr", has_text="careful (priority 2)")).to_contain_text("● yes")
     rovers.keyboard.press("ArrowRight")
     expect(rovers.locator("#pane-said")).to_contain_text("level 0.")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING
@@ -48,7 +48,7 @@ class Beginning:
     threads: int | None
     speed: float | None
     journal: Journal | None
-    budget: Budget
+    budget: Budget = field(default_factory=Budget)
 
     @property
     def home(self) -> str:

@@ -3,7 +3,7 @@
     python -m benchmarks.until [--ticks N] [--quick] [--json]
 
 Each experiment of the gallery with an `until` is opened at its first point. Its ticks and the looks after them are
-timed in turns, by the time of the processor; each is the mean over the same ticks, after some that compile and warm
+timed in turns, by the time of the processor; each is the median over the same ticks, after some that compile and warm
 everything up.
 """
 
@@ -30,7 +30,7 @@ def microseconds(name: str, ticks: int) -> tuple[int, float, float]:
     experiment = experiment_of_scenario(name)
     assert experiment is not None
     holds = if_known(read_stop(experiment.until).holds)
-    ticking = looking = 0.0
+    ticking, looking = [], []
     with opened(experiment, experiment.first()) as fleet:
         for turn in range(WARM + ticks):
             began = time.process_time()
@@ -38,9 +38,9 @@ def microseconds(name: str, ticks: int) -> tuple[int, float, float]:
             between = time.process_time()
             holds(fleet)
             if turn >= WARM:
-                ticking += between - began
-                looking += time.process_time() - between
-        return len(fleet), 1e6 * ticking / ticks, 1e6 * looking / ticks
+                ticking.append(between - began)
+                looking.append(time.process_time() - between)
+        return len(fleet), 1e6 * middle(ticking), 1e6 * middle(looking)
 
 
 def names() -> list[str]:

@@ -75,15 +75,19 @@ class Turns:
     def __init__(self) -> None:
         self._open, self._next, self._now = True, Lock(), Lock()
 
-    @contextmanager
-    def turn(self) -> Iterator[None]:
-        """A turn, not within another one. Raises MisuseError once the fleet is closed."""
+    def __enter__(self) -> None:
+        """A turn, not within another one. Raises MisuseError once the fleet is closed, and for a call that was
+        cancelled."""
         self._take()
         try:
             self._refuse_closed()
-            yield
-        finally:
+            _refuse_cancelled()
+        except MisuseError:
             self._now.release()
+            raise
+
+    def __exit__(self, *ended: object) -> None:
+        self._now.release()
 
     def pass_on(self) -> None:
         """Within a turn: let those that wait have theirs first. Raises MisuseError if one of them closed the fleet."""
@@ -122,12 +126,9 @@ class Fleet(ABC):
         self._desk: NotebookDesk | None = None
         """What lies behind the views, if there ever was one."""
 
-    @contextmanager
-    def _turn(self) -> Iterator[None]:
-        """See `Turns.turn`; raises MisuseError for a call that was cancelled, too."""
-        with self._turns.turn():
-            _refuse_cancelled()
-            yield
+    def _turn(self) -> Turns:
+        """See `Turns`."""
+        return self._turns
 
     def _pass_on(self) -> None:
         """See `Turns.pass_on`; raises MisuseError for a call that was cancelled, too."""

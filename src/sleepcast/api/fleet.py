@@ -48,8 +48,8 @@ class SimulatedFleet(Fleet):
         super().__init__(station)
         self.swarm = swarm
         self._histories: list[tuple[Every, History]] = []
-        self._checked: dict[str, tuple[int, Checked]] = {}
-        """What was found in expressions, and `FleetState.turns` then."""
+        self._checked: dict[str, tuple[int, Checked, CheckError | None]] = {}
+        """`FleetState.turns`, what was found in expressions then, and what is raised for them."""
         self._inputs: InputLog | None = None
         """All that came from outside since the start; None for a fleet whose start nobody saw."""
         scenario = swarm.simulator.scenario
@@ -172,14 +172,15 @@ class SimulatedFleet(Fleet):
         """What is known of an expression before it is evaluated; nothing new is, as long as no robot's mind changes.
         Raises ReadError, and CheckError for names that no robot has."""
         turns = self.swarm.fleet.state.turns
-        before, checked = self._checked.get(expression, (-1, None))
+        before, checked, error = self._checked.get(expression, (-1, None, None))
         if checked is None or before != turns:
             if len(self._checked) >= MAX_ASKED:
                 self._checked.clear()
             checked = self.station.check(expression)
-            self._checked[expression] = turns, checked
-        if checked.unknown:
-            raise CheckError(checked.findings, expression, checked.more)
+            error = CheckError(checked.findings, expression, checked.more) if checked.unknown else None
+            self._checked[expression] = turns, checked, error
+        if error is not None:
+            raise error.with_traceback(None)
         return checked
 
     def _values(self, expression: str) -> NDArray[np.float64]:

@@ -8,9 +8,9 @@ import numpy as np
 
 from sleepcast.fleet.evaluation import distinct
 from sleepcast.fleet.inspection import QuietMemory, reads_of
-from sleepcast.fleet.machine import evaluate
-from sleepcast.fleet.state import Column, FleetState, Mask, MindNames, Minds, Rows
-from sleepcast.language.parts import walk
+from sleepcast.fleet.machine import Plain, evaluate, is_plain
+from sleepcast.fleet.state import CHUNK, Column, FleetState, Index, Mask, MindNames, Minds, Rows
+from sleepcast.language.parts import Part, walk
 from sleepcast.language.program import Program
 from sleepcast.language.reader import read
 
@@ -44,6 +44,7 @@ class Asked:
         self._text, self._minds = text, minds
         self._memory = QuietMemory(state, minds, bodies)
         self._pieces: list[tuple[Program, Rows, Mask | None]] = self._memory.divide(self.rows, self._program)
+        self._plain = len(self._pieces) == 1 and self.rows.size <= CHUNK and is_plain(self._pieces[0][0].root)
         self.reads = self._read()
         """The slots of the variables that it may read; None for any."""
 
@@ -51,6 +52,8 @@ class Asked:
         """What it comes to, NaN for unknown, without side effects; and why that cannot be said for an expression that
         would have some, for random numbers, and for a function that makes a body do something, "" if it can."""
         memory = self._memory
+        if self._plain:
+            return self._at_once(self._pieces[0][0]), ""
         if len(self._pieces) == 1:
             program, some, _ = self._pieces[0]
             found = evaluate(memory, program, some)
@@ -59,6 +62,11 @@ class Asked:
             for program, some, mask in self._pieces:
                 found[mask] = evaluate(memory, program, some)
         return found, memory.reasons[0] if memory.reasons else ""
+
+    def _at_once(self, program: Program) -> Column:
+        """The values of a program that can do nothing but compute: nobody asks for its steps and faults."""
+        with np.errstate(all="ignore"):
+            return Plain(self.rows, self._memory.state.read, _no_local, _no_fault).column(program.root)
 
     @property
     def refused(self) -> bool:
@@ -78,3 +86,11 @@ class Asked:
                 return None
             found |= slots
         return frozenset(found)
+
+
+def _no_local(slot: int, rows: Rows) -> Column:
+    raise AssertionError(f"a local name {slot} outside of anything that could have bound it")
+
+
+def _no_fault(part: Part, rows: Rows, places: Index, reasons: Sequence[str]) -> None:
+    """Nobody is told what is undefined; it is unknown."""

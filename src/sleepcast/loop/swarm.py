@@ -204,7 +204,7 @@ class Swarm:
         """What an expression comes to on each robot now; of the sonars only those are measured that it reads. Raises
         what `Fleet.values_of` raises."""
         reads = self.fleet.asked[text].reads
-        self.sense(sonars=True if reads is None else self.rows_of(self.sonars & reads))
+        self.sense(sonars=reads is None or self.rows_of(self.sonars & reads))
         return self.fleet.values_of(text, self.now())
 
     def rows_of(self, sonars: Collection[int]) -> list[int]:

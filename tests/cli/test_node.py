@@ -20,6 +20,9 @@ from cli.calling import LONGEST, called
 from nomad.serving import Served, serving
 from sleepcast.channel.plain_datagrams import Datagrams, send
 from sleepcast.cli import main
+from sleepcast.cli.node_life import install, read_start_script
+from sleepcast.language import Vocabulary
+from sleepcast.node.node import Node
 from sleepcast.simulator.engine import NumPyMachine
 from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 from sleepcast.simulator.nomads.nomads import NomadWorld
@@ -201,10 +204,29 @@ def test_golden_rules_are_nobodys_to_change(call: Call, tmp_path: Path, world: N
     assert world.observe(0).real.x == pytest.approx(0.29, abs=0.05)
 
 
+def test_golden_rules_may_come_above_all_from_the_air(tmp_path: Path) -> None:
+    golden = tmp_path / "golden.sleep"
+    golden.write_text("(RULE keep (SETQ n 7) :priority 1)\n(RULE low 1)", encoding="utf-8")
+    node = Node("r", Vocabulary())
+    node.evaluate("(DEFVAR n 0)")
+    install(node, read_start_script(golden))
+    assert [(rule.name, rule.priority, rule.protected) for rule in node.rules()] == [
+        ("keep", 1, True),
+        ("low", 0, True),
+    ]
+    node.evaluate("(RULE late (SETQ n 1))")
+    node.think(1, 0.1)
+    assert dict(node.variables())["n"] == 7.0
+
+
 @pytest.mark.parametrize(
     ("golden", "said"),
     [
         ("(VM 1 1)", "golden.sleep:1: wanted (RULE name expression), not '(VM 1 1)'"),
+        (
+            "(RULE a 1 :priority 10)",
+            "golden.sleep:1: RULE stores one expression: what follows it can only be :priority",
+        ),
         ("(RULE a)", "golden.sleep:1: wanted (RULE name expression), not '(RULE a)'"),
         ("\n(RULE a (SETQ x 1))", "golden.sleep:2: "),
         ("@1s (RULE a 1)", "golden.sleep is a mission script: built-in rules have no times"),

@@ -24,6 +24,7 @@ from sleepcast.cli.streams import announce, complain, pieces, read_file
 from sleepcast.core.clock import MADE, Clock, UnixClock, WallClock, epoch_at
 from sleepcast.core.errors import MisuseError, SleepcastError, in_file
 from sleepcast.language import List, Symbol, read, read_all, show
+from sleepcast.language.parts import ONLY_PRIORITY, rank_of
 from sleepcast.loop import vocabulary_of
 from sleepcast.loop.real import EmbodiedMind, Watch, run_robots
 from sleepcast.mind.authority import Tells
@@ -84,9 +85,12 @@ def install(node: Node, golden: StartScript) -> None:
     """Give a robot rules that cannot be changed over the air. Raises MisuseError for a malformed or refused one."""
     for place, text in golden.expressions:
         match read(text):
-            case List(items=(Symbol(key="rule"), Symbol() as name, rule)):
+            case List(items=(Symbol(key="rule"), Symbol() as name, rule, *behind)):
+                rank = rank_of(behind)
+                if rank is None:
+                    raise MisuseError(f"{place}: RULE stores one expression: {ONLY_PRIORITY}, in {text!r:.200}")
                 try:
-                    node.install(name.text, show(rule))
+                    node.install(name.text, show(rule), priority=rank)
                 except SleepcastError as error:
                     raise MisuseError(in_file(place, str(error))) from error
             case _:

@@ -18,17 +18,19 @@ explainer shows it. What a part means is said by its `op`:
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from sleepcast.core.model import HostFunction
-from sleepcast.language.functions import Function
-from sleepcast.language.reader import Form, List, Symbol, format_literal, replaced, show
+from sleepcast.language.functions import MAX_PRIORITY, PRIORITY, Function
+from sleepcast.language.reader import Form, List, Number, Symbol, format_literal, replaced, show
 from sleepcast.language.reader import walk as walk_forms
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Variable
 
 ACTING = frozenset({"set_user", "write", "defvar", "store", "act"})
 RULING = frozenset({"activate", "deactivate", "forget", "lease", "defun", "rollback"})
 """Acts that change which rules and operators a robot has, or which of them run."""
+PRIORITIES = range(-MAX_PRIORITY, MAX_PRIORITY + 1)
+ONLY_PRIORITY = f"what follows it can only be {PRIORITY} and a whole number from -{MAX_PRIORITY} to {MAX_PRIORITY}"
 IRREVERSIBLE = frozenset({"forget", "rollback"})
 """Acts that lose what nobody may have any more."""
 CHANCY = frozenset({"prob", "dice", "random", "gauss"})
@@ -150,6 +152,16 @@ def _is_ruling(part: Part) -> bool:
     if part.op == "write":
         return ACTIVE0 < part.slot < ACTIVE0 + BUFFERS
     return part.op == "store" or (part.op == "act" and part.name in RULING)
+
+
+def rank_of(behind: Sequence[Form]) -> int | None:
+    """The priority of a RULE by what stands behind its expression; None if that is no priority."""
+    match behind:
+        case []:
+            return 0
+        case [Symbol(key=key), Number(dimension=None, value=rank)] if key == PRIORITY and rank in PRIORITIES:
+            return int(rank)
+    return None
 
 
 def ranked(form: Form) -> Form | None:

@@ -13,8 +13,8 @@ from sleepcast.core.errors import decimal_comma
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language import areas
 from sleepcast.language.checker import STORE_STEPS, Checker, Special
-from sleepcast.language.functions import FUNCTIONS, MAX_HOPS, MAX_PRIORITY, MAX_REPEATS, PRIORITY
-from sleepcast.language.parts import Defining, Label, Part, Storing, Template, ranked
+from sleepcast.language.functions import FUNCTIONS, MAX_HOPS, MAX_REPEATS, PRIORITY
+from sleepcast.language.parts import ONLY_PRIORITY, Defining, Label, Part, Storing, Template, rank_of, ranked
 from sleepcast.language.reader import (
     MAX_NESTING,
     MAX_TEXT,
@@ -34,8 +34,6 @@ from sleepcast.language.vocabulary import Variable, VariableKind, buffer_number
 
 MAX_LOOPS = 4
 """DOTIMES inside DOTIMES at most."""
-
-PRIORITIES = range(-MAX_PRIORITY, MAX_PRIORITY + 1)
 
 SPECIAL: dict[str, Special] = {}
 
@@ -205,16 +203,12 @@ def _rule(checker: Checker, form: List) -> Part:
 
 def _rank(checker: Checker, form: List) -> int:
     """The priority of a rule: 0, or what follows `:priority`."""
-    match form.items[3:]:
-        case ():
-            return 0
-        case (Symbol(key=key), Number(dimension=None, value=rank)) if key == PRIORITY and rank in PRIORITIES:
-            if PRIORITY not in checker.names.vocabulary.forms:
-                checker.error(f"{PRIORITY} @@ came after what these robots run", form.items[3])
-            return int(rank)
-    wanted = f"what follows it can only be {PRIORITY} and a whole number from -{MAX_PRIORITY} to {MAX_PRIORITY}"
-    checker.error(f"RULE stores one expression @@: {wanted}", form.items[3])
-    return 0
+    rank = rank_of(form.items[3:])
+    if rank is None:
+        checker.error(f"RULE stores one expression @@: {ONLY_PRIORITY}", form.items[3])
+    elif len(form.items) > 3 and PRIORITY not in checker.names.vocabulary.forms:
+        checker.error(f"{PRIORITY} @@ came after what these robots run", form.items[3])
+    return rank or 0
 
 
 @_special(*FORMS)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 
 import pytest
 
 import sleepcast as sc
 from sleepcast.api.fleet import SimulatedFleet
+from sleepcast.console import incoming
+from sleepcast.experiments.acceptance import read_test, run_test
 from sleepcast.simulator import MissionError
 from small_worlds import write
 
@@ -97,6 +100,10 @@ def test_what_is_wrong_is_said_with_its_line(folder: Path) -> None:
     fleet = sc.open(folder)
     with pytest.raises(MissionError, match=r"^the script:2: .*not closed"):
         fleet.play("@0.2s (JOIN crew)\n@0.5s (JOIN crew")
+    assert not fleet.station.commands()  # it is known before anything is sent
+    assert fleet.time == 0
+    with pytest.raises(MissionError, match=r"^the script:2: .*x"):
+        fleet.play("@0.2s (JOIN crew)\n@0.5s (SETQ x 1)")
     assert len(fleet.groups["crew"]) == 20
     with pytest.raises(MissionError, match=r"^the script:1: wanted a time"):
         fleet.play("@soon (JOIN crew)")
@@ -104,6 +111,39 @@ def test_what_is_wrong_is_said_with_its_line(folder: Path) -> None:
         fleet.play("@0s (WHEN (> batery 1) (JOIN crew))")
     with pytest.raises(sc.errors.MisuseError, match="says line by line"):
         fleet.send("@0s (JOIN crew)", standing=True)
+
+
+def test_a_stop_by_somebody_else_ends_it(folder: Path) -> None:
+    async def both() -> SimulatedFleet:
+        fleet = sc.open(folder)
+        playing = asyncio.create_task(fleet.aplay())
+        while not fleet.station.commands():
+            await asyncio.sleep(0)
+        await fleet.astop(wait=0)
+        with pytest.raises(MissionError, match=r"work\.sleep:\d: STOP ended the script"):
+            await playing
+        return fleet
+
+    fleet = asyncio.run(both()).run(0.5, quiet=True)
+    assert fleet.stopped.all()
+    fleet.release()
+    fleet.play()
+    assert not fleet.mission.rest
+
+
+def test_a_view_and_a_program_know_the_same_of_it(folder: Path) -> None:
+    fleet = sc.open(folder)
+    fleet.run(5, quiet=True)
+    fleet._make_desk().desk.mission_wish(incoming.Play(1, True))  # as if somebody pressed its button
+    fleet.run(1, quiet=True)
+    assert not fleet.mission.rest  # STOP and RELEASE, too, though they came late
+
+
+def test_a_run_is_saved_as_a_test_however_its_folder_was_written(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder.parent)
+    fleet = sc.open(folder.name)
+    fleet.play()
+    assert run_test(read_test(fleet.save_test(folder / "again", exact=True)), threads=1).missed == ()
 
 
 def test_without_a_mission_nothing_is_said_of_one(tmp_path: Path) -> None:

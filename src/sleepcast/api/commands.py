@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sleepcast.api.events import EventQueue, FleetEvent
 from sleepcast.api.results import CommandResult
 from sleepcast.api.table import DataTable, Numbers, Texts
+from sleepcast.channel import Kind
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language import Explanation, check
 from sleepcast.language.learned_names import LearnedNames
@@ -262,25 +263,37 @@ class Fleet(ABC):
         a mission file, None for what was not sent yet of the scenario's own mission. Times count from the start of a
         simulated run, and on the air from now; what is late is sent at once. wait: seconds that may pass after the last
         line until all have answered. everybody: robots on the air are meant even where a line has no test; of simulated
-        ones that is known. count, sure: as for `send`. Raises MissionError, with the place of the line, for what cannot
-        be sent; the lines before it were sent."""
+        ones that is known. count, sure: as for `send`. Raises MissionError, with the place of the line: before anything
+        is sent for what cannot be read; for what is refused at its time, and for a STOP that somebody else has sent
+        meanwhile, when the lines before it were sent."""
         from sleepcast.api.mission import Mission
+        from sleepcast.loop.mission import readable
 
         lines = Mission(script) if isinstance(script, str) else self._to_play() if script is None else script
+        for line in lines:
+            readable(line.order)
         began, found, learned = self._zero(), list[CommandResult](), LearnedNames(self.station.vocabulary)
+        known = self._stops()
         for line in lines:
             self._reach(began + line.time)
             said = line.instruction
             with _placed(line.order.place):
+                if not self._stops() <= known:
+                    raise MisuseError("STOP ended the script, and this and what follows was not sent: release it first")
                 if said.sort in ("once", "standing"):
                     self._prepare(said.text, sure, said.only)
                     self._warn(said.text, sure, said.only, learned)
                 sent = self._order(said, everybody, count, sure)
             self._played(line.order, sent._command)
+            known.add(sent.id)
             found.append(CommandResult(self, sent._command, line.order))
         if found:
             self._until(found[-1]._command, wait)
         return found
+
+    def _stops(self) -> set[str]:
+        """The ids of the STOPs that were sent."""
+        return {command.id for command in self.station.commands() if command.kind is Kind.STOP}
 
     def _order(self, said: Instruction, everybody: bool, count: int | None, sure: bool) -> CommandResult:
         """Send a line now."""

@@ -313,7 +313,7 @@ class SimulatedFleet(Fleet):
     def _make_desk(self) -> NotebookDesk:
         from sleepcast.notebook import simulated_desk
 
-        return simulated_desk(self.swarm, self.station, self._step, self._turn)
+        return simulated_desk(self.swarm, self.station, self._step, self._turn, self._mission)
 
 
 def open(

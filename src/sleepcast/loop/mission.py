@@ -13,13 +13,25 @@ from typing import Protocol, TypeAlias
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import FOR, NOT
-from sleepcast.simulator import Order
+from sleepcast.core.errors import SleepcastError, in_file
+from sleepcast.language.reader import read
+from sleepcast.simulator import MissionError, Order
 from sleepcast.simulator.scenario.mission import Instruction, Sort, instruction
 
 _SORTS: Mapping[Kind, Sort] = {Kind.COMMAND: "once", Kind.ASK: "ask", Kind.STOP: "STOP", Kind.RELEASE: "RELEASE"}
 _WORDLESS = (Kind.STOP, Kind.RELEASE)
 Words: TypeAlias = tuple[Sort, str, frozenset[str] | None, frozenset[str] | None]
 """What orders are told apart by: their sort, their text, whom they are for, and whom they are not for."""
+
+
+def readable(order: Order) -> Order:
+    """The order itself. Raises MissionError, with its place, for a text that nobody can read."""
+    try:
+        if text := instruction(order).text:
+            read(text)
+    except SleepcastError as error:
+        raise MissionError(in_file(order.place, str(error))) from error
+    return order
 
 
 class SentMessage(Protocol):

@@ -29,8 +29,8 @@ from sleepcast.core.ticks import Carried, tick_at
 from sleepcast.core.units import NONE, UNITS
 from sleepcast.fleet import Fleet, RobotView
 from sleepcast.fleet.state import Column, Index, Rows
-from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import Vocabulary
+from sleepcast.loop.mission import readable
 from sleepcast.mind.views import Result
 from sleepcast.robot import RobotModel
 from sleepcast.simulator import MissionError, Order, Simulator
@@ -152,7 +152,7 @@ class Swarm:
         """They see each tick, in this order."""
         self.senders: list[Callable[[], None]] = []
         """Called before each tick, to let the desk send what is due in it as if by hand."""
-        self.mission = deque(_readable(order) for order in mission)
+        self.mission = deque(readable(order) for order in mission)
         """The orders that were not sent yet."""
         self.refused: Callable[[Order, MissionError], None] | None = None
         """Told of an order of the mission that cannot be sent; without it that is raised."""
@@ -422,12 +422,3 @@ def vocabulary_of(model: RobotModel) -> Vocabulary:
         functions=model.functions,
         areas=model.areas,
     )
-
-
-def _readable(order: Order) -> Order:
-    try:
-        if text := instruction(order).text:
-            read(text)
-    except SleepcastError as error:
-        raise MissionError(in_file(order.place, str(error))) from error
-    return order

@@ -15,6 +15,7 @@ from sleepcast.console.network import NetworkBackend
 from sleepcast.console.view import Scene
 from sleepcast.core.clock import WallClock
 from sleepcast.loop import Pace, Swarm
+from sleepcast.loop.mission import MissionLog
 from sleepcast.notebook.desk import NotebookDesk
 from sleepcast.station import Station
 from sleepcast.station.asking import ask_why
@@ -39,16 +40,18 @@ class SteppedSwarm(SwarmAdapter):
         self._step()
 
 
-def simulated_desk(swarm: Swarm, station: Station, step: Callable[[], None], turn: Turn) -> NotebookDesk:
+def simulated_desk(
+    swarm: Swarm, station: Station, step: Callable[[], None], turn: Turn, log: MissionLog
+) -> NotebookDesk:
     """For a simulated fleet, whose time stands still until somebody lets it run, or sends its first command. step:
-    makes a tick."""
+    makes a tick. log: what was sent of the mission."""
     clock = WallClock()
     pace = Pace(clock, swarm, swarm.simulator.scenario.speed_up, step)
     pace.paused = True
     seen = SteppedSwarm(swarm, step)
     seen.introduce()
     driver = Driver(seen, pace, clock, waits=seen.tick == 0)
-    mission = SwarmMission(swarm, station) if swarm.simulator.scenario.mission else None
+    mission = SwarmMission(swarm, station, log) if swarm.simulator.scenario.mission else None
     return NotebookDesk(Backend(seen, station, driver, clock, mission=mission), clock, turn)
 
 

@@ -8,7 +8,7 @@ without a page, to the last bit, so the swarm sends it itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import cast
 
 from sleepcast.channel import Kind, Message
@@ -25,12 +25,12 @@ from sleepcast.station.validation import DoubtError
 
 
 class SwarmMission:
-    """See the module; a `MissionPlayer`."""
+    """See the module; a `MissionPlayer`. log: what was sent, where somebody else keeps it, too."""
 
-    def __init__(self, swarm: Swarm, station: Station) -> None:
+    def __init__(self, swarm: Swarm, station: Station, log: MissionLog | None = None) -> None:
         scenario = swarm.simulator.scenario
         self._swarm, self._station = swarm, station
-        self._log = MissionLog(scenario.mission, station.commands, scenario.tick)
+        self._log = log or MissionLog(scenario.mission, station.commands, scenario.tick)
         self._known: set[str] = set()
         """STOPs that do not end it: those from before it was played, and its own."""
         self._waiting: list[Order] = []
@@ -64,6 +64,8 @@ class SwarmMission:
         rest = [self.orders[number] for number in self._log.rest() if number not in self.left_out]
         if not rest:
             raise MisuseError("All commands of the mission were sent. Start the run again to play it once more.")
+        if self._stop_holds():
+            raise MisuseError("STOP holds. Release it, then play the mission.")
         self._go_on(rest)
         late = sum(order.time < self._swarm.now() for order in rest)
         return f"Of {late} command{'s' * (late > 1)} the time has passed: sent at once." if late else ""
@@ -73,6 +75,14 @@ class SwarmMission:
         self._brought = False
         self._know_stops()
         self._swarm.mission.extend(rest)
+
+    def _stop_holds(self) -> bool:
+        """Whether the last STOP was not released and is not the mission's own, which the mission releases."""
+        for command in reversed(self._station.commands()):
+            if command.kind in (Kind.STOP, Kind.RELEASE):
+                own = {each.id for each in self._log.sent().values()}
+                return command.kind is Kind.STOP and command.id not in own
+        return False
 
     def _know_stops(self) -> None:
         self._known.update(each.id for each in self._station.commands() if each.kind is Kind.STOP)
@@ -95,10 +105,13 @@ class SwarmMission:
             self._send(self.orders[number], number, confirmed=confirmed)
         except MissionError as error:
             raise error.__cause__ or error from None
+        self.left_out -= {number}
         self._drop(number)
 
     def skip(self, number: int) -> None:
         self._check(number)
+        if number in self._log.sent():
+            raise MisuseError(f"It was sent, at {clock_time(self._log.sent()[number].issued)}.")
         self.left_out |= {number}
         self._drop(number)
 
@@ -110,12 +123,11 @@ class SwarmMission:
         """An order is settled: it goes out no more by itself, and what waited for it goes on."""
         order = self.orders[number]
         mission = self._swarm.mission
-        if any(_same(each, order) for each in mission):
-            rest = [each for each in mission if not _same(each, order)]
-            mission.clear()
-            mission.extend(rest)
+        rest = _without(mission, order)
+        mission.clear()
+        mission.extend(rest)
         if number == self.problem:
-            self._go_on([each for each in self._waiting if not _same(each, order)])
+            self._go_on(_without(self._waiting, order))
 
     # ---- before each tick
 
@@ -127,19 +139,26 @@ class SwarmMission:
         if self._is_stopped():
             self.halt(STOPPED)
             return
-        if self._brought:
-            return
         following = self._swarm.simulator.tick + 1
         while mission and tick_at(mission[0].time, scenario.tick) <= following:
+            place = self._place(mission[0])
+            if self._brought and place is not None:
+                return
             order = mission.popleft()
-            places = [number for number, each in enumerate(self.orders) if _same(each, order)]
-            if places and not (places := [number for number in places if number not in self._log.sent()]):
+            if place is None:
                 continue  # somebody has sent it meanwhile
             try:
-                self._send(order, *places[:1])
+                self._send(order, place)
             except MissionError as error:
-                self._wait_for_somebody(places[0] if places else -1, error, [order, *mission])
+                self._wait_for_somebody(place, error, [order, *mission])
                 return
+
+    def _place(self, order: Order) -> int | None:
+        """The first of its places of which nobody has decided yet; None if there is none, -1 for an order of which the
+        scenario knows nothing."""
+        places = [number for number, each in enumerate(self.orders) if _same(each, order)]
+        settled = self._log.sent().keys() | self.left_out
+        return next((number for number in places if number not in settled), None if places else -1)
 
     def _is_stopped(self) -> bool:
         """Whether a STOP goes out that is not its own; the desk sends a STOP again while robots are silent."""
@@ -148,10 +167,10 @@ class SwarmMission:
 
     def _refused(self, order: Order, error: MissionError) -> None:
         """The swarm cannot send one that a snapshot brought along."""
-        places = [number for number, each in enumerate(self.orders) if _same(each, order)]
-        self._wait_for_somebody(places[0] if places else -1, error, [order, *self._swarm.mission])
+        place = self._place(order)
+        self._wait_for_somebody(-1 if place is None else place, error, [order, *self._swarm.mission])
 
-    def _send(self, order: Order, number: int = -1, *, confirmed: bool = False) -> None:
+    def _send(self, order: Order, number: int, *, confirmed: bool = False) -> None:
         """number: its place, -1 for one of which the scenario knows nothing."""
         sent = cast(Command, give(self._station, order, confirmed=confirmed, undecided=False))
         if number >= 0:
@@ -166,6 +185,13 @@ class SwarmMission:
         self.problem, self.doubt = number, isinstance(cause, DoubtError)
         self.said = cause.shown if isinstance(cause, DoubtError) else str(cause or error)
         self.hold()
+
+
+def _without(orders: Iterable[Order], order: Order) -> list[Order]:
+    """All but the first that is the same."""
+    found = list(orders)
+    at = next((number for number, each in enumerate(found) if _same(each, order)), len(found))
+    return found[:at] + found[at + 1 :]
 
 
 def _same(order: Order, other: Order) -> bool:

@@ -13,13 +13,16 @@ from playwright.sync_api import BrowserContext, expect
 
 from console.running import PATIENCE, Page, Program, open_page
 from sleepcast.api.assembly import assemble, assemble_from
-from sleepcast.console.account_table import AccountTable
+from sleepcast.console.account_table import MOST_ROWS, AccountTable
 from sleepcast.console.adapters.mission import SwarmMission
 from sleepcast.console.adapters.swarm import SwarmAdapter
-from sleepcast.console.mission import shown_mission
+from sleepcast.console.backend import Backend
+from sleepcast.console.driver import Driver
+from sleepcast.console.mission import Mission, shown_mission
+from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import MisuseError
 from sleepcast.experiments.acceptance import read_test, run_test
-from sleepcast.loop import Swarm, snapshot
+from sleepcast.loop import Pace, Swarm, snapshot
 from sleepcast.simulator import find_scenario
 from sleepcast.station import Station
 from sleepcast.station.validation import DoubtError
@@ -74,6 +77,12 @@ class Stand:
         rows = {row.id: row for row in self._table.rows()}
         lines = shown_mission(self.mission, rows, time).lines
         return [(line.sent is not None, [wanted.met for wanted in line.wanted]) for line in lines]
+
+
+def desk_of(stand: Stand) -> Backend:
+    seen, clock = SwarmAdapter(stand.swarm), WallClock()
+    driver = Driver(seen, Pace(clock, stand.swarm, 1.0), clock)
+    return Backend(seen, stand.station, driver, clock, mission=stand.mission)
 
 
 def test_it_is_sent_at_its_times_and_says_what_became_of_it(tmp_path: Path) -> None:
@@ -176,6 +185,55 @@ def test_what_a_snapshot_brings_along_waits_for_somebody_too(tmp_path: Path) -> 
     assert "x" in other.mission.said
 
 
+def test_what_was_left_out_may_be_sent_after_all_and_what_was_sent_is_not_left_out(tmp_path: Path) -> None:
+    stand = Stand.of(tmp_path, DOUBTED)
+    stand.mission.skip(1)
+    stand.mission.send(1, confirmed=True, again=False)
+    assert not stand.mission.left_out
+    with pytest.raises(MisuseError, match="It was sent, at"):  # another page went on without it
+        stand.mission.skip(1)
+
+
+def test_equal_commands_at_one_time_are_each_sent_once(tmp_path: Path) -> None:
+    stand = Stand.of(tmp_path, "@0.5s (JOIN crew)\n@0.5s (JOIN crew)\n@0.5s (JOIN crew)\n")
+    stand.mission.skip(0)
+    stand.mission.play()
+    stand.mission.send(1, confirmed=False, again=False)
+    stand.run(1)
+    assert (len(stand.sent), [sent for sent, _ in stand.shown()]) == (2, [False, True, True])
+
+
+def test_it_is_not_played_while_a_stop_by_hand_holds(tmp_path: Path) -> None:
+    stand = Stand.of(tmp_path)
+    stand.station.stop()  # on one page, while another one plays the mission, which has a RELEASE
+    with pytest.raises(MisuseError, match="STOP holds"):
+        stand.mission.play()
+    stand.station.release()
+    stand.mission.play()
+    stand.run(2.5)
+    stand.mission.halt("")
+    stand.mission.play()  # its own STOP does not hinder it
+    assert len(stand.run(3).sent) == 7
+
+
+def test_what_somebody_sends_of_a_mission_that_a_snapshot_brings_along_is_not_sent_again(tmp_path: Path) -> None:
+    stand = Stand.of(tmp_path, "@0.5s (JOIN crew)\n@1.5s (JOIN first)\n@2s (JOIN last)\n")
+    stand.mission.play()
+    other = Stand(*assemble_from(snapshot(stand.run(0.7).swarm), None, 1))
+    other.station.send("(JOIN first)", everybody=True)
+    assert other.run(2).sent == ["(JOIN crew)", "(JOIN first)", "(JOIN last)"]
+
+
+def test_what_became_of_a_command_is_shown_however_many_came_after_it(tmp_path: Path) -> None:
+    stand = Stand.of(tmp_path, "@0s (JOIN crew)\n= matched 20\n" + "@1s (JOIN crew)\n" * MOST_ROWS)
+    backend = desk_of(stand)
+    stand.mission.play()
+    stand.run(2)
+    (shown,) = (each for each in backend.news(-1) if isinstance(each, Mission))
+    assert len(stand.sent) == MOST_ROWS + 1
+    assert [(each.met, each.number) for each in shown.lines[0].wanted] == [(True, 20)]
+
+
 @pytest.fixture(scope="module")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
     with Program("run", scenario_of(tmp_path_factory.mktemp("mission")), "--page", "--speed", "10", waits=True) as it:
@@ -231,6 +289,11 @@ def test_a_person_plays_it(context: BrowserContext, tmp_path: Path) -> None:
 
 
 TOGETHER = """
+[sliders.enough]
+value = "10%"
+low = "0%"
+high = "100%"
+
 [[commands]]
 title = "Remember"
 text = "(PROGN (DEFVAR far) (SETQ far 500m))"
@@ -244,7 +307,7 @@ together = true
 
 [[commands]]
 title = "Stand"
-text = "(WHEN (> battery 10%) (ST))"
+text = "(WHEN (> battery {enough}) (ST))"
 """
 
 
@@ -254,8 +317,11 @@ def test_commands_that_work_only_together_are_sent_at_one_press(context: Browser
     with Program("run", tmp_path, "--page", "--speed", "10", waits=True) as program:
         page = context.new_page()
         page.goto(program.address)
+        page.locator("#ready").get_by_text("Stand").click()
+        page.get_by_role("slider", name="enough").press("ArrowRight")  # the buttons are made anew
+        page.locator("#sort").select_option("ask")  # what stands there, not what is sent now
         page.locator("#ready .all").click()
         expect(page.locator("#commands tr")).to_have_count(4)  # in their order, twice on a radio that loses some
-        expect(page.locator("#text")).to_have_value("(WHEN (> battery 10%) (ST))")  # what comes next is not sent
+        expect(page.locator("#text")).to_have_value("(WHEN (> battery 11%) (ST))")  # what comes next is not sent
         expect(page.locator("#ready .sent")).to_have_count(2)
         expect(page.locator("#mission")).to_be_hidden()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
+
 import msgspec
 
 from sleepcast.console.driver import AT_START
@@ -62,6 +64,8 @@ class AccountTable:
     def __init__(self, station: Station, swarm: SwarmView, began: float = 0.0) -> None:
         self._station, self._swarm, self._began = station, swarm, began
         self._rows: dict[str, tuple[State, CommandRow]] = {}
+        self._asked: dict[str, tuple[State, CommandRow]] = {}
+        """The same of those that were asked for by their ids."""
         self.failing = FailingRules(station, swarm)
 
     def rows(self, held_up: str = "") -> list[CommandRow]:
@@ -70,16 +74,26 @@ class AccountTable:
         commands = self._station.commands()[-MOST_ROWS:]
         self.failing.look(commands)
         for command in commands:
-            known = self._rows.get(command.id)
-            late = self._swarm.now() + self._began - command.message.issued > ON_ITS_WAY
-            waiting = held_up if held_up and not late and command.n_silent else ""
-            told = command.rest.version
-            state = len(command.answers), command.addressed, told, waiting, self.failing.of(command.id)
-            if known is None or known[0] != state:
-                known = (state, self._row(command, self._station.accounting(command.id), *state[3:]))
-            kept[command.id] = known
+            kept[command.id] = self._known(command, self._rows.get(command.id), held_up)
         self._rows = kept
         return [row for _, row in kept.values()]
+
+    def rows_of(self, ids: Set[str]) -> dict[str, CommandRow]:
+        """Those of these commands that are still known, by their ids, however many came after them."""
+        commands = [command for command in self._station.commands() if command.id in ids]
+        self._asked = {each.id: self._known(each, self._asked.get(each.id)) for each in commands}
+        return {key: row for key, (_, row) in self._asked.items()}
+
+    def _known(
+        self, command: Command, known: tuple[State, CommandRow] | None, held_up: str = ""
+    ) -> tuple[State, CommandRow]:
+        """The row of a command, made anew only if something was told since. known: what it was."""
+        late = self._swarm.now() + self._began - command.message.issued > ON_ITS_WAY
+        waiting = held_up if held_up and not late and command.n_silent else ""
+        state = len(command.answers), command.addressed, command.rest.version, waiting, self.failing.of(command.id)
+        if known is not None and known[0] == state:
+            return known
+        return state, self._row(command, self._station.accounting(command.id), *state[3:])
 
     def _row(self, command: Command, found: Account, waiting: str, failing: tuple[ShownFailing, ...]) -> CommandRow:
         return CommandRow(

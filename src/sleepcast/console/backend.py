@@ -6,7 +6,7 @@ the same, and each may command.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Iterator, Sequence
+from collections.abc import Awaitable, Iterator, Mapping, Sequence
 from itertools import islice
 from math import inf, isnan
 from typing import NoReturn
@@ -23,7 +23,15 @@ from sleepcast.console.fields import FieldMaps, field_of
 from sleepcast.console.ground import pictured
 from sleepcast.console.histogram import Spread, spread
 from sleepcast.console.incoming import AlertMessage, Sort
-from sleepcast.console.mission import NO_MISSION, STOPPED, Mission, MissionPlayer, Played, shown_mission
+from sleepcast.console.mission import (
+    NO_MISSION,
+    STOPPED,
+    Mission,
+    MissionPlayer,
+    Played,
+    counted_commands,
+    shown_mission,
+)
 from sleepcast.console.past import Past
 from sleepcast.console.picking import Picked, picked
 from sleepcast.console.plots import Measure, Plots
@@ -228,10 +236,14 @@ class Backend:
         self._held = True
         self.driver.hold()
 
-    def mission(self, rows: Sequence[CommandRow], time: float = inf) -> Iterator[Mission]:
-        """The mission, if there is one, with these accounts of its commands. time: as of then, s of the page's time."""
-        if self._mission is not None:
-            yield shown_mission(self._mission, {row.id: row for row in rows}, time, self._began)
+    def mission(self, rows: Mapping[str, CommandRow] | None = None, time: float = inf) -> Iterator[Mission]:
+        """The mission, if there is one. rows: accounts of its commands by their ids, None for those of now. time: as of
+        then, s of the page's time."""
+        if self._mission is None:
+            return
+        if rows is None:
+            rows = self._ledger.rows_of(counted_commands(self._mission))
+        yield shown_mission(self._mission, rows, time, self._began)
 
     def _send_in_stages(self, draft: Draft) -> Command:
         """Refused."""
@@ -364,9 +376,8 @@ class Backend:
 
     def news(self, watched: int) -> Iterator[outgoing.Said]:
         """Everything that may have changed; `watched`: the index of the robot that the page looks at, or -1."""
-        commands = self.commands()
-        yield commands
-        yield from self.mission(commands.rows)
+        yield self.commands()
+        yield from self.mission()
         yield outgoing.Failing(self._ledger.failing.now.rules, self._swarm.recent)
         groups = self.driver.groups
         shown = zip(groups.names, groups.counts, groups.shown, strict=True)

@@ -149,10 +149,14 @@ def news_of(film: Timeline, time: float, watched: int, found: Found | None = Non
 
 
 def commands_of(film: Timeline, time: float, serial: int | None = None) -> outgoing.Commands:
-    """The account of every command as it was known at a time."""
+    """The accounts of the latest commands as they were known at a time."""
+    return outgoing.Commands(list(rows_at(film, time).values())[-MOST_ROWS:], serial)
+
+
+def rows_at(film: Timeline, time: float) -> dict[str, CommandRow]:
+    """The account of every command as it was known at a time, by its id."""
     rows = film.rows
-    known = {row.id: row for row in rows.values[: rows.before(time)]}
-    return outgoing.Commands(list(known.values())[-MOST_ROWS:], serial)
+    return {row.id: row for row in rows.values[: rows.before(time)]}
 
 
 def _robot(film: Timeline, time: float, index: int, found: Found | None) -> outgoing.Robot:

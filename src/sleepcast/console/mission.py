@@ -100,6 +100,11 @@ class MissionPlayer(Protocol):
         """Go on without it."""
 
 
+def counted_commands(player: MissionPlayer) -> set[str]:
+    """The ids of the commands that were sent and of which the mission says what shall become."""
+    return {message.id for number, message in player.sent().items() if player.orders[number].wanted}
+
+
 def shown_mission(
     player: MissionPlayer, rows: Mapping[str, CommandRow], time: float = inf, began: float = 0.0
 ) -> Mission:

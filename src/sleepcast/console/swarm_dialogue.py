@@ -14,7 +14,7 @@ from sleepcast.console.backend import Backend
 from sleepcast.console.dialogue import Answer, Dialogue
 from sleepcast.console.driver import FrameSource
 from sleepcast.console.fields import field_of
-from sleepcast.console.film import commands_of
+from sleepcast.console.film import commands_of, rows_at
 from sleepcast.console.frames import ghosts
 from sleepcast.console.glance import glance
 from sleepcast.console.look import Look
@@ -216,7 +216,7 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
             yield from look.news()
             yield from (said for said in self._desk.news(-1) if not isinstance(said, OF_THEN))
             if isinstance(self._desk, Backend) and past is not None:
-                yield from self._desk.mission(commands_of(past.film, look.time).rows, look.time)
+                yield from self._desk.mission(rows_at(past.film, look.time), look.time)
         if past is None:
             return
         if self._marked != past.marks.number:

@@ -113,12 +113,12 @@ export class MissionPane extends EventTarget {
   async send(index) {
     const confirmed = this.doubted === index;
     const again = this.news.lines[index].sent !== null;
-    this.doubted = undefined;
     await this.ask("sendline", { line: index, again, confirmed }, index);
   }
 
   async ask(type, fields, index) {
     this.tell("");
+    this.doubted = undefined; // a doubt is confirmed by the very next press, or not
     try {
       const { said } = await this.wire.ask(type, fields);
       this.tell(said);
@@ -148,8 +148,7 @@ function unmet(lines) {
 }
 
 function stateOf(line) {
-  if (line.left_out) return "left out";
-  if (line.sent === null) return "not sent";
+  if (line.sent === null) return line.left_out ? "left out" : "not sent";
   return Math.abs(line.sent - line.at) > IN_TIME ? `sent at ${clock(line.sent)}` : "sent";
 }
 

@@ -40,6 +40,7 @@ export class Prompt extends EventTarget {
     this.completions = new Listbox(this.find("completions"), this.editor.area);
     this.search = new Search(root, this.history);
     this.preview = null; // what the station said of the text that stands there now
+    this.repeats = 1; // how often commands that work only together are sent
     this.refused = []; // why the station would not send it: until the text, or its sort, is another
     this.doubted = null; // the text that was doubted when it was sent: sent once more it is meant as it stands
     this.sending = false;
@@ -88,7 +89,7 @@ export class Prompt extends EventTarget {
   // ---- ready-made commands
 
   // repeats: how often those that work only together are sent, since the radio may lose one.
-  setReady(commands, repeats = 1) {
+  setReady(commands, repeats = this.repeats) {
     this.ready = commands;
     this.repeats = repeats;
     this.find("ready").replaceChildren(
@@ -126,6 +127,8 @@ export class Prompt extends EventTarget {
     if (this.sending) return;
     for (const { text } of Array(this.repeats).fill(commands).flat()) {
       this.set(text, false);
+      this.find("sort").value = "once"; // whatever was chosen for what stood there
+      this.sorted();
       this.find("everybody-yes").checked = this.trusting;
       if (!(await this.send())) return;
       this.markSent([text]);

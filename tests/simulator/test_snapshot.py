@@ -51,6 +51,13 @@ def counting(folder: Path) -> Simulator:
     return scouts(folder, ("[robots.sonar]\n", "counts = 100\n\n[robots.sonar]\n"), MANY, WANDER)
 
 
+def counting_beside_others(folder: Path) -> Simulator:
+    """One sort counts steps of its wheels, one has exact encoders, and one has no wheels."""
+    return mixed(
+        folder, SORTS.replace("[robots.stores.battery]", "[robots.wheels]\ncounts = 100\n\n[robots.stores.battery]", 1)
+    )
+
+
 def talking(folder: Path) -> Simulator:
     return scouts(folder, TALK, MANY, WANDER)
 
@@ -118,7 +125,19 @@ def everything(sim: Simulator) -> object:
 
 @pytest.mark.parametrize(
     "make",
-    [crafts, firing, counting, listening, in_rooms, talking, arranged, arranged_in_part, of_several_sorts, eventful],
+    [
+        crafts,
+        firing,
+        counting,
+        counting_beside_others,
+        listening,
+        in_rooms,
+        talking,
+        arranged,
+        arranged_in_part,
+        of_several_sorts,
+        eventful,
+    ],
 )
 def test_it_goes_on_to_the_last_bit(tmp_path: Path, make: Callable[[Path], Simulator]) -> None:
     sim = make(tmp_path)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from simulator.test_sorts import SORTS, mixed
 from sleepcast.robot import Axes
 from sleepcast.simulator import SettingsError, Simulator
 from sleepcast.simulator.engine import choose
@@ -80,6 +81,34 @@ def test_counting_does_not_move_anybody(tmp_path: Path) -> None:
     one, other = driven(tmp_path, 0.0, 100, turn=0.3), driven(tmp_path, 50.0, 100, turn=0.3)
     assert np.allclose(one.bodies.x, other.bodies.x, rtol=0.0, atol=1e-9)
     assert off(other).any()
+
+
+def test_around_a_torus_and_after_a_hand_has_set_it_down_odometry_follows(tmp_path: Path) -> None:
+    around = ('height = "12m"\nedge = "wall"', 'height = "20m"\nedge = "torus"')
+    roomy = ('width = "12m"', 'width = "20m"')
+    sim = scouts(tmp_path, roomy, around, wheels("counts = 200"), seed=4, machine=choose())
+    sim.robots[0].drive(0.9, 0.0)
+    for _ in range(600):
+        sim.step()
+    assert off(sim).max() <= 1.0 / 200.0 + 1e-9
+    sim.place(0, 19.9, 3.0, 0.0)
+    assert not off(sim).any()
+    assert not sim.bodies.uncounted.any()
+    for _ in range(20):
+        sim.step()
+    assert sim.bodies.x[0] < 19.0
+    assert off(sim).max() <= 1.0 / 200.0 + 1e-9
+
+
+def test_types_beside_it_keep_exact_encoders(tmp_path: Path) -> None:
+    counting = ("[robots.stores.battery]", "[robots.wheels]\ncounts = 20\n\n[robots.stores.battery]")
+    sim = mixed(tmp_path, SORTS.replace(*counting).replace('like = "nomad200"', 'like = "scout"'))
+    for robot in sim.robots:
+        robot.drive(0.2, 0.3)
+    for _ in range(40):
+        sim.step()
+    assert off(sim)[:2].min() > 0.0
+    assert not off(sim)[2:].any()
 
 
 @pytest.mark.parametrize("text", ["counts = 0.5", "counts = -1", "counts = 1e9", 'counts = "5m"'])

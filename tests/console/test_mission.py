@@ -278,14 +278,20 @@ def test_a_person_plays_it(context: BrowserContext, tmp_path: Path) -> None:
         lines.nth(0).locator(".text").click()
         expect(page.locator("#text")).to_have_value("(JOIN crew)")
         page.locator("#mission .play-mission").click()
-        expect(page.locator("#mission .why")).to_contain_text("Line 2 was not sent, and time stands still")
+        expect(page.locator("#mission .why")).to_contain_text(
+            "Command 2, at 0:00:01, was not sent, and time stands still"
+        )
         expect(lines.nth(1)).to_contain_text("waits for you")
+        expect(lines.nth(1)).to_have_attribute("aria-current", "step")
+        expect(page.get_by_role("button", name="Send: command 2, at 0:00:01")).to_be_visible()
         page.locator("#mission .without").click()
         expect(page.locator("#mission .how-far")).to_have_text("2 of 3 commands sent, the rest is left out.")
         lines.nth(1).locator(".send").click()
         expect(page.locator("#mission .told")).to_contain_text("Press Send once more")
         lines.nth(1).locator(".send").click()
         expect(page.locator("#mission .how-far")).to_have_text("all 3 commands sent.")
+        expect(lines.nth(1)).to_have_attribute("class", "sent")
+        expect(lines.nth(1)).not_to_contain_text("left out")
 
 
 TOGETHER = """

@@ -21,7 +21,10 @@ export class MissionPane extends EventTarget {
     this.lines = [];
     this.elsewhere = false;
     this.find("play-mission").addEventListener("click", () => this.ask("play", { on: !this.news.playing }));
-    this.find("show-mission").addEventListener("click", () => this.dispatchEvent(new Event("open")));
+    this.find("show-mission").addEventListener("click", () => {
+      this.dispatchEvent(new Event("open"));
+      this.list.querySelector(".next")?.scrollIntoView({ block: "nearest" }); // a mission may have a thousand
+    });
     this.find("anyway").addEventListener("click", () => this.ask("sendline", { line: this.news.problem, confirmed: true }));
     this.find("without").addEventListener("click", () => this.ask("skipline", { line: this.news.problem }));
     wire.addEventListener("mission", ({ detail }) => this.set(detail));
@@ -57,7 +60,7 @@ export class MissionPane extends EventTarget {
     play.classList.toggle("on", playing);
     write(play, playing ? "Stop playing" : sent ? "Play the rest" : "Play the mission");
     this.find("problem").hidden = problem < 0 && !said;
-    const where = problem < 0 ? "" : `Line ${problem + 1} was not sent, and time stands still:\n`;
+    const where = problem < 0 ? "" : `Command ${problem + 1}, at ${clock(lines[problem].at)}, was not sent, and time stands still:\n`;
     write(this.find("why"), `${where}${said}`);
     this.find("anyway").hidden = !doubt;
     this.find("without").hidden = problem < 0;
@@ -90,12 +93,14 @@ export class MissionPane extends EventTarget {
     const [became, wanted, send] = [make("span", { className: "became" }), make("span", { className: "wanted" }), make("button", { type: "button", className: "send" })];
     send.addEventListener("click", () => this.send(index));
     const element = make("li", {}, make("time", {}, clock(line.at)), text, make("span", { className: "state" }, became, wanted), send);
-    return { element, became, wanted, send };
+    return { element, became, wanted, send, name: `command ${index + 1}, at ${clock(line.at)}` };
   }
 
-  showLine({ element, became, wanted, send }, line, next, problem) {
+  showLine({ element, became, wanted, send, name }, line, next, problem) {
     element.classList.toggle("sent", line.sent !== null);
     element.classList.toggle("next", next);
+    if (next) element.setAttribute("aria-current", "step");
+    else element.removeAttribute("aria-current");
     element.classList.toggle("trouble", problem);
     write(became, problem ? "waits for you" : stateOf(line));
     const key = JSON.stringify(line.wanted);
@@ -104,7 +109,7 @@ export class MissionPane extends EventTarget {
       wanted.replaceChildren(...line.wanted.map((each) => make("span", { className: each.number === null ? "" : each.met ? "met" : "unmet" }, countOf(each))));
     }
     write(send, line.sent === null ? "Send" : "Send again");
-    send.setAttribute("aria-label", `${send.textContent}: line at ${clock(line.at)}`);
+    send.setAttribute("aria-label", `${send.textContent}: ${name}`);
     send.disabled = this.elsewhere;
     send.title = this.elsewhere ? FAR : "";
   }

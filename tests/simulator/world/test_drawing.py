@@ -122,7 +122,7 @@ class TestElements:
     @pytest.mark.parametrize("around", ["%s", "<defs>%s</defs>", "<defs><g>%s</g></defs>"])
     def test_style_sheets_are_read_wherever_they_stand(self, tmp_path: Path, around: str) -> None:
         """Drawing programs put them among the definitions."""
-        sheet = "<style>/* a /* b */.w{fill:none}@media print{.x, .y {fill: none}}/* </style>"
+        sheet = "<style>/* a /* b */.w{fill:none}@media screen{.x, .y {fill: none}}/* </style>"
         found = shapes(tmp_path, around % sheet + "".join(f'<path class="{c}" d="M0,0h9v9z"/>' for c in "wxyz"))
         assert [type(shape) for shape in found] == [Wall, Wall, Wall, Area]
 
@@ -246,6 +246,12 @@ class TestStyles:
             ("path{FILL:NONE}", "", True),
             ("path{fill:nonsense}", 'fill="none"', True),
             ("path{fill:var(--x)}", "", False),
+            ("path{fill:var(--x, none)}", "", True),
+            ("path{fill:var( --x ,rgb(0 0 0 / 0%))}", "", True),
+            ("@media print{path{fill:none}}", "", False),
+            ("@media (prefers-color-scheme: dark){path{fill:none}}", "", False),
+            ("@media only screen, print{path{fill:none}}", "", True),
+            ("@media (max-width: 9px){path{stroke:red}} @layer a;", "", False),
             ("path:hover{fill:none}", "", False),
             ("path[d]{stroke:red}", "", False),
             ("@font-face{font-family:x}@media screen{path{fill:none}}", "", True),
@@ -279,6 +285,33 @@ class TestStyles:
     def test_what_cannot_be_seen_is_not_filled(self, tmp_path: Path, said: str, wanted: type | None) -> None:
         found = shapes(tmp_path, f'<g fill="blue"><path {said} d="M0,0h9v9z"/></g>')
         assert [type(each) for each in found] == ([] if wanted is None else [wanted])
+
+    @pytest.mark.parametrize(
+        ("said", "sentence"),
+        [
+            ("<style>\n" + "@media screen{" * 3_000 + "</style>", "3: <style>: more than 64 brackets in brackets"),
+            (f"<style>path{{fill:{'(' * 5_000}}}</style>", "2: <style>: more than 64 brackets in brackets"),
+            (f'<path style="fill:{"(" * 5_000}" d="M0,0h9v9z"/>', "2: <path>: style: more than 64 brackets"),
+            (f'<path fill="{"[" * 5_000}" d="M0,0h9v9z"/>', "2: <path>: style: more than 64 brackets"),
+            ("<style>@media (max-width: 9px){path{fill:none}}</style>", "2: <style>: the condition .@media"),
+            ("<style>\n@layer a{\n@media screen{path{fill:none}}}</style>", "3: <style>: the condition .@layer a"),
+            ("<style>@supports not (d: e){path{fill:none}}</style>", "2: <style>: the condition .@supports not"),
+            ('<rect width="9" height="9" style="width: 20px"/>', "2: <rect>: style: width is not read there"),
+            ('<g style="rotate: 45deg"/>', "2: <g>: style: rotate is not read there"),
+            ('<g style="--x: none"><path style="fill:var(--x, red)" d="M0,0h9v9z"/></g>', "2: <path>: fill: .var"),
+            ('<path fill="var(--x" d="M0,0h9v9z"/>', "2: <path>: fill: .var"),
+            ('<style>.a{--x:none}</style><path fill="var(--x)" d="M0,0h9v9z"/>', "2: <path>: fill: .var"),
+        ],
+    )
+    def test_styles_that_are_not_read_and_would_count_are_refused(
+        self, tmp_path: Path, said: str, sentence: str
+    ) -> None:
+        with pytest.raises(SettingsError, match=sentence):
+            shapes(tmp_path, said)
+
+    def test_nothing_is_asked_of_what_is_hidden(self, tmp_path: Path) -> None:
+        inside_page = '<g style="display:none"><use href="#p"/><path d="nonsense"/><g><svg/></g></g>'
+        assert len(shapes(tmp_path, f'{inside_page}<rect width="9" height="9" style="width:auto;rotate:none"/>')) == 1
 
     def test_what_is_visible_in_a_hidden_group_is_seen(self, tmp_path: Path) -> None:
         assert shapes(tmp_path, '<g visibility="hidden"><path visibility="visible" d="M0,0h9v9z"/></g>')

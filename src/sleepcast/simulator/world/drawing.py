@@ -322,7 +322,7 @@ class _Reader:
             raise self._error("", f"more than {MAX_ELEMENTS} elements")
         if not self.page_number and (name != "svg" or space not in ("", SVG)):
             raise self._error(name, "is no drawing: wanted an svg")
-        if self._skipped or space not in ("", SVG):
+        if self._skipped or space not in ("", SVG) or not self._around[-1].shown:
             self._skipped += 1
         elif name in ("use", "svg") and self.page_number:
             raise self._error(name, "a drawing within the drawing; unlink it, so that its shapes stand here themselves")

@@ -35,7 +35,7 @@ Numbers = NDArray[np.intp]
 
 def filled(outlines: tuple[Outline, ...], rule: str) -> tuple[Outline, ...]:
     """The outlines of the area that a shape fills. rule: "nonzero" or "evenodd"."""
-    if rule == "evenodd":
+    if rule == "evenodd" or (len(outlines) == 1 and _is_plain(outlines[0])):
         return outlines
     sides = _sides(outlines)
     contacts = _contacts(sides) if len(sides.corners) <= MAX_SIDES else None
@@ -49,6 +49,15 @@ def encloses(outline: Outline) -> bool:
         return False
     box = np.ptp(np.array(outline), axis=0)
     return abs(_signed_area(outline)) > NEAR * float(box.sum()) or bool(filled((outline,), "nonzero"))
+
+
+def _is_plain(outline: Outline) -> bool:
+    """Whether this is a triangle or a quadrangle without a dent, as most shapes of a plan are."""
+    if len(outline) > 4:
+        return False
+    corners = zip(outline, (*outline[1:], outline[0]), (*outline[2:], *outline[:2]), strict=True)
+    turns = [(bx - ax) * (cy - by) - (by - ay) * (cx - bx) for (ax, ay), (bx, by), (cx, cy) in corners]
+    return min(turns) > 0.0 or max(turns) < 0.0
 
 
 def _nested(outlines: tuple[Outline, ...]) -> tuple[Outline, ...]:

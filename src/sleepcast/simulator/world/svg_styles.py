@@ -8,6 +8,7 @@ several rules say something, the order is CSS's: `!important`, then the more exa
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -22,12 +23,32 @@ PROPERTIES = (
     *("display", "fill", "fill-opacity", "fill-rule", "opacity", "transform", "transform-origin", "visibility"),
 )
 """What counts here; all else a style may say is for the eye alone."""
+SIZES = ("cx", "cy", "d", "height", "r", "rx", "ry", "width", "x", "y")
+"""What makes a shape another one, and is only read from its attributes."""
+MOVES = ("offset-path", "rotate", "scale", "transform-box", "translate")
+"""What moves an element, and is not read."""
+HARMLESS = ("auto", "none", "view-box")
+"""Values of these that change nothing."""
+ON_SCREENS = re.compile(r"(only\s+)?(all|screen)", re.IGNORECASE)
+"""Media that an upright drawing on a screen is one of."""
+ELSEWHERE = re.compile(r"(only\s+)?(print|speech)|\(prefers-color-scheme:\s*dark\)", re.IGNORECASE)
+"""Media that it is none of."""
 MAX_PARTS = 10_000
 """Parts of all selectors of a drawing."""
+MAX_NESTED = 64
+"""Brackets in brackets of a style: whoever reads them calls itself for each."""
+MAX_VARIABLE = 200
+"""Characters of a value with a variable."""
 MAX_TRIES = 10_000_000
 """Comparisons of elements with parts of selectors: some ten seconds of them."""
 NEVER = ("active", "focus", "hover", "visited", "selection", "before", "after", "first-line", "first-letter")
 """States and additions that no element of a drawing at rest has."""
+CONDITIONS = ("container", "layer", "media", "scope", "supports")
+"""Rules around rules, which make them count in some cases, or less than others."""
+
+_BRACKET = re.compile(r"[()\[\]{}]")
+_VARIABLE = re.compile(r"var\(\s*--[^\s,()]+\s*(?:,([^()]*(?:\([^()]*\))?[^()]*))?\)", re.IGNORECASE)
+_SAYS_VARIABLE = re.compile(r"(?:^|[;{])\s*--[^\s:;]+\s*:")
 
 Style = dict[str, str]
 """Values by property."""
@@ -73,22 +94,30 @@ class StyleSheets:
         self._by: dict[str, list[_Part]] = {}
         """By the id, class or name that an element needs, as "#door", ".wall", "path", or "*"."""
         self._rules = self._tries = 0
+        self._variables = False
+        """Whether anything is said of CSS's variables, whose values are not followed."""
 
     def add(self, sheet: str, line: int) -> None:
         """Read a style sheet that begins in this line of the file. Raises StyleError."""
+        if (place := _too_deep(sheet)) >= 0:
+            raise StyleError(line + sheet.count("\n", 0, place), f"more than {MAX_NESTED} brackets in brackets")
         self._add(tinycss2.parse_stylesheet(sheet, skip_comments=True, skip_whitespace=True), line)
 
     def style_of(self, name: str, attributes: Mapping[str, str], outer: Match) -> tuple[Style, Match]:
         """What is said of an element, and which parts of selectors it fits. outer: those of the element around it.
         Raises PathError where there is too much to compare."""
         found = {key: attributes[key] for key in PROPERTIES if key in attributes}
+        if any(_too_deep(each) >= 0 for each in (*found.values(), attributes.get("style", ""))):
+            raise PathError(f"style: more than {MAX_NESTED} brackets in brackets")
         match, said = self._match(name, attributes, outer)
         own = _declared(attributes.get("style", ""))
         for each in (*said, own):
             found |= each.normal
         for each in (*said, own):
             found |= each.important
-        return {key: value.strip() for key, value in found.items()}, match
+        _refuse_unread(name, found)
+        self._variables |= bool(_SAYS_VARIABLE.search(attributes.get("style", "")))
+        return {key: _settled(key, value, variables=self._variables) for key, value in found.items()}, match
 
     def _match(self, name: str, attributes: Mapping[str, str], outer: Match) -> tuple[Match, list[Declared]]:
         if not self._parts:
@@ -115,11 +144,14 @@ class StyleSheets:
                 self._rule(rule, at)
             elif rule.type == "at-rule" and rule.lower_at_keyword == "import":
                 raise StyleError(at, "a style sheet in another file, which is not opened: put its rules here")
-            elif rule.type == "at-rule" and rule.lower_at_keyword in ("media", "supports", "layer") and rule.content:
-                self._add(tinycss2.parse_rule_list(rule.content, skip_comments=True, skip_whitespace=True), line)
+            elif rule.type == "at-rule" and rule.content and rule.lower_at_keyword in CONDITIONS:
+                inside = tinycss2.parse_rule_list(rule.content, skip_comments=True, skip_whitespace=True)
+                if _holds(rule, inside, at):
+                    self._add(inside, line)
 
     def _rule(self, rule: Any, line: int) -> None:
         said = _declarations(tinycss2.parse_blocks_contents(rule.content))
+        self._variables |= bool(_SAYS_VARIABLE.search(tinycss2.serialize(rule.content)))
         if not said.normal and not said.important:
             return
         self._rules += 1
@@ -139,6 +171,30 @@ class StyleSheets:
             key = f"#{ids[0]}" if ids else f".{classes[0]}" if classes else name or "*"
             self._by.setdefault(key, []).append(part)
         part.ends.append((self._rules, said))
+
+
+def _holds(rule: Any, inside: Sequence[Any], line: int) -> bool:
+    """Whether a condition around rules holds. Raises StyleError for one that is not read, if it matters."""
+    said = tinycss2.serialize(rule.prelude).strip()
+    media = [each.strip() for each in said.split(",")] if rule.lower_at_keyword == "media" else []
+    if any(map(ON_SCREENS.fullmatch, media)):
+        return True
+    if (media and all(map(ELSEWHERE.fullmatch, media))) or not any(map(_matters, inside)):
+        return False
+    raise StyleError(
+        line,
+        f'the condition "@{rule.lower_at_keyword} {said[:60]}" is not read: put its rules outside, or leave them out',
+    )
+
+
+def _matters(rule: Any) -> bool:
+    """Whether a rule, or one in it, says anything that counts here."""
+    if rule.type == "at-rule":
+        return bool(rule.content) and any(map(_matters, tinycss2.parse_rule_list(rule.content)))
+    if rule.type != "qualified-rule":
+        return False
+    said = _declarations(tinycss2.parse_blocks_contents(rule.content))
+    return bool(said.normal or said.important)
 
 
 class StyleError(ValueError):
@@ -209,6 +265,16 @@ def _split(tokens: Sequence[Any], mark: str) -> list[list[Any]]:
 # ---- declarations
 
 
+def _too_deep(text: str) -> int:
+    """Where there are too many brackets in brackets; -1 for nowhere. Those in comments and strings count, too."""
+    depth = 0
+    for found in _BRACKET.finditer(text):
+        depth = max(depth + (1 if found[0] in "([{" else -1), 0)
+        if depth > MAX_NESTED:
+            return found.start()
+    return -1
+
+
 @lru_cache(maxsize=4_096)
 def _declared(text: str) -> Declared:
     """What a `style` attribute says."""
@@ -218,7 +284,7 @@ def _declared(text: str) -> Declared:
 def _declarations(declared: Iterable[Any]) -> Declared:
     found = Declared({}, {})
     for each in declared:
-        if each.type == "declaration" and each.lower_name in PROPERTIES:
+        if each.type == "declaration" and each.lower_name in (*PROPERTIES, *SIZES, *MOVES):
             value = tinycss2.serialize(each.value).strip()
             if each.lower_name != "fill" or is_paint(value):
                 (found.important if each.important else found.normal)[each.lower_name] = value  # type: ignore[index]
@@ -226,6 +292,24 @@ def _declarations(declared: Iterable[Any]) -> Declared:
 
 
 # ---- values
+
+
+def _refuse_unread(name: str, said: Mapping[str, str]) -> None:
+    """Raise PathError for a style that is not read and would move or reshape an element. name: of the element."""
+    for key in MOVES if name in ("svg", "g", "a", "switch") else (*SIZES, *MOVES):
+        if key in said and said[key].casefold() not in HARMLESS:
+            raise PathError(f"style: {key} is not read there: write it as an attribute or into the transform")
+
+
+def _settled(key: str, value: str, *, variables: bool) -> str:
+    """A value, or what stands in it for a variable that nobody has said. variables: whether some are said. Raises
+    PathError."""
+    if "var(" not in value.casefold():
+        return value.strip()
+    found = _VARIABLE.fullmatch(value.strip()[:MAX_VARIABLE])
+    if found is None or variables:
+        raise PathError(f'{key}: "{value[:40]}" is not read: write the value itself, without a variable')
+    return (found[1] or "inherit").strip()
 
 
 @lru_cache(maxsize=4_096)

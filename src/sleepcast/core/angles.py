@@ -28,7 +28,7 @@ def mean_direction(angles: Floats) -> float:
 def deviation(angles: Floats) -> float:
     """The circular standard deviation of some angles, rad; NaN where they have no mean direction."""
     direction, length = _mean_vector(angles)
-    return nan if direction != direction else sqrt(max(-2.0 * log(min(length, 1.0)), 0.0))
+    return nan if direction != direction else sqrt(max(0.0, -2.0 * log(min(length, 1.0))))
 
 
 def around_mean(angles: Floats) -> Floats:

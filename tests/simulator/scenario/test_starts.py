@@ -137,8 +137,12 @@ class TestPoses:
             ("x,y\n" + "1,1\n" * (MAX_STARTS + 1), f"{MAX_STARTS + 2}: more than {MAX_STARTS} poses"),
             ("x,y\n" + " " * MAX_CSV, f" too long for a file of starts: at most {MAX_CSV} bytes"),
             (b"x,y\n\xff,1\n", "2: not UTF-8 text"),
+            ("x,y\n1e400,2\n", '2: x: wanted a length such as "5m", not "1e400"'),
+            ("x,y\n1,2\x0b3,4\n", "2: 3 values in 2 columns"),
+            ('x,y,name\n1,2,"a\nb"\n', "3: name: 'a\\nb': wanted 1 to 64 characters"),
+            ("x,y,name\n1,2,a\u2028b\n", "2: name: "),
         ],
-        ids=range(15),
+        ids=range(19),
     )
     def test_a_bad_line_of_a_file_is_told_by_its_number(self, tmp_path: Path, text: str | bytes, said: str) -> None:
         assert refusal(write(tmp_path, 'starts = "poses.csv"\n', csv=text)).startswith(f"poses.csv:{said}")

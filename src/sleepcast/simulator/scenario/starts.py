@@ -14,6 +14,7 @@ import csv
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from io import StringIO
 from math import ceil, nan, pi, sqrt
 from pathlib import Path
 from typing import NamedTuple
@@ -103,7 +104,7 @@ def _row(robots: Table, number: int, pose: object) -> Table:
 def _rows_of_file(file: Path) -> list[Table]:
     """The poses of a CSV file, whose first line names its columns."""
     text = read_text(file, MAX_CSV, "a file of starts")
-    lines = csv.reader(text.splitlines(), strict=True)
+    lines = csv.reader(StringIO(text, newline=""), strict=True)
     units: dict[str, str] = {}
     found: list[Table] = []
     try:

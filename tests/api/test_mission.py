@@ -57,6 +57,7 @@ def test_a_fleet_says_that_it_has_a_mission_and_plays_it(folder: Path) -> None:
 
 def test_it_leads_where_the_mission_by_itself_leads(folder: Path) -> None:
     by_itself, by_hand, desk = sc.open(folder, mission=True), sc.open(folder), sc.open(folder, mission=True)
+    assert repr(by_itself).endswith("none was sent: the rest is sent by itself while time passes")
     by_itself.run(6, quiet=True)
     assert not by_itself.mission.rest
     assert "was sent" in repr(by_itself)
@@ -109,6 +110,9 @@ def test_what_is_wrong_is_said_with_its_line(folder: Path) -> None:
         fleet.play("@soon (JOIN crew)")
     with pytest.warns(UserWarning, match="did you mean battery"):
         fleet.play("@0s (WHEN (> batery 1) (JOIN crew))")
+    for wrong in (5, ["(ST)"], fleet.mission[0]):
+        with pytest.raises(sc.errors.MisuseError, match=r"wanted a script, as sc\.Mission or as a text, not "):
+            fleet.send(wrong)  # type: ignore[call-overload]
     with pytest.raises(sc.errors.MisuseError, match="says line by line"):
         fleet.send("@0s (JOIN crew)", standing=True)
 

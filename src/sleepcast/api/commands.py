@@ -269,6 +269,8 @@ class Fleet(ABC):
         from sleepcast.api.mission import Mission
         from sleepcast.loop.mission import readable
 
+        if not isinstance(script, str | Mission | None):
+            raise MisuseError(f"wanted a script, as sc.Mission or as a text, not {type(script).__name__}")
         lines = Mission(script) if isinstance(script, str) else self._to_play() if script is None else script
         for line in lines:
             readable(line.order)

@@ -301,7 +301,7 @@ class SimulatedFleet(Fleet):
     def __repr__(self) -> str:
         scenario, simulator = self.swarm.simulator.scenario, self.swarm.simulator
         groups = ", ".join(f"{name} {len(members)}" for name, members in self.groups.items())
-        mission = self.mission.sentence()
+        mission = self.mission.sentence(by_itself=bool(self.swarm.mission))
         return (
             f"{scenario.name}: {len(self):,} robots after {self.time:g} s, seed {simulator.seed}"
             f"{f'; groups: {groups}' if groups else ''}{f'; {mission}' if mission else ''}"

@@ -84,14 +84,16 @@ class Mission(Sequence[MissionLine]):
         some._lines = tuple(line for line in self._lines if line.result is None)
         return some
 
-    def sentence(self) -> str:
-        """How far it is, and how to play it; "" for none."""
+    def sentence(self, by_itself: bool = False) -> str:
+        """How far it is, and how to play it; "" for none. by_itself: whether the desk sends the rest at its times."""
         if not self:
             return ""
         commands, rest = f"{len(self)} command{'s' * (len(self) > 1)}", len(self.rest)
         if not rest:
             return f"its mission of {commands} was sent"
         sent = "none was sent" if rest == len(self) else f"{len(self) - rest} sent"
+        if by_itself:
+            return f"a mission of {commands}, {sent}: the rest is sent by itself while time passes"
         what = f"{'it' if len(self) == 1 else 'them'} at {'its time' if len(self) == 1 else 'their times'}"
         return f"a mission of {commands}, {sent}: fleet.play() sends {what if rest == len(self) else 'the rest'}"
 

@@ -97,6 +97,13 @@ def test_a_script_of_ones_own(folder: Path, tmp_path: Path) -> None:
     assert "@1.0s (JOIN crew)\n" in (tmp_path / "saved" / "mission.sleep").read_text(encoding="utf-8")
 
 
+def test_a_fork_knows_of_a_stop_that_was_sent_late(folder: Path) -> None:
+    fleet = sc.open(folder).run(5, quiet=True)
+    sent = [each.id for each in fleet.play()]
+    other = fleet.fork()
+    assert [None if line.result is None else line.result.id for line in other.mission] == sent
+
+
 def test_what_is_wrong_is_said_with_its_line(folder: Path) -> None:
     fleet = sc.open(folder)
     with pytest.raises(MissionError, match=r"^the script:2: .*not closed"):

@@ -216,6 +216,15 @@ def test_it_is_not_played_while_a_stop_by_hand_holds(tmp_path: Path) -> None:
     assert len(stand.run(3).sent) == 7
 
 
+def test_a_fork_goes_on_with_what_was_sent_before(tmp_path: Path) -> None:
+    stand = Stand.of(tmp_path)
+    stand.run(5).mission.play()  # STOP and RELEASE late, so that nothing but the log knows whose they are
+    stand.run(0.5)
+    other = Stand(*assemble_from(snapshot(stand.swarm), None, 1))
+    other.mission.take_over(stand.mission.sent())
+    assert all(sent for sent, _ in other.shown())
+
+
 def test_what_somebody_sends_of_a_mission_that_a_snapshot_brings_along_is_not_sent_again(tmp_path: Path) -> None:
     stand = Stand.of(tmp_path, "@0.5s (JOIN crew)\n@1.5s (JOIN first)\n@2s (JOIN last)\n")
     stand.mission.play()

@@ -243,7 +243,9 @@ class SimulatedFleet(Fleet):
     def fork(self, seed: int | None = None) -> SimulatedFleet:
         """A second run with the same past. seed: another one gives it another chance from here on; None keeps it the
         same, so that all differences come from what you do."""
-        return resume(self.snapshot(), seed=seed)
+        other = resume(self.snapshot(), seed=seed)
+        other._mission.take_over(self._mission.sent())
+        return other
 
     def record(
         self,

@@ -166,6 +166,8 @@ class PageRuns:
         found = self._run(swarm, station, self._current, run.pace.factor, seen.map_picture)
         assert isinstance(found.past, LivePast)
         found.past.go_on(before, state)
+        if isinstance(found.mission, SwarmMission) and run.mission is not None:
+            found.mission.take_over(run.mission.sent())
         return found
 
     def _run(

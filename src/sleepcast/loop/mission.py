@@ -81,6 +81,13 @@ class MissionLog:
         if number in waiting:
             waiting.remove(number)
 
+    def take_over(self, sent: Mapping[int, Message]) -> None:
+        """What was sent of the same mission in the run that this one was forked from, as far as it is known here."""
+        known = {command.message.id for command in self._commands()}
+        for number, message in sent.items():
+            if message.id in known:
+                self.note(number, message)
+
     def _count(self, message: Message) -> None:
         words = _words_of(message)
         waiting = None if words is None else self._waiting.get(words)

@@ -56,6 +56,10 @@ class SwarmMission:
     def sent(self) -> Mapping[int, Message]:
         return self._log.sent()
 
+    def take_over(self, sent: Mapping[int, Message]) -> None:
+        """See `MissionLog`."""
+        self._log.take_over(sent)
+
     # ---- what people do
 
     def play(self) -> str:

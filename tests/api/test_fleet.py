@@ -534,3 +534,17 @@ def count_tags(html: str) -> dict[str, int]:
     Parser().feed(html)
     assert not opened
     return found
+
+
+def test_times_may_be_texts_with_their_units() -> None:
+    fleet = bravo()
+    history = fleet.history("fuel", every="500ms")
+    fleet.run("2s", quiet=True)
+    assert (round(fleet.time, 6), history.every) == (2.0, 0.5)
+    sent = fleet.send(NEAR, wait="1s", deadline="1min")
+    assert sent.matched
+    for wrong in ("5m", "5", "soon"):
+        for call in (fleet.run, lambda text: fleet.send(NEAR, wait=text), lambda text: fleet.stop(wait=text)):
+            with pytest.raises(sc.errors.MisuseError, match=f"'{wrong}': wanted .*\"30s\""):
+                call(wrong)
+    assert len(fleet.station.commands()) == 1  # nothing was sent in vain

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sleepcast.core.errors import MisuseError
-from sleepcast.core.given_numbers import MAX_SEED, read_seconds, read_seed
+from sleepcast.core.given_numbers import MAX_SEED, in_seconds, read_seconds, read_seed
 
 
 @pytest.mark.parametrize("seed", [7, np.uint64(7), np.int8(7), np.array(7)])
@@ -28,5 +28,20 @@ def test_seconds_are_numbers() -> None:
     for wrong in ("5", b"5", True, -1.0, float("nan"), float("inf"), 10**400, None, [5]):
         with pytest.raises(MisuseError, match=r"for .+: wanted a number of seconds, 0 or more"):
             read_seconds(wrong, "for")
-    with pytest.raises(MisuseError, match="from 0 to 60"):
-        read_seconds(61, "for", 60.0)
+    for more in (61, "2min"):
+        with pytest.raises(MisuseError, match="from 0 to 60"):
+            read_seconds(more, "for", 60.0)
+
+
+def test_times_may_be_texts_with_their_units() -> None:
+    for text, seconds in (("30s", 30.0), ("2min", 120.0), (" 1 H ", 3600.0), ("250ms", 0.25)):
+        assert read_seconds(text, "for") == in_seconds(text, "for") == seconds
+    assert in_seconds(2.5, "for") == 2.5
+    for wrong, why in (
+        ("soon", "wanted a time such as"),
+        ("5m", "a length"),
+        ("-5s", "at least 0s"),
+        ("5", "its unit"),
+    ):
+        with pytest.raises(MisuseError, match=f"^for '{wrong}': .*{why}"):
+            in_seconds(wrong, "for")

@@ -19,6 +19,7 @@ from sleepcast.api.results import CommandResult
 from sleepcast.api.table import DataTable, Numbers, Texts
 from sleepcast.channel import Kind
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.given_numbers import in_seconds
 from sleepcast.language import Explanation, check
 from sleepcast.language.learned_names import LearnedNames
 from sleepcast.station import Command, Preview, Station
@@ -144,9 +145,9 @@ class Fleet(ABC):
         """Seconds since the start; simulated ones of a simulated fleet."""
 
     @abstractmethod
-    def run(self, seconds: float, *, quiet: bool = False) -> Self:
-        """Let time pass; gives the fleet itself. quiet: without a progress bar. Raises MisuseError for a time that is
-        none."""
+    def run(self, seconds: float | str, *, quiet: bool = False) -> Self:
+        """Let time pass: seconds, or a text such as "30s"; gives the fleet. quiet: without a progress bar. Raises
+        MisuseError for a time that is none."""
 
     @abstractmethod
     def _until(self, sent: Command, seconds: float) -> CommandResult:
@@ -171,9 +172,9 @@ class Fleet(ABC):
         self,
         text: str,
         *,
-        wait: float = ...,
+        wait: float | str = ...,
         standing: bool = ...,
-        deadline: float | None = ...,
+        deadline: float | str | None = ...,
         everybody: bool = ...,
         count: int | None = ...,
         only: Sequence[str] | None = ...,
@@ -182,15 +183,21 @@ class Fleet(ABC):
     ) -> CommandResult: ...
     @overload
     def send(
-        self, text: Mission, *, wait: float = ..., everybody: bool = ..., count: int | None = ..., sure: bool = ...
+        self,
+        text: Mission,
+        *,
+        wait: float | str = ...,
+        everybody: bool = ...,
+        count: int | None = ...,
+        sure: bool = ...,
     ) -> list[CommandResult]: ...
     def send(
         self,
         text: str | Mission,
         *,
-        wait: float = WAIT,
+        wait: float | str = WAIT,
         standing: bool = False,
-        deadline: float | None = None,
+        deadline: float | str | None = None,
         everybody: bool = False,
         count: int | None = None,
         only: Sequence[str] | None = None,
@@ -198,7 +205,8 @@ class Fleet(ABC):
         sure: bool = False,
     ) -> CommandResult | list[CommandResult]:
         """Broadcast an expression. wait: seconds that may pass until all have answered; 0 sends several at the same
-        moment. count: how many robots are meant, which a real fleet asks for where many may obey. sure: it is meant as
+        moment. deadline: seconds for which it is good. Times may be texts with units, such as "30s", here and in all
+        methods. count: how many robots are meant, which a real fleet asks for where many may obey. sure: it is meant as
         it stands, though the checker doubts it; otherwise names that no robot has give a UserWarning. only, but: names
         of robots, or of one. The rest, and what is raised: see `Station.send`. A `Mission`, or a text that begins with
         a time, is a script: see `play`, whose list of results it gives. Its lines say themselves whether they are
@@ -209,10 +217,11 @@ class Fleet(ABC):
                     "a script says line by line what is standing, within which time and for whom: @5s standing (...)"
                 )
             return self.play(text, wait=wait, everybody=everybody, count=count, sure=sure)
-        only = robot_names(only)
+        wait, only = in_seconds(wait, "wait"), robot_names(only)
+        within = None if deadline is None else in_seconds(deadline, "deadline")
         self._prepare(text, sure, only)
         self._warn(text, sure, only)
-        return self._send(text, wait, standing, deadline, everybody, count, only, but, sure)
+        return self._send(text, wait, standing, within, everybody, count, only, but, sure)
 
     def _send(
         self,
@@ -254,7 +263,7 @@ class Fleet(ABC):
         self,
         script: Mission | str | None = None,
         *,
-        wait: float = WAIT,
+        wait: float | str = WAIT,
         everybody: bool = False,
         count: int | None = None,
         sure: bool = False,
@@ -271,6 +280,7 @@ class Fleet(ABC):
 
         if not isinstance(script, str | Mission | None):
             raise MisuseError(f"wanted a script, as sc.Mission or as a text, not {type(script).__name__}")
+        wait = in_seconds(wait, "wait")
         lines = Mission(script) if isinstance(script, str) else self._to_play() if script is None else script
         for line in lines:
             readable(line.order)
@@ -333,7 +343,7 @@ class Fleet(ABC):
         self,
         text: str,
         *,
-        wait: float = WAIT,
+        wait: float | str = WAIT,
         only: Sequence[str] | None = None,
         but: Sequence[str] | None = None,
         sure: bool = False,
@@ -341,7 +351,7 @@ class Fleet(ABC):
         """Ask for the value of an expression over the radio; nothing changes on the robots. The answers are in
         `values`. sure: it is meant as it stands, though the fleet has no such name. Raises what `Station.ask`
         raises."""
-        only = robot_names(only)
+        wait, only = in_seconds(wait, "wait"), robot_names(only)
         self._warn(text, sure, only)
         with self._turn():
             sent = self.station.ask(text, only=only, but=but, anyway=sure)
@@ -365,14 +375,16 @@ class Fleet(ABC):
             if finding.unknown and finding.start not in known:
                 warnings.warn(finding.render(text), stacklevel=3)
 
-    def stop(self, *, wait: float = WAIT) -> CommandResult:
+    def stop(self, *, wait: float | str = WAIT) -> CommandResult:
         """Stop every body at once, until `release`."""
+        wait = in_seconds(wait, "wait")
         with self._turn():
             sent = self.station.stop()
         return self._until(sent, wait)
 
-    def release(self, *, wait: float = WAIT) -> CommandResult:
+    def release(self, *, wait: float | str = WAIT) -> CommandResult:
         """End STOP on every robot; nothing old resumes by itself."""
+        wait = in_seconds(wait, "wait")
         with self._turn():
             sent = self.station.release()
         return self._until(sent, wait)
@@ -457,11 +469,12 @@ class Fleet(ABC):
 
     # ---- what happens
 
-    async def events(self, seconds: float = inf) -> AsyncGenerator[FleetEvent, None]:
+    async def events(self, seconds: float | str = inf) -> AsyncGenerator[FleetEvent, None]:
         """What robots do from now on, for so many seconds, or until the loop over it ends. Time passes in it; commands
         may be sent meanwhile (`await fleet.asend(...)`). Raises MisuseError for a time that is none."""
         from asyncio import to_thread
 
+        seconds = in_seconds(seconds, "events of")
         if not seconds >= 0.0:
             raise MisuseError(f"events of {seconds} s: wanted a number of seconds, 0 or more")
         queue, until = EventQueue(lambda: self.time, self._members), self.time + seconds

@@ -19,7 +19,7 @@ from sleepcast.api.connection import CHANNEL, FLEET, AirOptions, observing_stati
 from sleepcast.api.progress import steps
 from sleepcast.api.results import CommandResult
 from sleepcast.core.errors import MisuseError
-from sleepcast.core.given_numbers import read_seconds
+from sleepcast.core.given_numbers import in_seconds, read_seconds
 from sleepcast.language import Explanation
 from sleepcast.station import Command, Preview
 from sleepcast.station.asking import AHEAD, ask_first, ask_why, look_around, may_be_known_to_robots, unknown_names
@@ -63,7 +63,7 @@ class ConnectedFleet(Fleet):
         """Seconds since it was connected."""
         return self.station.now - self._began
 
-    def run(self, seconds: float, *, quiet: bool = False) -> Self:
+    def run(self, seconds: float | str, *, quiet: bool = False) -> Self:
         seconds = read_seconds(seconds, "cannot run for")
         began = self.station.now
         with closing(steps(ceil(seconds / TURN), self.channel, quiet=quiet)) as turns:
@@ -120,12 +120,13 @@ class ConnectedFleet(Fleet):
         self,
         text: str,
         *,
-        wait: float = WAIT,
+        wait: float | str = WAIT,
         only: Sequence[str] | None = None,
         but: Sequence[str] | None = None,
         sure: bool = False,
     ) -> CommandResult:
         """See `Fleet`. Raises UnknownNameError for names that no robot has, too."""
+        wait = in_seconds(wait, "wait")
         with self._turn():
             if not sure and may_be_known_to_robots(self.station, text):
                 look_around(self.station, self.telemetry, patience=AHEAD)
@@ -135,7 +136,8 @@ class ConnectedFleet(Fleet):
     def _played(self, order: Order, sent: Command) -> None:
         """Nothing: no scenario with a mission lies behind robots on the air."""
 
-    def release(self, *, wait: float = WAIT) -> CommandResult:
+    def release(self, *, wait: float | str = WAIT) -> CommandResult:
+        wait = in_seconds(wait, "wait")
         with self._turn():
             decided = self.station.now
             look_around(self.station, self.telemetry, patience=AHEAD)  # whose STOPs hold, which a RELEASE has to name
@@ -218,7 +220,7 @@ def connect(
     trust: str | PathLike[str] | None = None,
     keys: str | PathLike[str] | None = None,
     expect: int | str | PathLike[str] | None = None,
-    within: float | None = None,
+    within: float | str | None = None,
     journal: str | PathLike[str] | None = None,
 ) -> ConnectedFleet:
     """A real fleet on a channel, with the options of the command line.
@@ -233,6 +235,7 @@ def connect(
     if owner is not None and owner.endswith(KEY):
         file = Path(owner).expanduser()
         owner, folder = file.stem, file.parent
+    within = None if within is None else in_seconds(within, "answers within")
     if within is not None and not 0.0 <= within <= inf:
         raise MisuseError(f"answers within {within} s: wanted a number of seconds, 0 or more")
     expected = None if expect is None else str(expect) if isinstance(expect, int) else fspath(expect)

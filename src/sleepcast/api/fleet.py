@@ -21,7 +21,7 @@ from sleepcast.api.picture import picture
 from sleepcast.api.progress import steps
 from sleepcast.api.results import CommandResult
 from sleepcast.core.errors import MisuseError
-from sleepcast.core.given_numbers import read_seconds
+from sleepcast.core.given_numbers import in_seconds, read_seconds
 from sleepcast.core.ticks import Every, tick_at
 from sleepcast.fleet.asked import MAX_ASKED
 from sleepcast.language import Checked, CheckError, Explanation
@@ -68,10 +68,10 @@ class SimulatedFleet(Fleet):
         """Simulated seconds since the start."""
         return self.swarm.now()
 
-    def run(self, seconds: float, *, quiet: bool = False) -> SimulatedFleet:
-        """Let simulated time pass, as fast as possible; gives the fleet itself. It passes in ticks of the scenario, so
-        it ends on the tick that is nearest; what is left over is carried to the next `run`. quiet: without a progress
-        bar. Raises MisuseError for a time that is none."""
+    def run(self, seconds: float | str, *, quiet: bool = False) -> SimulatedFleet:
+        """Let simulated time pass, as fast as possible: seconds, or a text such as "30s"; gives the fleet itself. It
+        passes in ticks of the scenario, so it ends on the tick that is nearest; what is left over is carried to the
+        next `run`. quiet: without a progress bar. Raises MisuseError for a time that is none."""
         count = self.swarm.carried.ticks(read_seconds(seconds, "cannot run for", MAX_TIME))
         with closing(steps(count, self.swarm.simulator.scenario.name, quiet=quiet)) as ticks:
             for _ in ticks:
@@ -200,11 +200,11 @@ class SimulatedFleet(Fleet):
         """Equal for equal states: the same scenario, seed and commands give the same one on every machine."""
         return self.swarm.simulator.state_hash()
 
-    def history(self, *expressions: str, every: float = 1.0) -> History:
+    def history(self, *expressions: str, every: float | str = 1.0) -> History:
         """Sample expressions on all robots from now on, every so many simulated seconds: on the first tick at or after
         each multiple of `every`, and at once. Raises what `fleet[...]` raises, and MisuseError for a time that is less
         than a tick of the scenario."""
-        tick = self.swarm.simulator.scenario.tick
+        tick, every = self.swarm.simulator.scenario.tick, in_seconds(every, "every")
         if not expressions or not isfinite(every) or round(every / tick) < 1:
             raise MisuseError(
                 f"history needs expressions, and `every` of a tick ({tick:g} s) or more: got "
@@ -251,8 +251,8 @@ class SimulatedFleet(Fleet):
         self,
         file: str | PathLike[str],
         *,
-        pictures: float | None = None,
-        readings: float | None = None,
+        pictures: float | str | None = None,
+        readings: float | str | None = None,
         rotate: str | None = None,
     ) -> RunRecording:
         """Record the run into an MCAP file from now on, until `close` of the recording or of the fleet. pictures,
@@ -263,6 +263,7 @@ class SimulatedFleet(Fleet):
         from sleepcast.simulator.recording.recorder import ONE_FILE, read_rotation
 
         self._check_whole()
+        pictures, readings = (None if each is None else in_seconds(each, "every") for each in (pictures, readings))
         plan = RecordingPlan(Path(file), pictures, readings, ONE_FILE if rotate is None else read_rotation(rotate))
         with self._turn():
             self._recording = RunRecording(self.swarm, self.station, plan)

@@ -1,4 +1,5 @@
-"""Numbers that programs give: seeds, counts, seconds. Every type of number means its value, and nothing else does.
+"""Numbers that programs give: seeds, counts, seconds. Every type of number means its value, and nothing else does, but
+for times, which may also be texts with their units.
 
 A seed is hashed by its text, so NumPy's 7, written `np.uint64(7)`, would be another seed than 7 if it were stored.
 """
@@ -9,6 +10,8 @@ from math import inf
 from operator import index
 
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.quantities import QuantityError, measure_of
+from sleepcast.core.units import TIME
 
 MAX_SEED = 2**63 - 1
 """The largest seed: on the command line, in files and in Python."""
@@ -32,15 +35,33 @@ def read_seed(value: object) -> int:
 
 
 def read_seconds(value: object, what: str, high: float = inf) -> float:
-    """A time of any number type as a float, s, from 0 to `high`. what: it is, for the error. Raises MisuseError."""
+    """A time as a float, s, from 0 to `high`: of any number type, or a text with its unit, such as "30s". what: it is,
+    for the error. Raises MisuseError."""
+    given = in_seconds(value, what) if isinstance(value, str) else value
     try:
-        found = -1.0 if isinstance(value, str | bytes | bool) else float(value)  # type: ignore[arg-type]  # as above
+        found = -1.0 if isinstance(given, bytes | bool) else float(given)  # type: ignore[arg-type]  # as above
     except (TypeError, ValueError, OverflowError):
         found = -1.0
     if not 0.0 <= found <= high or found == inf:
         most = "0 or more" if high == inf else f"from 0 to {high:g}"
-        raise MisuseError(f"{what} {_shown(value)}: wanted a number of seconds, {most}")
+        raise MisuseError(f'{what} {_shown(value)}: wanted a number of seconds, {most}, or a text such as "30s"')
     return found
+
+
+def in_seconds(value: float | str, what: str) -> float:
+    """A time as a text with its unit, such as "30s", in s; a number as it is. what: it is, for the error. Raises
+    MisuseError for a text that says no time."""
+    if not isinstance(value, str):
+        return value
+    try:
+        found = measure_of(value, TIME, 0.0)
+    except QuantityError as error:
+        raise MisuseError(f"{what} {_shown(value)}: {error}") from error
+    if not found.unit:
+        raise MisuseError(
+            f'{what} {_shown(value)}: wanted a number of seconds, 0 or more, or a text with its unit, such as "30s"'
+        )
+    return found.value
 
 
 def _shown(value: object) -> str:

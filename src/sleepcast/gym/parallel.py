@@ -106,7 +106,7 @@ def parallel_env(
     reward: str,
     done: str | None = None,
     until: str | None = None,
-    seconds: float | None = None,
+    seconds: float | str | None = None,
     ticks: int = 1,
     robots: int | None = None,
     over: Mapping[str, object] | None = None,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from sleepcast.api.fleet import SimulatedFleet, open
 from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.given_numbers import in_seconds
 from sleepcast.core.model import Quantity
 from sleepcast.core.ticks import nearest_ticks
 from sleepcast.experiments.measures import StopCondition, read_stop
@@ -35,7 +36,7 @@ class Task:
     reward: str
     done: str | None = None
     until: str | None = None
-    seconds: float | None = None
+    seconds: float | str | None = None
     ticks: int = 1
     robots: int | None = None
     over: Mapping[str, object] = field(default_factory=dict)
@@ -107,7 +108,7 @@ def checked(task: Task) -> Checked:
         raise MisuseError(f"ticks {task.ticks}: wanted a whole number from 1 to {MAX_STEPS}")
     with task.start(0) as fleet:  # with a seed, as every episode
         scenario = fleet.swarm.simulator.scenario
-        seconds = scenario.seconds if task.seconds is None else task.seconds
+        seconds = scenario.seconds if task.seconds is None else in_seconds(task.seconds, "seconds")
         if not isfinite(seconds) or not scenario.tick <= seconds <= MAX_STEPS * scenario.tick:
             raise MisuseError(f"seconds {seconds}: wanted from {scenario.tick} to {MAX_STEPS * scenario.tick}")
         for text in (*task.observations, task.reward, *([task.done] if task.done else [])):

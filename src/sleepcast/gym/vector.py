@@ -72,7 +72,7 @@ def vector_env(
     actions: Sequence[str] = ("drive_speed", "drive_turn"),
     reward: str,
     until: str | None = None,
-    seconds: float | None = None,
+    seconds: float | str | None = None,
     ticks: int = 1,
     robots: int | None = None,
     over: Mapping[str, object] | None = None,

@@ -14,7 +14,7 @@ import pytest
 from cli.calling import called
 from sleepcast.cli import main
 from sleepcast.core.extras import installing
-from sleepcast.simulator import scenario_names
+from sleepcast.simulator import KERNELS, kernel_count, scenario_names
 
 MISSES = """
 import sys
@@ -43,6 +43,7 @@ def test_after_it_no_scenario_compiles_anything() -> None:
     found = json.loads(done.out)
     assert "crowd" in found["scenarios"]
     assert Path(found["folder"]).is_dir()
+    assert kernel_count() >= KERNELS  # worlds of other tests may have needed more
     ran = subprocess.run([sys.executable, "-c", MISSES], capture_output=True, text=True, check=False)
     assert (ran.stdout, ran.stderr) == ("", "")
     again = called("prepare", "--quiet")

@@ -131,7 +131,8 @@ def test_the_page_says_that_the_simulator_is_being_compiled(context: BrowserCont
     with Program("demo", "crowd", "--robots", "40", XDG_CACHE_HOME=str(tmp_path)) as program:
         for page in opened(program, context):
             expect(page.locator("#preparing")).to_be_visible()
-            expect(page.locator("#preparing")).to_contain_text("is being compiled for this computer")
+            counted = re.compile(r"Compiling the simulator, once on this computer: kernel \d+ of at most \d+\. Then")
+            expect(page.locator("#preparing")).to_contain_text(counted)
             expect(page.locator("#achieved")).to_have_text("compiling")
             expect(page.locator("#preparing")).to_be_hidden()
             expect(page.locator("#achieved")).to_have_text(re.compile("running"))

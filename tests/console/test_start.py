@@ -12,11 +12,11 @@ from sleepcast.api.assembly import assemble
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
-from sleepcast.console.outgoing import Robot
+from sleepcast.console.outgoing import Compiling, Robot
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import Pace, Swarm
-from sleepcast.simulator import load
+from sleepcast.simulator import KERNELS, load
 from sleepcast.station import Station
 from small_worlds import SMALL, write
 
@@ -54,6 +54,14 @@ def test_the_first_command_starts_time(desk: Desk) -> None:
     desk.backend.send(1, "(WHEN (> battery 60%) (JOIN crew))", False)
     assert not desk.waiting
     assert not desk.driver.pace.paused
+
+
+def test_while_the_simulator_is_compiled_the_page_counts_kernels(desk: Desk) -> None:
+    assert not [said for said in desk.backend.news(-1) if isinstance(said, Compiling)]
+    driver = Driver(desk.backend.driver.swarm, desk.driver.pace, ManualClock(), lambda: None)
+    backend = Backend(SwarmAdapter(desk.swarm), desk.station, driver, ManualClock())
+    (counted,) = [said for said in backend.news(-1) if isinstance(said, Compiling)]
+    assert 0 <= counted.done <= counted.most == KERNELS
 
 
 def test_a_question_starts_time_but_a_refused_command_does_not(desk: Desk) -> None:

@@ -17,7 +17,7 @@ import click
 
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.options import SEED, NumberRange
-from sleepcast.cli.progress import unless_soon
+from sleepcast.cli.progress import compiling
 from sleepcast.cli.streams import ReaderGone, announce, complain
 from sleepcast.core.errors import MisuseError
 
@@ -134,7 +134,7 @@ def nserver(
 
         hurry = lockstep or speed > QUICK
         given = _given(world)
-        with unless_soon("compiling what the simulator needs, once on this machine: this takes some ten seconds"):
+        with compiling():
             simulated = nomad_world(given.map, setup, robots or given.robots, seed, crosstalk=crosstalk, hurry=hurry)
         for line in (*given.ignored, *simulated.setup.ignored):
             _say(line)

@@ -9,7 +9,7 @@ from shutil import get_terminal_size
 from threading import Timer
 from time import perf_counter
 
-from sleepcast.api.progress import PATIENCE
+from sleepcast.api.progress import PATIENCE, counting
 from sleepcast.cli.streams import complain
 
 RENEWED = 0.1
@@ -71,3 +71,17 @@ def unless_soon(sentence: str) -> Iterator[None]:
         yield
     finally:
         timer.cancel()
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Say that what the simulator needs is being compiled, if it takes a while: at a terminal with a count."""
+    from sleepcast.simulator import KERNELS, kernel_count
+
+    what = "compiling the simulator, once on this computer"
+    if sys.stderr is not None and sys.stderr.isatty():
+        said = counting(f"{what}: kernel", kernel_count, KERNELS)
+    else:
+        said = unless_soon(f"{what}: up to {KERNELS} kernels, at most half a minute of a processor's time")
+    with said:
+        yield

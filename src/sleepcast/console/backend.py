@@ -44,6 +44,7 @@ from sleepcast.core.tasks import together
 from sleepcast.core.units import shown_value
 from sleepcast.language import Checked, Explanation, Finding, ReadError, Variable, format_value
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, SUPPORT, TIME_SLOT, unit_of
+from sleepcast.simulator import KERNELS, kernel_count
 from sleepcast.station import NO, UNKNOWN, YES, Command, NoExplanationError, Preview, Report, Station
 from sleepcast.station.account import answer_in_words
 from sleepcast.station.rest import stopped_in_words
@@ -376,6 +377,8 @@ class Backend:
 
     def news(self, watched: int) -> Iterator[outgoing.Said]:
         """Everything that may have changed; `watched`: the index of the robot that the page looks at, or -1."""
+        if self.driver.preparing:
+            yield outgoing.Compiling(min(kernel_count(), KERNELS), KERNELS)
         yield self.commands()
         yield from self.mission()
         yield outgoing.Failing(self._ledger.failing.now.rules, self._swarm.recent)

@@ -123,6 +123,11 @@ class Driver(FrameSource):
         return self._waits and self.pace.paused and self.swarm.tick == self._first
 
     @property
+    def preparing(self) -> bool:
+        """Whether what ticks take is still being compiled."""
+        return not self._ready
+
+    @property
     def held_up(self) -> str:
         """Why nothing that is sent reaches robots now, in words; "" while time runs."""
         if self.waiting:
@@ -189,7 +194,7 @@ class Driver(FrameSource):
             swarm.tick,
             swarm.now(),
             (pace.factor, pace.achieved),
-            (not pace.paused, self.latched, not self._ready, self.waiting),
+            (not pace.paused, self.latched, self.preparing, self.waiting),
             swarm.poses(),
             (self.groups.look(minds), self.flags()),
             (swarm.pings(), self.groups.second, swarm.colours()),

@@ -233,6 +233,13 @@ class Safety(Said):
     noticed: str = ""
 
 
+class Compiling(Said):
+    """How many kernels of the simulator have been compiled so far, of how many at most."""
+
+    done: int
+    most: int
+
+
 class Span(Said):
     """The part of the run that can be looked at: its begin and end, s. at: what this page looks at, s, None for now.
     exact: whether what is shown is that very tick; note: why not, for a person. kept: what is kept, in a sentence.

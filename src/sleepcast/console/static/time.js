@@ -16,6 +16,9 @@ export class Time {
     this.find("run").addEventListener("click", () => this.toggle());
     this.find("step").addEventListener("click", () => this.step());
     this.find("speed").addEventListener("change", (event) => wire.tell("pace", { factor: Number(event.target.value) }));
+    wire.addEventListener("compiling", ({ detail: { done, most } }) => {
+      this.find("compiled").textContent = `: kernel ${done} of at most ${most}`;
+    });
     window.addEventListener("keydown", (event) => {
       if (!event.ctrlKey || event.altKey || event.metaKey) return;
       if (event.code === "Space") this.toggle();

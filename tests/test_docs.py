@@ -40,6 +40,7 @@ import numpy as np
 import pytest
 import yaml
 
+import sleepcast as sc
 from language.cases import NodeMachine, Setting, apply_setting, mismatch, read_case
 from sleepcast.cli import program
 from sleepcast.cli.sentences import lexicon_of
@@ -198,6 +199,20 @@ def test_the_commands_of_the_tutorial_are_obeyed() -> None:
             assert account.n_matched > 0, block.where
             rules = [rule for node in swarm.minds.values() for rule in node.rules()]
             assert all(rule.active is (block.sort == "bravo") for rule in rules), block.where
+
+
+def test_what_scouts_say_in_readme_and_tutorial_is_what_they_say() -> None:
+    """Whoever sends the first command at the start, as both pages tell, can find these answers to Why on the page."""
+    first = next(block.text.strip() for block in blocks("bravo"))
+    fleet = sc.open("bravo")
+    assert len(fleet.send(first).matched) == 26
+    said = {fleet.why(robot).reason for robot in fleet.names}
+    for name in ("README.md", "docs/tutorial.md"):
+        prose = " ".join(FENCE.sub("", (ROOT / name).read_text(encoding="utf-8")).split())
+        quoted = set(re.findall(r"`(\w+ = [^`]+, needed [^`]+)`", prose))
+        assert quoted
+        assert quoted <= said
+        assert "26 of the 1,000" in prose or "26 of 1,000" in prose
 
 
 def test_every_function_has_an_example_in_the_reference() -> None:

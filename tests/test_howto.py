@@ -31,7 +31,7 @@ from test_docs import ROOT, SHELL, blocks_of, write_files
 
 PAGES = {
     "first-study": 5,
-    "on-the-air": 20,
+    "on-the-air": 30,
     "ros2": 4,
     "run-experiments": 8,
     "small-computers": 6,

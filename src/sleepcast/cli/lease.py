@@ -51,7 +51,7 @@ def lease(deed: str, group: str, seconds: float, to: str, keep: bool, air: AirOp
     Examples:
       sleepcast lease take bravo --seconds 5min
       sleepcast lease take bravo --keep
-      sleepcast lease grant bravo --to anna
+      sleepcast lease grant bravo --to bert
     """
     from sleepcast.channel.message import LeaseAction
     from sleepcast.station.leases import doubt_of

@@ -234,7 +234,8 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   });
 
   accounting.addEventListener("counted", ({ detail }) => {
-    robot.about(detail, accounting.picked === detail.id || robot.picked);
+    if (robot.picked) robot.askWhy(); // a person has picked which, perhaps another one than this
+    else robot.about(detail);
     if (!foretelling && !litElsewhere()) lightChosen();
   });
 

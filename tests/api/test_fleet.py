@@ -43,11 +43,12 @@ class TestCommands:
         name = fleet.names[3]
         assert fleet.ask("fuel", only=name).matched == (name,)
         assert fleet.send("(MARK)", only=np.array([name])).matched == (name,)  # type: ignore[arg-type]
+        assert fleet.send("(MARK)", only=np.array(name)).matched == (name,)  # type: ignore[arg-type]
         assert name not in fleet.send("(MARK)", but=name, everybody=True).matched
         assert tuple(fleet.station.forecast("(MARK)", only=name).yes) == (name,)
         with pytest.raises(sc.errors.MisuseError, match='no robot "nobody"'):
             fleet.ask("fuel", only="nobody")
-        for wrong in (3, [3], [name, None]):
+        for wrong in (3, [3], [name, None], name.encode(), np.array(3)):
             with pytest.raises(sc.errors.MisuseError, match=r'is no name of a robot: wanted names, such as \["scout1"'):
                 fleet.send("(MARK)", only=wrong)  # type: ignore[arg-type]
 
@@ -310,6 +311,9 @@ class TestRuns:
             ("radio..loss", 1, "wanted a key such as"),
             ("", 1, "wanted a key such as"),
             ("title", float("nan"), "over title: wanted a text"),
+            ("robots", 1, r"over robots: wanted a table \[robots\], not 1"),
+            ("robots.stores", 5, r"over robots\.stores: wanted a table"),
+            ("SEED", 4, r"over SEED: unknown key \(did you mean seed\?\)"),
         ],
     )
     def test_what_cannot_be_changed_is_refused(self, key: str, value: object, complaint: str) -> None:
@@ -349,6 +353,15 @@ class TestRuns:
         with pytest.raises(sc.errors.MisuseError, match=complaint):
             sc.open("bravo", over=over, **options)  # type: ignore[arg-type]
         assert sc.open("bravo", robots=5, over={"seed": 7}, seed=7).swarm.simulator.seed == 7, "no contradiction"
+
+    def test_changes_are_keys_with_their_values(self) -> None:
+        loss = sc.open("bravo", over={"radio.loss": np.array(0.5)}).swarm.simulator.scenario.radio.loss
+        assert (loss, type(loss)) == (0.5, float)
+        with pytest.raises(sc.errors.MisuseError, match="over 3: wanted a key such as"):
+            sc.open("bravo", over={3: 0.5})  # type: ignore[dict-item]
+        for wrong in ("radio.loss=0.5", [("radio.loss", 0.5)], 3):
+            with pytest.raises(sc.errors.MisuseError, match=r'over .+: wanted keys with .*\{"radio.loss": 0.3\}'):
+                sc.open("bravo", over=wrong)  # type: ignore[arg-type]
 
     def test_every_integer_type_is_the_same_seed(self) -> None:
         hashes = {sc.open(IN_A_MAZE, seed=seed).run(1).hash for seed in (7, np.uint64(7), np.int16(7))}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sleepcast.core.errors import in_file
+from sleepcast.core.errors import in_file, nearest
 
 
 @pytest.mark.parametrize(
@@ -19,3 +19,10 @@ from sleepcast.core.errors import in_file
 )
 def test_a_sentence_about_a_file_has_one_line_count(place: str, sentence: str, shown: str) -> None:
     assert in_file(place, sentence) == shown
+
+
+@pytest.mark.parametrize(
+    ("name", "found"), [("SEED", "seed"), ("Seed", "seed"), ("SEDE", "SEED"), ("sede", "seed"), ("x", None)]
+)
+def test_the_nearest_name_is_another_one(name: str, found: str | None) -> None:
+    assert nearest(name, ["seed", "tick"]) == found

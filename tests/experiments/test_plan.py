@@ -188,7 +188,24 @@ class TestEqualOnes:
 
     def test_truth_and_numbers_differ(self) -> None:
         found = Experiment("crowd", (1,), {"a": "mean x"}, {"radio.loss": (1, True, "1m", 1.0)})
-        assert found.over["radio.loss"] == (1, True, "1m")
+        assert found.over["radio.loss"] == ("1m", True)  # a text stays, so that its unit is checked
+
+    @pytest.mark.parametrize(
+        ("key", "values", "kept"),
+        [
+            ("robots.limits.speed", (1, "1m/s", 2, "2000mm/s"), ("1m/s", 2, "2000mm/s")),
+            ("robots.limits.speed", ("1m/s", 1.0), ("1m/s",)),
+            ("radio.loss", (0.5, "50%"), ("50%",)),
+            ("constants.A", (1, "1m", "1s"), (1, "1m", "1s")),
+            ("constants.A", (2**53, 2**53 + 1, float(2**53)), (2**53, 2**53 + 1)),
+        ],
+    )
+    def test_a_number_without_a_unit_is_in_si(self, key: str, values: tuple[int | str, ...], kept: object) -> None:
+        assert Experiment("crowd", (1,), {"a": "mean x"}, {key: values}).over[key] == kept
+
+    def test_a_wrong_unit_is_not_taken_for_a_repeated_number(self) -> None:
+        with pytest.raises(MisuseError, match=r'radio\.loss: wanted a plain number, not "1m"'):
+            experiment_of("crowd", measures=["mean x"], over=["radio.loss=1,1m"]).checked()
 
     def test_equal_seeds_are_one(self) -> None:
         found = read_experiment(Path("experiment.toml"), "seeds = [3, 5, 3, 3]\n" + GRID)
@@ -231,6 +248,10 @@ class TestKeys:
     def test_wrong_ones_are_refused(self, over: list[str], said: str) -> None:
         with pytest.raises(MisuseError, match=said):
             experiment_of("gauci", measures=["mean x"], over=over).checked()
+
+    def test_one_that_matters_at_some_points_only_is_taken(self) -> None:
+        over = ["robots.count=3,200", "world.rooms.door=1.5m,2m"]  # three robots have one room
+        assert len(experiment_of("crowd", measures=["mean x"], over=over).checked()) == 4
 
     @pytest.mark.parametrize(
         "text", ["radio.loss = [0]\n'radio.loss' = [1]\n", "'radio.loss' = [1]\nradio.loss = [0]\n"]
@@ -277,6 +298,12 @@ class TestAnotherWay:
         assert other.over == {"constants.FAR": ("1m", "2m")}
         assert other.seeds == (1, 2, 3)
         assert own.varied(seconds=5.0) == msgspec.structs.replace(own, seconds=5.0)
+
+    def test_what_is_replaced_is_not_said_to_be_repeated(self) -> None:
+        twice = Experiment("crowd", (1, 1), {"a": "mean x"}, {"radio.loss": (0, 0)})
+        assert len(twice.repeats()) == 2
+        assert twice.varied(over=["radio.loss=0.1"]).repeats() == twice.repeats()[:1]
+        assert twice.varied(over=["radio.loss=0.1"], seeds=2).repeats() == ()
 
     def test_drawn_points_are_not_replaced(self) -> None:
         drawn = Experiment(

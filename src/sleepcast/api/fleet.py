@@ -340,9 +340,9 @@ def open(
     `SimulatedFleet.play` does. threads: None is one for each core; any number gives the same bits.
     Raises MisuseError for no such scenario, SettingsError for what is wrong in it.
     """
-    changed = (each.item() if isinstance(each, np.generic) else each for each in (over or {}).values())
+    changed = _changed(over)
     count, payload = (None, payload_of(robots)) if isinstance(robots, type | str) else (robots, None)
-    changes = Changes(count, area_per_robot, walls, seed, tuple(zip(over or (), changed, strict=True)))
+    changes = Changes(count, area_per_robot, walls, seed, changed)
     if isinstance(scenario, Scenario):
         if changes != Changes(seed=changes.seed):
             raise MisuseError("a Scenario object is taken as it is: give its name, path or text to change it")
@@ -355,6 +355,19 @@ def open(
     fleet = SimulatedFleet(*assemble(found, changes.seed, mission=mission, threads=threads, payload=payload))
     fleet._watch_inputs()
     return fleet
+
+
+def _changed(over: Mapping[str, object] | None) -> tuple[tuple[str, object], ...]:
+    """The keys that a caller changes; NumPy's single values are plain ones. Raises MisuseError for what names none."""
+    if not isinstance(over or {}, Mapping):
+        raise MisuseError(f'over {over!r:.80}: wanted keys with what they say instead, such as {{"radio.loss": 0.3}}')
+    for key in over or ():
+        if not isinstance(key, str):
+            raise MisuseError(f"over {key!r:.80}: wanted a key such as radio.loss or commands[0].title")
+    single = (np.generic, np.ndarray)
+    return tuple(
+        (key, each.item() if isinstance(each, single) and not each.ndim else each) for key, each in (over or {}).items()
+    )
 
 
 def resume(

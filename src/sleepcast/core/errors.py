@@ -31,7 +31,8 @@ class MisuseError(SleepcastError):
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
-    """The candidate most like `name` (case ignored), in capitals if `name` is, or None if none is near.
+    """The candidate most like `name` (case ignored), in capitals if `name` is, or None if none is near. Where only the
+    case differs, it counts, and the candidate is given as it is written.
 
     Of those equally near, one with the same letters in another order comes first, then one with the same first letter.
     """
@@ -52,7 +53,7 @@ def _nearest(name: str, candidates: tuple[str, ...]) -> str | None:
     best = max(difflib.get_close_matches(key, written, n=5, cutoff=0.7), key=likeness, default=None)
     if best is None:
         return None
-    return written[best].upper() if name.isupper() else written[best]
+    return written[best].upper() if name.isupper() and best != key else written[best]
 
 
 LEAST_SLIPPED = 4

@@ -108,11 +108,20 @@ class Document:
         found = as_measure(here)
         if found is None or (found.unit and found.unit not in UNITS):
             if self.is_changed(key):
+                self._check_tables(_parts(key))
                 raise self.error(
                     _parts(key), "is missing" if here is None else f"wanted a number, not {shown_value(here)}"
                 )
             raise MisuseError(f"this file has no number at {key:.80}")
         return found
+
+    def _check_tables(self, where: Path_) -> None:
+        """Raises SettingsError for what stands in place of a table around a key."""
+        here: object = self.values
+        for depth, part in enumerate(where[:-1], 1):
+            here = here.get(part) if isinstance(here, dict) else None
+            if here is not None and not isinstance(here, dict | list):
+                raise self.error(where[:depth], f"wanted a table [{shown_key(where[:depth])}], not {shown_value(here)}")
 
     def is_changed(self, key: str) -> bool:
         """Whether `change` has had this key, or a table around it, say something else."""

@@ -30,7 +30,7 @@ import json
 import re
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.util import find_spec
 from itertools import islice, product
 from math import floor, inf, isfinite, prod
@@ -45,7 +45,7 @@ from sleepcast.core.given_numbers import MAX_SEED, read_seed, whole_number
 from sleepcast.core.quantities import as_measure
 from sleepcast.core.settings import Table, key_path, shown_key, toml_document
 from sleepcast.core.toml_text import toml_key, toml_value
-from sleepcast.core.units import TIME, UNITS
+from sleepcast.core.units import TIME, UNITS, Dimension
 from sleepcast.experiments.measures import name_of, read_measure, read_stop
 from sleepcast.simulator import Changes, Scenario, find_scenario, scenario_names
 from sleepcast.simulator.scenario.scenario import GALLERY
@@ -174,7 +174,7 @@ class Experiment(msgspec.Struct, frozen=True):
         said, over = [*self.repeated, *_said_again("seeds", again)], dict(self.over)
         for key, setting in self.over.items():
             if not isinstance(setting, Span):
-                over[key], others = _different(setting, _meaning)
+                over[key], others = _different(setting, partial(_meaning, plain=_sort_of_plain(setting)))
                 said += _said_again(f"over {key:.80}", others)
         points, most = self.points, prod(map(_count, over.values()))
         if self.goal is not None and most < points:
@@ -242,6 +242,7 @@ class Experiment(msgspec.Struct, frozen=True):
         """The same, but for what is said here as in `experiment_of`. Raises PlanError."""
         if self.points and over:
             raise PlanError(f"over: the points of this experiment are drawn ({self.sampling}); change its file instead")
+        replaced = ("over ",) * bool(over) + ("seeds:",) * bool(seeds)
         return msgspec.structs.replace(
             self,
             over=_varied(over) if over else self.over,
@@ -250,6 +251,7 @@ class Experiment(msgspec.Struct, frozen=True):
             every=every or self.every,
             until=until or self.until,
             mission=mission and self.mission,
+            repeated=tuple(each for each in self.repeated if not each.startswith(replaced)),
         )
 
     def _points(self) -> Iterator[tuple[int, dict[str, Value]]]:
@@ -316,11 +318,19 @@ class Experiment(msgspec.Struct, frozen=True):
             if key in self.over:
                 raise PlanError(f"over {key}: {decided}")
         first = self.first().point
+        last = {key: _values(setting)[-1] for key, setting in self.over.items()}
         self.scenario_at(first)
         for key, setting in self.over.items():
-            found = [self.scenario_at(first | {key: value}) for value in _values(setting)]
-            if len(found) > 1 and all(_run_of(each) == _run_of(found[0]) for each in found[1:]):
+            if not self._matters(key, setting, first) and not self._matters(key, setting, last):
                 raise PlanError(f"over {key:.80}: no run depends on it, so that all would be the same: leave it out")
+
+    def _matters(self, key: str, setting: Setting | Span, point: Mapping[str, Value]) -> bool:
+        """Whether runs at this point may differ by what is varied; also where there is one value only. Raises
+        MisuseError for a value that does not fit."""
+        values = _values(setting)
+        usual = _run_of(self.scenario_at({**point, key: values[0]}))
+        different = [_run_of(self.scenario_at({**point, key: value})) != usual for value in values[1:]]
+        return any(different) or not different
 
     def _decided(self) -> dict[str, str]:
         """The keys of a scenario that an experiment decides itself, each with what to do instead."""
@@ -491,24 +501,35 @@ Thing = TypeVar("Thing")
 
 
 def _different(given: Iterable[Thing], meaning: Callable[[Thing], Hashable]) -> tuple[tuple[Thing, ...], list[Thing]]:
-    """The first of those that mean the same, and all the others."""
+    """The first of those that mean the same, and all the others. A text stands for a number that means the same: its
+    unit is still to be checked."""
     kept, again = dict[Hashable, Thing](), list[Thing]()
     for each in given:
         sense = meaning(each)
         if sense in kept:
             again.append(each)
-        kept.setdefault(sense, each)
+        if sense not in kept or (isinstance(each, str) and not isinstance(kept[sense], str)):
+            kept[sense] = each
     return tuple(kept.values()), again
 
 
-def _meaning(value: Value) -> Hashable:
-    """Equal for values that a scenario takes for the same one: 1 and 1.0, "1m" and "100cm"."""
+def _sort_of_plain(setting: Setting) -> Dimension | None:
+    """What a number without a unit is beside these: it is in SI, of the dimension that all units have."""
+    units = {each.unit for each in map(as_measure, setting) if each is not None}
+    found = {UNITS[unit].dimension for unit in units if unit in UNITS}
+    return found.pop() if len(found) == 1 else None
+
+
+def _meaning(value: Value, plain: Dimension | None) -> Hashable:
+    """Equal for values that a scenario takes for the same one: 1 and 1.0, "1m" and "100cm", and 1 beside "1m". plain:
+    see `_sort_of_plain`."""
     if isinstance(value, bool):
         return "flag", value
     found = as_measure(value)
     if found is None or (found.unit and found.unit not in UNITS):
         return "text", value
-    return (UNITS[found.unit].dimension, found.value) if found.unit else ("number", value)
+    exact = value if isinstance(value, int) else found.value  # as a float, large ones would be equal
+    return UNITS[found.unit].dimension if found.unit else plain, exact
 
 
 def _said_again(what: str, again: Sequence[Value]) -> list[str]:

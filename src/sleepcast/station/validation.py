@@ -48,7 +48,11 @@ def robot_names(given: Sequence[str] | None) -> tuple[str, ...] | None:
     is no name."""
     if given is None:
         return None
-    names = (given,) if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)
+    names: tuple[object, ...]
+    try:
+        names = (given,) if isinstance(given, str | bytes) else tuple(given)
+    except TypeError:  # not all that has a way to give its items has any
+        names = (given.item() if hasattr(given, "item") else given,)
     for each in names:
         if not isinstance(each, str):
             raise AudienceError(f'{each!r:.80} is no name of a robot: wanted names, such as ["scout1", "scout2"]')

@@ -28,7 +28,16 @@ from sleepcast.core.extras import installing
 from sleepcast.experiments import run
 from sleepcast.experiments.drawing import band
 from sleepcast.experiments.plan import Experiment, Precision, experiment_of
-from sleepcast.experiments.results import Outcome, Results, ResultsError, export, outcomes_in, summary_of, table_of
+from sleepcast.experiments.results import (
+    FORMAT,
+    Outcome,
+    Results,
+    ResultsError,
+    export,
+    outcomes_in,
+    summary_of,
+    table_of,
+)
 from sleepcast.experiments.run import ENDED, ClusterError, checked_cluster, do, outcome_in, run_all, verify
 
 FEW = ("robots.count=10",)
@@ -685,9 +694,9 @@ class TestCluster:
     def test_what_a_worker_answers_is_an_outcome_of_this_run_or_a_failure(self) -> None:
         wanted = experiment(over=FEW, seeds=2)
         one, other = wanted.runs()
-        good = Outcome(one, ((0.0, 0.5), (1.0, None)), "", "abc", 0.1)
+        good = Outcome(one, ((0.0, 0.5), (1.0, None)), "", "abc", 0.1, rules=FORMAT)
         assert outcome_in(msgspec.json.encode(good), wanted, one) == good
-        failed = Outcome(one, error="it failed")
+        failed = Outcome(one, error="it failed", rules=FORMAT)
         assert outcome_in(msgspec.json.encode(failed), wanted, one) == failed
         strange = [
             *(None, 5, "", b"", b"{}", b"[" * 100_000, good, pickle.dumps(good)),
@@ -700,6 +709,7 @@ class TestCluster:
                     {"samples": ()},
                     {"hash": "a" * 1_000},
                     {"error": "and samples"},
+                    {"rules": FORMAT - 1},
                 )
             ),
         ]

@@ -459,7 +459,8 @@ def _spread(values: Sequence[float], angle: bool) -> float:
 
 
 def _column(values: list[Value]) -> Texts | Numbers:
-    if all(isinstance(each, int) for each in values):
+    whole = np.iinfo(np.int64)
+    if all(isinstance(each, int) and whole.min <= each <= whole.max for each in values):
         return np.array([int(each) for each in values], np.int64)
     if any(isinstance(each, str) for each in values):
         return [str(each) for each in values]

@@ -50,7 +50,7 @@ class Quantity(click.ParamType):  # type: ignore[type-arg]  # takes one only whe
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
         try:
-            return in_si(value, *self._wanted)
+            return in_si(value.strip() if isinstance(value, str) else value, *self._wanted)
         except QuantityError as error:
             self.fail(str(error), param, ctx)
 

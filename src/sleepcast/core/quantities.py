@@ -52,7 +52,7 @@ def measure_of(value: object, dimension: Dimension | None, low: float = -inf, hi
         raise QuantityError(f'unknown unit in "{value}"{did_you_mean(found.unit, units)}; wanted {wanted}')
     if dimension is not None and found.unit and UNITS[found.unit].dimension != dimension:
         raise QuantityError(f'wanted {wanted}, not "{value}", {UNITS[found.unit].dimension}')
-    if not isfinite(found.value) and high - low == inf:
+    if not isfinite(found.value) and (low, high) == (-inf, inf):
         raise QuantityError(refusal(wanted, value))
     if not isfinite(found.value) or not low <= found.value <= high:
         raise QuantityError(refusal(f"{dimension or 'a value'} {_between(low, high, found.unit)}", value))

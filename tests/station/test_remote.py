@@ -18,7 +18,7 @@ from sleepcast.channel.envelope import look
 from sleepcast.channel.message import TELEMETRY, Inspection
 from sleepcast.cli.watch import Window
 from sleepcast.console import Scene as Ground
-from sleepcast.console.adapters.channel import EMPTY, FleetAdapter
+from sleepcast.console.adapters.channel import EMPTY, FleetAdapter, FleetMinds
 from sleepcast.console.network import NetworkBackend
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import SleepcastError
@@ -229,6 +229,19 @@ def test_who_lies_about_a_digest_lies_about_himself() -> None:
     assert far.minds.take(told("s1", telemetry_of(far, "s1", values=b"\0" * 16)), 1_000.0) == []
     assert far.minds["s1"].values[far.minds.vocabulary.first_sensor] == 100.0, "what it told before stands"
     assert far.minds.malformed == 1
+
+
+def test_a_page_forgets_groups_that_nobody_is_in() -> None:
+    """Robots may name a new group with every report, for as long as one looks on."""
+    far = Far(taught().minds)
+    far.look()
+    seen, names = FleetMinds(far.minds), tuple(far.minds)
+    first, *_ = names
+    for number in range(50):
+        assert far.minds.take(told(first, telemetry_of(far, first, groups=["crew", f"g{number}"])), 2.0 + number)
+        seen.look(names)
+    assert [key for key in seen.groups if key.startswith("g")] == ["g49"]
+    assert seen.groups["crew"].tolist() == [True] + [False] * (len(names) - 1)
 
 
 def test_a_flood_of_types_names_and_robots_has_an_end() -> None:

@@ -122,6 +122,8 @@ class FleetMinds:
                 if key not in self._groups:
                     self._groups[key] = np.zeros(len(names), np.bool_)
                 self._groups[key][place] = True
+        # Robots may name ever new ones, for as long as one looks on.
+        self._groups = {key: members for key, members in self._groups.items() if members.any()}
 
     @property
     def groups(self) -> Mapping[str, NDArray[np.bool_]]:

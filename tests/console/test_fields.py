@@ -14,6 +14,7 @@ import pytest
 from sleepcast.console import incoming, outgoing
 from sleepcast.console.adapters.fields import MOST, FieldPictures, round_above, shown_fields, still_picture
 from sleepcast.console.adapters.live_past import LivePast
+from sleepcast.console.adapters.recording import TimelineBuilder
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
@@ -25,8 +26,10 @@ from sleepcast.console.swarm_dialogue import SwarmDialogue
 from sleepcast.console.view import FieldPicture
 from sleepcast.core.clock import ManualClock, WallClock
 from sleepcast.loop import Pace, Swarm
-from sleepcast.simulator import Simulator
+from sleepcast.simulator import Scenario, Simulator
 from sleepcast.simulator.bodies.field_map import coarse
+from sleepcast.simulator.recording.recorder import STATE, Recorder
+from sleepcast.simulator.recording.recording import load_recording
 from small_worlds import small
 from swarms import desk_of, station_of
 
@@ -94,6 +97,35 @@ def test_a_growing_field_is_shown_in_its_cells_on_a_scale_that_ends_at_a_round_n
     assert pictures.of("warmth") is pictures.of("warmth")
 
 
+def test_a_field_that_dies_away_is_empty_at_last(tmp_path: Path) -> None:
+    """Its amounts end as the least number that there is, below any power of ten."""
+    text = FIELDS.replace('rate = 0.5\nlaw = "constant"', 'rate = -20\nlaw = "logistic"')
+    swarm = Swarm(Simulator(small(tmp_path, more=text), 3))
+    pictures = FieldPictures(swarm.simulator)
+    amount = swarm.simulator.senses.amount("grass")
+    assert amount is not None
+    while amount.max() >= 1e-323:
+        swarm.step()
+    assert amount.max() > 0.0
+    found = pictures.of("grass")
+    assert (set(found.cells), found.scale) == ({0}, ("0", "0.5", "1"))
+
+
+@pytest.mark.parametrize(
+    ("base", "peak", "scale"),
+    [
+        ("300.1", "0.02", ("300.1", "300.11", "300.12")),
+        ("1000000", "0.5", ("1000000", "1000000.25", "1000000.5")),
+        ("-3", "0", ("-3", "-3", "-3")),
+        ("0", "-1e-12", ("-1e-12", "-5e-13", "0")),
+    ],
+)
+def test_the_ends_of_a_scale_are_told_apart(tmp_path: Path, base: str, peak: str, scale: tuple[str, str, str]) -> None:
+    zone = f'{{ value = {peak}, x = ["0m", "500m"], y = ["0m", "1km"] }}'
+    scenario = small(tmp_path, more=f"[fields.warmth]\nbase = {base}\nzones = [{zone}]\n")
+    assert still_picture(scenario, "warmth").scale == scale
+
+
 def test_large_fields_are_shown_by_the_means_of_blocks() -> None:
     amount = np.arange(300.0 * 7).reshape(7, 300)
     found = coarse(amount, 128).values
@@ -157,6 +189,24 @@ def test_a_moment_of_the_past_has_the_field_of_then(tmp_path: Path) -> None:
 
     asyncio.run(look())
     past.close()
+
+
+def test_a_recording_draws_a_still_field_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages may ask a hundred times a second, and a field of many parts takes a third of one."""
+    scenario, drawn = small(tmp_path, more=FIELDS), list[str]()
+    file = tmp_path / "run.mcap"
+    with Recorder(file, scenario, 3, version="1", complain=pytest.fail) as recorder:
+        recorder.note(STATE, 0.0, {"tick": 0, "hash": "first"})
+
+    def draw(scenario: Scenario, name: str) -> FieldPicture:
+        drawn.append(name)
+        return still_picture(scenario, name)
+
+    monkeypatch.setattr("sleepcast.console.adapters.recording.still_picture", draw)
+    film = TimelineBuilder(load_recording(file)).film
+    assert film.field is not None
+    assert film.field("warmth") is film.field("warmth")
+    assert drawn == ["warmth"]
 
 
 def test_a_recording_shows_still_fields_and_says_why_it_cannot_show_others(tmp_path: Path) -> None:

@@ -7,13 +7,17 @@ from math import floor, log10, pi
 import numpy as np
 
 from sleepcast.console.view import FieldPicture, ShownField
-from sleepcast.core.units import shown_value
+from sleepcast.core.units import shown
 from sleepcast.simulator import Scenario, Simulator
 from sleepcast.simulator.bodies.field_map import FieldMap, coarse, still_map
 from sleepcast.simulator.scenario.fields import Field, ScalarField
 
 MOST = 128
 """Cells along the longer side of a map: 16 kilobytes at most, or twice as many where it has directions."""
+MOST_DIGITS = 17
+"""A number of the machine has no more."""
+NOTHING = 1e-9
+"""Of the most that a cell may have: a field that dies away comes ever nearer to 0, and is shown as empty below this."""
 
 
 def shown_fields(scenario: Scenario) -> tuple[ShownField, ...]:
@@ -50,24 +54,27 @@ def _grows(field: Field) -> bool:
 
 def _picture(found: FieldMap, field: Field) -> FieldPicture:
     low, high = float(found.values.min()), float(found.values.max())
-    if _grows(field) or found.angles is not None:
+    growth = field.growth if isinstance(field, ScalarField) else None
+    if growth is not None or found.angles is not None:
         low = 0.0
-    if _grows(field):
-        high = round_above(high)  # so that colours keep their meaning for a while
+    if growth is not None:  # so that colours keep their meaning for a while
+        high = round_above(high if high > NOTHING * growth.most else 0.0)
     part = (found.values - low) / (high - low) if high > low else np.zeros_like(found.values)
     rows, columns = found.values.shape
     angles = b"" if found.angles is None else np.round(found.angles * (128.0 / pi)).astype(np.int64).astype(np.uint8)
-    low_text, middle, high_text = (_shown(each, high - low, field.unit) for each in (low, (low + high) / 2.0, high))
+    low_text, middle, high_text = (_shown(each, low, high, field.unit) for each in (low, (low + high) / 2.0, high))
     cells = np.round(255.0 * part).astype(np.uint8).tobytes()
     return FieldPicture(columns, rows, cells, (low_text, middle, high_text), bytes(angles))
 
 
-def _shown(value: float, span: float, unit: str) -> str:
-    """A value on a scale: no more digits than tell its ends apart."""
+def _shown(value: float, low: float, high: float, unit: str) -> str:
+    """A value on a scale: no more digits than tell its ends apart, but as many."""
+    digits, span = 4 if unit else 6, high - low
     if span > 0.0:
-        digits = 2 - floor(log10(span))
-        value = round(value, digits) + 0.0  # no -0
-    return shown_value(value, unit)
+        size = floor(log10(span))
+        value = round(value, 2 - size) + 0.0  # no -0
+        digits = min(MOST_DIGITS, max(digits, 3 + floor(log10(max(abs(low), abs(high)))) - size))
+    return shown(value, unit, digits)
 
 
 def round_above(value: float) -> float:

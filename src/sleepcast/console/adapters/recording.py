@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache, partial
 
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.adapters.bodies import kind_of
@@ -71,7 +72,7 @@ class TimelineBuilder:
             scene, recording.seconds, scenario.speed_up, units, vocabulary, kinds, recording.began, part
         )
         self.film.picture = None if picture is None else picture.png
-        self.film.field = lambda name: still_picture(scenario, name)
+        self.film.field = cache(partial(still_picture, scenario))  # the same at any time, for any number of questions
         self._solids = dict(enumerate(scenario.shapes, 1))
         for posted in recording.posted:
             message = posted.message

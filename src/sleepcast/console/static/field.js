@@ -42,6 +42,7 @@ export class FieldLayer {
 
   setScene({ fields }) {
     const told = JSON.stringify(fields);
+    this.asked = null; // fields of these names may be others: the desk may have begun again
     if (told === this.told) return;
     this.told = told;
     this.fields = fields;

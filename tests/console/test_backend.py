@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sleepcast.channel.message import Kind, Message
-from sleepcast.console.account_table import MOST_ROWS
+from sleepcast.console.account_table import MOST_ROWS, AccountTable
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
@@ -204,6 +204,20 @@ class TestSending:
         assert all(row.failing == () for row in stand.desk.commands().rows)
         with pytest.raises(MisuseError, match="The rule guard does not fail on any robot at this time"):
             stand.desk.failed(2, "guard")
+
+    def test_what_commands_store_is_known_of_those_only_that_are_shown(
+        self, stand: Stand, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("sleepcast.console.account_table.MOST_ROWS", 3)
+        table = AccountTable(stand.station, SwarmAdapter(stand.swarm))
+        stand.desk.send(1, "(RULE guard (SETQ drive_speed (/ 1 0)))", True)
+        for number in range(8):
+            stand.desk.send(1, f"(SETQ seen {number})", True)
+            stand.run(0.3)
+            rows = table.rows()
+            assert table.failing.now.rules
+            assert set(table.failing._stored) <= {row.id for row in rows}
+        assert len(table.failing._stored) == 3
 
     def test_who_cannot_have_heard_yet_is_waiting_not_silent(self, stand: Stand) -> None:
         stand.desk.driver.pace.paused = False

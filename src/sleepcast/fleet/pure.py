@@ -38,7 +38,7 @@ def apply(part: Part, arguments: Sequence[Argument], size: int, report: Report) 
     if name in TRUTHS:
         for argument in arguments:
             unknown = np.isnan(argument)
-            if np.any(unknown):
+            if unknown.any():
                 values[unknown] = np.nan
         return values
     doubtful = ~np.isfinite(values)

@@ -460,3 +460,21 @@ def test_each_robot_s_own_answer_is_told_in_its_unit(stand: Stand) -> None:
     assert stand.desk.replies(1, other.id, [0, 1]).texts == ["fault", "2"]
     with pytest.raises(MisuseError, match="there is no robot number 20"):
         stand.desk.replies(1, sent.id, [20])
+
+
+def test_commands_are_not_answered_with_values(stand: Stand) -> None:
+    """A page may hold the number of a question of an earlier program, which is that of a command now."""
+    sent = stand.desk.send(1, "(SETQ seen 1)", True).command
+    stand.desk.stop()
+    stand.run()
+    for row in stand.desk.commands().rows:
+        with pytest.raises(MisuseError, match=f"{row.id} was no question"):
+            stand.desk.replies(1, row.id, [0])
+    assert sent in {row.id for row in stand.desk.commands().rows}
+
+
+def test_answers_are_told_whatever_they_are(stand: Stand) -> None:
+    texts = {"(* 1e200 1e200)": "fault", "nothing": "unknown", "(> battery 0)": "1", "1e300": "1e+300"}
+    sent = {text: stand.station.ask(text).id for text in texts}
+    stand.run()
+    assert {text: stand.desk.replies(1, number, [0]).texts[0] for text, number in sent.items()} == texts

@@ -307,9 +307,12 @@ class Backend:
         return outgoing.Answered(serial, self._ledger.outcomes(command, self._began + time))
 
     def replies(self, serial: int, command: str, robots: Sequence[int], time: float = inf) -> outgoing.Replied:
-        """What these robots had answered to a question at a time, s of the page's time."""
+        """What these robots had answered to a question at a time, s of the page's time. Raises MisuseError for what is
+        no question, and for a robot that there is not."""
         names = [self._name(robot) for robot in robots]
         asked = next((each for each in self._station.commands() if each.id == command), None)
+        if asked is not None and asked.kind != "ask":
+            raise MisuseError(f"{command} was no question, so robots did not answer it with a value.")
         unit = "" if asked is None else unit_of(asked.text.strip(), self._swarm.vocabulary)
         found = self._station.answers(command, names, self._began + time)
         return outgoing.Replied(serial, [answer_in_words(answer, unit) for answer in found])

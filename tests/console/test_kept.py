@@ -123,6 +123,19 @@ def test_states_before_a_tick_are_forgotten() -> None:
     assert (states.first, states.size, states.after(31)) == (20, 200, None)
 
 
+def test_a_past_too_small_for_a_second_picture_can_still_be_looked_at() -> None:
+    past, swarm = past_of(Budget(1_000), states=False)
+    run_on(swarm, 120)
+    assert "1 picture and 1 state from which every tick can be run again" in past.kept
+
+    async def look() -> None:
+        for tick in (1, 60, 119):
+            assert (await past.look(tick, 0)).tick == tick
+
+    asyncio.run(look())
+    past.close()
+
+
 def test_the_page_says_how_much_is_kept_and_how_much_may_be() -> None:
     past, swarm = past_of(Budget(), states=False)
     run_on(swarm, 20)

@@ -77,9 +77,11 @@ class Past:
         if not pictures:
             return "Nothing is kept yet."
         apart = (pictures[-1] - pictures[0]) / max(1, len(pictures) - 1)
+        seen = "1 picture" if len(pictures) == 1 else f"{len(pictures):,} pictures, every {apart:.3g} s,"
+        found = "1 state" if len(states) == 1 else f"{len(states):,} states"
         return (
-            f"Kept since {clock_time(self.film.began)}: {len(pictures):,} pictures, every {apart:.3g} s, and "
-            f"{len(states):,} states from which every tick can be run again{self._takes()} {process_in_words()}"
+            f"Kept since {clock_time(self.film.began)}: {seen} and {found} from which every tick can be run again"
+            f"{self._takes()} {process_in_words()}"
         ).rstrip()
 
     def _takes(self) -> str:

@@ -59,6 +59,17 @@ class Terminal:
                 raise AssertionError(f"not seen: {what}; the screen:\n{self.picture}")
         return self.picture.lines
 
+    def press_until(self, key: str, *texts: str) -> None:
+        """Press a key, time and again, until all these are seen at once: two presses too near to each other count as
+        one."""
+        end = time.monotonic() + PATIENCE
+        while not all(text in str(self.picture) for text in texts):
+            assert time.monotonic() < end, f"not seen: {texts} at once; the screen:\n{self.picture}"
+            self.type(key)
+            until = time.monotonic() + 1.0
+            while (left := until - time.monotonic()) > 0.0 and not all(text in str(self.picture) for text in texts):
+                self._read(left)
+
     def interrupt(self) -> None:
         """Ctrl-C for a program that does not read keys itself."""
         self.process.send_signal(signal.SIGINT)

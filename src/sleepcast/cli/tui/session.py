@@ -47,6 +47,9 @@ QUICK = 0.02
 """Seconds of one preview that are not noticed."""
 AGAIN_WITHIN = 3.0
 """Seconds within which a key that asks to be pressed twice is pressed again."""
+HELD = 0.7
+"""Seconds after a key within which the same one may only be held down: terminals send it again after half a second,
+and then many times a second."""
 STOP_AGAIN = 0.5
 """Seconds in which one more STOP adds nothing to the one that holds."""
 WHY_PATIENCE = 5.0
@@ -77,7 +80,8 @@ class Session:
         self._listed: list[str] = []
         station.holding = True  # somebody sits here: robots that are driven go on
         self._asked_why: tuple[Command, str] | None = None
-        self._doubted: Request | None = None
+        self._doubted: tuple[Request, float] | None = None
+        """What waits to be entered once more, and when it was entered last."""
         self._pressed: tuple[str, float] = ("", -inf)
         self._foreseen: tuple[tuple[str, Addressee, CommandType, int] | None, ForecastText] = (None, ForecastText())
         self._rested = -inf
@@ -235,12 +239,13 @@ class Session:
             elif text.startswith(":"):
                 self._obey(text)
             elif text:
-                self._send(replace(request, confirmed=request == doubted))
+                again = doubted is not None and doubted[0] == request and self.station.now - doubted[1] >= HELD
+                self._send(replace(request, confirmed=again))
         except NotConfirmedError as error:
             self.complain(f"{error}. Shift-Tab lets it go to all")
             return False
         except DoubtError as error:
-            self._doubted = request
+            self._doubted = request, self.station.now
             self.complain(f"{error.why}. Press Enter once more to send it as it stands")
             return False
         except SleepcastError as error:
@@ -294,8 +299,8 @@ class Session:
             self.complain(str(error))
 
     def release(self) -> None:
-        """End STOP, if the key was pressed twice."""
-        if not self._twice("release", "press it once more to release every robot from STOP"):
+        """End STOP, if the key was pressed twice, not held down."""
+        if not self._twice("release", "press it once more to release every robot from STOP", HELD):
             return
         try:
             self.station.release()
@@ -309,10 +314,11 @@ class Session:
         if not silent or self._twice("leave", f"STOP is still sent to {_robots(silent)}: leave once more to give up"):
             self.leaving = True
 
-    def _twice(self, key: str, sentence: str) -> bool:
+    def _twice(self, key: str, sentence: str, pause: float = 0.0) -> bool:
+        """Whether a key was pressed before. pause: s between the two at least."""
         now = self.station.now
         pressed, self._pressed = self._pressed, (key, now)
-        if pressed[0] == key and now - pressed[1] <= AGAIN_WITHIN:
+        if pressed[0] == key and pause <= now - pressed[1] <= AGAIN_WITHIN:
             self._pressed = ("", -inf)
             self.said = ""
             return True

@@ -205,5 +205,5 @@ def test_without_anywidget_a_sentence_says_what_to_do(monkeypatch: pytest.Monkey
     for name in [name for name in sys.modules if name.startswith(("sleepcast.notebook", "anywidget"))]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "anywidget", None)
-    with pytest.raises(sc.errors.MisuseError, match=r"sleepcast\[notebook\]"):
+    with pytest.raises(sc.errors.MisuseError, match=r"fleet\.view\(\) needs anywidget; to install it: "):
         sc.open("bravo", robots=2, seed=7).view()

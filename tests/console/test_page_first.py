@@ -69,7 +69,7 @@ def test_the_map_fits_itself_until_it_is_moved_and_stop_hides_none_of_it(crowd: 
     crowd.locator("#text").press("F9")
     expect(crowd.locator("#stopped-text")).to_contain_text("STOP")
     assert box(crowd, "#map") == before
-    bar, banner = box(crowd, ".bar"), box(crowd, "#stopped")
+    bar, banner = box(crowd, "header.bar"), box(crowd, "#stopped")
     assert bar["y"] <= banner["y"]
     assert banner["y"] + banner["height"] <= bar["y"] + bar["height"]
     expect(crowd.locator("#stop")).to_be_in_viewport(ratio=1.0)

@@ -38,8 +38,8 @@ def open_transport(uri: str, clock: Clock | None = None) -> Transport:
 
 def _slip(scheme: str, uri: str, schemes: Sequence[str]) -> str:
     """What was probably meant: an address without its scheme, or with one of which it is a slip."""
-    if "://" not in uri:
-        return f" (did you mean udp://{uri[:80]}?)" if _PLAIN.fullmatch(uri) else ""
+    if "://" not in uri and _PLAIN.fullmatch(uri):
+        return f" (did you mean udp://{uri[:80]}?)"
     written = scheme.casefold()
     near = (each for each in schemes if len(each) == len(written) and _letters_apart(each, written) < 2)
     meant = next(near, None) or nearest(scheme, schemes)

@@ -48,7 +48,7 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language import Checked
 from sleepcast.language.parts import rules
 from sleepcast.language.program import Program
-from sleepcast.language.vocabulary import Vocabulary
+from sleepcast.language.vocabulary import NEW_FORMS, Vocabulary
 from sleepcast.mind.authority import FORGOTTEN, MAX_MARKS, Life, Mark, mark_of, marks_and_ages
 from sleepcast.station.account import COUNTED, account
 from sleepcast.station.journal.journal import CONFLICT, Journal, JournalEvent
@@ -242,7 +242,8 @@ class NetworkStation(Station):
         if isinstance(self._minds, RemoteMinds):
             if found.errors:
                 found = check_for(found, self._minds, self.present(only), anyway=anyway)
-            doubt_forms(found, self._minds, self.present(only))
+            if any(form in text.casefold() for form in NEW_FORMS):
+                doubt_forms(found, self._minds, self.present(only))
         return found
 
     def present(self, only: Sequence[str] | None = None) -> list[str]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from pathlib import Path
+from threading import Event
 
 import pytest
 
@@ -124,17 +126,26 @@ def test_what_is_wrong_is_said_with_its_line(folder: Path) -> None:
         fleet.send("@0s (JOIN crew)", standing=True)
 
 
-def test_a_stop_by_somebody_else_ends_it(folder: Path) -> None:
+def test_a_stop_by_somebody_else_ends_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stopped = Event()
+
+    def reach(fleet: SimulatedFleet, time: float, usual: Callable[..., None] = SimulatedFleet._reach) -> None:
+        """The second line waits for the STOP: a simulated mission is over before a busy machine comes to send one."""
+        assert not fleet.station.commands() or stopped.wait(60.0)
+        usual(fleet, time)
+
     async def both() -> SimulatedFleet:
         fleet = sc.open(folder)
         playing = asyncio.create_task(fleet.aplay())
         while not fleet.station.commands():
             await asyncio.sleep(0)
         await fleet.astop(wait=0)
+        stopped.set()
         with pytest.raises(MissionError, match=r"work\.sleep:\d: STOP ended the script"):
             await playing
         return fleet
 
+    monkeypatch.setattr(SimulatedFleet, "_reach", reach)
     fleet = asyncio.run(both()).run(0.5, quiet=True)
     assert fleet.stopped.all()
     fleet.release()

@@ -140,8 +140,8 @@ class Document:
         return SettingsError(f"{self.path}:{line}: {shown_key(where):.{MAX_SHOWN}}: {sentence}")
 
 
-def read_text(path: Path, most: int = MAX_BYTES, what: str = "such a file") -> str:
-    """The text of a file of at most `most` bytes. what: it is, for errors. Raises SettingsError for another one."""
+def read_raw(path: Path, most: int, what: str) -> bytes:
+    """The bytes of a file, at most `most` of them. what: it is, for errors. Raises SettingsError for another one."""
     try:
         with path.open("rb") as file:
             raw = file.read(most + 1)
@@ -149,6 +149,12 @@ def read_text(path: Path, most: int = MAX_BYTES, what: str = "such a file") -> s
         raise SettingsError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
     if len(raw) > most:
         raise SettingsError(f"{path}: too long for {what}: at most {most} bytes")
+    return raw
+
+
+def read_text(path: Path, most: int = MAX_BYTES, what: str = "such a file") -> str:
+    """The text of a file of at most `most` bytes. what: it is, for errors. Raises SettingsError for another one."""
+    raw = read_raw(path, most, what)
     try:
         return raw.decode("utf-8-sig")  # some editors put a mark before the text
     except UnicodeDecodeError as error:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from sleepcast.core.errors import and_more, printable
-from sleepcast.core.settings import SettingsError
+from sleepcast.core.settings import SettingsError, read_raw
 from sleepcast.simulator.nomads.setups import Setup
 from sleepcast.simulator.nomads.sites import MAX_NOMADS
 from sleepcast.simulator.scenario.robot_settings import INCH, MAX_ORDER, TENTH, WIDEST_BEAM, Ring
@@ -205,13 +205,7 @@ def _words(written: str) -> list[str]:
 
 def _text(file: Path) -> str:
     """What stands in a file of those years, when any byte was a character, or one that an editor of today has saved."""
-    try:
-        with file.open("rb") as opened:
-            raw = opened.read(MAX_FILE + 1)
-    except (OSError, ValueError) as error:  # a null in the path is a ValueError
-        raise SettingsError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    if len(raw) > MAX_FILE:
-        raise SettingsError(f"{file}: too long for a setup file: at most {MAX_FILE} bytes")
+    raw = read_raw(file, MAX_FILE, "a setup file")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:

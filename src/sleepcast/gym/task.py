@@ -69,20 +69,16 @@ class Checked:
     def action(self, robot: str, action: object) -> NDArray[np.float64]:
         """What a robot does: an array of the shape of `acted`. Setpoints beyond the body's limits fit: it limits them.
         Raises MisuseError, with the robot's name, for what does not fit."""
-        found, shape = _numbers(action), self.acted.shape or ()
-        if found is None or found.shape != shape:
-            came = f"{action!r:.40}" if found is None else f"an array of shape {found.shape}"
-            raise MisuseError(f"action for {robot}: {came}: wanted {self._wanted(shape)}")
+        shape = self.acted.shape or ()
+        found = _array(action, shape, f"action for {robot}", self._wanted(shape))
         if not self._fits(found):
             raise MisuseError(f"action for {robot}: {action!r:.40}: wanted {self._wanted(shape)}")
         return found
 
     def all_actions(self, actions: object) -> NDArray[np.float64]:
         """The same for all robots at once: an array of a row for each. Raises MisuseError."""
-        found, shape = _numbers(actions), (len(self.names), *(self.acted.shape or ()))
-        if found is None or found.shape != shape:
-            came = f"{actions!r:.40}" if found is None else f"an array of shape {found.shape}"
-            raise MisuseError(f"actions: {came}: wanted one of shape {shape}: {self._wanted(shape[1:])} for each robot")
+        shape = len(self.names), *(self.acted.shape or ())
+        found = _array(actions, shape, "actions", f"one of shape {shape}: {self._wanted(shape[1:])} for each robot")
         if not self._fits(found):
             row = next(row for row, each in enumerate(found) if not self._fits(each))
             self.action(self.names[row], found[row])
@@ -144,12 +140,15 @@ def _acted(fleet: SimulatedFleet, texts: Sequence[str]) -> Space:  # type: ignor
     return Discrete(len(texts))
 
 
-def _numbers(given: object) -> NDArray[np.float64] | None:
-    """Numbers as an array; None for what is none."""
+def _array(given: object, shape: tuple[int, ...], what: str, wanted: str) -> NDArray[np.float64]:
+    """Numbers as an array of this shape. what, wanted: of the sentence for anything else. Raises MisuseError."""
     try:
-        return np.asarray(given, np.float64)
+        found = np.asarray(given, np.float64)
     except (TypeError, ValueError):
-        return None
+        raise MisuseError(f"{what}: {given!r:.40}: wanted {wanted}") from None
+    if found.shape != shape:
+        raise MisuseError(f"{what}: an array of shape {found.shape}: wanted {wanted}")
+    return found
 
 
 def _box(quantities: Sequence[Quantity]) -> Box:

@@ -143,7 +143,13 @@ def _folder(what: str, out: Path | None) -> tuple[Path, Path | None]:
 
 
 def _experiment(what: str, folder: Path, how: dict[str, object]) -> Experiment:
-    from sleepcast.experiments.plan import SCENARIO, experiment_of, experiment_of_scenario, is_results, read_experiment
+    from sleepcast.experiments.plan import (
+        experiment_of,
+        experiment_of_scenario,
+        is_results,
+        is_written,
+        read_experiment,
+    )
     from sleepcast.experiments.results import experiment_in
 
     said = {key: how[key] for key in ("over", "measures", "seeds", "seconds", "every", "until") if how[key]}
@@ -153,7 +159,7 @@ def _experiment(what: str, folder: Path, how: dict[str, object]) -> Experiment:
     if own is not None and not given:
         return own
     path = Path(what)
-    if is_results(path) or (path.suffix == ".toml" and path.name != SCENARIO):
+    if is_written(path):
         if given:
             raise MisuseError(f"{what} says what is varied and measured: leave out {', '.join(given)}")
         return experiment_in(path) if is_results(path) else read_experiment(path)
@@ -164,15 +170,13 @@ def _experiment(what: str, folder: Path, how: dict[str, object]) -> Experiment:
 
 def written_in(what: str) -> Path | None:
     """What a plan is written in: a file, or a folder of results; None for one that was typed or is of the gallery."""
-    from sleepcast.experiments.plan import SCENARIO, experiment_file, is_results
+    from sleepcast.experiments.plan import experiment_file, is_written
     from sleepcast.simulator import scenario_names
 
     path = Path(what)
     if what in scenario_names():
         return None
-    if is_results(path) or (path.suffix == ".toml" and path.name != SCENARIO):
-        return path
-    return experiment_file(what)
+    return path if is_written(path) else experiment_file(what)
 
 
 def _modules(experiment: Experiment, written: Path | None) -> list[Path]:

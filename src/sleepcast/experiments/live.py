@@ -15,7 +15,7 @@ from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.columns import column_name
 from sleepcast.core.errors import SleepcastError
 from sleepcast.experiments.measures import MeasureError, read_measure
-from sleepcast.experiments.plan import experiment_of_scenario, read_experiment
+from sleepcast.experiments.plan import PLAN, experiment_of_scenario, read_experiment
 from sleepcast.experiments.trust import is_own, look_in, programs_of
 
 MOST_ROBOTS = 20_000
@@ -52,7 +52,7 @@ def _files(texts: Iterable[str], folder: Path) -> list[Path]:
 def _texts(scenario: str, folder: Path | None) -> dict[str, str]:
     """What the experiment of a scenario measures, by name; nothing if there is none, or none that can be read."""
     try:
-        file = None if folder is None else folder / "experiment.toml"
+        file = None if folder is None else folder / PLAN
         if file is not None and file.is_file():
             return read_experiment(file).measures
         experiment = experiment_of_scenario(scenario)

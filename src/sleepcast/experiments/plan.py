@@ -429,6 +429,11 @@ def experiment_file(scenario: str) -> Path | None:
     return folder / PLAN if folder is not None and (folder / PLAN).is_file() else None
 
 
+def is_written(path: Path) -> bool:
+    """Whether this is a plan by itself: results of an experiment, or a TOML file that is no scenario."""
+    return is_results(path) or (path.suffix == ".toml" and path.name != SCENARIO)
+
+
 def is_results(folder: Path) -> bool:
     """Whether these are the results of an experiment, and no scenario with a plan beside it."""
     return (folder / PLAN).is_file() and not (folder / SCENARIO).is_file()

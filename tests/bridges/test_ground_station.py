@@ -23,10 +23,12 @@ pytest.importorskip("pyproj")
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridges.mind import PATIENCE
+from sleepcast.bridges import UNLIMITED, Opening, open_robot
 from sleepcast.bridges.address import BodyError
 from sleepcast.bridges.mavlink.ground_station import QUIET, GroundStation, Wish, open_ground_station
 from sleepcast.bridges.mavlink.link import GONE, MOST_PEERS, Link, UdpWire
 from sleepcast.cli.local_input import wished
+from sleepcast.cli.node_life import NodeProcess, StartScript
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.geodesy import Origin
 
@@ -292,6 +294,30 @@ def test_a_place_that_is_said_as_soon_as_it_is_free_is_taken(
     desk.order(192, 0.0, 1.0, 0.0, 0.0, 36.6003604, -121.8996646)
     assert [each.sort for each in ground.wishes()] == ["goal"] * (not held)
     assert desk.seen["COMMAND_ACK"].result == (2 if held else 0)
+
+
+def test_it_is_free_between_two_ticks_in_which_it_is_armed(ground: GroundStation, desk: Desk) -> None:
+    """Arming that comes while a mind thinks is acknowledged, and ends the STOP in the next tick: before that, the
+    ground station is told once more how the robot is."""
+    robot = open_robot("sim", Opening(False, UNLIMITED, 1, 0))
+    life = NodeProcess(
+        "r1", robot, None, None, None, nomad=False, number=1, seed=0, lease=inf, ground=ground, typed=False
+    )
+    life.begin(StartScript(), StartScript())
+    mind = life.mind(in_step=True)
+    desk.order(185, 1.0)
+    mind.deliver()
+    life.tend()
+    assert life.node.stopped
+    desk.order(400, 1.0)
+    mind.hear_stops()
+    life.tend()
+    assert life.node.stopped, "only STOPs act while a mind thinks"
+    desk.order(192, 0.0, 1.0, 0.0, 0.0, 36.6003604, -121.8996646)
+    mind.deliver()
+    assert desk.seen["COMMAND_ACK"].result == 0
+    assert not life.node.stopped
+    robot.close()
 
 
 def test_of_many_places_the_last_one_counts(ground: GroundStation, desk: Desk) -> None:

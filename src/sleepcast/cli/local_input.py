@@ -162,6 +162,12 @@ class LocalInput:
         self._read = [message for message in self._read if message.kind is not Kind.STOP]
         return found if self._session is None else found + self._session.stops()
 
+    @property
+    def is_releasing(self) -> bool:
+        """Whether a RELEASE was read with the latest STOPs and waits for the next `receive`: whoever sent it may have
+        an acknowledgement already, and say where to go."""
+        return any(message.kind is Kind.RELEASE for message in self._read)
+
     def _next_datagram(self, listener: Datagrams) -> Iterator[Message]:
         for numbers in listener.receive():
             if len(self._waiting) < MAX_WAITING:

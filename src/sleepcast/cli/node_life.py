@@ -184,7 +184,8 @@ class NodeProcess:
             for sentence in self.ground.complaints():
                 self.say(sentence)
             held = bool(self.node.doubt) or any(mark.sender != GROUND for mark in self.node.authority.latch.holding)
-            self.ground.tell(dict(self.node.variables()), stopped=self.node.stopped, held=held)
+            released = self._desk.is_releasing and not held
+            self.ground.tell(dict(self.node.variables()), stopped=self.node.stopped and not released, held=held)
 
     def rules_text(self) -> str:
         """How many rules it has, in words."""

@@ -159,7 +159,8 @@ def test_a_server_with_a_certificate_of_nobody_we_trust_gets_nothing(certificate
 
 
 def test_a_lost_server_is_told_once_and_found_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(links, "AGAIN", (0.05,))
+    monkeypatch.setattr(links, "SOONEST", 0.05)
+    monkeypatch.setattr(links, "LATEST", 0.05)
     said: list[str] = []
     port = free_port(SOCK_STREAM)
     seen: list[bytes] = []
@@ -191,7 +192,8 @@ def test_a_lost_server_is_told_once_and_found_again(monkeypatch: pytest.MonkeyPa
 def test_a_server_that_freezes_is_told_and_found_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A real one. Its computer goes on to take what is sent, so that nothing but its silence tells."""
     monkeypatch.setattr(links, "ASK_EVERY", 0.1)
-    monkeypatch.setattr(links, "AGAIN", (0.05,))
+    monkeypatch.setattr(links, "SOONEST", 0.05)
+    monkeypatch.setattr(links, "LATEST", 0.05)
     port, said = free_port(SOCK_STREAM), list[str]()
     link = open_link(f"tcp://127.0.0.1:{port}", said.append)
     assert isinstance(link, Server)

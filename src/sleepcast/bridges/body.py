@@ -33,6 +33,7 @@ from threading import Event, Lock, Thread
 from types import TracebackType
 from typing import ClassVar, Self
 
+from sleepcast.core.backoff import Backoff
 from sleepcast.core.clock import Clock, WallClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.model import RestState
@@ -119,7 +120,7 @@ class BridgedBody(ABC):
         self._complaints: deque[str] = deque(maxlen=MAX_COMPLAINTS)
         self._lost: Exception | None = None
         """Why the robot is out of reach, None while it is not."""
-        self._pause, self._next = SOONEST, 0.0
+        self._pauses, self._next = Backoff(SOONEST, LATEST), 0.0
         """Seconds to the next try to find it, and when that is."""
         self._attended = self._heard = self._clock.now()
         self._looks_every = 0.0
@@ -445,7 +446,8 @@ class BridgedBody(ABC):
         self.complain(f"the body is out of reach: {why}")  # first: whoever sees that it is lost is told why
         self._lost = why
         self.rest()
-        self._pause, self._next = SOONEST, self._clock.now() + SOONEST
+        self._pauses.reset()
+        self._next = self._clock.now() + self._pauses.take()
 
     def _seek(self) -> None:
         """Look for the robot, if it is time to."""
@@ -465,8 +467,7 @@ class BridgedBody(ABC):
         """It has not been found: the next try is later."""
         if str(why) != self.lost:
             self.complain(f"the body is still out of reach: {why}")
-        self._lost, self._pause = why, min(2.0 * self._pause, LATEST)
-        self._next = self._clock.now() + self._pause
+        self._lost, self._next = why, self._clock.now() + self._pauses.take()
 
     def _lose_by_fault(self, error: Exception) -> None:
         """The bridge has met what it does not expect: the robot counts as out of reach, which brings it to rest."""

@@ -20,6 +20,7 @@ from secrets import token_bytes
 
 from sleepcast.channel.fair_table import FairTable
 from sleepcast.channel.message import TIME, Message
+from sleepcast.core.backoff import Backoff
 from sleepcast.core.clock import MADE
 
 ENOUGH, LATEST = 3, 16
@@ -175,13 +176,12 @@ class TimeRequest:
     def __init__(self, set_clock: Callable[[float, str], None]) -> None:
         self.set_clock = set_clock
         self.nonce, self.due = b"", -inf
-        self._asked, self._pause = -inf, SOONEST
+        self._asked, self._pauses = -inf, Backoff(SOONEST, SLOWEST)
 
     def question(self, now: float) -> dict[str, object]:
         """The body of a new request; answers to older ones are ignored from now on."""
         self.nonce = token_bytes(NONCE_BYTES)
-        self._asked, self.due = now, now + self._pause
-        self._pause = min(2.0 * self._pause, SLOWEST)
+        self._asked, self.due = now, now + self._pauses.take()
         return {TIME: self.nonce}
 
     def hurry(self) -> None:

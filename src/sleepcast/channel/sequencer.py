@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 from sleepcast.channel.fair_table import FairTable
 from sleepcast.channel.message import Link, Message
+from sleepcast.core.backoff import Backoff
 
 MAX_STREAMS = 64
 """Streams (senders of commands, per epoch) that are kept in order; beyond, one of the key that has the most is dropped,
@@ -47,12 +48,12 @@ class Skipped(NamedTuple):
 
 @dataclass(slots=True)
 class MissingCommand:
-    """A missing command. due: time of the next request, s; again: s until the one after; until: when it is too late, s;
-    put_off: how often others' requests have put off ours."""
+    """A missing command. due: time of the next request, s; until: when it is too late, s; pauses: until the next
+    ones; put_off: how often others' requests have put off ours."""
 
     due: float
-    again: float = ASK_AGAIN
     until: float = inf
+    pauses: Backoff = field(default_factory=lambda: Backoff(ASK_AGAIN, _ASK_SELDOM))
     put_off: int = 0
 
 
@@ -232,8 +233,8 @@ class Sequencer:
                     del stream.wanted[number]
                 elif want.due <= now and most > 0:
                     found.setdefault(stream.name, []).append(number)
-                    want.due = now + want.again * (1.0 + mostly_late(self._chance)) / 2.0
-                    want.again, want.put_off = min(2.0 * want.again, _ASK_SELDOM), 0
+                    want.due = now + want.pauses.take() * (1.0 + mostly_late(self._chance)) / 2.0
+                    want.put_off = 0
                     most -= 1
         return found
 
@@ -250,7 +251,7 @@ class Sequencer:
         for number in wanted.keys() & set(numbers):
             want = wanted[number]
             if want.put_off < _MAX_PUT_OFF:
-                want.due, want.put_off = max(want.due, now + want.again), want.put_off + 1
+                want.due, want.put_off = max(want.due, now + want.pauses.pause), want.put_off + 1
 
     def due(self) -> float:
         """When to request something next, or to stop waiting for it, s."""

@@ -24,6 +24,7 @@ from typing import NamedTuple, Protocol
 from sleepcast.channel.message import LOOK, OF, TELEMETRY, Inspection, Kind, Message
 from sleepcast.channel.message_batch import natural_order
 from sleepcast.channel.name_conflicts import NameConflicts
+from sleepcast.core.backoff import Backoff
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.core.model import RestState
 from sleepcast.language.explain import Explanation
@@ -76,6 +77,16 @@ class TelemetryRequest(NamedTuple):
 
     look: Inspection
     robots: list[str]
+
+
+@dataclass(slots=True)
+class _Asked:
+    """A digest that was asked for. pauses: between two requests; due: when the next one may follow, s; times: how often
+    it was asked for."""
+
+    pauses: Backoff
+    due: float = -inf
+    times: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,8 +248,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         """When the names of all types were united last, s."""
         self.began = -inf
         """When the desk began, s: what is older was told to an earlier one."""
-        self._asked: OrderedDict[Digest, tuple[float, float, int]] = OrderedDict()
-        """What was asked for: when it may be asked for again, how long was waited for that, how often it was."""
+        self._asked: OrderedDict[Digest, _Asked] = OrderedDict()
 
     def __getitem__(self, name: str) -> RemoteMind:
         return self._minds[name]
@@ -407,12 +417,12 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         tellers: dict[Digest, list[str]] = {}
         for which, name in lacking:
             tellers.setdefault(which, []).append(name)
-        due = (which for which in tellers if self._asked.get(which, (-inf, 0.0, 0))[0] <= now)
+        due = [which for which in tellers if which not in self._asked or self._asked[which].due <= now]
         found = []
-        for which in islice(due, AT_ONCE):
-            _, wait, times = self._asked.get(which, (0.0, ASK_AGAIN / 2, 0))
-            self._asked[which] = now + (longer := min(2 * wait, MAX_WAIT)), longer, times + 1
-            found.append(tellers[which][times % len(tellers[which])])
+        for which in due[:AT_ONCE]:
+            asked = self._asked.setdefault(which, _Asked(Backoff(ASK_AGAIN, MAX_WAIT)))
+            found.append(tellers[which][asked.times % len(tellers[which])])
+            asked.due, asked.times = now + asked.pauses.take(), asked.times + 1
         while len(self._asked) > MAX_ASKED:
             self._asked.popitem(last=False)
         return found

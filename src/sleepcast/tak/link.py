@@ -26,6 +26,7 @@ from urllib.parse import parse_qs, urlsplit
 from uuid import uuid4
 
 from sleepcast.channel.transports.udp import UdpTransport
+from sleepcast.core.backoff import Backoff
 from sleepcast.core.errors import MisuseError, printable
 from sleepcast.core.varint import read_varint, varint
 from sleepcast.tak.event import MAX_EVENT, MESH, Event, EventError, read_datagram, read_protobuf, read_xml
@@ -37,8 +38,8 @@ ASK_EVERY = 10.0
 """Seconds of silence after which a server is asked whether it is there."""
 UNANSWERED = 2
 """Such questions without an answer after which one counts as gone that has answered before: not all know them."""
-AGAIN = (0.5, 1.0, 2.0, 5.0)
-"""Seconds until a server is tried again, after the first failure and after the following ones."""
+SOONEST, LATEST = 0.5, 5.0
+"""Seconds until a server is tried again, at first and at most: the pause doubles with each failure."""
 MOST_WAITING = 256 * 1024
 """Bytes that wait to be sent at most: newer news follows."""
 LISTEN = 0.05
@@ -163,23 +164,23 @@ class Server:
 
     async def run(self, take: Take) -> None:
         """See `Link`."""
-        failures = 0
+        pauses, lost = Backoff(SOONEST, LATEST), False
         while True:
             try:
                 await self._connect()
-                self._say(f"{self._name} is {'back' if failures else 'connected'}.")
-                failures = 0
+                self._say(f"{self._name} is {'back' if lost else 'connected'}.")
+                pauses.reset()
+                lost = False
                 await self._read(take)
                 why = self._gave_up or "it closed the connection"
             except (OSError, TimeoutError, ssl.SSLError) as error:
                 why = _reason(error)
             finally:
                 self._leave()
-            wait = AGAIN[min(failures, len(AGAIN) - 1)]
-            if not failures:
+            if not lost:
                 self._say(f"{self._name} is gone: {why}. Robots go on; it is tried again until it is back.")
-            failures += 1
-            await asyncio.sleep(wait)
+            lost = True
+            await asyncio.sleep(pauses.take())
 
     @property
     def _name(self) -> str:

@@ -24,6 +24,7 @@ from sleepcast.cli import main
 from sleepcast.core.clock import ManualClock
 from sleepcast.station import JournalEvent
 from sleepcast.station.journal.file import SqliteJournal
+from sleepcast.station.journal.journal import PendingEntry
 
 WRITTEN = 1_795_298_400.0
 """2026-11-21 22:00 UTC."""
@@ -40,14 +41,26 @@ def journal(file: Path) -> Iterator[SqliteJournal]:
     clock = ManualClock(WRITTEN)
     with closing(SqliteJournal(file, clock)) as found:
         sent = {"kind": "command", "standing": False, "predicted": ["r1", "r2"]}
-        found.append(0.0, "desk", JournalEvent.SENT, subject="desk-1.1", text="(WHEN (> x 1)\n  (ST))", details=sent)
+        found.append(
+            PendingEntry(
+                0.0, "desk", JournalEvent.SENT, subject="desk-1.1", text="(WHEN (> x 1)\n  (ST))", details=sent
+            )
+        )
         clock.advance(0.5)
-        found.append(0.5, "r1", JournalEvent.HEARD, subject="desk-1.1", details={"outcome": "matched", "value": 0.25})
+        found.append(
+            PendingEntry(
+                0.5, "r1", JournalEvent.HEARD, subject="desk-1.1", details={"outcome": "matched", "value": 0.25}
+            )
+        )
         fault = {"outcome": "fault", "fault": "division by zero"}
-        found.append(0.5, "r2", JournalEvent.HEARD, subject="desk-1.1", details=fault)
+        found.append(PendingEntry(0.5, "r2", JournalEvent.HEARD, subject="desk-1.1", details=fault))
         clock.advance(60.0)
-        found.append(60.5, "r2", JournalEvent.HEARD, details={"kind": "report", "label": "here", "values": [1.0]})
-        found.append(60.5, "desk", JournalEvent.REFUSED, text="(ST)", details={"reason": "everybody\nsecond line"})
+        found.append(
+            PendingEntry(60.5, "r2", JournalEvent.HEARD, details={"kind": "report", "label": "here", "values": [1.0]})
+        )
+        found.append(
+            PendingEntry(60.5, "desk", JournalEvent.REFUSED, text="(ST)", details={"reason": "everybody\nsecond line"})
+        )
         yield found
 
 
@@ -137,9 +150,9 @@ def test_it_is_followed(journal: SqliteJournal, file: Path) -> None:
         try:
             assert process.stdout is not None
             assert "(ST)" in process.stdout.readline()
-            journal.append(61.0, "desk", JournalEvent.SENT, text="(GO 1)", details={"kind": "command"})
+            journal.append(PendingEntry(61.0, "desk", JournalEvent.SENT, text="(GO 1)", details={"kind": "command"}))
             journal.rotate()
-            journal.append(62.0, "desk", JournalEvent.SENT, text="(GO 2)", details={"kind": "command"})
+            journal.append(PendingEntry(62.0, "desk", JournalEvent.SENT, text="(GO 2)", details={"kind": "command"}))
             assert "(GO 1)" in process.stdout.readline()
             assert "(GO 2)" in process.stdout.readline()
         finally:
@@ -239,5 +252,5 @@ def test_commands_on_the_air_are_written_by_whoever_sends_them(tmp_path: Path, m
 def test_the_word_alone_shows_the_last_entries(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     with closing(open_journal(None, "sleepcast")) as journal:
-        journal.append(0.0, "desk", JournalEvent.SENT, text="(ST)", details={"kind": "command"})
+        journal.append(PendingEntry(0.0, "desk", JournalEvent.SENT, text="(ST)", details={"kind": "command"}))
     assert "(ST)" in said_here("journal").out

@@ -18,6 +18,7 @@ from typing import BinaryIO
 from sleepcast.core.clock import UnixClock
 from sleepcast.station import JournalEvent
 from sleepcast.station.journal.file import SqliteJournal
+from sleepcast.station.journal.journal import PendingEntry
 
 WRITERS = 2
 MOST = 12
@@ -35,9 +36,9 @@ def write(file: Path, name: str, shown: int) -> None:
             texts += [f"{name}.{number}.{more}" for more in range(3)]
             with journal.together():
                 for text in texts:
-                    journal.append(0.0, name, JournalEvent.SENT, text=text, details={})
+                    journal.append(PendingEntry(0.0, name, JournalEvent.SENT, text=text))
         else:
-            journal.append(0.0, name, JournalEvent.SENT, text=texts[0], details={"robots": ["r1"] * 50})
+            journal.append(PendingEntry(0.0, name, JournalEvent.SENT, text=texts[0], details={"robots": ["r1"] * 50}))
         os.write(shown, "".join(f"{text}\n" for text in texts).encode())
         if number % 5 == 4:
             journal.rotate()

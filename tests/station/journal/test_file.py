@@ -21,7 +21,7 @@ from sleepcast.channel.message_batch import NameIndex
 from sleepcast.core.clock import ManualClock
 from sleepcast.station import JournalEvent, Station
 from sleepcast.station.journal.file import MAX_LISTED, ArchiveLimits, DeferredJournal, NoJournalError, SqliteJournal
-from sleepcast.station.journal.journal import JournalError
+from sleepcast.station.journal.journal import JournalError, PendingEntry
 from sleepcast.station.journal.reader import JournalReader, Query, Verified
 from sleepcast.station.roster import RobotNames
 from station.fleet import Fleet, vocabulary
@@ -47,7 +47,7 @@ def journal(file: Path, clock: ManualClock) -> Iterator[SqliteJournal]:
 
 def fill(journal: SqliteJournal, first: int, last: int) -> None:
     for number in range(first, last + 1):
-        journal.append(float(number), "desk", JournalEvent.SENT, subject=f"desk-1.{number}", text="(ST)", details={})
+        journal.append(PendingEntry(float(number), "desk", JournalEvent.SENT, subject=f"desk-1.{number}", text="(ST)"))
 
 
 def verified(file: Path) -> Verified:
@@ -74,8 +74,12 @@ def test_entries_come_back_as_they_were_also_to_another_process(journal: SqliteJ
     names = NameIndex()
     for name in ("r1", "r2", "r3"):
         names.add(name)
-    journal.append(2.5, "desk", JournalEvent.SENT, subject="desk-1.1", text='(REPORT "größer" 1)', details=told)
-    journal.append(3.5, "r2\udc80", JournalEvent.HEARD, details={"predicted": RobotNames(names, np.array([0, 2]))})
+    journal.append(
+        PendingEntry(2.5, "desk", JournalEvent.SENT, subject="desk-1.1", text='(REPORT "größer" 1)', details=told)
+    )
+    journal.append(
+        PendingEntry(3.5, "r2\udc80", JournalEvent.HEARD, details={"predicted": RobotNames(names, np.array([0, 2]))})
+    )
     first, second = journal.entries()
     assert (first.number, first.time, first.who, first.event) == (1, 2.5, "desk", JournalEvent.SENT)
     assert (first.subject, first.text) == ("desk-1.1", '(REPORT "größer" 1)')
@@ -101,7 +105,11 @@ def test_a_list_of_very_many_robots_is_cut_and_says_so(journal: SqliteJournal) -
     names = NameIndex()
     for number in range(MAX_LISTED + 5):
         names.add(f"r{number + 1}")
-    journal.append(0.0, "desk", JournalEvent.SENT, details={"predicted": RobotNames(names, np.arange(MAX_LISTED + 5))})
+    journal.append(
+        PendingEntry(
+            0.0, "desk", JournalEvent.SENT, details={"predicted": RobotNames(names, np.arange(MAX_LISTED + 5))}
+        )
+    )
     (entry,) = journal.entries()
     predicted = entry.details["predicted"]
     assert isinstance(predicted, list)
@@ -138,7 +146,7 @@ def test_nothing_that_was_shown_is_lost_whenever_its_writer_is_killed(tmp_path: 
         if each.endswith(".0") and each.count(".") == 2:
             assert {f"{each[:-1]}1", f"{each[:-1]}2"} <= set(texts)
     with closing(SqliteJournal(file, ManualClock())) as journal:
-        journal.append(0.0, "desk", JournalEvent.SENT, details={})
+        journal.append(PendingEntry(0.0, "desk", JournalEvent.SENT))
     assert verified(file).last == result.last + 1
 
 
@@ -146,7 +154,7 @@ def test_writers_at_the_same_time_make_one_chain(file: Path) -> None:
     def write(name: str) -> None:
         with closing(SqliteJournal(file, ManualClock())) as journal:
             for _ in range(50):
-                journal.append(0.0, name, JournalEvent.SENT, details={})
+                journal.append(PendingEntry(0.0, name, JournalEvent.SENT))
 
     writers = [Thread(target=write, args=(name,)) for name in ("anna", "bert", "carl")]
     for each in writers:
@@ -211,14 +219,16 @@ def test_it_is_searched(
         names.add(name)
     predicted = {"predicted": RobotNames(names, np.array([1]))}
     said = {"outcome": "fault", "fault": "division by zero"}
-    journal.append(0.0, "desk", JournalEvent.SENT, subject="desk-1.1", text="(VM 0.1 0.1)", details=predicted)
-    journal.append(0.0, "r1", JournalEvent.HEARD, subject="desk-1.1", details={"outcome": "not matched"})
+    journal.append(
+        PendingEntry(0.0, "desk", JournalEvent.SENT, subject="desk-1.1", text="(VM 0.1 0.1)", details=predicted)
+    )
+    journal.append(PendingEntry(0.0, "r1", JournalEvent.HEARD, subject="desk-1.1", details={"outcome": "not matched"}))
     clock.advance(2.0)
-    journal.append(0.0, "r2", JournalEvent.HEARD, subject="desk-1.1", details={"outcome": "matched"})
+    journal.append(PendingEntry(0.0, "r2", JournalEvent.HEARD, subject="desk-1.1", details={"outcome": "matched"}))
     clock.advance(1.0)
-    journal.append(0.0, "r1", JournalEvent.HEARD, subject="desk-1.2", details=said)
+    journal.append(PendingEntry(0.0, "r1", JournalEvent.HEARD, subject="desk-1.2", details=said))
     clock.advance(1.0)
-    journal.append(0.0, "desk", JournalEvent.REFUSED, text="(ST", details={})
+    journal.append(PendingEntry(0.0, "desk", JournalEvent.REFUSED, text="(ST"))
     assert found(file, query) == numbers
     assert found(file, query, last=2) == numbers[-2:]
 
@@ -253,7 +263,7 @@ def test_what_was_changed_or_taken_away_is_named(
 def test_an_end_that_was_cut_off_stays_seen_after_more_was_written(journal: SqliteJournal, file: Path) -> None:
     fill(journal, 1, 5)
     tamper(file, "DELETE FROM entries WHERE number > 3")
-    journal.append(0.0, "desk", JournalEvent.SENT, details={})
+    journal.append(PendingEntry(0.0, "desk", JournalEvent.SENT))
     assert "entries 4 to 5 are missing" in verified(file).broken
 
 
@@ -375,7 +385,7 @@ def test_it_moves_by_itself_when_asked(
         assert other.limits == limits
         for number in range(40):
             clock.advance(5.0)
-            other.append(0.0, "desk", JournalEvent.SENT, text=f"({number}{' ' * 10_000})", details={})
+            other.append(PendingEntry(0.0, "desk", JournalEvent.SENT, text=f"({number}{' ' * 10_000})"))
     with JournalReader(file) as reader:
         archives = reader.files[:-1]
     assert 2 <= len(archives) <= 5
@@ -397,7 +407,7 @@ def test_a_file_that_comes_late_is_written_then(tmp_path: Path) -> None:
         with pytest.raises(JournalError), journal.together():
             pass
         file.rmdir()
-        journal.append(0.0, "desk", JournalEvent.SENT, text="(ST)", details={})
+        journal.append(PendingEntry(0.0, "desk", JournalEvent.SENT, text="(ST)"))
         assert [entry.text for entry in journal.entries()] == ["(ST)"]
         assert journal.dropped == 0
     assert found(file, Query()) == [1]
@@ -446,7 +456,7 @@ def test_a_full_disk_is_told_in_a_sentence(journal: SqliteJournal, file: Path) -
 
     def write_on() -> None:
         for _ in range(100):
-            journal.append(0.0, "desk", JournalEvent.SENT, text="x" * 10_000, details={})
+            journal.append(PendingEntry(0.0, "desk", JournalEvent.SENT, text="x" * 10_000))
 
     with pytest.raises(JournalError, match="full"):
         write_on()

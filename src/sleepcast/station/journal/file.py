@@ -29,7 +29,7 @@ import numpy as np
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.files import settle
-from sleepcast.station.journal.journal import JournalEntry, JournalError, JournalEvent
+from sleepcast.station.journal.journal import JournalEntry, JournalError, JournalEvent, PendingEntry
 from sleepcast.station.roster import RobotNames
 
 FORMAT = 1
@@ -387,26 +387,16 @@ class SqliteJournal:
         with self._lock:
             self._connection.close()
 
-    def append(
-        self,
-        time: float,
-        who: str,
-        event: JournalEvent,
-        *,
-        subject: str = "",
-        text: str = "",
-        details: Mapping[str, object],
-    ) -> None:
+    def append(self, entry: PendingEntry) -> None:
         """Write one entry; its number is the next one. It is on the disk when this returns, or, within `together`,
         when that ends."""
         with self.together():
             number, before = self._head()
-            entry = JournalEntry(number + 1, time, who, event, subject, text, details)
-            line = line_of(entry, self._clock.now())
+            line = line_of(JournalEntry(number + 1, *entry), self._clock.now())
             with journal_errors(self.file):
                 self._connection.execute(
                     "INSERT INTO entries (number, line, hash) VALUES (?, ?, ?)",
-                    (entry.number, line, digest(before, line)),
+                    (number + 1, line, digest(before, line)),
                 )
 
     @contextmanager
@@ -533,18 +523,9 @@ class DeferredJournal:
             self._opened = self._open()
         return self._opened
 
-    def append(
-        self,
-        time: float,
-        who: str,
-        event: JournalEvent,
-        *,
-        subject: str = "",
-        text: str = "",
-        details: Mapping[str, object],
-    ) -> None:
+    def append(self, entry: PendingEntry) -> None:
         """As `SqliteJournal`."""
-        self._journal.append(time, who, event, subject=subject, text=text, details=details)
+        self._journal.append(entry)
 
     def together(self) -> AbstractContextManager[None]:
         """As `SqliteJournal`."""

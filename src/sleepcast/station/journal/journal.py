@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sized
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from enum import StrEnum
+from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
 from sleepcast.core.errors import SleepcastError
@@ -47,6 +48,17 @@ CONFLICT = "conflict"
 """The kind, in the details of HEARD, of an entry whose text says which robots have one name."""
 
 
+class PendingEntry(NamedTuple):
+    """What is to become an entry of the journal, without its number; see `JournalEntry`."""
+
+    time: float
+    who: str
+    event: JournalEvent
+    subject: str = ""
+    text: str = ""
+    details: Mapping[str, object] = MappingProxyType({})
+
+
 @dataclass(frozen=True, slots=True)
 class JournalEntry:
     """One line of the journal. number: from 1, without gaps. time: s of the desk's clock. who: the operator's desk or
@@ -73,16 +85,7 @@ class Report:
 class Journal(Protocol):
     """Where the desk writes; it only ever appends. Whatever keeps a journal raises JournalError where it cannot."""
 
-    def append(
-        self,
-        time: float,
-        who: str,
-        event: JournalEvent,
-        *,
-        subject: str = "",
-        text: str = "",
-        details: Mapping[str, object],
-    ) -> None:
+    def append(self, entry: PendingEntry) -> None:
         """Write one entry; its number is the next one."""
 
     def together(self) -> AbstractContextManager[None]:
@@ -110,19 +113,10 @@ class MemoryJournal:
         self._size, self._most = size, most
         self._written = self._bytes = 0
 
-    def append(
-        self,
-        time: float,
-        who: str,
-        event: JournalEvent,
-        *,
-        subject: str = "",
-        text: str = "",
-        details: Mapping[str, object],
-    ) -> None:
+    def append(self, entry: PendingEntry) -> None:
         """Write one entry; its number is the next one."""
         self._written += 1
-        self._take(JournalEntry(self._written, time, who, event, subject, text, details))
+        self._take(JournalEntry(self._written, *entry))
 
     def _take(self, entry: JournalEntry) -> None:
         """Hold one more, and let go of the oldest that are too many."""
@@ -159,17 +153,6 @@ MAX_KEPT = 100_000
 """Entries that wait for the journal: the answers of 1,000 robots to 100 commands; beyond, the oldest are lost."""
 AGAIN = 1.0
 """Seconds after which the journal is tried again; a desk that has robots to stop does not wait for a disk."""
-
-
-class PendingEntry(NamedTuple):
-    """An entry without its number; see `JournalEntry`."""
-
-    time: float
-    who: str
-    event: JournalEvent
-    subject: str
-    text: str
-    details: Mapping[str, object]
 
 
 class WriteBatch:
@@ -215,9 +198,7 @@ class WriteBatch:
         try:
             with self.journal.together():
                 for note in self._kept:
-                    self.journal.append(
-                        note.time, note.who, note.event, subject=note.subject, text=note.text, details=note.details
-                    )
+                    self.journal.append(note)
         except JournalError as error:
             self._next = now + AGAIN
             lost = f", and {self._lost} are lost" if self._lost else ""

@@ -26,7 +26,8 @@ from sleepcast.console.adapters.recording import load_timeline
 from sleepcast.loop import Swarm
 from sleepcast.simulator import load
 from sleepcast.simulator.recording.foxglove import read_poses
-from sleepcast.simulator.recording.recorder import Recorder, RuleBody
+from sleepcast.simulator.recording.json_messages import RuleBody
+from sleepcast.simulator.recording.recorder import Recorder
 from sleepcast.simulator.recording.recording import Recording, entries, load_recording
 from small_worlds import write
 

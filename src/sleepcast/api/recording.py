@@ -25,6 +25,15 @@ from sleepcast.fleet.marks import Groups, flags_of
 from sleepcast.loop import Swarm, snapshot
 from sleepcast.loop.rerun import WorldLog
 from sleepcast.simulator import Scenario
+from sleepcast.simulator.recording.json_messages import (
+    AccountBody,
+    FailureBody,
+    FailuresBody,
+    MarksBody,
+    RuleBody,
+    RulesBody,
+    StateBody,
+)
 from sleepcast.simulator.recording.recorder import (
     ACCOUNTING,
     FAILING,
@@ -33,14 +42,8 @@ from sleepcast.simulator.recording.recorder import (
     READINGS,
     RULES,
     STATE,
-    AccountBody,
-    FailureBody,
-    FailuresBody,
-    MarksBody,
     Recorder,
     Rotation,
-    RuleBody,
-    RulesBody,
     WorldChange,
 )
 from sleepcast.station import Command, Station
@@ -201,7 +204,7 @@ class RecordingWitness:
         self._seen = simulator.tick
         columns = zip(*simulator.readings(), strict=True)
         self._recorder.note(READINGS, now, dict(zip(self._sensors, columns, strict=True)))
-        self._recorder.note(STATE, now, {"tick": simulator.tick, "hash": simulator.state_hash()})
+        self._recorder.note(STATE, now, StateBody(simulator.tick, simulator.state_hash()))
         minds = self._swarm.fleet.state.mind
         for index in np.flatnonzero(minds != self._minds).tolist():
             self._look_at_rules(index, now)

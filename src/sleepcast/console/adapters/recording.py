@@ -18,6 +18,7 @@ from sleepcast.loop.rerun import Inputs
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.packing import unpack
 from sleepcast.simulator.recording.foxglove import read_log, read_poses
+from sleepcast.simulator.recording.json_messages import AccountBody, FailuresBody, MarksBody, RulesBody
 from sleepcast.simulator.recording.recorder import (
     ACCOUNTING,
     FAILING,
@@ -32,10 +33,6 @@ from sleepcast.simulator.recording.recorder import (
     READINGS,
     RULES,
     SCENE,
-    AccountBody,
-    FailuresBody,
-    MarksBody,
-    RulesBody,
     WorldChange,
 )
 from sleepcast.simulator.recording.recording import (

@@ -14,7 +14,7 @@
     /sleepcast/state      JSON                    the hash of the state, with its tick
     /sleepcast/obstacles  JSON                    solid things added, moved or removed, and before which tick
 
-What is JSON has its schema in the file (`channel_schemas`), under a name such as `sleepcast.Readings`.
+What is JSON has its schema in the file (`json_messages`), under a name such as `sleepcast.Readings`.
 
 The metadata `sleepcast` hold the version of this format and describe the run; the attachment `scenario` is the
 scenario as `packing` writes it. A run depends only on these and the posted messages, so it can be repeated to the
@@ -56,8 +56,21 @@ from sleepcast.core.errors import MisuseError, SleepcastError, decimal_comma
 from sleepcast.core.model import Quantity
 from sleepcast.core.units import UNITS
 from sleepcast.simulator.packing import pack
-from sleepcast.simulator.recording import channel_schemas, foxglove
+from sleepcast.simulator.recording import foxglove
 from sleepcast.simulator.recording.foxglove import Level
+from sleepcast.simulator.recording.json_messages import (
+    AccountBody,
+    FailuresBody,
+    MarksBody,
+    ObstaclesBody,
+    PostedBody,
+    RecordedMessage,
+    RulesBody,
+    StateBody,
+    readings,
+    schema_of,
+    written,
+)
 from sleepcast.simulator.recording.scene import SCENE as SCENE_NAME
 from sleepcast.simulator.recording.scene import SCENE_SCHEMA
 from sleepcast.simulator.recording.scene import scene as scene_update
@@ -141,68 +154,6 @@ class RecordingError(SleepcastError):
     """A recording that cannot be written or read."""
 
 
-class MarksBody(msgspec.Struct, omit_defaults=True):
-    """Groups and flags after a tick: one byte per robot; names: of the groups by code, from 1. second, colours: second
-    groups and colours, one byte per robot, empty if no robot has one."""
-
-    tick: int
-    groups: bytes
-    flags: bytes
-    names: list[str]
-    second: bytes = b""
-    colours: bytes = b""
-
-
-class AccountBody(msgspec.Struct, omit_defaults=True):
-    """The outcome of a command, in counts of robots. predicted: robots expected to obey when it was sent. values:
-    answers to a question, as text. unknown: robots whose test was unknown; held: those among the matched that STOP
-    held."""
-
-    command: str
-    text: str
-    matched: int
-    not_matched: int
-    fault: int
-    silent: int
-    predicted: int
-    values: str = ""
-    unknown: int = 0
-    held: int = 0
-
-
-class RuleBody(msgspec.Struct, omit_defaults=True):
-    """An expression stored on a robot. priority: left out if it is 0."""
-
-    name: str
-    text: str
-    active: bool
-    priority: int = 0
-
-
-class RulesBody(msgspec.Struct):
-    """All expressions stored on a robot."""
-
-    robot: str
-    rules: list[RuleBody]
-
-
-class FailureBody(msgspec.Struct):
-    """A rule that fails. count: robots on which it does; inactive: those among them that have deactivated it; reason:
-    the fault of one of them; robots: for each robot a bit, the first in bit 0 of the first byte."""
-
-    rule: str
-    count: int
-    inactive: int
-    reason: str
-    robots: bytes
-
-
-class FailuresBody(msgspec.Struct):
-    """All rules that fail, those on most robots first."""
-
-    rules: list[FailureBody]
-
-
 @dataclass(frozen=True, slots=True)
 class WorldChange:
     """A change of the solid things, by their numbers in the world, before anything moved in the tick of this number.
@@ -246,14 +197,14 @@ class Recorder:
         self._poses = foxglove.pose_frame(scenario.robots.count)
         self._colours = np.full((scenario.robots.count, len(_GREY)), _GREY, np.uint8)
         self._schemas = {
-            READINGS: ("Readings", channel_schemas.readings(sensors)),
-            ACCOUNTING: ("Accounting", channel_schemas.ACCOUNTING),
-            RULES: ("Rules", channel_schemas.RULES),
-            FAILING: ("Failing", channel_schemas.FAILING),
-            MARKS: ("Marks", channel_schemas.MARKS),
-            POSTED: ("Posted", channel_schemas.POSTED),
-            STATE: ("State", channel_schemas.STATE),
-            OBSTACLES: ("Obstacles", channel_schemas.OBSTACLES),
+            READINGS: ("Readings", readings(sensors)),
+            ACCOUNTING: ("Accounting", schema_of(AccountBody)),
+            RULES: ("Rules", schema_of(RulesBody)),
+            FAILING: ("Failing", schema_of(FailuresBody)),
+            MARKS: ("Marks", schema_of(MarksBody)),
+            POSTED: ("Posted", schema_of(PostedBody)),
+            STATE: ("State", schema_of(StateBody)),
+            OBSTACLES: ("Obstacles", schema_of(ObstaclesBody)),
         }
         if rotation != ONE_FILE:
             _refuse(part_file(file, 2))
@@ -289,12 +240,8 @@ class Recorder:
 
     def posted(self, time: float, tick: int, message: Message) -> None:
         """Record that the operator's `message` was sent in this tick."""
-        told = {name: value for name, value in msgspec.to_builtins(message).items() if name in channel_schemas.RECORDED}
-        if message.deadline == inf:  # which JSON does not have; it is what a message without one has
-            del told["deadline"]
-        if message.heard is None:
-            del told["heard"]
-        self._write(POSTED, round(time * NANO), json.dumps({"tick": tick, "message": told}).encode())
+        body = msgspec.to_builtins(PostedBody(tick, RecordedMessage.of(message)))
+        self._write(POSTED, round(time * NANO), json.dumps(body).encode())
 
     def note(self, topic: str, time: float, body: object) -> None:
         """Record a message for one of the JSON channels, as msgspec writes it: bytes as base64, NaN as null."""
@@ -363,7 +310,7 @@ class Recorder:
             LOG: self._standard(LOG, foxglove.LOG, foxglove.LOG_SCHEMA),
         }
         for topic, (name, schema) in self._schemas.items():
-            self._channels[topic] = self._own(topic, f"sleepcast.{name}", channel_schemas.written(schema))
+            self._channels[topic] = self._own(topic, f"sleepcast.{name}", written(schema))
         self._save()
 
     def _end(self) -> None:

@@ -86,6 +86,14 @@ class TestCommands:
         assert len(fleet.release(wait=PATIENT).matched) == 6
         assert not fleet.stopped.any()
 
+    def test_a_release_of_a_script_ends_no_stop_of_another_desk(self, six: str, fleet: sc.ConnectedFleet) -> None:
+        with sc.connect(six, expect=6) as other:
+            assert len(other.stop(wait=PATIENT).matched) == 6
+            fleet.play("@0s STOP\n@0.2s RELEASE", wait=PATIENT)
+            other._looked = -inf
+            assert other.stopped.all()
+            assert len(other.release(wait=PATIENT).matched) == 6
+
     def test_robots_are_driven_while_it_runs(self, fleet: sc.ConnectedFleet) -> None:
         fleet.send("(WHEN (> id 5) (DRIVE 1m/s 0))", wait=PATIENT)
         at, until = fleet.names.index("r6"), time.monotonic() + LONGEST

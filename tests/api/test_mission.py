@@ -153,6 +153,40 @@ def test_a_stop_by_somebody_else_ends_it(folder: Path, monkeypatch: pytest.Monke
     assert not fleet.mission.rest
 
 
+def test_a_stop_by_a_person_ends_a_mission_that_the_desk_sends(folder: Path, tmp_path: Path) -> None:
+    fleet = sc.open(folder, mission=True).run(2.2, quiet=True)
+    fleet.stop(wait=0)
+    fleet.run(3, quiet=True)
+    assert fleet.stopped.all()
+    assert [line.text for line in fleet.mission.rest] == ["STOP", "RELEASE"]
+    assert "4 sent: STOP ended it; fleet.release(), then fleet.play() sends the rest" in repr(fleet)
+    assert run_test(read_test(fleet.save_test(tmp_path / "saved", exact=True)), threads=1).missed == ()
+    with pytest.raises(MissionError, match=r"work\.sleep:\d: STOP holds, which no script has sent"):
+        fleet.play()
+    assert fleet.stopped.all()
+    fleet.release()
+    fleet.play()
+    assert not fleet.stopped.any()
+
+
+def test_a_release_of_a_script_ends_only_stops_of_scripts(folder: Path) -> None:
+    fleet = sc.open(folder)
+    fleet.play("@0.2s STOP")
+    fleet.play("@0.5s RELEASE")
+    fleet.stop()
+    with pytest.raises(MissionError, match="the script:2: STOP holds, which no script has sent"):
+        fleet.play("@1s STOP\n@2s RELEASE")
+    assert fleet.stopped.all()
+
+
+def test_a_snapshot_knows_which_late_stop_was_the_missions(folder: Path, tmp_path: Path) -> None:
+    fleet = sc.open(folder).run(5, quiet=True)
+    sent = [each.id for each in fleet.play()]
+    fleet.save(tmp_path / "late.snap")
+    other = sc.resume(tmp_path / "late.snap")
+    assert [None if line.result is None else line.result.id for line in other.mission] == sent
+
+
 def test_a_view_and_a_program_know_the_same_of_it(folder: Path) -> None:
     fleet = sc.open(folder)
     fleet.run(5, quiet=True)

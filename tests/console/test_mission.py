@@ -142,6 +142,36 @@ def test_what_is_doubted_waits_for_somebody(tmp_path: Path) -> None:
     assert len(stand.sent) == 4
 
 
+def test_a_stop_while_it_waits_for_somebody_ends_it_too(tmp_path: Path) -> None:
+    stand = Stand.of(tmp_path, f"{DOUBTED}@2s RELEASE\n")
+    stand.mission.play()
+    stand.run(2)
+    stand.station.stop()  # by a program
+    stand.run(0.2)
+    stand.mission.skip(1)
+    stand.run(1)
+    assert (len(stand.sent), stand.mission.playing, bool(stand.swarm.fleet.stopped.all())) == (2, False, True)
+    assert "STOP ended it" in stand.mission.said
+
+
+def test_a_stop_ends_what_a_snapshot_brings_along(tmp_path: Path) -> None:
+    stand = Stand.of(tmp_path)
+    stand.mission.play()
+    other = Stand(*assemble_from(snapshot(stand.run(2.5).swarm), None, 1))
+    other.station.stop()
+    other.run(2)
+    assert (other.mission.playing, bool(other.swarm.fleet.stopped.all())) == (False, True)
+    assert "STOP ended it" in other.mission.said
+
+
+def test_it_is_not_played_under_a_stop_before_its_own(tmp_path: Path) -> None:
+    stand = Stand.of(tmp_path)
+    stand.station.stop()
+    stand.mission.send(2, confirmed=False, again=False)  # its own, on top of that
+    with pytest.raises(MisuseError, match="STOP holds"):
+        stand.mission.play()
+
+
 def test_somebody_may_go_on_without_it(tmp_path: Path) -> None:
     stand = Stand.of(tmp_path, DOUBTED)
     stand.mission.play()
@@ -221,7 +251,6 @@ def test_a_fork_goes_on_with_what_was_sent_before(tmp_path: Path) -> None:
     stand.run(5).mission.play()  # STOP and RELEASE late, so that nothing but the log knows whose they are
     stand.run(0.5)
     other = Stand(*assemble_from(snapshot(stand.swarm), None, 1))
-    other.mission.take_over(stand.mission.sent())
     assert all(sent for sent, _ in other.shown())
 
 

@@ -125,6 +125,8 @@ class Fleet(ABC):
     def __init__(self, station: Station) -> None:
         self.station = station
         self._turns = Turns()
+        self._scripted = set[str]()
+        """The ids of what scripts have sent."""
         self._desk: NotebookDesk | None = None
         """What lies behind the views, if there ever was one."""
 
@@ -274,7 +276,8 @@ class Fleet(ABC):
         line until all have answered. everybody: robots on the air are meant even where a line has no test; of simulated
         ones that is known. count, sure: as for `send`. Raises MissionError, with the place of the line: before anything
         is sent for what cannot be read; for what is refused at its time, and for a STOP that somebody else has sent
-        meanwhile, when the lines before it were sent."""
+        meanwhile, when the lines before it were sent. A RELEASE ends STOPs of scripts only: one that would meet
+        another STOP is refused before anything is sent, and on the air it ends none of other operators."""
         from sleepcast.api.mission import Mission
         from sleepcast.loop.mission import readable
 
@@ -284,6 +287,7 @@ class Fleet(ABC):
         lines = Mission(script) if isinstance(script, str) else self._to_play() if script is None else script
         for line in lines:
             readable(line.order)
+        self._refuse_release(lines)
         began, found, learned = self._zero(), list[CommandResult](), LearnedNames(self.station.vocabulary)
         known = self._stops()
         for line in lines:
@@ -298,10 +302,25 @@ class Fleet(ABC):
                 sent = self._order(said, everybody, count, sure)
             self._played(line.order, sent._command)
             known.add(sent.id)
+            self._scripted.add(sent.id)
             found.append(CommandResult(self, sent._command, line.order))
         if found:
             self._until(found[-1]._command, wait)
         return found
+
+    def _refuse_release(self, lines: Mission) -> None:
+        """Raises MissionError for a line that would end a STOP which no script has sent, but a person."""
+        from sleepcast.loop.mission import is_stopped_by_others
+
+        first = next((line for line in lines if line.instruction.sort == "RELEASE"), None)
+        messages = (command.message for command in self.station.commands())
+        if first is not None and is_stopped_by_others(messages, self._scripted | self._sent_by_desk()):
+            with _placed(first.order.place):
+                raise MisuseError("STOP holds, which no script has sent, so that none ends it: release it first")
+
+    def _sent_by_desk(self) -> set[str]:
+        """The ids of what the desk has sent of a mission by itself."""
+        return set()
 
     def _stops(self) -> set[str]:
         """The ids of the STOPs that were sent."""

@@ -30,6 +30,7 @@ from sleepcast.station.validation import MAX_LISTED, UnknownNameError
 if TYPE_CHECKING:
     from sleepcast.notebook import NotebookDesk
     from sleepcast.simulator import Order
+    from sleepcast.simulator.scenario.mission import Instruction
 
 TURN = 0.05
 """Seconds of hearing in one turn, after which another thread may have its own."""
@@ -135,6 +136,13 @@ class ConnectedFleet(Fleet):
 
     def _played(self, order: Order, sent: Command) -> None:
         """Nothing: no scenario with a mission lies behind robots on the air."""
+
+    def _order(self, said: Instruction, everybody: bool, count: int | None, sure: bool) -> CommandResult:
+        if said.sort != "RELEASE":
+            return super()._order(said, everybody, count, sure)
+        with self._turn():
+            sent = self.station.release(-inf)  # a script ends no STOP of others
+        return self._until(sent, 0.0)
 
     def release(self, *, wait: float | str = WAIT) -> CommandResult:
         wait = in_seconds(wait, "wait")

@@ -53,7 +53,7 @@ class SimulatedFleet(Fleet):
         self._inputs: InputLog | None = None
         """All that came from outside since the start; None for a fleet whose start nobody saw."""
         scenario = swarm.simulator.scenario
-        self._mission = MissionLog(scenario.mission, station.commands, scenario.tick)
+        self._mission = MissionLog(scenario.mission, station.commands, scenario.tick, swarm.given)
         self._recording: RunRecording | None = None
 
     def _watch_inputs(self) -> None:
@@ -121,7 +121,11 @@ class SimulatedFleet(Fleet):
     def _to_play(self) -> Mission:
         found = super()._to_play()
         self.swarm.mission.clear()  # what the desk was to send by itself is among them
+        self.swarm.halted = False
         return found
+
+    def _sent_by_desk(self) -> set[str]:
+        return {sent for _, sent in self.swarm.given}
 
     def _played(self, order: Order, sent: Command) -> None:
         if order in self._mission.orders:
@@ -243,9 +247,7 @@ class SimulatedFleet(Fleet):
     def fork(self, seed: int | None = None) -> SimulatedFleet:
         """A second run with the same past. seed: another one gives it another chance from here on; None keeps it the
         same, so that all differences come from what you do."""
-        other = resume(self.snapshot(), seed=seed)
-        other._mission.take_over(self._mission.sent())
-        return other
+        return resume(self.snapshot(), seed=seed)
 
     def record(
         self,
@@ -304,7 +306,7 @@ class SimulatedFleet(Fleet):
     def __repr__(self) -> str:
         scenario, simulator = self.swarm.simulator.scenario, self.swarm.simulator
         groups = ", ".join(f"{name} {len(members)}" for name, members in self.groups.items())
-        mission = self.mission.sentence(by_itself=bool(self.swarm.mission))
+        mission = self.mission.sentence(by_itself=bool(self.swarm.mission), halted=self.swarm.halted)
         return (
             f"{scenario.name}: {len(self):,} robots after {self.time:g} s, seed {simulator.seed}"
             f"{f'; groups: {groups}' if groups else ''}{f'; {mission}' if mission else ''}"
@@ -336,8 +338,8 @@ def open(
     depends on, None for the scenario's. robots: their number, or a class with @sensor, @actuator,
     @function and @command that adds to each of them, or the name of one that an installed package adds.
     area_per_robot (m2), walls: changes of the scenario. over: any of its keys, each with what it says instead, as
-    {"radio.loss": 0.3}. mission: whether the desk sends the scenario's own commands by itself, at their times; else
-    `SimulatedFleet.play` does. threads: None is one for each core; any number gives the same bits.
+    {"radio.loss": 0.3}. mission: whether the desk sends the scenario's own commands by itself, at their times,
+    until a `stop`; else `SimulatedFleet.play` does. threads: None is one for each core; any number gives the same bits.
     Raises MisuseError for no such scenario, SettingsError for what is wrong in it.
     """
     changed = _changed(over)

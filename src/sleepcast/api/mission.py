@@ -84,8 +84,9 @@ class Mission(Sequence[MissionLine]):
         some._lines = tuple(line for line in self._lines if line.result is None)
         return some
 
-    def sentence(self, by_itself: bool = False) -> str:
-        """How far it is, and how to play it; "" for none. by_itself: whether the desk sends the rest at its times."""
+    def sentence(self, by_itself: bool = False, halted: bool = False) -> str:
+        """How far it is, and how to play it; "" for none. by_itself: whether the desk sends the rest at its times;
+        halted: whether STOP has ended that."""
         if not self:
             return ""
         commands, rest = f"{len(self)} command{'s' * (len(self) > 1)}", len(self.rest)
@@ -94,6 +95,8 @@ class Mission(Sequence[MissionLine]):
         sent = "none was sent" if rest == len(self) else f"{len(self) - rest} sent"
         if by_itself:
             return f"a mission of {commands}, {sent}: the rest is sent by itself while time passes"
+        if halted:
+            return f"a mission of {commands}, {sent}: STOP ended it; fleet.release(), then fleet.play() sends the rest"
         what = f"{'it' if len(self) == 1 else 'them'} at {'its time' if len(self) == 1 else 'their times'}"
         return f"a mission of {commands}, {sent}: fleet.play() sends {what if rest == len(self) else 'the rest'}"
 

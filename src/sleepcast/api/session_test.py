@@ -101,18 +101,35 @@ def orders_of(swarm: Swarm, station: Station, inputs: Inputs, hold: Hold) -> lis
         )
     tick = swarm.simulator.scenario.tick
     known = {command.id for command in station.commands()}
-    orders, seen = list[Order](), set[str]()
-    for sent, message in inputs.posted:
-        if message.id in seen or order_sort(message) is None:  # the desk sends a STOP again until all have answered
-            continue
-        seen.add(message.id)
-        if round(message.issued / tick) == sent:  # by the scenario's own mission, which is run again
+    orders, own = list[Order](), is_run_again(inputs, tick)
+    for sent, message in _sent_first(inputs):
+        if order_sort(message) is None or (own and _is_missions(sent, message, tick)):
             continue
         wanted = tuple(hold(message.id, station.accounting(message.id))) if message.id in known else ()
         orders.append(Order(_time(sent, tick), _instruction(message).written(), "", wanted))
     if len(orders) > MAX_ORDERS:
         raise MisuseError(f"{len(orders):,} commands were sent; at most {MAX_ORDERS:,} fit into one test")
     return orders
+
+
+def is_run_again(inputs: Inputs, tick: float) -> bool:
+    """Whether the desk has sent the scenario's mission by itself, and will send the same in a test: somebody's STOP
+    ends a mission, and what was sent of that one is the test's own then. tick: s in each."""
+    missions = [(message.kind, _is_missions(sent, message, tick)) for sent, message in _sent_first(inputs)]
+    return any(by_itself for _, by_itself in missions) and (Kind.STOP, False) not in missions
+
+
+def _sent_first(inputs: Inputs) -> list[tuple[int, Message]]:
+    """The messages with the ticks in which they were sent first: the desk repeats a STOP until all have answered."""
+    first = dict[str, tuple[int, Message]]()
+    for sent, message in inputs.posted:
+        first.setdefault(message.id, (sent, message))
+    return list(first.values())
+
+
+def _is_missions(sent: int, message: Message, tick: float) -> bool:
+    """Whether the desk has sent it by itself, within a tick; what people send lies between two ticks."""
+    return round(message.issued / tick) == sent
 
 
 def _time(sent: int, tick: float) -> float:
@@ -176,7 +193,6 @@ def session_files(
         raise MisuseError("Robots of a class of your own cannot be saved: a test has only the scenario's robots.")
     orders = orders_of(swarm, station, inputs, hold)
     name, changes = source_of(scenario, simulator.seed)
-    own = any(round(message.issued / scenario.tick) == sent for sent, message in inputs.posted)
     if home is not None and os.path.isabs(name):
         name = os.path.relpath(name, home)
     lines = [
@@ -188,7 +204,7 @@ def session_files(
         f'mission = "{MISSION}"',
     ]
     lines += [f"world_seed = {changes.seed}"] if changes.seed not in (None, simulator.seed) else []
-    lines += ["own_mission = true"] if own else []
+    lines += ["own_mission = true"] if is_run_again(inputs, scenario.tick) else []
     lines += [f"robots = {changes.robots}"] if changes.robots is not None else []
     lines += [f"area_per_robot = {changes.area_per_robot!r}"] if changes.area_per_robot is not None else []
     lines += [] if changes.walls else ["walls = false"]

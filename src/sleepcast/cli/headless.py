@@ -61,7 +61,7 @@ class Run:
 
     def missed(self) -> list[str]:
         """A sentence for each count that the mission wanted, and that came otherwise."""
-        accounts = ((order, self.station.accounting(sent)) for order, sent in self.swarm.given)
+        accounts = ((order, self.station.accounting(sent)) for order, sent in self.swarm.given if order.wanted)
         missed = [each for order, found in accounts for each in unmet(order, counts_of(found))]
         return missed + [each for order in self.swarm.mission for each in unsent(order, self.swarm.now())]
 

@@ -3,12 +3,14 @@
 A command counts as the first order with its words, its sort and its robots that has not been sent yet. So it does not
 matter who sent it: the mission itself, a person at the prompt, or a program. STOP and RELEASE have no words of their
 own, and everybody may press them: they count at the very time of the order alone, unless whoever plays it says more.
+
+A person's STOP is ended by a person: it ends the mission, whose RELEASE would set the robots free otherwise.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Protocol, TypeAlias
 
 from sleepcast.channel import Kind, Message
@@ -34,6 +36,18 @@ def readable(order: Order) -> Order:
     return order
 
 
+def is_stopped_by_others(messages: Iterable[Message], own: Collection[str]) -> bool:
+    """Whether a STOP among these messages, oldest first, holds that the mission has not sent. own: the ids of what it
+    has sent."""
+    holds = False
+    for message in messages:
+        if message.kind is Kind.RELEASE:
+            holds = False
+        elif message.kind is Kind.STOP and message.id not in own:
+            holds = True
+    return holds
+
+
 class SentMessage(Protocol):
     """What a desk keeps of a message that it has sent."""
 
@@ -54,11 +68,18 @@ def named_robots(message: Message, key: str) -> tuple[str, ...] | None:
 
 class MissionLog:
     """The orders of a mission, and what was sent of them. commands: what the desk has sent, oldest first. tick: s by
-    which an order is sent before its time, so that it is on the air then."""
+    which an order is sent before its time, so that it is on the air then. given: orders that are known to have been
+    sent, with the ids of their messages; it grows, and belongs to the run."""
 
-    def __init__(self, orders: Sequence[Order], commands: Callable[[], Iterable[SentMessage]], tick: float) -> None:
+    def __init__(
+        self,
+        orders: Sequence[Order],
+        commands: Callable[[], Iterable[SentMessage]],
+        tick: float,
+        given: list[tuple[Order, str]],
+    ) -> None:
         self.orders = tuple(orders)
-        self._commands, self._tick = commands, tick
+        self._commands, self._tick, self._given = commands, tick, given
         self._sent: dict[int, Message] = {}
         self._seen: set[str] = set()
         self._waiting: dict[Words, deque[int]] = {}
@@ -67,19 +88,23 @@ class MissionLog:
 
     def sent(self) -> Mapping[int, Message]:
         """The messages of the orders that were sent, by their place in `orders`."""
-        for command in self._commands():
-            if command.message.id not in self._seen:
-                self._seen.add(command.message.id)
-                self._count(command.message)
+        new = [command.message for command in self._commands() if command.message.id not in self._seen]
+        given = {sent: order for order, sent in self._given} if new else {}
+        for message in new:
+            self._seen.add(message.id)
+            order = given.get(message.id)
+            number = self._like(message) if order is None else self._place(order)
+            if number is not None:
+                self._take(number, message)
         return self._sent
 
     def note(self, number: int, message: Message) -> None:
         """This message is the order at this place, once more if it was sent before."""
+        before = self._sent.get(number)
+        self._given[:] = [each for each in self._given if before is None or each[1] != before.id]
+        self._given.append((self.orders[number], message.id))
         self._seen.add(message.id)
-        self._sent[number] = message
-        waiting = self._waiting[_words(instruction(self.orders[number]))]
-        if number in waiting:
-            waiting.remove(number)
+        self._take(number, message)
 
     def take_over(self, sent: Mapping[int, Message]) -> None:
         """What was sent of the same mission in the run that this one was forked from, as far as it is known here."""
@@ -88,11 +113,24 @@ class MissionLog:
             if message.id in known:
                 self.note(number, message)
 
-    def _count(self, message: Message) -> None:
+    def _take(self, number: int, message: Message) -> None:
+        self._sent[number] = message
+        waiting = self._waiting[_words(instruction(self.orders[number]))]
+        if number in waiting:
+            waiting.remove(number)
+
+    def _like(self, message: Message) -> int | None:
+        """The first order of its words that was not sent."""
         words = _words_of(message)
         waiting = None if words is None else self._waiting.get(words)
         if waiting and (message.kind not in _WORDLESS or self._in_time(waiting[0], message)):
-            self._sent[waiting.popleft()] = message
+            return waiting[0]
+        return None
+
+    def _place(self, order: Order) -> int | None:
+        """The place of this order, the first that was not sent of several that are the same."""
+        places = [number for number, each in enumerate(self.orders) if is_same(each, order)]
+        return next((number for number in places if number not in self._sent), next(iter(places), None))
 
     def _in_time(self, number: int, message: Message) -> bool:
         return abs(message.issued - self.orders[number].time) < 1.5 * self._tick
@@ -101,6 +139,11 @@ class MissionLog:
         """The places of those that were not sent yet."""
         sent = self.sent()
         return [number for number in range(len(self.orders)) if number not in sent]
+
+
+def is_same(order: Order, other: Order) -> bool:
+    """A snapshot keeps of an order little more than when it is sent, and its text."""
+    return (order.time, order.text) == (other.time, other.text)
 
 
 def _words(found: Instruction) -> Words:

@@ -14,7 +14,7 @@ number of the tick, so a run repeats to the last bit at any speed.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from math import isinf
 from typing import Protocol
@@ -30,7 +30,7 @@ from sleepcast.core.units import NONE, UNITS
 from sleepcast.fleet import Fleet, RobotView
 from sleepcast.fleet.state import Column, Index, Rows
 from sleepcast.language.vocabulary import Vocabulary
-from sleepcast.loop.mission import readable
+from sleepcast.loop.mission import is_stopped_by_others, readable
 from sleepcast.mind.views import Result
 from sleepcast.robot import RobotModel
 from sleepcast.simulator import MissionError, Order, Simulator
@@ -157,7 +157,9 @@ class Swarm:
         self.refused: Callable[[Order, MissionError], None] | None = None
         """Told of an order of the mission that cannot be sent; without it that is raised."""
         self.given: list[tuple[Order, str]] = []
-        """The orders that say what shall become of them and were sent, with the ids of their messages."""
+        """The orders of the mission that were sent, with the ids of their messages."""
+        self.halted = False
+        """Whether somebody's STOP has ended the mission."""
         self.carried = Carried(scenario.tick)
         """What runs so far have left over, since a tick is the least that time moves."""
         self.telemetry_ticks = max(1, round(scenario.telemetry / scenario.tick))
@@ -176,6 +178,16 @@ class Swarm:
     def post(self, message: Message) -> None:
         """Queue an operator's message for the next tick. May be called from any thread."""
         self.posted.append(message)
+
+    def is_stopped_by_others(self, messages: Iterable[Message]) -> bool:
+        """See `mission.is_stopped_by_others`."""
+        return is_stopped_by_others(messages, {sent for _, sent in self.given})
+
+    def heed_stops(self, messages: Collection[Message]) -> None:
+        """End the mission if a STOP is among the operator's messages that it has not sent itself."""
+        if self.mission and messages and self.is_stopped_by_others(messages):
+            self.mission.clear()
+            self.halted = True
 
     def step(self) -> None:
         """One tick."""
@@ -257,14 +269,23 @@ def _act(swarm: Swarm) -> None:
 
 def _deliver(swarm: Swarm) -> None:
     """Bring the robots the messages that they receive in this tick."""
+    _send_posted(swarm)
     _give_orders(swarm)
+    _send_posted(swarm)
+    for message, robots in swarm.radio.receive_all():
+        swarm.fleet.receive(message, robots)
+
+
+def _send_posted(swarm: Swarm) -> None:
+    """Send what the desk has posted."""
+    sent = list[Message]()
     while swarm.posted:
         message = swarm.posted.popleft()
         swarm.air.send(message)
+        sent.append(message)
         for witness in swarm.witnesses:
             witness.posted(message)
-    for message, robots in swarm.radio.receive_all():
-        swarm.fleet.receive(message, robots)
+    swarm.heed_stops(sent)
 
 
 def _give_orders(swarm: Swarm) -> None:
@@ -279,8 +300,7 @@ def _give_orders(swarm: Swarm) -> None:
                 raise
             swarm.refused(order, error)
             return
-        if order.wanted:
-            swarm.given.append((order, sent.id))
+        swarm.given.append((order, sent.id))
 
 
 def give(desk: Desk, order: Order, *, confirmed: bool = False, undecided: bool = True) -> Sent:

@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import cast
 
-from sleepcast.channel import Kind, Message
+from sleepcast.channel import Message
 from sleepcast.console.marks import clock_time
 from sleepcast.console.mission import STOPPED
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.ticks import tick_at
 from sleepcast.loop import Swarm
-from sleepcast.loop.mission import MissionLog
+from sleepcast.loop.mission import MissionLog, is_same
 from sleepcast.loop.swarm import give
 from sleepcast.simulator import MissionError, Order
 from sleepcast.station import Command, Station
@@ -30,17 +30,14 @@ class SwarmMission:
     def __init__(self, swarm: Swarm, station: Station, log: MissionLog | None = None) -> None:
         scenario = swarm.simulator.scenario
         self._swarm, self._station = swarm, station
-        self._log = log or MissionLog(scenario.mission, station.commands, scenario.tick)
-        self._known: set[str] = set()
-        """STOPs that do not end it: those from before it was played, and its own."""
+        self._log = log or MissionLog(scenario.mission, station.commands, scenario.tick, swarm.given)
         self._waiting: list[Order] = []
         """What is to be played when somebody has decided about the problem."""
         self.left_out: frozenset[int] = frozenset()
-        self.problem, self.said, self.doubt = -1, "", False
+        self.problem, self._said, self.doubt = -1, "", False
         self.hold: Callable[[], None] = lambda: None
         self._brought = bool(swarm.mission)
         """Whether a snapshot was taken while the mission was played, and it goes on with that."""
-        self._know_stops()
         swarm.refused = self._refused
         swarm.senders.append(self.send_due)
 
@@ -60,6 +57,10 @@ class SwarmMission:
         """See `MissionLog`."""
         self._log.take_over(sent)
 
+    @property
+    def said(self) -> str:
+        return STOPPED if self._swarm.halted else self._said
+
     # ---- what people do
 
     def play(self) -> str:
@@ -77,29 +78,21 @@ class SwarmMission:
     def _go_on(self, rest: Sequence[Order]) -> None:
         self._clear()
         self._brought = False
-        self._know_stops()
         self._swarm.mission.extend(rest)
 
     def _stop_holds(self) -> bool:
-        """Whether the last STOP was not released and is not the mission's own, which the mission releases."""
-        for command in reversed(self._station.commands()):
-            if command.kind in (Kind.STOP, Kind.RELEASE):
-                own = {each.id for each in self._log.sent().values()}
-                return command.kind is Kind.STOP and command.id not in own
-        return False
-
-    def _know_stops(self) -> None:
-        self._known.update(each.id for each in self._station.commands() if each.kind is Kind.STOP)
-        self._known.update(each.id for each in self._swarm.posted if each.kind is Kind.STOP)
+        """Whether a STOP holds that the mission has not sent, and so does not release."""
+        return self._swarm.is_stopped_by_others(each.message for each in self._station.commands())
 
     def halt(self, why: str) -> None:
         if self.playing or self._waiting:
             self._clear()
             self._swarm.mission.clear()
-            self.said = why
+            self._said = why
 
     def _clear(self) -> None:
-        self.problem, self.said, self.doubt, self._waiting = -1, "", False, []
+        self.problem, self._said, self.doubt, self._waiting = -1, "", False, []
+        self._swarm.halted = False
 
     def send(self, number: int, *, confirmed: bool, again: bool) -> None:
         self._check(number)
@@ -132,17 +125,14 @@ class SwarmMission:
         mission.extend(rest)
         if number == self.problem:
             self._go_on(_without(self._waiting, order))
+            self._swarm.heed_stops([each.message for each in self._station.commands()])
 
     # ---- before each tick
 
     def send_due(self) -> None:
         """Send what is due in the tick that begins now."""
         mission, scenario = self._swarm.mission, self._swarm.simulator.scenario
-        if not mission:
-            return
-        if self._is_stopped():
-            self.halt(STOPPED)
-            return
+        self._swarm.heed_stops(self._swarm.posted.copy())
         following = self._swarm.simulator.tick + 1
         while mission and tick_at(mission[0].time, scenario.tick) <= following:
             place = self._place(mission[0])
@@ -160,14 +150,9 @@ class SwarmMission:
     def _place(self, order: Order) -> int | None:
         """The first of its places of which nobody has decided yet; None if there is none, -1 for an order of which the
         scenario knows nothing."""
-        places = [number for number, each in enumerate(self.orders) if _same(each, order)]
+        places = [number for number, each in enumerate(self.orders) if is_same(each, order)]
         settled = self._log.sent().keys() | self.left_out
         return next((number for number in places if number not in settled), None if places else -1)
-
-    def _is_stopped(self) -> bool:
-        """Whether a STOP goes out that is not its own; the desk sends a STOP again while robots are silent."""
-        stops = [each.id for each in self._swarm.posted if each.kind is Kind.STOP and each.id not in self._known]
-        return bool(stops) and not set(stops) <= {each.id for each in self._log.sent().values()}
 
     def _refused(self, order: Order, error: MissionError) -> None:
         """The swarm cannot send one that a snapshot brought along."""
@@ -179,25 +164,20 @@ class SwarmMission:
         sent = cast(Command, give(self._station, order, confirmed=confirmed, undecided=False))
         if number >= 0:
             self._log.note(number, sent.message)
-        if sent.kind is Kind.STOP:
-            self._known.add(sent.id)
+        else:
+            self._swarm.given.append((order, sent.id))
 
     def _wait_for_somebody(self, number: int, error: MissionError, rest: list[Order]) -> None:
         cause = error.__cause__
         self._swarm.mission.clear()
         self._waiting = rest
         self.problem, self.doubt = number, isinstance(cause, DoubtError)
-        self.said = cause.shown if isinstance(cause, DoubtError) else str(cause or error)
+        self._said = cause.shown if isinstance(cause, DoubtError) else str(cause or error)
         self.hold()
 
 
 def _without(orders: Iterable[Order], order: Order) -> list[Order]:
     """All but the first that is the same."""
     found = list(orders)
-    at = next((number for number, each in enumerate(found) if _same(each, order)), len(found))
+    at = next((number for number, each in enumerate(found) if is_same(each, order)), len(found))
     return found[:at] + found[at + 1 :]
-
-
-def _same(order: Order, other: Order) -> bool:
-    """A snapshot keeps of an order only when it is sent, and its text."""
-    return (order.time, order.text) == (other.time, other.text)

@@ -50,7 +50,7 @@ PIPELINES = {  # rooms within a room, and its modules: each imports only what st
 }
 GROUND = frozenset({"core"})  # everybody may import it
 HOUSE = {
-    "core": room(libraries="msgspec numpy", late="pyproj"),
+    "core": room(libraries="msgspec numpy", late="platformdirs pyproj"),
     "language": room(),
     "sentences": room("language"),
     "channel": room(libraries="msgspec numpy cbor2 nacl zenoh"),

@@ -18,6 +18,8 @@ from pathlib import Path
 from secrets import token_hex
 from stat import S_ISDIR, S_ISREG, S_IWGRP, S_IWOTH
 
+from sleepcast.core.files import cache_folder
+
 MOST = 32 * 1024 * 1024
 """Bytes of one sort of code at most; what was not used for longest goes first. All kernels of one version take some 3
 MB, the rules of one scenario some 30 kB: room for ten versions, or for a thousand scenarios."""
@@ -35,9 +37,8 @@ class CodeCache:
     @property
     def folders(self) -> tuple[Path, Path]:
         """Where code is kept, and where else if it cannot be kept there."""
-        caches = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
         other = Path(tempfile.gettempdir()) / f"sleepcast-{os.geteuid()}-{self._sort}"
-        return Path(caches) / "sleepcast" / self._sort, other
+        return cache_folder() / self._sort, other
 
     def load(self, name: str) -> bytes | None:
         """The piece of this name; None if there is none."""

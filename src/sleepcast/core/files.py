@@ -8,17 +8,32 @@ from io import FileIO
 from pathlib import Path
 from stat import S_ISDIR, S_ISREG
 
+NAME = "sleepcast"
+
 
 def data_folder() -> Path:
     """Where sleepcast keeps a person's own data, by the custom of the system."""
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Application Support" / "sleepcast"
-    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "sleepcast"
+    import platformdirs
+
+    return platformdirs.user_data_path(NAME, appauthor=False)
 
 
 def config_folder() -> Path:
-    """Where sleepcast keeps a person's settings and keys."""
-    return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "sleepcast"
+    """Where sleepcast keeps a person's settings and keys, by the custom of the system; on macOS where 0.2.0 has put
+    them, if they are there."""
+    import platformdirs
+
+    before = Path.home() / ".config" / NAME
+    if sys.platform == "darwin" and not os.environ.get("XDG_CONFIG_HOME") and before.is_dir():
+        return before
+    return platformdirs.user_config_path(NAME, appauthor=False)
+
+
+def cache_folder() -> Path:
+    """Where sleepcast keeps what it can make again, by the custom of the system."""
+    import platformdirs
+
+    return platformdirs.user_cache_path(NAME, appauthor=False)
 
 
 def open_file(file: Path) -> FileIO:

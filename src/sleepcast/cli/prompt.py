@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -72,28 +73,41 @@ def _keys() -> KeyBindings:
     return keys
 
 
-class NameCompleter(Completer):
+class WordCompleter(Completer):
+    """Completes the word before the cursor."""
+
+    def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
+        """The names that begin with the word before the cursor."""
+        before = document.text_before_cursor
+        match = WORD.search(before)
+        word = match.group() if match else ""
+        if not word and not complete_event.completion_requested:
+            return
+        for name in self.names(before, word):
+            if name.casefold().startswith(word.casefold()):
+                yield Completion(name, start_position=-len(word), display_meta=self.about(name))
+
+    @abstractmethod
+    def names(self, before: str, word: str) -> Iterable[str]:
+        """What may stand there. before: all that was typed up to the cursor; word: what it ends with."""
+
+    @abstractmethod
+    def about(self, name: str) -> str:
+        """What a name is, in a few words."""
+
+
+class NameCompleter(WordCompleter):
     """Completes names that the mind knows at this moment, each with what it is, and the questions of the repl."""
 
     def __init__(self, node: Node, questions: Sequence[str]) -> None:
         self._node, self._questions = node, questions
 
-    def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
-        """The names that begin with the word before the cursor."""
-        before = document.text_before_cursor
-        found = WORD.search(before)
-        word = found.group() if found else ""
-        if not word and not complete_event.completion_requested:
-            return
-        names = self._questions if before.startswith(":") and before == word else self._names()
-        for name in names:
-            if name.casefold().startswith(word.casefold()):
-                yield Completion(name, start_position=-len(word), display_meta=self._about(name))
-
-    def _names(self) -> list[str]:
+    def names(self, before: str, word: str) -> Iterable[str]:
+        if before.startswith(":") and before == word:
+            return self._questions
         return sorted({*self._node.vocabulary.names(), *self._node.heard()}, key=str.casefold)
 
-    def _about(self, name: str) -> str:
+    def about(self, name: str) -> str:
         usage = usage_of(name)
         if usage:
             return usage

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from prompt_toolkit.completion import CompleteEvent, Completer, Completion
-from prompt_toolkit.document import Document
-
-from sleepcast.cli.prompt import WORD, usage_of
+from sleepcast.cli.prompt import WordCompleter, usage_of
 from sleepcast.cli.tui.commands import QUESTIONS
 from sleepcast.cli.tui.panes import span
 from sleepcast.cli.tui.session import Session
@@ -16,31 +13,20 @@ from sleepcast.language.vocabulary import Variable
 from sleepcast.station.remote import RemoteMinds
 
 
-class SessionNames(Completer):
+class SessionNames(WordCompleter):
     """Completes names that the fleet knows now, each with what it is worth, and what the desk can be asked."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
 
-    def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
-        """The names that begin with the word before the cursor."""
-        before = document.text_before_cursor
-        found = WORD.search(before)
-        word = found.group() if found else ""
-        if not word and not complete_event.completion_requested:
-            return
-        for name in self._names(before, word):
-            if name.casefold().startswith(word.casefold()):
-                yield Completion(name, start_position=-len(word), display_meta=self._about(name))
-
-    def _names(self, before: str, word: str) -> Iterable[str]:
+    def names(self, before: str, word: str) -> Iterable[str]:
         if before == word and word.startswith(":"):
             return [f":{name}" for name in QUESTIONS]
         if before.startswith((":to ", ":why ")):
             return [*self._session.station.roster, *(each.label for each in self._session.addressees() if each.label)]
         return names_of(self._session.telemetry.minds)
 
-    def _about(self, name: str) -> str:
+    def about(self, name: str) -> str:
         minds = self._session.telemetry.minds
         usage, members, values = usage_of(name), members_of(name, minds), range_of(name, minds)
         if usage:

@@ -134,11 +134,6 @@ FEATURES = {
     "worlds without edges": Feature(
         "the table [world]",
         r"""["']torus["']|scenario\.torus""",
-        {
-            "simulator/bodies/": "asks whether the world has edges",
-            "simulator/motion/": "the same",
-            "simulator/simulation.py": "the same",
-        },
     ),
     "hills of fields": Feature("what a field of a scenario consists of", r"\bhills?\b"),
     "the sensor front_range": Feature(

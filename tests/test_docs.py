@@ -15,11 +15,15 @@ Fenced blocks are told apart by the word after the fence:
     console    command lines, each after `$ `, and what they print; `...` stands for anything
     terminal, air    a page that is followed as a whole: see tests/test_howto.py
 
-A path behind that word makes the block a file, which the page's commands and programs find in their folder.
+A path behind that word makes the block a file, which the page's commands and programs find in their folder. Behind
+`python`, `excerpt=station/station.py:Station.validate` makes it lines of that function, as they stand below
+`src/sleepcast`; a line `...` leaves some out.
 """
 
 from __future__ import annotations
 
+import ast
+import difflib
 import doctest
 import importlib
 import importlib.util
@@ -29,6 +33,7 @@ import shlex
 import struct
 import subprocess
 import sys
+import textwrap
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,18 +70,21 @@ PATIENCE = 15.0
 """Simulated seconds between two commands of the tutorial: enough for a rule to prove itself, or to fail."""
 TICK = 0.1
 """Seconds of simulated time that one of `:ticks` lasts."""
+EXCERPT = "excerpt="
 FENCE = re.compile(r"^```([\w-]*)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 @dataclass(frozen=True)
 class Block:
-    """One fenced block. sort: the word after the fence; file: the path behind it. line: of its first line of text."""
+    """One fenced block. sort: the word after the fence, or `excerpt`; file: the path behind it; source: what it is an
+    excerpt of, as `path:function`. line: of its first line of text."""
 
     page: Path
     sort: str
     file: str
     text: str
     line: int
+    source: str = ""
 
     @property
     def where(self) -> str:
@@ -85,11 +93,12 @@ class Block:
 
 def blocks_of(page: Path) -> list[Block]:
     """Every fenced block of a page."""
-    text = page.read_text(encoding="utf-8")
-    return [
-        Block(page, match[1], match[2] or "", match[3], text.count("\n", 0, match.start(3)) + 1)
-        for match in FENCE.finditer(text)
-    ]
+    text, found = page.read_text(encoding="utf-8"), []
+    for match in FENCE.finditer(text):
+        sort, behind, line = match[1], match[2] or "", text.count("\n", 0, match.start(3)) + 1
+        source = behind.removeprefix(EXCERPT) if behind.startswith(EXCERPT) else ""
+        found.append(Block(page, "excerpt" if source else sort, "" if source else behind, match[3], line, source))
+    return found
 
 
 def blocks(*sorts: str) -> list[Block]:
@@ -474,9 +483,71 @@ def test_a_program_runs(
     assert capsys.readouterr().out.splitlines() == wanted
 
 
+# ---- how it is built
+
+
+def source_of(source: str) -> str:
+    """The text of a function, given as `path:Class.method` below `src/sleepcast`, without the indent of its place."""
+    path, _, name = source.partition(":")
+    text = (ROOT / "src" / "sleepcast" / path).read_text(encoding="utf-8")
+    node: ast.AST = ast.parse(text)
+    for each in name.split("."):
+        inside = [child for child in ast.iter_child_nodes(node) if getattr(child, "name", "") == each]
+        assert inside, f"src/sleepcast/{path} has no {name} any more: which function does this step now?"
+        (node,) = inside
+    assert isinstance(node, ast.FunctionDef)
+    return textwrap.dedent("\n".join(text.splitlines()[node.lineno - 1 : node.end_lineno]))
+
+
+def excerpt_error(shown: str, source: str) -> str:
+    """Why what is shown is not lines of the source in their order, "" if it is. Where lines stand apart, `...` stands
+    between them; how far all of them are indented together does not matter."""
+    lines = source.splitlines()
+    begin = 0
+    for piece in re.split(r"^ *\.\.\.\n", shown, flags=re.MULTILINE):
+        wanted = textwrap.dedent(piece).splitlines()
+        size = len(wanted)
+        for place in range(begin, len(lines) - size + 1):
+            if textwrap.dedent("\n".join(lines[place : place + size])).splitlines() == wanted:
+                begin = place + size
+                break
+        else:
+            near = difflib.unified_diff(wanted, lines, "the page", "the function as it is", n=0, lineterm="")
+            return "\n".join(near)
+    return ""
+
+
+@each("excerpt")
+def test_an_excerpt_is_what_the_function_says(block: Block) -> None:
+    """If this fails, the function has changed: take its new lines over into the page, and look whether the words around
+    them are still true. If it was moved, change the path after `excerpt=`, and the step in docs/architecture.md."""
+    difference = excerpt_error(block.text, source_of(block.source))
+    assert not difference, f"{block.where} shows other lines than {block.source} has:\n{difference}"
+
+
+def test_excerpts_are_compared_line_by_line() -> None:
+    source = "def f(x):\n    if x:\n        y = 1\n    z = 2\n    return z\n"
+    for shown in ("y = 1\n", "    if x:\n        y = 1\n", "if x:\n    y = 1\n...\nreturn z\n"):
+        assert excerpt_error(shown, source) == ""
+    for shown in ("y = 2\n", "if x:\ny = 1\n", "return z\n...\nz = 2\n", "y = 1\nreturn z\n"):
+        assert excerpt_error(shown, source)
+
+
+STEP = re.compile(r"`([a-z_/]+\.py): ([\w.]+)`")
+DAY = ROOT / "docs" / "a-day-in-the-house.md"
+"""One command down and one reading up, in excerpts."""
+
+
+def test_a_day_in_the_house_goes_the_ways_that_the_architecture_lists() -> None:
+    modules = {path for path, _ in STEP.findall(ARCHITECTURE.read_text(encoding="utf-8"))}
+    sources = [block.source.partition(":")[0] for block in blocks_of(DAY) if block.sort == "excerpt"]
+    assert len(sources) > 15
+    assert [path for path in sources if path not in modules] == [], "docs/architecture.md names no step there"
+
+
 def test_the_ways_down_and_up_exist() -> None:
     """Every step in docs/architecture.md that names a module and a function."""
-    steps = re.findall(r"`([a-z_/]+\.py): ([\w.]+)`", ARCHITECTURE.read_text())
+    steps = STEP.findall(ARCHITECTURE.read_text(encoding="utf-8"))
     assert len(steps) > 25
     for path, name in steps:
         where = ".".join(["sleepcast", *path.removesuffix(".py").split("/")])

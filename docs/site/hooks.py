@@ -95,6 +95,6 @@ def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
 
 def fence(match: re.Match[str]) -> str:
     """The first line of a fenced block, as the highlighter wants it."""
-    sort, file = match[1], match[2]
+    sort, file = match[1], match[2] and match[2].removeprefix("excerpt=").replace(":", ": ")
     title = f' title="{file}"' if file else ""
     return f"```{{.{COLOURED.get(sort, sort)} .{sort}{title}}}"

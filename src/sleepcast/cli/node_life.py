@@ -70,8 +70,8 @@ def _expressions(text: str, path: Path) -> Iterator[tuple[str, str]]:
 
 
 def run_start_script(node: Node, beginning: StartScript) -> None:
-    """Evaluate a robot's first expressions. Raises MisuseError for one that it cannot run, BeginningError for one that
-    goes wrong."""
+    """Evaluate a robot's first expressions. Raises MisuseError for one that it cannot run, StartScriptError for one
+    that goes wrong."""
     for place, text in beginning.expressions:
         try:
             result = node.evaluate(text)

@@ -42,13 +42,13 @@ class PeerCache:
         return cls(data_folder() / "rosters" / f"{fleet.encode().hex()}.json")
 
     def save(self, heard: Mapping[str, float]) -> None:
-        """Remember who was heard. Raises ContactsLostError; the file is then as it was."""
+        """Remember who was heard. Raises CacheError; the file is then as it was."""
         known = self._read()
         known.update((name, max(time, known.get(name, -inf))) for name, time in heard.items() if isfinite(time))
         self._write(known)
 
     def forget(self, names: Iterable[str]) -> None:
-        """Miss these no more, until they are heard again. Raises ContactsLostError."""
+        """Miss these no more, until they are heard again. Raises CacheError."""
         known = self._read()
         for name in names:
             known.pop(name, None)
@@ -122,7 +122,7 @@ class TelemetryCache:
         return state.commanded if state.commanded <= now else now
 
     def save(self, minds: RemoteMinds, now: float, commanded: float) -> None:
-        """Keep recent telemetry, and when robots were last commanded. Raises ContactsLostError; the file is then as it
+        """Keep recent telemetry, and when robots were last commanded. Raises CacheError; the file is then as it
         was."""
         tellers = [
             (mind.name, mind.reported_at, mind.telemetry)

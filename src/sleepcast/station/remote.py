@@ -137,7 +137,7 @@ class RemoteMind:
         return self._minds.learned(self.telemetry.mind)
 
     def place(self, fitted: SlotMap, vocabulary: Vocabulary) -> None:
-        """Put its numbers into the slots of the fleet's vocabulary. Raises TellingError for numbers of another
+        """Put its numbers into the slots of the fleet's vocabulary. Raises TelemetryError for numbers of another
         type, VocabularyError where a variable of its own finds no room."""
         numbers = self.telemetry.numbers()
         if len(numbers) != len(fitted.slots):

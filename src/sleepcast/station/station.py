@@ -317,8 +317,8 @@ class Station:
         programs, which may send while a sensor knows nothing. Raises ReadError and CheckError for a text that no robot
         could run, DoubtError for one that is hardly meant, where the desk asks about that, NotConfirmedError if it
         would go to everybody and neither `everybody` nor `only` says so, CountNeededError for a missing or wrong count,
-        SortError for a standing command that has a test and joins a group (who matches is a matter of the moment) or a
-        deadline, UnknownRobotError, AudienceError.
+        CommandTypeError for a standing command that has a deadline, or a test and joins a group (who matches is a
+        matter of the moment), UnknownRobotError, AudienceError.
         """
         audience = Audience.of(only, but)
         settled = self.validate(Draft(text, standing, deadline, everybody, count, audience, confirmed, undecided))

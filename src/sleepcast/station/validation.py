@@ -261,7 +261,7 @@ def _for_good(program: Program) -> str:
 
 
 def validate_type(program: Program, standing: bool, deadline: float | None) -> float:
-    """The seconds for which a command is good. Raises SortError."""
+    """The seconds for which a command is good. Raises CommandTypeError."""
     if not standing:
         seconds = DEADLINE if deadline is None else deadline
         if not 0.0 < seconds <= MAX_DEADLINE:

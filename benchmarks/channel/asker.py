@@ -20,7 +20,7 @@ from sleepcast.api.connection import FLEET
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import encode
 from sleepcast.channel.keys import KeyPair
-from sleepcast.channel.message import LOOK, Inspection, Link, Role
+from sleepcast.channel.message import LOOK, Inspection, Predecessors, Role
 from sleepcast.channel.transports.udp import UdpTransport
 from sleepcast.core.clock import epoch_at
 
@@ -77,7 +77,7 @@ def message(sort: Sort, epoch: int, number: int, now: float) -> Message:
     if sort.standing:
         text = f"(RULE flood{number % 9} {text})"
     if sort.kind is Kind.COMMAND and sort.role is not Role.ROBOT:
-        body |= Link(number - 1, now, now + GOOD, number - 1 if sort.standing else 0).written()
+        body |= Predecessors(number - 1, now, now + GOOD, number - 1 if sort.standing else 0).written()
     deadline = inf if sort.standing else now + GOOD
     return Message(owner, epoch, number, sort.kind, now, deadline, text, sort.standing, body)
 

@@ -9,10 +9,10 @@ import pytest
 
 import sleepcast as sc
 from sleepcast.api import looks
-from sleepcast.api.looks import LOOKS, NONE, Look, looks_of, of_colour, of_group
+from sleepcast.api.looks import LOOKS, NONE, Appearance, looks_of, of_colour, of_group
 
 
-def shape(look: Look) -> tuple[object, ...]:
+def shape(look: Appearance) -> tuple[object, ...]:
     """What is left of a look without colour."""
     return tuple(look.corners), look.spot
 

@@ -25,8 +25,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridges.mind import PATIENCE
 from sleepcast.bridges import UNLIMITED, Opening, open_robot
 from sleepcast.bridges.address import BodyError
-from sleepcast.bridges.mavlink.ground_station import QUIET, GroundStation, Wish, open_ground_station
-from sleepcast.bridges.mavlink.link import GONE, MOST_PEERS, Link, UdpWire
+from sleepcast.bridges.mavlink.ground_station import QUIET, GroundStation, PilotRequest, open_ground_station
+from sleepcast.bridges.mavlink.link import GONE, MOST_PEERS, MavlinkConnection, UdpWire
 from sleepcast.cli.local_input import wished
 from sleepcast.cli.node_life import NodeProcess, StartScript
 from sleepcast.core.clock import ManualClock
@@ -94,7 +94,7 @@ def clock() -> ManualClock:
 
 @pytest.fixture
 def ground(desk: Desk, clock: ManualClock) -> GroundStation:
-    return GroundStation(Link(desk, ROBOT, 1, KEY), Origin(36.6, -121.9), (1.0, 2.0), clock=clock)
+    return GroundStation(MavlinkConnection(desk, ROBOT, 1, KEY), Origin(36.6, -121.9), (1.0, 2.0), clock=clock)
 
 
 def test_it_is_seen_as_a_rover_where_it_is(ground: GroundStation, desk: Desk, clock: ManualClock) -> None:
@@ -145,17 +145,17 @@ def test_what_is_for_everybody_or_for_another_is_not_obeyed(ground: GroundStatio
 
 def test_a_ground_station_that_drives_must_go_on(ground: GroundStation, desk: Desk, clock: ManualClock) -> None:
     desk.waiting += [desk.velocity(0.1, 0.0), desk.velocity(0.5, -0.25)]
-    assert ground.wishes() == [Wish("drive", (0.5, 0.25))], "the last one, counter-clockwise"
+    assert ground.wishes() == [PilotRequest("drive", (0.5, 0.25))], "the last one, counter-clockwise"
     for _ in range(5):
         clock.advance(0.8 * QUIET)
         desk.waiting.append(desk.velocity(0.5, -0.25))
         assert ground.wishes() == [], "nothing new"
     clock.advance(1.1 * QUIET)
-    assert ground.wishes() == [Wish("drive", (0.0, 0.0))]
+    assert ground.wishes() == [PilotRequest("drive", (0.0, 0.0))]
     assert ground.complaints() == ["the ground station no longer drives it: it comes to rest"]
     stick = desk.mav.manual_control_encode(ROBOT, 500, 0, 0, 1000, 0)
     desk.waiting.append(desk.pack(stick))
-    assert ground.wishes() == [Wish("drive", (0.5, -2.0))]
+    assert ground.wishes() == [PilotRequest("drive", (0.5, -2.0))]
 
 
 def test_places_become_variables_of_its_rules(ground: GroundStation, desk: Desk) -> None:
@@ -165,11 +165,11 @@ def test_places_become_variables_of_its_rules(ground: GroundStation, desk: Desk)
     )
     (wish,) = ground.wishes()
     assert wish.values == pytest.approx((30.0, 40.0, 0.0), abs=0.02)
-    text = wished(Wish("goal", (30.0, -4.0)), ["drive_speed", "drive_turn"])
+    text = wished(PilotRequest("goal", (30.0, -4.0)), ["drive_speed", "drive_turn"])
     assert "(SETQ goal_x 30.000)" in text
     assert "(SETQ goal_y -4.000)" in text
     assert "height" not in text, "it has said none"
-    assert "(SETQ goal_height 7.500)" in wished(Wish("goal", (30.0, -4.0, 7.5)), ["drive_speed", "drive_turn"])
+    assert "(SETQ goal_height 7.500)" in wished(PilotRequest("goal", (30.0, -4.0, 7.5)), ["drive_speed", "drive_turn"])
     far = desk.mav.set_position_target_local_ned_encode(0, ROBOT, 1, 1, PLACE, nan, 1e9, *(0.0,) * 9)
     desk.waiting.append(desk.pack(far))
     assert ground.wishes() == []
@@ -244,7 +244,7 @@ def test_a_mode_does_not_end_a_stop_by_disarming_but_arming_does(ground: GroundS
     for off in ((400, 0.0, 21196.0), (185, 1.0)):
         ground.tell({}, stopped=False)
         desk.order(*off)
-        assert ground.wishes() == [Wish("stop")]
+        assert ground.wishes() == [PilotRequest("stop")]
         ground.tell({}, stopped=True)
         desk.order(176, 1.0, 15.0)
         assert ground.wishes() == [], "it stays stopped"
@@ -255,12 +255,12 @@ def test_a_mode_does_not_end_a_stop_by_disarming_but_arming_does(ground: GroundS
         assert (ground.wishes(), desk.seen["COMMAND_ACK"].result) == ([], 2)
         assert desk.seen["STATUSTEXT"].text == "it is stopped, so it goes nowhere"
         desk.order(400, 1.0)
-        assert ground.wishes() == [Wish("release")]
+        assert ground.wishes() == [PilotRequest("release")]
     desk.order(176, 1.0, 4.0)
     ground.wishes()
     ground.tell({}, stopped=True)
     desk.order(176, 1.0, 15.0)
-    assert ground.wishes() == [Wish("release")], "a STOP by a mode ends by one"
+    assert ground.wishes() == [PilotRequest("release")], "a STOP by a mode ends by one"
 
 
 def test_what_was_sent_before_a_stop_or_comes_with_it_moves_nothing_after_it(
@@ -271,10 +271,10 @@ def test_what_was_sent_before_a_stop_or_comes_with_it_moves_nothing_after_it(
     desk.waiting.append(desk.velocity(0.5, 0.0))
     desk.order(176, 1.0, 4.0)
     desk.order(192, 0.0, 1.0, 0.0, 0.0, 36.6003604, -121.8996646)
-    assert ground.wishes() == [Wish("stop")]
+    assert ground.wishes() == [PilotRequest("stop")]
     assert desk.seen["COMMAND_ACK"].result == 2
     desk.order(176, 1.0, 15.0)
-    assert ground.wishes() == [Wish("release")]
+    assert ground.wishes() == [PilotRequest("release")]
     clock.advance(1.1 * QUIET)
     assert (ground.wishes(), ground.complaints()) == ([], [])
 
@@ -290,7 +290,7 @@ def test_a_place_that_is_said_as_soon_as_it_is_free_is_taken(
     ground.wishes()
     ground.tell({}, stopped=True, held=held)
     desk.order(int(free[0]), *free[1:])
-    assert ground.wishes() == [Wish("release")]
+    assert ground.wishes() == [PilotRequest("release")]
     desk.order(192, 0.0, 1.0, 0.0, 0.0, 36.6003604, -121.8996646)
     assert [each.sort for each in ground.wishes()] == ["goal"] * (not held)
     assert desk.seen["COMMAND_ACK"].result == (2 if held else 0)
@@ -322,7 +322,7 @@ def test_it_is_free_between_two_ticks_in_which_it_is_armed(ground: GroundStation
 
 def test_of_many_places_the_last_one_counts(ground: GroundStation, desk: Desk) -> None:
     desk.waiting += [setpoint(desk, 1, PLACE, place=(1.0, each, 0.0), pace=(0.0, 0.0, 0.0)) for each in range(50)]
-    assert ground.wishes() == [Wish("goal", (49.0, 1.0, 0.0))]
+    assert ground.wishes() == [PilotRequest("goal", (49.0, 1.0, 0.0))]
 
 
 def test_a_robot_that_begins_under_a_stop_counts_as_disarmed(ground: GroundStation, desk: Desk) -> None:
@@ -332,7 +332,7 @@ def test_a_robot_that_begins_under_a_stop_counts_as_disarmed(ground: GroundStati
     desk.order(176, 1.0, 15.0)
     assert ground.wishes() == []
     desk.order(400, 1.0)
-    assert ground.wishes() == [Wish("release")]
+    assert ground.wishes() == [PilotRequest("release")]
 
 
 def test_what_programs_wait_for_before_they_command_anything(
@@ -359,7 +359,7 @@ def test_what_programs_wait_for_before_they_command_anything(
         assert (not name or name in desk.seen, desk.seen["COMMAND_ACK"].result) == (True, result)
     assert desk.seen["AUTOPILOT_VERSION"].capabilities & 0x2008 == 0x2008, "MAVLink 2, and exact places"
     nowhere = Desk()
-    lost = GroundStation(Link(nowhere, ROBOT, 1, KEY), None, (1.0, 2.0), clock=clock)
+    lost = GroundStation(MavlinkConnection(nowhere, ROBOT, 1, KEY), None, (1.0, 2.0), clock=clock)
     lost.tell({"x": 30.0, "y": 40.0, "heading": 0.0}, stopped=False)
     assert "HOME_POSITION" not in nowhere.seen
     assert nowhere.seen["SYS_STATUS"].onboard_control_sensors_health == 0x1000_0007
@@ -388,7 +388,7 @@ def test_a_velocity_to_north_and_east_is_driven_by_turning_there(
     assert driven(pi) == pytest.approx((0.0, -2.0)), "to its right"
     assert driven(pi / 2.0 - 0.1) == pytest.approx((0.5, 0.2), abs=0.01)
     clock.advance(1.1 * QUIET)
-    assert ground.wishes() == [Wish("drive", (0.0, 0.0))], "nobody goes on driving it"
+    assert ground.wishes() == [PilotRequest("drive", (0.0, 0.0))], "nobody goes on driving it"
     assert ground.complaints() == ["the ground station no longer drives it: it comes to rest"]
     assert ground.complaints() == []
 
@@ -414,7 +414,7 @@ def test_a_setpoint_that_it_cannot_follow_is_refused_with_a_text_and_ends_the_on
     desk.waiting.append(desk.velocity(0.5, 0.0))
     ground.wishes()
     desk.waiting += [setpoint(desk, frame, mask, place=(1.0, 1.0, 0.0), pace=pace)] * 1
-    assert ground.wishes() == [Wish("drive", (0.0, 0.0))]
+    assert ground.wishes() == [PilotRequest("drive", (0.0, 0.0))]
     assert desk.seen.pop("STATUSTEXT").text == said
     desk.waiting.append(setpoint(desk, frame, mask, place=(1.0, 1.0, 0.0), pace=pace))
     ground.wishes()
@@ -465,7 +465,7 @@ def test_a_place_in_another_frame_or_without_an_origin_is_refused_with_a_text(
     assert (ground.wishes(), desk.seen["COMMAND_ACK"].result) == ([], 2)
     assert desk.seen["STATUSTEXT"].text == "it goes to no place in frame 1"
     other = Desk()
-    lost = GroundStation(Link(other, ROBOT, 1, KEY), None, (1.0, 2.0), clock=clock)
+    lost = GroundStation(MavlinkConnection(other, ROBOT, 1, KEY), None, (1.0, 2.0), clock=clock)
     other.order(192, 0.0, 1.0, 0.0, 0.0, 36.6003604, -121.8996646)
     assert (lost.wishes(), other.seen["COMMAND_ACK"].result) == ([], 2)
     assert other.seen["STATUSTEXT"].text == "it has no origin, so no place on the Earth"
@@ -492,7 +492,7 @@ def test_one_whose_clock_is_ahead_is_named_and_makes_nobody_else_look_old(ground
 def test_two_ground_stations_are_both_answered() -> None:
     """Whoever of them has spoken last."""
     with closing(UdpWire("127.0.0.1", 0, listening=True)) as end, ExitStack() as stack:
-        link = Link(end, ROBOT, 1, None)
+        link = MavlinkConnection(end, ROBOT, 1, None)
         ground = GroundStation(link, None, (1.0, 2.0))
         lines = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(2)]
         desks = [Desk(None), Desk(None)]
@@ -501,7 +501,7 @@ def test_two_ground_stations_are_both_answered() -> None:
             each.mav.srcSystem = 254 + number
             each.order(176, 1.0, 4.0)
             line.sendto(each.waiting.pop(), ("127.0.0.1", end.port))
-        found: list[Wish] = []
+        found: list[PilotRequest] = []
         while len(found) < 2:
             found += ground.wishes()
         for each, line in zip(desks, lines, strict=True):

@@ -23,7 +23,7 @@ from cli.terminal import terminal
 from processes import live_in
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.body import ROUND, UNATTENDED, BridgedBody, FencedError
-from sleepcast.bridges.mavlink.link import Link
+from sleepcast.bridges.mavlink.link import MavlinkConnection
 from sleepcast.bridges.mavlink.vehicle import COPTER, OTHERS, ROVER, MavlinkVehicle
 from sleepcast.channel import Kind, Message
 from sleepcast.core.clock import ManualClock
@@ -81,7 +81,7 @@ class MavlinkRig(BridgeRig):
         self.vehicle, clock = vehicle or Vehicle(kind, KEY), ManualClock(1_000.0)
         self.loop, self.time = Loop(self.vehicle), clock
         modes = ROVER if kind == "rover" else COPTER
-        link = Link(self.loop, 255, 190, key)
+        link = MavlinkConnection(self.loop, 255, 190, key)
         self.vehicle_body = MavlinkVehicle(link, 1, modes, LIMITS, failsafe=failsafe, origin=Origin(*HOME), clock=clock)
 
         def switch(whole: bool) -> Callable[[], None]:

@@ -24,7 +24,7 @@ from bridges.ros2_robot import OverDds, Wheels, domain_for
 from processes import start
 from sleepcast.bridges import BodyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.ros2.link import DdsLink, Ros2Network
-from sleepcast.bridges.ros2.mapping import CLOCK, TURTLEBOT, Field, Heard, Sink, read_mapping
+from sleepcast.bridges.ros2.mapping import CLOCK, TURTLEBOT, CommandTopic, TopicField, TopicReading, read_mapping
 from sleepcast.bridges.ros2.messages import MAX_RAYS, Bool, LaserScan, Odometry, Twist, sectors_of
 from sleepcast.bridges.ros2.robot import SILENT, Ros2Body, ros_place
 from sleepcast.core.clock import Clock, ManualClock, WallClock
@@ -55,17 +55,17 @@ class FakeRobot(Wheels):
         self.said: list[tuple[str, tuple[float, ...]]] = []
         self.told_at = nan
 
-    def heard(self) -> Mapping[str, Heard]:
+    def heard(self) -> Mapping[str, TopicReading]:
         if not self.whole:
             return {}
         stamp = self.clock.now() + self.ahead if self.stuck is None else self.stuck
         heading = remainder(self.heading, 2.0 * pi)
         found = {
-            ODOM: Heard(stamp, (self.x, self.y, heading, self.speed, self.turn_rate)),
-            SCAN: Heard(stamp, (min(self.sectors), 1.0, 1.0, 1.0, 1.0), self.sectors),
-            BATTERY: Heard(nan, (self.charge, 12.0)),
+            ODOM: TopicReading(stamp, (self.x, self.y, heading, self.speed, self.turn_rate)),
+            SCAN: TopicReading(stamp, (min(self.sectors), 1.0, 1.0, 1.0, 1.0), self.sectors),
+            BATTERY: TopicReading(nan, (self.charge, 12.0)),
         }
-        return found if isnan(self.simulated) else {**found, CLOCK: Heard(self.simulated, ())}
+        return found if isnan(self.simulated) else {**found, CLOCK: TopicReading(self.simulated, ())}
 
     def say(self, topic: str, values: Mapping[str, float], now: float) -> None:
         self.said.append((topic, tuple(values.values())))
@@ -269,7 +269,7 @@ def test_a_word_that_cannot_be_made_is_told_and_it_is_driven_and_stopped_as_befo
 
     clock = WallClock()
     faulty = Faulty(clock)
-    horn = Sink("/scout3/horn", "horn", "BatteryState", (Field("level", "voltage", 1.0),), "HORN")
+    horn = CommandTopic("/scout3/horn", "horn", "BatteryState", (TopicField("level", "voltage", 1.0),), "HORN")
     with Ros2Body(faulty, replace(MAPPING, functions=(horn,)), clock=clock, epoch=clock.now) as body:
         body.begin()
         with pytest.raises(MisuseError, match=r"voltage of BatteryState has no room for 1e\+39"):
@@ -293,7 +293,7 @@ def test_units_of_what_it_is_told_and_a_switch(robot: FakeRobot) -> None:
     mapping = replace(
         MAPPING,
         drive=replace(MAPPING.drive, fields=(replace(speed, factor=0.01), replace(turn, factor=pi / 180.0))),
-        functions=(Sink("/scout3/horn", "horn", "Bool", (Field("on", "data", 1.0),), "HORN"),),
+        functions=(CommandTopic("/scout3/horn", "horn", "Bool", (TopicField("on", "data", 1.0),), "HORN"),),
     )
     body = Ros2Body(robot, mapping, clock=robot.clock)
     body.model.functions[0].call(body, 1.0)
@@ -605,7 +605,7 @@ def test_what_cannot_be_read_is_told_once_and_the_rest_is_read(monkeypatch: pyte
     link = DdsLink(Ros2Network(SIMULATED, local=True), MAPPING, clock=False)
     monkeypatch.setattr(link._sources[ODOM][1][0], "take", lambda most: [Odometry.deserialize(b"\0\1\0\0short")])
     said: list[str] = []
-    found: dict[str, Heard] = {}
+    found: dict[str, TopicReading] = {}
 
     def all_is_said() -> bool:
         lidar.write(LaserScan(ranges=[1.0] * (MAX_RAYS + 1)))

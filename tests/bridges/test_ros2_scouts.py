@@ -58,7 +58,7 @@ from sleepcast.bridges.ros2.sensors import FARTHEST, GRAVITY
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.extras import installing
 from sleepcast.nomad.client import Nomad
-from sleepcast.nomad.requests import Kind
+from sleepcast.nomad.requests import RequestType
 from sleepcast.robot import Pose, Setpoint
 from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
@@ -224,7 +224,7 @@ def test_bytes_that_are_no_message_leave_it_at_rest(scene: Scene) -> None:
 def test_programs_of_1998_and_of_ros_replace_what_the_other_asks(scene: Scene) -> None:
     program = scene.program()
     driving(scene)
-    program.state(Kind.VM, 50, 50, 0)
+    program.state(RequestType.VM, 50, 50, 0)
     assert (
         scene.said[-1]
         == "robot 1 is driven by ROS 2 program 1 and test (process 4711): each replaces what the other asks"
@@ -273,7 +273,7 @@ def test_stop_holds_it_for_everybody_until_who_said_so_says_otherwise(scene: Sce
     scene.until(lambda: scene.robot.held and scene.speed() == 0.0)
     assert "robot 1 must stand, until /scout1/stop says false" in scene.said
     assert scene.robot.window.held == "/scout1/stop"
-    program.state(Kind.VM, 50, 50, 0)
+    program.state(RequestType.VM, 50, 50, 0)
     other.write(Bool(False))
 
     def keeps_asking() -> bool:

@@ -9,7 +9,7 @@ from benchmarks.channel.questioned import QUESTIONS, Wire, questioned
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import Admission
-from sleepcast.channel.answer_budget import HELD_BACK, LEAST_ANSWER, AnswerBudget, Verdict
+from sleepcast.channel.answer_budget import HELD_BACK, LEAST_ANSWER, AnswerBudget, BudgetDecision
 from sleepcast.channel.drops import DropReason
 from sleepcast.channel.envelope import MAX_CONTENT, encode, encoded_size
 from sleepcast.channel.keys import KeyPair, Trust
@@ -151,7 +151,7 @@ def test_who_asks_much_does_not_make_a_robot_forget_what_it_answered_to_others()
 def test_a_question_costs_at_once_what_its_robots_answer_at_least(body: dict[str, object], cost: int) -> None:
     budget = AnswerBudget()
     question = Message("guest", 1, 1, Kind.ASK, 0.0, body=body, key="9e")
-    assert budget.ask(question, ("a", "b", "c"), 0.0) is Verdict.LET_IN
+    assert budget.ask(question, ("a", "b", "c"), 0.0) is BudgetDecision.LET_IN
     assert budget._account("9e", 0.0).left == budget.burst - LEAST_ANSWER * cost
 
 

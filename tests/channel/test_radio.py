@@ -10,7 +10,7 @@ import pytest
 
 from channel_contract import Air, ChannelContract, message
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.message_batch import Answers, MessageBatch, NameIndex
+from sleepcast.channel.message_batch import AnswerColumns, MessageBatch, NameIndex
 from sleepcast.channel.simulated_radio import OPERATOR, Radio, RadioModel, TransmitQueue
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.counter_rng import key, mix, uniform
@@ -322,7 +322,7 @@ def batch(names: NameIndex, robots: list[int], sequence: int) -> MessageBatch:
         np.full(count, sequence, np.int32),
         np.zeros(count),
         5.0,
-        Answers.alike("desk:1:1", count, "matched"),
+        AnswerColumns.alike("desk:1:1", count, "matched"),
     )
 
 

@@ -8,7 +8,7 @@ import click
 import pytest
 
 from sleepcast.cli import COMMANDS, main, program
-from sleepcast.cli.options import NumberRange, Quantity
+from sleepcast.cli.options import NumberRange, QuantityType
 from sleepcast.core.units import LENGTH, TIME
 
 PLAIN = {"--rate", "--density", "--speed"}
@@ -29,8 +29,8 @@ def commands() -> list[tuple[str, click.Command]]:
 def test_no_option_takes_a_time_as_a_bare_number_only(name: str, command: click.Command) -> None:
     for each in command.params:
         if isinstance(each.type, click.types.FloatParamType):
-            assert set(each.opts) <= PLAIN, f"{name} {each.opts}: wanted Quantity"
-        if isinstance(each.type, Quantity):
+            assert set(each.opts) <= PLAIN, f"{name} {each.opts}: wanted QuantityType"
+        if isinstance(each.type, QuantityType):
             assert each.metavar in ("TIME", "WHEN"), f"{name} {each.opts}"
             assert each.default is None or not isinstance(each.default, float), f"{name} {each.opts}: without its unit"
 
@@ -39,23 +39,23 @@ def test_no_option_takes_a_time_as_a_bare_number_only(name: str, command: click.
     ("said", "meant"), [("30s", 30.0), ("2min", 120.0), ("2.5", 2.5), (" 1 H ", 3600.0), ("0", 0.0)]
 )
 def test_a_time_may_have_its_unit(said: str, meant: float) -> None:
-    assert Quantity().convert(said, None, None) == meant
+    assert QuantityType().convert(said, None, None) == meant
 
 
 @pytest.mark.parametrize(
     ("type_", "said", "sentence"),
     [
-        (Quantity(), "soon", 'wanted a time such as "30s", not "soon"'),
-        (Quantity(), "5m", 'wanted a time such as "30s", not "5m", a length'),
-        (Quantity(), "5mn", 'unknown unit in "5mn" (did you mean min?); wanted a time such as "30s"'),
-        (Quantity(), "-5s", 'wanted a time of at least 0s, not "-5s"'),
-        (Quantity(), "nan", 'wanted a time such as "30s", not "nan"'),
-        (Quantity(), "1e999h", "wanted a time of at least 0h"),
-        (Quantity(TIME, 0.2, 60.0), "2min", 'wanted a time from 0.2s to 1min, not "2min"'),
-        (Quantity(LENGTH), "5s", 'wanted a length such as "5m", not "5s", a time'),
+        (QuantityType(), "soon", 'wanted a time such as "30s", not "soon"'),
+        (QuantityType(), "5m", 'wanted a time such as "30s", not "5m", a length'),
+        (QuantityType(), "5mn", 'unknown unit in "5mn" (did you mean min?); wanted a time such as "30s"'),
+        (QuantityType(), "-5s", 'wanted a time of at least 0s, not "-5s"'),
+        (QuantityType(), "nan", 'wanted a time such as "30s", not "nan"'),
+        (QuantityType(), "1e999h", "wanted a time of at least 0h"),
+        (QuantityType(TIME, 0.2, 60.0), "2min", 'wanted a time from 0.2s to 1min, not "2min"'),
+        (QuantityType(LENGTH), "5s", 'wanted a length such as "5m", not "5s", a time'),
     ],
 )
-def test_what_is_none_is_said_as_in_a_file(type_: Quantity, said: str, sentence: str) -> None:
+def test_what_is_none_is_said_as_in_a_file(type_: QuantityType, said: str, sentence: str) -> None:
     with pytest.raises(click.BadParameter, match=re.escape(sentence)):
         type_.convert(said, None, None)
 

@@ -7,7 +7,7 @@ import struct
 from sleepcast.channel import Kind, Message
 from sleepcast.console.frames import pack, repeats, still
 from sleepcast.fleet import Fleet
-from sleepcast.fleet.marks import MAX_GROUPS, Groups, flags_of
+from sleepcast.fleet.marks import MAX_GROUPS, GroupCodes, flags_of
 from station.fleet import vocabulary
 
 
@@ -61,7 +61,7 @@ def test_flags_tell_stopped_frozen_sleeping_and_marked() -> None:
 
 def test_a_robot_is_shown_in_its_newest_group_and_counted_in_all() -> None:
     minds = fleet(3)
-    groups = Groups()
+    groups = GroupCodes()
     minds.evaluate("(JOIN Bravo)", [0])
     assert list(groups.look(minds)) == [1, 0, 0]
     assert groups.second == b""
@@ -81,7 +81,7 @@ def test_a_robot_is_shown_in_its_newest_group_and_counted_in_all() -> None:
 
 def test_more_groups_than_a_byte_can_tell_apart_are_shown_as_none() -> None:
     minds = fleet(MAX_GROUPS + 10)
-    groups = Groups()
+    groups = GroupCodes()
     for k in range(MAX_GROUPS + 10):
         minds.evaluate(f"(JOIN g{k})", [k])
         codes = groups.look(minds)

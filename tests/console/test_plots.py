@@ -10,7 +10,7 @@ import pytest
 
 from console.test_backend import Stand, stand
 from sleepcast.console import incoming, outgoing
-from sleepcast.console.plots import MOST_PLOTS, MOST_POINTS, REST, Measure, Plots
+from sleepcast.console.plots import MOST_PLOTS, MOST_POINTS, REST, Plots, ScenarioMeasure
 from sleepcast.core.errors import MisuseError, SleepcastError
 
 __all__ = ["stand"]
@@ -100,9 +100,9 @@ def test_measures_of_the_scenario_are_there_from_the_start(stand: Stand) -> None
         raise SleepcastError("nobody knows")
 
     measures = [
-        Measure("full", "share (> battery 60%)", lambda: nan),
-        Measure("spread", "gyration", lambda: 7.0),
-        Measure("odd", "odd", broken),
+        ScenarioMeasure("full", "share (> battery 60%)", lambda: nan),
+        ScenarioMeasure("spread", "gyration", lambda: 7.0),
+        ScenarioMeasure("odd", "odd", broken),
     ]
     plots = Plots(stand.desk.values, stand.clock, measures)
     plots.sample()
@@ -116,7 +116,7 @@ def test_measures_of_the_scenario_are_there_from_the_start(stand: Stand) -> None
 
 def test_plots_go_on_in_another_future_beside_what_was_seen_of_the_earlier_one(stand: Stand) -> None:
     def plots_of(read: float) -> Plots:
-        return Plots(stand.desk.values, stand.clock, [Measure("spread", "gyration", lambda: read)])
+        return Plots(stand.desk.values, stand.clock, [ScenarioMeasure("spread", "gyration", lambda: read)])
 
     before = plots_of(7.0)
     number = before.add(incoming.Plot(next(serials), "time", "battery", what="mean")).number
@@ -147,7 +147,7 @@ def test_sampling_takes_a_small_part_of_the_time(stand: Stand) -> None:
         stand.clock.advance(0.5)
         return 1.0
 
-    plots = Plots(stand.desk.values, stand.clock, [Measure("slow", "slow", slow)])
+    plots = Plots(stand.desk.values, stand.clock, [ScenarioMeasure("slow", "slow", slow)])
     for _ in range(100):
         stand.swarm.run(1.0)
         plots.sample()

@@ -22,7 +22,7 @@ from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
 from sleepcast.console.incoming import Renew, Setup
 from sleepcast.console.outgoing import Refused
-from sleepcast.console.renewal import Note, Renewed, Run, Runs, SetUp, Wish
+from sleepcast.console.renewal import Note, Renewed, RunRequest, RunSwitcher, SetUp, ShownRun
 from sleepcast.console.swarm_dialogue import SwarmDialogue
 from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import MisuseError, SleepcastError
@@ -43,12 +43,12 @@ def maker_of(folder: Path, text: str = SMALL + SLIDER + COMMAND) -> PageRuns:
 
 
 @contextmanager
-def runs_of(maker: PageRuns) -> Iterator[Runs]:
-    with Runs(maker.make(maker.current, lambda _: None), maker, WallClock(), waits=True) as runs:
+def runs_of(maker: PageRuns) -> Iterator[RunSwitcher]:
+    with RunSwitcher(maker.make(maker.current, lambda _: None), maker, WallClock(), waits=True) as runs:
         yield runs
 
 
-def swarm_size(runs: Runs) -> int:
+def swarm_size(runs: RunSwitcher) -> int:
     return len(runs.desk.hello().scene.names)
 
 
@@ -69,7 +69,7 @@ class TestWhatMayBeChosen:
     def test_the_numbers_of_the_run_on_the_page(self, tmp_path: Path) -> None:
         maker = maker_of(tmp_path)
         home = maker.current.scenario
-        wish = Wish(home, 9, 7, {"speed": 2.0, "level": 35.0})
+        wish = RunRequest(home, 9, 7, {"speed": 2.0, "level": 35.0})
         with maker.make(wish, lambda _: None).around:
             choices = maker.choices(home)
         assert (choices.seed, choices.robots) == ("9", 7)
@@ -78,19 +78,19 @@ class TestWhatMayBeChosen:
     @pytest.mark.parametrize(
         ("wish", "said"),
         [
-            (Wish("/etc/passwd"), "no scenario"),
-            (Wish("", values={"speed": 10.0}), "wanted 1m/s to 9m/s, not 10m/s"),
-            (Wish("", values={"speed": float("nan")}), "wanted 1m/s to 9m/s"),
-            (Wish("", values={"colour": 1.0}), 'no slider "colour"'),
-            (Wish("", robots=5_000_000), "5,000,000 robots are too many"),
-            (Wish("", seed=10**19 - 1), "wanted a whole number"),
+            (RunRequest("/etc/passwd"), "no scenario"),
+            (RunRequest("", values={"speed": 10.0}), "wanted 1m/s to 9m/s, not 10m/s"),
+            (RunRequest("", values={"speed": float("nan")}), "wanted 1m/s to 9m/s"),
+            (RunRequest("", values={"colour": 1.0}), 'no slider "colour"'),
+            (RunRequest("", robots=5_000_000), "5,000,000 robots are too many"),
+            (RunRequest("", seed=10**19 - 1), "wanted a whole number"),
         ],
     )
-    def test_nothing_else(self, wish: Wish, said: str, tmp_path: Path) -> None:
+    def test_nothing_else(self, wish: RunRequest, said: str, tmp_path: Path) -> None:
         maker = maker_of(tmp_path)
         scenario = wish.scenario or maker.current.scenario
         with pytest.raises(SleepcastError, match=re.escape(said)):
-            maker.make(Wish(scenario, wish.seed, wish.robots, wish.values), lambda _: None)
+            maker.make(RunRequest(scenario, wish.seed, wish.robots, wish.values), lambda _: None)
 
 
 class TestRenewing:
@@ -98,7 +98,7 @@ class TestRenewing:
         maker = maker_of(tmp_path, SCOUTS.replace(*IN_MAZE))
         home = maker.current.scenario
         for seed in (3, 4):
-            with maker.make(Wish(home, seed), lambda _: None).around:
+            with maker.make(RunRequest(home, seed), lambda _: None).around:
                 assert maker.swarm is not None
                 wanted = load(Path(home), Changes(seed=seed))
                 assert maker.swarm.simulator.scenario.shapes == wanted.shapes
@@ -165,7 +165,7 @@ class TestRenewing:
         with runs_of(maker) as runs:
             make = maker.make
 
-            def stopped(wish: Wish, tell: Callable[[str], None]) -> Run:
+            def stopped(wish: RunRequest, tell: Callable[[str], None]) -> ShownRun:
                 found = make(wish, tell)
                 runs.desk.stop()
                 return found

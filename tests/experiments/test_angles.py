@@ -12,10 +12,10 @@ import sleepcast as sc
 from sleepcast.experiments.angles import angles_of
 from sleepcast.experiments.drawing import around, band, direction
 from sleepcast.experiments.figures import figure
-from sleepcast.experiments.findings import Findings, View
+from sleepcast.experiments.findings import CurveAxes, SweepFindings
 from sleepcast.experiments.measures import angle_of, read_measure
 from sleepcast.experiments.plan import Experiment, experiment_of
-from sleepcast.experiments.results import Outcome, Results
+from sleepcast.experiments.results import Results, RunResult
 from sleepcast.experiments.run import run_all
 from sleepcast.station.account import values_in_words
 
@@ -100,11 +100,11 @@ class TestOverRuns:
         ] * 4
 
     def test_a_mark_of_a_curve_is_a_direction(self, experiment: Experiment) -> None:
-        found = Findings(experiment)
+        found = SweepFindings(experiment)
         for run in experiment.runs():
             degrees = ((179, -179, 180) if run.point["radio.loss"] == 0 else (0, 120, -120))[run.seed - 1]
-            found.add(Outcome(run, ((1.0, radians(degrees), 5.0, 0.1),)))
-        (curve,) = found.curves(View("radio.loss", "west")).curves
+            found.add(RunResult(run, ((1.0, radians(degrees), 5.0, 0.1),)))
+        (curve,) = found.curves(CurveAxes("radio.loss", "west")).curves
         (mark,) = curve.marks  # where directions cancel there is none
         assert abs(mark.mean) == pytest.approx(pi)
         assert mark.high - mark.low == pytest.approx(radians(2.0), abs=0.01)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from sleepcast.experiments.drawing import band
-from sleepcast.experiments.findings import MOST_TIMES, Findings, View
+from sleepcast.experiments.findings import MOST_TIMES, CurveAxes, SweepFindings
 from sleepcast.experiments.plan import Experiment, experiment_of
-from sleepcast.experiments.results import Outcome
+from sleepcast.experiments.results import RunResult
 
 
 def experiment(**changes: object) -> Experiment:
@@ -22,16 +22,16 @@ def experiment(**changes: object) -> Experiment:
     return experiment_of("crowd", **{**options, **changes})  # type: ignore[arg-type]
 
 
-def outcomes(wanted: Experiment) -> Iterator[Outcome]:
+def outcomes(wanted: Experiment) -> Iterator[RunResult]:
     """The measure `a` is the number of the run, `b` is known of every other one."""
     for run in wanted.runs():
-        yield Outcome(run, ((2.0, float(run.number), None if run.number % 2 else 1.0),))
+        yield RunResult(run, ((2.0, float(run.number), None if run.number % 2 else 1.0),))
 
 
 def test_marks_are_those_of_a_figure() -> None:
     wanted = experiment()
-    findings = Findings(wanted, outcomes(wanted))
-    found = findings.curves(View("robots.count", "a", "robots.limits.speed"))
+    findings = SweepFindings(wanted, outcomes(wanted))
+    found = findings.curves(CurveAxes("robots.count", "a", "robots.limits.speed"))
     assert [curve.name for curve in found.curves] == ["0.5m/s", "1m/s"]
     assert (found.unit, found.ticks, found.joined) == ("", [], True)
     for curve in found.curves:
@@ -44,29 +44,29 @@ def test_marks_are_those_of_a_figure() -> None:
             ]
             assert (mark.mean, mark.low, mark.high) == band(np.array(values))
             assert mark.runs == 3
-            assert [each.value for each in findings.runs_at(View("robots.count", "a"), mark.x, "")] != values
+            assert [each.value for each in findings.runs_at(CurveAxes("robots.count", "a"), mark.x, "")] != values
 
 
 def test_units_and_names_make_the_axis() -> None:
     wanted = experiment(over=["robots.limits.speed=1m/s,0.5m/s", "world.edge=wall,fence"])
-    findings = Findings(wanted, outcomes(wanted))
-    speeds = findings.curves(View("robots.limits.speed", "a"))
+    findings = SweepFindings(wanted, outcomes(wanted))
+    speeds = findings.curves(CurveAxes("robots.limits.speed", "a"))
     assert speeds.unit == "m/s"
     assert [mark.at for mark in speeds.curves[0].marks] == [0.5, 1.0]
-    edges = findings.curves(View("world.edge", "a"))
+    edges = findings.curves(CurveAxes("world.edge", "a"))
     assert edges.ticks == ["fence", "wall"]
     assert [(mark.x, mark.at) for mark in edges.curves[0].marks] == [("fence", 0.0), ("wall", 1.0)]
 
 
 def test_curves_grow_and_a_repeated_run_takes_the_place_of_the_failed_one() -> None:
     wanted = experiment(over=["robots.count=5"])
-    findings = Findings(wanted)
-    view = View("robots.count", "a")
+    findings = SweepFindings(wanted)
+    view = CurveAxes("robots.count", "a")
     assert findings.curves(view).curves == []
     first, second, third = outcomes(wanted)
     findings.add(first)
     assert findings.curves(view).curves[0].marks[0].runs == 1
-    findings.add(Outcome(second.run, error="it broke"))
+    findings.add(RunResult(second.run, error="it broke"))
     progress = findings.progress()
     assert (progress.done, progress.failed, progress.unknown, progress.errors) == (2, 1, 0, [("it broke", 1)])
     assert progress.rest is not None
@@ -84,19 +84,21 @@ def test_curves_grow_and_a_repeated_run_takes_the_place_of_the_failed_one() -> N
 def test_time_is_drawn_through_a_bounded_number_of_marks() -> None:
     wanted = experiment(over=["robots.count=5"], every=0.1, seconds=100.0)
     samples = tuple((round(0.1 * step, 9), float(step), 1.0) for step in range(1001))
-    findings = Findings(wanted, [Outcome(run, samples) for run in wanted.runs()])
-    found = findings.curves(View("time", "a"))
+    findings = SweepFindings(wanted, [RunResult(run, samples) for run in wanted.runs()])
+    found = findings.curves(CurveAxes("time", "a"))
     (curve,) = found.curves
     assert found.unit == "s"
     assert 30 <= len(curve.marks) <= MOST_TIMES
     assert all(mark.mean == pytest.approx(10 * mark.at) and mark.runs == 3 for mark in curve.marks)
-    assert [run.value for run in findings.runs_at(View("time", "a"), curve.marks[2].x, "")] == [curve.marks[2].mean] * 3
+    assert [run.value for run in findings.runs_at(CurveAxes("time", "a"), curve.marks[2].x, "")] == [
+        curve.marks[2].mean
+    ] * 3
 
 
 def test_curves_that_are_cut_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = experiment()
-    findings = Findings(wanted, outcomes(wanted))
-    view = View("robots.count", "a", "robots.limits.speed")
+    findings = SweepFindings(wanted, outcomes(wanted))
+    view = CurveAxes("robots.count", "a", "robots.limits.speed")
     assert findings.curves(view).hidden == 0
     monkeypatch.setattr("sleepcast.experiments.findings.MOST_MARKS", 2)
     found = findings.curves(view)
@@ -104,7 +106,12 @@ def test_curves_that_are_cut_are_counted(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_a_view_that_there_is_not_is_refused() -> None:
-    findings = Findings(experiment())
-    for view in (View("nix", "a"), View("robots.count", "nix"), View("robots.count", "a", "nix"), View("time", "a")):
+    findings = SweepFindings(experiment())
+    for view in (
+        CurveAxes("nix", "a"),
+        CurveAxes("robots.count", "nix"),
+        CurveAxes("robots.count", "a", "nix"),
+        CurveAxes("time", "a"),
+    ):
         with pytest.raises(KeyError):
             findings.curves(view)

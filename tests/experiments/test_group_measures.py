@@ -9,13 +9,13 @@ import pytest
 
 import sleepcast as sc
 from sleepcast.core.errors import MisuseError
-from sleepcast.experiments.group_measures import ALONE, WITHIN, Group, read_group_measure
+from sleepcast.experiments.group_measures import ALONE, WITHIN, SwarmSample, read_group_measure
 from sleepcast.experiments.measures import read_measure
 
 
-def group(places: list[tuple[float, float]], headings: list[float] | None = None, size: float = 100.0) -> Group:
+def group(places: list[tuple[float, float]], headings: list[float] | None = None, size: float = 100.0) -> SwarmSample:
     x, y = np.array(places, float).T
-    return Group(x, y, np.array(headings or [0.0] * len(places)), (size, size))
+    return SwarmSample(x, y, np.array(headings or [0.0] * len(places)), (size, size))
 
 
 SQUARE = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)]
@@ -40,7 +40,7 @@ TWO_GROUPS = [(10.0, 10.0), (11.0, 10.0), (12.0, 10.0), (50.0, 50.0), (51.0, 50.
         ("voronoi_cost", 0.0, group([(50.0, 50.0)]), 100.0**2 / 6.0),  # the mean of x2 + y2 over a square
     ],
 )
-def test_values(name: str, near: float, some: Group, value: float) -> None:
+def test_values(name: str, near: float, some: SwarmSample, value: float) -> None:
     assert (ALONE | WITHIN)[name](some, near) == pytest.approx(value, rel=0.02, abs=1e-9)
 
 

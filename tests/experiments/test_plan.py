@@ -11,8 +11,8 @@ import pytest
 from sleepcast.core.errors import MisuseError
 from sleepcast.experiments.plan import (
     Experiment,
+    ParameterRange,
     PlanError,
-    Span,
     TimedCommand,
     experiment_of,
     experiment_of_scenario,
@@ -106,7 +106,7 @@ def test_drawn_points_fill_their_ranges(sampling: str) -> None:
         f'scenario = "crowd"\nsampling = "{sampling}"\npoints = 16\n[measures]\na = "mean x"\n'
         '[over]\nradio.loss = { low = 0.1, high = 0.5 }\n"robots.limits.speed" = { low = "1m/s", high = "2m/s" }\n'
     )
-    assert found.over["radio.loss"] == Span(0.1, 0.5)
+    assert found.over["radio.loss"] == ParameterRange(0.1, 0.5)
     points = [run.point for run in found.runs()]
     assert points == [run.point for run in found.runs()]
     losses = sorted(float(point["radio.loss"]) for point in points)
@@ -307,7 +307,7 @@ class TestAnotherWay:
 
     def test_drawn_points_are_not_replaced(self) -> None:
         drawn = Experiment(
-            "bravo", (1,), {"a": "mean fuel"}, {"radio.loss": Span(0.0, 1.0)}, sampling="latin", points=2
+            "bravo", (1,), {"a": "mean fuel"}, {"radio.loss": ParameterRange(0.0, 1.0)}, sampling="latin", points=2
         )
         assert drawn.varied(seeds=2).seeds == (1, 2)
         with pytest.raises(PlanError, match="drawn"):

@@ -10,7 +10,15 @@ from pathlib import Path
 import pytest
 
 from sleepcast.experiments.plan import experiment_of
-from sleepcast.experiments.results import MAX_VALUES, Outcome, Results, ResultsError, outcomes_in, summary_of, table_of
+from sleepcast.experiments.results import (
+    MAX_VALUES,
+    Results,
+    ResultsError,
+    RunResult,
+    outcomes_in,
+    summary_of,
+    table_of,
+)
 
 PLAN = experiment_of("crowd", measures=["mean x"], over=["radio.loss=0,0.1"], seeds=1)
 RUN = json.dumps({"number": 0, "point": {"radio.loss": 0}, "seed": 1})
@@ -126,5 +134,5 @@ def test_what_was_written_is_read(folder: Path) -> None:
 def test_numbers_beyond_those_of_a_machine_are_a_column(tmp_path: Path) -> None:
     plan = experiment_of("gauci", measures=["mean x"], over=[f"constants.FAR={2**63},1"])
     with Results(tmp_path / "found", plan) as results:
-        results.keep([Outcome(run, ((0.0, 1.0),), hash="a") for run in plan.runs()])
+        results.keep([RunResult(run, ((0.0, 1.0),), hash="a") for run in plan.runs()])
     assert list(table_of(tmp_path / "found")["constants.FAR"]) == [2.0**63, 1.0]

@@ -30,9 +30,9 @@ from sleepcast.experiments.drawing import band
 from sleepcast.experiments.plan import Experiment, Precision, experiment_of
 from sleepcast.experiments.results import (
     FORMAT,
-    Outcome,
     Results,
     ResultsError,
+    RunResult,
     export,
     outcomes_in,
     summary_of,
@@ -694,9 +694,9 @@ class TestCluster:
     def test_what_a_worker_answers_is_an_outcome_of_this_run_or_a_failure(self) -> None:
         wanted = experiment(over=FEW, seeds=2)
         one, other = wanted.runs()
-        good = Outcome(one, ((0.0, 0.5), (1.0, None)), "", "abc", 0.1, rules=FORMAT)
+        good = RunResult(one, ((0.0, 0.5), (1.0, None)), "", "abc", 0.1, rules=FORMAT)
         assert outcome_in(msgspec.json.encode(good), wanted, one) == good
-        failed = Outcome(one, error="it failed", rules=FORMAT)
+        failed = RunResult(one, error="it failed", rules=FORMAT)
         assert outcome_in(msgspec.json.encode(failed), wanted, one) == failed
         strange = [
             *(None, 5, "", b"", b"{}", b"[" * 100_000, good, pickle.dumps(good)),

@@ -17,7 +17,7 @@ from sleepcast.cli import main
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.extras import installing
 from sleepcast.experiments.plan import Experiment, read_experiment
-from sleepcast.experiments.results import Outcome, Results, ResultsError, best_of, outcomes_in
+from sleepcast.experiments.results import Results, ResultsError, RunResult, best_of, outcomes_in
 from sleepcast.experiments.run import verify
 
 pytest.importorskip("optuna")
@@ -59,18 +59,18 @@ def experiment(points: int = 12) -> Experiment:
     return read_experiment(Path("experiment.toml"), TEXT.format(points=points))
 
 
-def off(outcome: Outcome) -> float:
+def off(outcome: RunResult) -> float:
     """What the measure gives, worked out from the settings alone."""
     point = outcome.run.point
     found = abs(float(point["radio.loss"]) - 0.3) + abs(float(str(point["robots.limits.speed"])[:-3]) - 2.0)
     return found + abs(int(point["robots.count"]) - 5) + (0.5 if point["world.edge"] == "fence" else 0.0)
 
 
-def search(folder: Path, wanted: Experiment) -> list[Outcome]:
+def search(folder: Path, wanted: Experiment) -> list[RunResult]:
     """The whole search, with results that are worked out instead of run."""
     with Results(folder, wanted) as results:
         while left := results.missing():
-            results.keep(Outcome(run, ((0.1, off(Outcome(run))),)) for run in left)
+            results.keep(RunResult(run, ((0.1, off(RunResult(run))),)) for run in left)
     return list(outcomes_in(folder))
 
 
@@ -99,7 +99,9 @@ def test_it_goes_on_wherever_it_was_interrupted(tmp_path: Path) -> None:
 def test_unknown_values_and_failed_runs_do_not_stop_it(tmp_path: Path) -> None:
     with Results(tmp_path / "results", experiment()) as results:
         while left := results.missing():
-            results.keep(Outcome(run, error="no") if run.number % 3 else Outcome(run, ((0.1, None),)) for run in left)
+            results.keep(
+                RunResult(run, error="no") if run.number % 3 else RunResult(run, ((0.1, None),)) for run in left
+            )
         assert best_of(tmp_path / "results") is None
         assert {run.number % 3 for run in results.missing(retry=True)} == {1, 2}
 
@@ -111,7 +113,7 @@ def test_each_point_is_done_once_and_there_are_no_more_than_differ(tmp_path: Pat
     assert wanted.repeats() == ("points: only 4 different ones fit into these ranges, not 9",)
     with Results(tmp_path / "results", wanted) as results:
         while left := results.missing():
-            results.keep(Outcome(run, ((0.1, 1.0),)) for run in left)
+            results.keep(RunResult(run, ((0.1, 1.0),)) for run in left)
     points = [json.dumps(each.run.point) for each in outcomes_in(tmp_path / "results")]
     assert len(points) == len(wanted) == 8, "two seeds"
     assert len(set(points)) == 4, "every one of them was tried"

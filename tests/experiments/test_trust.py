@@ -20,8 +20,8 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.experiments import run
 from sleepcast.experiments.live import live_measures
 from sleepcast.experiments.measures import read_measure
-from sleepcast.experiments.plan import Experiment, Run, experiment_of, read_experiment
-from sleepcast.experiments.results import Outcome, Results
+from sleepcast.experiments.plan import Experiment, PlannedRun, experiment_of, read_experiment
+from sleepcast.experiments.results import Results, RunResult
 from sleepcast.experiments.run import Workers, do
 from sleepcast.experiments.trust import is_own, make_own, programs
 
@@ -100,7 +100,7 @@ def test_trust_is_remembered_for_plan_and_results_but_not_for_a_copy(
             super().__init__(experiment, 0, limit)
             self._wanted = experiment
 
-        def map(self, runs: Iterable[Run]) -> Iterator[list[Outcome]]:
+        def map(self, runs: Iterable[PlannedRun]) -> Iterator[list[RunResult]]:
             return ([do(self._wanted, each)] for each in runs)
 
     monkeypatch.setattr(run, "Workers", Here)

@@ -11,7 +11,7 @@ from sleepcast.channel import Kind, Message
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import vocabulary_of
-from sleepcast.loop.real import EmbodiedMind, Watch, run_robots
+from sleepcast.loop.real import EmbodiedMind, TickTiming, run_robots
 from sleepcast.node.node import Node
 from sleepcast.robot import Reading
 from sleepcast.simulator import Simulator
@@ -51,7 +51,7 @@ class Run:
         self.simulator = simulator(folder)
         self.body: Body = self.simulator.robots[0]
         self.node = Node("r0", vocabulary_of(self.body.model), body=self.body)
-        self.clock, self.desk, self.watch = ManualClock(100.0), desk, Watch()
+        self.clock, self.desk, self.watch = ManualClock(100.0), desk, TickTiming()
         self.speeds: list[float] = []
         self.slow = {int(tick.removeprefix("at")): seconds for tick, seconds in slow.items()}
 
@@ -129,7 +129,7 @@ def test_late_ticks_are_counted_and_not_made_up_for(tmp_path: Path) -> None:
     assert run.watch.worst == pytest.approx(0.25)
     assert str(run.watch) == "12 ticks, 1 late, the latest by 0.25 s"
     assert run.clock.now() == pytest.approx(100.0 + 11 * TICK + 0.15)  # the tick that was due meanwhile, not two
-    assert str(Watch(7)) == "7 ticks, 0 late"
+    assert str(TickTiming(7)) == "7 ticks, 0 late"
 
 
 class Broken(Body):

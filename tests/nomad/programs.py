@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from sleepcast.nomad import Nserver, Windows
 from sleepcast.nomad.answers import answer
-from sleepcast.nomad.session import Session, Wait
+from sleepcast.nomad.session import ClientSession, Wait
 from sleepcast.nomad.wire import HEADER, Layout, Parser, decode, encode_request
 from sleepcast.robot import SimulatedWorld
 from sleepcast.simulator.nomads.nomad_worlds import nomad_world
@@ -41,7 +41,7 @@ class Program:
     def __init__(self, bench: Bench, robot: int | None, layout: Layout) -> None:
         self.bench, self.layout = bench, layout
         self.parser = Parser()
-        self.session = Session(bench.nserver.service, "test", self.parser, lambda: None)
+        self.session = ClientSession(bench.nserver.service, "test", self.parser, lambda: None)
         self.wait: Wait | None = None
         if robot is not None:
             assert self.ask(102, robot, 4711) == (102, (PORT,))

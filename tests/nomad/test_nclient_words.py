@@ -16,7 +16,7 @@ from sleepcast.bridges.nomad.model import BASES, model_of
 from sleepcast.core.errors import MisuseError
 from sleepcast.nomad.client import Nomad
 from sleepcast.nomad.nclient import mask_words, order_words, packet_words, text_words
-from sleepcast.nomad.state import EVERYTHING, Answer, read_state
+from sleepcast.nomad.state import EVERYTHING, ReplyReader, read_state
 from sleepcast.nomad.vocabulary import NAMES, nomad_vocabulary
 from sleepcast.nomad.wire import MAX_WORDS, text_of
 
@@ -108,7 +108,7 @@ def test_a_reply_of_any_words_is_a_state_or_refused() -> None:
         if chance.random() < 0.7 and size > 45:
             words[45] = chance.randrange(4)
         try:
-            state = read_state(Answer(words, Refused), chance.choice((1, 2, 4)), chance.randrange(32))
+            state = read_state(ReplyReader(words, Refused), chance.choice((1, 2, 4)), chance.randrange(32))
         except Refused:
             continue
         states += 1

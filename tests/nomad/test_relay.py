@@ -12,7 +12,7 @@ from nomad.test_server import Caller, Served, eventually, play, served
 from sleepcast.core.errors import MisuseError
 from sleepcast.nomad import RealAddress, real_robot
 from sleepcast.nomad.relay import REAL_TIMEOUT
-from sleepcast.nomad.requests import Kind
+from sleepcast.nomad.requests import RequestType
 from sleepcast.nomad.wire import Layout, encode_request
 
 
@@ -28,19 +28,19 @@ async def pair(number: int = 2) -> AsyncIterator[tuple[Served, Served, Caller]]:
 def test_what_is_asked_goes_to_the_real_robot_until_the_simulated_one_is_wanted() -> None:
     async def scene() -> None:
         async with pair() as (ours, theirs, client):
-            await client.state(Kind.CT, *(255,) * 5, 14, 0)
-            assert await client.ask(Kind.REAL_ROBOT) == (82, ())
-            assert (await client.state(Kind.DP, 777, -5))[34:36] == (777, -5)
-            await client.state(Kind.VM, 50, -50, 0)
+            await client.state(RequestType.CT, *(255,) * 5, 14, 0)
+            assert await client.ask(RequestType.REAL_ROBOT) == (82, ())
+            assert (await client.state(RequestType.DP, 777, -5))[34:36] == (777, -5)
+            await client.state(RequestType.VM, 50, -50, 0)
             await eventually(lambda: theirs.world.observe(1).speeds.first > 0.1)
             assert ours.world.observe(0).speeds.first == 0.0
             assert "process" in theirs.nserver.windows.robots[1].client
-            assert (await client.ask(Kind.GET_RC))[1][:2] == (777, -5)
-            assert await client.ask(Kind.DRAW_LINE, 0, 0, 1, 1, 1) == (82, ())  # the windows stay ours
+            assert (await client.ask(RequestType.GET_RC))[1][:2] == (777, -5)
+            assert await client.ask(RequestType.DRAW_LINE, 0, 0, 1, 1, 1) == (82, ())  # the windows stay ours
             assert (len(ours.nserver.windows.sketches), len(theirs.nserver.windows.sketches)) == (1, 0)
             assert (await client.ask(77))[0] == 91
-            assert await client.ask(Kind.SIMULATED_ROBOT) == (82, ())
-            assert (await client.state(Kind.GS))[34] == 0
+            assert await client.ask(RequestType.SIMULATED_ROBOT) == (82, ())
+            assert (await client.state(RequestType.GS))[34] == 0
             await eventually(lambda: theirs.world.observe(1).speeds.first == 0.0)  # who lets it go stops it
             await eventually(lambda: theirs.nserver.windows.robots[1].client == "")
 
@@ -51,16 +51,16 @@ def test_a_real_robot_stops_by_itself_even_if_its_program_never_wanted_that() ->
     async def scene() -> None:
         async with pair() as (_, theirs, client):
             real = theirs.nserver.service.simulated_robots[1]
-            await client.ask(Kind.REAL_ROBOT)
-            await client.state(Kind.GS)
+            await client.ask(RequestType.REAL_ROBOT)
+            await client.state(RequestType.GS)
             assert real.timeout == REAL_TIMEOUT
             for wanted, got in ((3, 3), (0, REAL_TIMEOUT), (255, 255)):
-                await client.state(Kind.CONF_TM, wanted)
+                await client.state(RequestType.CONF_TM, wanted)
                 assert real.timeout == got
-            await client.ask(Kind.SIMULATED_ROBOT)
-            await client.state(Kind.CONF_TM, 2)
-            await client.ask(Kind.REAL_ROBOT)  # what it wanted of the simulated one it wants of the real one
-            await client.state(Kind.VM, 50, 50, 0)
+            await client.ask(RequestType.SIMULATED_ROBOT)
+            await client.state(RequestType.CONF_TM, 2)
+            await client.ask(RequestType.REAL_ROBOT)  # what it wanted of the simulated one it wants of the real one
+            await client.state(RequestType.VM, 50, 50, 0)
             await eventually(lambda: theirs.world.observe(1).speeds.first > 0.1)
             assert real.timeout == 2
             await eventually(lambda: theirs.world.observe(1).speeds.first == 0.0)
@@ -74,11 +74,11 @@ def test_posdata_and_64_bit_clients_go_through() -> None:
             client = await ours.bare()
             client.writer.write(encode_request(Layout.EIGHT_TAIL, 102, (1, 5)))
             await client.reader.readexactly(12)
-            client.writer.write(encode_request(Layout.EIGHT_TAIL, Kind.CT, (*(255,) * 5, 14, 2)))
+            client.writer.write(encode_request(Layout.EIGHT_TAIL, RequestType.CT, (*(255,) * 5, 14, 2)))
             assert len(await client.reader.readexactly(4 + 8 * (49 + 144))) > 0
-            client.writer.write(encode_request(Layout.EIGHT_TAIL, Kind.REAL_ROBOT))
+            client.writer.write(encode_request(Layout.EIGHT_TAIL, RequestType.REAL_ROBOT))
             await client.reader.readexactly(4)
-            client.writer.write(encode_request(Layout.EIGHT_TAIL, Kind.GS))
+            client.writer.write(encode_request(Layout.EIGHT_TAIL, RequestType.GS))
             reply = await client.reader.readexactly(4 + 8 * (49 + 144))
             assert reply[:4] == bytes.fromhex("005000c1")
 
@@ -89,14 +89,14 @@ def test_posdata_and_64_bit_clients_go_through() -> None:
 def test_stop_stops_the_real_robot_too(robot: int | None) -> None:
     async def scene() -> None:
         async with pair() as (ours, theirs, client):
-            await client.ask(Kind.REAL_ROBOT)
-            await client.state(Kind.VM, 50, -50, 0)
+            await client.ask(RequestType.REAL_ROBOT)
+            await client.state(RequestType.VM, 50, -50, 0)
             await eventually(lambda: theirs.world.observe(1).speeds.first > 0.1)
             ours.nserver.hold(True, robot=robot)
             await eventually(lambda: theirs.world.observe(1).speeds.first == 0.0)
-            await client.state(Kind.VM, 50, -50, 0)
-            await client.state(Kind.PR, 500, 500, 0)
-            assert (await client.state(Kind.WS, 1, 1, 0, 5))[38:40] == (0, 0)
+            await client.state(RequestType.VM, 50, -50, 0)
+            await client.state(RequestType.PR, 500, 500, 0)
+            assert (await client.state(RequestType.WS, 1, 1, 0, 5))[38:40] == (0, 0)
 
     play(scene)
 
@@ -105,9 +105,9 @@ def test_stop_stops_the_real_robot_too(robot: int | None) -> None:
 def test_a_robot_that_is_waited_for_is_stopped_all_the_same(how: str) -> None:
     async def scene() -> None:
         async with pair() as (ours, theirs, client):
-            await client.ask(Kind.REAL_ROBOT)
-            await client.state(Kind.VM, 50, -50, 0)
-            client.writer.write(encode_request(Layout.FOUR, Kind.WS, (1, 1, 1, 255)))
+            await client.ask(RequestType.REAL_ROBOT)
+            await client.state(RequestType.VM, 50, -50, 0)
+            client.writer.write(encode_request(Layout.FOUR, RequestType.WS, (1, 1, 1, 255)))
             await eventually(lambda: len(theirs.nserver.waiting) == 1 and theirs.world.observe(1).speeds.first > 0.1)
             if how == "held":
                 ours.nserver.hold(True)
@@ -125,8 +125,8 @@ def test_a_robot_that_is_waited_for_is_stopped_all_the_same(how: str) -> None:
 def test_a_server_that_ends_stops_its_real_robots() -> None:
     async def scene() -> None:
         async with pair() as (ours, theirs, client):
-            await client.ask(Kind.REAL_ROBOT)
-            await client.state(Kind.VM, 50, -50, 0)
+            await client.ask(RequestType.REAL_ROBOT)
+            await client.state(RequestType.VM, 50, -50, 0)
             await eventually(lambda: theirs.world.observe(1).speeds.first > 0.1)
             await ours.nserver.close()
             await eventually(lambda: theirs.nserver.windows.robots[1].client == "")
@@ -139,16 +139,16 @@ def test_a_real_robot_that_is_not_there_is_an_error_for_its_program_alone() -> N
     async def scene() -> None:
         async with pair(number=3) as (ours, theirs, client):
             other = await ours.caller()
-            await client.ask(Kind.REAL_ROBOT)
-            assert await client.ask(Kind.VM, 1, 1, 0) == (91, (5,))
-            assert await client.ask(Kind.GS) == (91, (5,))
+            await client.ask(RequestType.REAL_ROBOT)
+            assert await client.ask(RequestType.VM, 1, 1, 0) == (91, (5,))
+            assert await client.ask(RequestType.GS) == (91, (5,))
             assert any("does not obey: it has no robot 3" in line for line in ours.said)
-            assert await other.state(Kind.GS)
-            await client.ask(Kind.SIMULATED_ROBOT)
-            assert await client.state(Kind.GS)
+            assert await other.state(RequestType.GS)
+            await client.ask(RequestType.SIMULATED_ROBOT)
+            assert await client.state(RequestType.GS)
             await theirs.nserver.close()
-            await client.ask(Kind.REAL_ROBOT)
-            assert await client.ask(Kind.GS) == (91, (5,))
+            await client.ask(RequestType.REAL_ROBOT)
+            assert await client.ask(RequestType.GS) == (91, (5,))
 
     play(scene)
 
@@ -156,12 +156,12 @@ def test_a_real_robot_that_is_not_there_is_an_error_for_its_program_alone() -> N
 def test_a_real_robot_that_is_lost_on_the_way() -> None:
     async def scene() -> None:
         async with pair() as (ours, theirs, client):
-            await client.ask(Kind.REAL_ROBOT)
-            assert await client.state(Kind.GS)
+            await client.ask(RequestType.REAL_ROBOT)
+            assert await client.state(RequestType.GS)
             for line in list(theirs.nserver.lines):
                 line.end()
             await asyncio.sleep(0)
-            assert await client.ask(Kind.GS) == (91, (5,))
+            assert await client.ask(RequestType.GS) == (91, (5,))
             assert any("the connection is lost" in line for line in ours.said)
 
     play(scene)
@@ -171,8 +171,8 @@ def test_who_has_no_real_robot_stays_with_the_simulated_one() -> None:
     async def scene() -> None:
         async with served() as made:
             client = await made.caller()
-            assert await client.ask(Kind.REAL_ROBOT) == (91, (111,))
-            assert await client.state(Kind.GS)
+            assert await client.ask(RequestType.REAL_ROBOT) == (91, (111,))
+            assert await client.state(RequestType.GS)
 
     play(scene)
 

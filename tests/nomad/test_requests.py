@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from sleepcast.nomad.answers import HANDLERS
-from sleepcast.nomad.requests import SHAPES, Kind, Mode, firing_order, misfit, moves
+from sleepcast.nomad.requests import SHAPES, AxisMode, RequestType, firing_order, misfit, moves
 from sleepcast.nomad.simulated_robot import COMMANDS
 from sleepcast.nomad.wire import CONNECTING
 from sleepcast.robot import Axes
@@ -19,11 +19,11 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "nomad-wire.md"
 
 def test_the_documentation_names_every_request() -> None:
     rows = re.findall(r"^\| (\d+) \| `(\w+)` \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
-    assert [(int(number), name) for number, name in rows] == [(kind, kind.name.lower()) for kind in Kind]
+    assert [(int(number), name) for number, name in rows] == [(kind, kind.name.lower()) for kind in RequestType]
 
 
 def test_every_request_has_a_size_and_does_something() -> None:
-    assert set(SHAPES) == set(map(int, Kind))
+    assert set(SHAPES) == set(map(int, RequestType))
     assert {*COMMANDS, *HANDLERS, *CONNECTING} == set(SHAPES)
 
 
@@ -43,12 +43,12 @@ def test_an_order_ends_at_the_first_that_is_no_sensor(words: tuple[int, ...], or
 
 
 def test_sizes_are_told_in_words() -> None:
-    assert misfit(Kind.VM, 3) == misfit(Kind.TK, 4096) == ""
-    assert misfit(Kind.ADD_OBSTACLE, 5) == "add_obstacle takes 7 to 21 words, not 5"
+    assert misfit(RequestType.VM, 3) == misfit(RequestType.TK, 4096) == ""
+    assert misfit(RequestType.ADD_OBSTACLE, 5) == "add_obstacle takes 7 to 21 words, not 5"
     assert misfit(14, 3) == "there is no request of type 14"
 
 
 def test_what_mv_wants_in_one_mode() -> None:
-    wanted = moves((1, 10, 2, 20, 1, 30), Mode.VELOCITY, Axes(1.0, 2.0, 3.0))
+    wanted = moves((1, 10, 2, 20, 1, 30), AxisMode.VELOCITY, Axes(1.0, 2.0, 3.0))
     assert (wanted.first, wanted.third) == (1.0, 3.0)
     assert isnan(wanted.second)

@@ -16,7 +16,7 @@ from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import MisuseError
 from sleepcast.nomad import Nserver, ServerError, ServerPace, Windows, own_addresses
 from sleepcast.nomad import server as nomad_server
-from sleepcast.nomad.requests import Kind
+from sleepcast.nomad.requests import RequestType
 from sleepcast.nomad.server import BURST, MAX_CLIENTS, MAX_READ, RATE
 from sleepcast.nomad.server_connection import MAX_BUFFERED, TURN
 from sleepcast.nomad.wire import HEADER, MAX_WORDS, Layout, decode, encode_request
@@ -24,7 +24,7 @@ from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
 LONGEST = 60.0
 """Seconds that a busy machine is given."""
-GS = encode_request(Layout.FOUR, Kind.GS)
+GS = encode_request(Layout.FOUR, RequestType.GS)
 STATE = 200
 
 
@@ -119,10 +119,10 @@ def test_a_program_that_is_gone_without_a_word_leaves_its_robots_at_rest(aborted
     async def scene() -> None:
         async with served(3) as made:
             dying, other = await made.caller(1), await made.caller(3)
-            await other.state(Kind.VM, 30, 30, 0)
-            await dying.state(Kind.VM, 50, 50, 0)
+            await other.state(RequestType.VM, 30, 30, 0)
+            await dying.state(RequestType.VM, 50, 50, 0)
             await dying.ask(102, 2, 4711)  # it drives two
-            await dying.state(Kind.VM, 50, 50, 0)
+            await dying.state(RequestType.VM, 50, 50, 0)
             for robot in range(3):
                 await eventually(lambda robot=robot: made.world.observe(robot).speeds.first > 0.05)  # type: ignore[misc]
             dying.writer.transport.abort() if aborted else dying.writer.close()
@@ -140,13 +140,13 @@ def test_a_program_that_only_looks_on_stops_nothing_when_it_goes() -> None:
     async def scene() -> None:
         async with served() as made:
             driving, looking = await made.caller(), await made.caller()
-            await looking.state(Kind.PR, 1, 1, 0)  # it did drive once
-            await driving.state(Kind.VM, 50, 50, 0)
-            await looking.state(Kind.GS)
+            await looking.state(RequestType.PR, 1, 1, 0)  # it did drive once
+            await driving.state(RequestType.VM, 50, 50, 0)
+            await looking.state(RequestType.GS)
             await looking.close()
             await eventually(lambda: len(made.nserver.lines) == 1)
             await eventually(lambda: made.world.observe(0).speeds.first > 0.1)
-            driving.writer.write(encode_request(Layout.FOUR, Kind.DISCONNECT_ROBOT, (1, 4711)))
+            driving.writer.write(encode_request(Layout.FOUR, RequestType.DISCONNECT_ROBOT, (1, 4711)))
             await driving.close()
             await eventually(lambda: not made.nserver.lines)
             assert made.world.observe(0).speeds.first > 0.1  # it was let go as it was told, and goes on
@@ -158,16 +158,16 @@ def test_a_new_program_begins_without_the_timeout_of_the_one_before() -> None:
     async def scene() -> None:
         async with served(speed=20.0) as made:
             first = await made.caller()
-            await first.state(Kind.CONF_TM, 1)
+            await first.state(RequestType.CONF_TM, 1)
             second = await made.caller()  # while the first is there its timeout holds
-            await second.state(Kind.VM, 10, 10, 0)
+            await second.state(RequestType.VM, 10, 10, 0)
             commands = made.nserver.windows.robots[0].commands
             await eventually(lambda: commands[-1][1] == "stopped: nothing came in time")
             await eventually(lambda: made.world.observe(0).speeds.first == 0.0)
             await first.close()
             await eventually(lambda: len(made.nserver.lines) == 1)  # and the second goes on looking
             third = await made.caller()
-            await third.state(Kind.VM, 10, -10, 0)
+            await third.state(RequestType.VM, 10, -10, 0)
             began = made.world.time
             await eventually(lambda: made.world.time > began + 5.0)
             assert made.world.observe(0).speeds.first > 0.0
@@ -180,13 +180,13 @@ def test_two_programs_that_drive_one_robot_are_told_of_once() -> None:
         async with served(speed=0.0) as made:  # nobody is forgotten meanwhile
             one, two = await made.caller(), await made.caller()
             window, simulated_robot = made.nserver.windows.robots[0], made.nserver.service.simulated_robots[0]
-            await one.state(Kind.VM, 10, 10, 0)
-            await two.state(Kind.GS)
+            await one.state(RequestType.VM, 10, 10, 0)
+            await two.state(RequestType.GS)
             simulated_robot.glance()
             assert window.rivals == ""
             for _ in range(3):
-                await two.state(Kind.VM, 10, -10, 0)
-                await one.state(Kind.VM, 10, 10, 0)
+                await two.state(RequestType.VM, 10, -10, 0)
+                await one.state(RequestType.VM, 10, 10, 0)
             simulated_robot.glance()
             names = window.client.split(", ")
             assert window.rivals == " and ".join(sorted(names))
@@ -202,11 +202,11 @@ def test_a_robot_drives_waits_and_stops() -> None:
     async def scene() -> None:
         async with served(1, inf) as made:
             client = await made.caller()
-            await client.state(Kind.CT, *(0xFF,) * 5, 0x0E, 0)
-            await client.state(Kind.PR, 500, 500, 0)
-            state = await client.state(Kind.WS, 1, 1, 0, 20)
+            await client.state(RequestType.CT, *(0xFF,) * 5, 0x0E, 0)
+            await client.state(RequestType.PR, 500, 500, 0)
+            state = await client.state(RequestType.WS, 1, 1, 0, 20)
             assert state[34] == pytest.approx(500, abs=1)
-            assert (await client.state(Kind.ZR))[34:38] == (0, 0, 0, 0)
+            assert (await client.state(RequestType.ZR))[34:38] == (0, 0, 0, 0)
 
     play(scene)
 
@@ -215,12 +215,12 @@ def test_bytes_that_come_one_by_one_and_requests_that_come_all_at_once() -> None
     async def scene() -> None:
         async with served() as made:
             client = await made.caller()
-            for byte in encode_request(Layout.FOUR, Kind.DP, (100, -100)):
+            for byte in encode_request(Layout.FOUR, RequestType.DP, (100, -100)):
                 client.writer.write(bytes((byte,)))
                 await client.writer.drain()
                 await asyncio.sleep(0)
             assert (await client.hear())[1][34:36] == (100, -100)
-            client.writer.write(b"".join(encode_request(Layout.FOUR, Kind.DP, (turn, 0)) for turn in range(100)))
+            client.writer.write(b"".join(encode_request(Layout.FOUR, RequestType.DP, (turn, 0)) for turn in range(100)))
             assert [(await client.hear())[1][34] for _ in range(100)] == list(range(100))
 
     play(scene)
@@ -230,9 +230,9 @@ def test_robots_have_clients_of_their_own_and_share_them() -> None:
     async def scene() -> None:
         async with served(2) as made:
             one, two, other = await made.caller(1), await made.caller(1), await made.caller(2)
-            await one.state(Kind.DP, 100, 0)
-            assert (await two.state(Kind.GS))[34] == 100
-            assert (await other.state(Kind.GS))[34] != 100
+            await one.state(RequestType.DP, 100, 0)
+            assert (await two.state(RequestType.GS))[34] == 100
+            assert (await other.state(RequestType.GS))[34] != 100
             assert made.nserver.windows.robots[0].client.count("process 4711") == 2
             await one.close()
             await eventually(lambda: made.nserver.windows.robots[0].client.count("process") == 1)
@@ -264,7 +264,7 @@ def test_a_flood_of_commands_keeps_nobody_waiting() -> None:
             async def hurry() -> None:
                 nonlocal answered
                 while True:
-                    await flood.state(Kind.ST)
+                    await flood.state(RequestType.ST)
                     answered += 1
 
             hurried = asyncio.create_task(hurry())
@@ -272,7 +272,7 @@ def test_a_flood_of_commands_keeps_nobody_waiting() -> None:
             waits = []
             for _ in range(50):
                 before = answered
-                await calm.state(Kind.GS)
+                await calm.state(RequestType.GS)
                 waits.append(answered - before)
                 await asyncio.sleep(0.005)
             assert answered > 50
@@ -308,9 +308,9 @@ def test_who_never_reads_is_not_read_from_and_the_others_do_not_feel_it() -> Non
                     except BlockingIOError:
                         await asyncio.sleep(0.01)
                     assert line.kept <= 2 * MAX_BUFFERED + MAX_READ + STATE
-                    await other.state(Kind.GS)
+                    await other.state(RequestType.GS)
             assert sent > enough  # it took what it could answer, and then no more
-            assert await other.state(Kind.GS)
+            assert await other.state(RequestType.GS)
 
     play(scene)
 
@@ -320,17 +320,17 @@ def test_half_messages_and_long_ones_are_borne() -> None:
         async with served() as made:
             client, other = await made.caller(), await made.caller()
             (line,) = (each for each in made.nserver.lines if each.session.peer.endswith(str(_port(client))))
-            client.writer.write(HEADER.pack(Kind.TK, -1 & 0x7FFF) + bytes(4 * 10_000))
-            await other.state(Kind.GS)
+            client.writer.write(HEADER.pack(RequestType.TK, -1 & 0x7FFF) + bytes(4 * 10_000))
+            await other.state(RequestType.GS)
             client.writer.write(bytes(4 * (0x7FFF - 10_000)))
             assert await client.hear() == (91, (4,))
             assert line.kept < 4 * MAX_WORDS
             assert f"tk takes 1 to {MAX_WORDS} words, not 32767" in made.said[-1]
-            client.writer.write(encode_request(Layout.FOUR, Kind.VM, (1, 2, 3))[:-1])
-            assert await other.state(Kind.GS)
+            client.writer.write(encode_request(Layout.FOUR, RequestType.VM, (1, 2, 3))[:-1])
+            assert await other.state(RequestType.GS)
             await client.close()
             await eventually(lambda: len(made.nserver.lines) == 1)
-            assert (await other.state(Kind.GS))[38] == 0  # half a command is none
+            assert (await other.state(RequestType.GS))[38] == 0  # half a command is none
 
     play(scene)
 
@@ -343,7 +343,7 @@ def test_noise_is_answered_with_errors_and_few_words_at_the_terminal() -> None:
                 assert await client.ask(1000 + number) == (91, (4,))
             told = [line for line in made.said if not line.startswith("...")]
             assert 10 < len(told) <= BURST + RATE * (time.monotonic() - began) + 1
-            assert await client.state(Kind.GS)
+            assert await client.state(RequestType.GS)
 
     play(scene)
 
@@ -356,7 +356,7 @@ def test_junk_from_many_is_borne() -> None:
             for _ in range(40):
                 client = await (made.caller() if chance.random() < 0.5 else made.bare())
                 client.writer.write(chance.randbytes(chance.randrange(1, 5000)))
-                assert await other.state(Kind.GS)
+                assert await other.state(RequestType.GS)
                 if chance.random() < 0.5:
                     client.writer.transport.abort()
             told = [line for line in made.said if not line.startswith("...")]
@@ -368,10 +368,14 @@ def test_junk_from_many_is_borne() -> None:
 def test_clients_that_vanish_leave_nothing_behind() -> None:
     async def scene() -> None:
         async with served(1, headless=False) as made:
-            for kind, words in ((Kind.ZR, ()), (Kind.WS, (1, 1, 1, 255)), (Kind.GET_ROBOT_CONF, ())):
+            for kind, words in (
+                (RequestType.ZR, ()),
+                (RequestType.WS, (1, 1, 1, 255)),
+                (RequestType.GET_ROBOT_CONF, ()),
+            ):
                 client = await made.caller()
                 made.pace.speed = 1.0
-                await client.state(Kind.VM, 20, -20, 0)
+                await client.state(RequestType.VM, 20, -20, 0)
                 await eventually(lambda: made.world.observe(0).speeds.first > 0.0)
                 made.pace.speed = 0.0  # so that nothing that takes time is ever done
                 client.writer.write(encode_request(Layout.FOUR, kind, words))
@@ -393,14 +397,14 @@ def test_who_says_nothing_takes_the_place_of_nobody_who_does(monkeypatch: pytest
         async with served() as made:
             one = await made.caller()
             silent = [await made.bare() for _ in range(200)]
-            assert await one.state(Kind.GS)
-            assert await (await made.caller()).state(Kind.GS)
+            assert await one.state(RequestType.GS)
+            assert await (await made.caller()).state(RequestType.GS)
             await eventually(lambda: len(made.nserver.lines) <= 2 + 16)
             assert sum("many connections" in line for line in made.said) == 1
             monkeypatch.setattr(made.nserver._strangers, "_patience", 0.0)
             await eventually(lambda: len(made.nserver.lines) == 2)
             assert [await each.reader.read() for each in silent] == [b""] * 200
-            assert await one.state(Kind.GS)
+            assert await one.state(RequestType.GS)
 
     play(scene)
 
@@ -414,10 +418,10 @@ def test_more_clients_than_there_is_room_for_are_turned_away(monkeypatch: pytest
             one, _ = await made.caller(), await made.caller()
             late = await made.bare()
             assert await late.reader.read() == b""
-            assert await one.state(Kind.GS)
+            assert await one.state(RequestType.GS)
             await one.close()
             await eventually(lambda: len(made.nserver.lines) == 1)
-            assert await (await made.caller()).state(Kind.GS)
+            assert await (await made.caller()).state(RequestType.GS)
 
     play(scene)
 
@@ -429,12 +433,12 @@ def test_time_goes_as_fast_as_it_is_told_to_and_stands_still() -> None:
     async def scene() -> None:
         async with served(1, 0.0) as made:
             client = await made.caller()
-            await client.state(Kind.GS)
+            await client.state(RequestType.GS)
             await asyncio.sleep(0.1)
             assert made.world.time == 0.0
             made.pace.speed = 20.0
             await eventually(lambda: made.world.time >= 2.0)
-            assert (await client.state(Kind.GS))[0] == 200
+            assert (await client.state(RequestType.GS))[0] == 200
 
     play(scene)
 
@@ -447,18 +451,18 @@ def test_in_lockstep_each_tick_comes_when_everybody_waits(monkeypatch: pytest.Mo
             one, two = await made.caller(1), await made.caller(2)
             found = []
             for turn in range(30):
-                states = await asyncio.gather(one.state(Kind.VM, 50, turn, 0), two.state(Kind.GS))
+                states = await asyncio.gather(one.state(RequestType.VM, 50, turn, 0), two.state(RequestType.GS))
                 assert [state[46] for state in states] == [20 * (turn + 1)] * 2
                 found += states
 
             async def travel() -> tuple[int, ...]:
-                await one.state(Kind.PR, 100, 100, 0)
-                state = await one.state(Kind.WS, 1, 1, 0, 0)
+                await one.state(RequestType.PR, 100, 100, 0)
+                state = await one.state(RequestType.WS, 1, 1, 0, 0)
                 await one.close()
                 return state
 
             async def look() -> list[tuple[int, ...]]:
-                return [await two.state(Kind.GS) for _ in range(150)]
+                return [await two.state(RequestType.GS) for _ in range(150)]
 
             last, seen = await asyncio.gather(travel(), look())
             assert last[34] == pytest.approx(130, abs=15)
@@ -473,20 +477,20 @@ def test_in_lockstep_nobody_waits_for_long_for_who_does_not_ask() -> None:
             began = time.monotonic()
             idle, busy = await made.caller(1), await made.caller(2)
             for _ in range(20):
-                await busy.state(Kind.GS)
+                await busy.state(RequestType.GS)
             assert nomad_server.PATIENCE <= time.monotonic() - began < LONGEST
             assert made.world.time == pytest.approx(0.4)
             await asyncio.sleep(0.05)
             assert made.world.time == pytest.approx(0.4)  # nobody asks, and time stands still
             made.pace.speed = 0.0
-            asked = asyncio.create_task(busy.state(Kind.GS))
+            asked = asyncio.create_task(busy.state(RequestType.GS))
             await asyncio.sleep(0.1)
             assert not asked.done()
             made.pace.speed = 1.0
             assert await asked
             assert (await idle.ask(102, 1, 4711))[1][0]
             await busy.close()
-            assert await idle.state(Kind.GS)
+            assert await idle.state(RequestType.GS)
 
     play(scene)
 
@@ -524,15 +528,15 @@ def test_stop_holds_every_robot_whatever_is_asked() -> None:
     async def scene() -> None:
         async with served(2, inf) as made:
             client = await made.caller()
-            await client.state(Kind.VM, 50, -50, 0)
+            await client.state(RequestType.VM, 50, -50, 0)
             await eventually(lambda: made.world.observe(0).speeds.first > 0.0)
             made.nserver.hold(True)
             assert made.nserver.held
             for kind, words in (
-                (Kind.VM, (50, 50, 0)),
-                (Kind.PR, (50, 50, 0)),
-                (Kind.MV, (1, 9, 1, 9, 0, 0)),
-                (Kind.ZR, ()),
+                (RequestType.VM, (50, 50, 0)),
+                (RequestType.PR, (50, 50, 0)),
+                (RequestType.MV, (1, 9, 1, 9, 0, 0)),
+                (RequestType.ZR, ()),
             ):
                 await client.state(kind, *words)
             await eventually(lambda: made.world.observe(0).speeds.first == 0.0)
@@ -541,7 +545,7 @@ def test_stop_holds_every_robot_whatever_is_asked() -> None:
             await eventually(lambda: made.world.time > later)
             assert made.world.observe(0).real == here
             made.nserver.hold(False)
-            await client.state(Kind.VM, 50, -50, 0)
+            await client.state(RequestType.VM, 50, -50, 0)
             await eventually(lambda: made.world.observe(0).speeds.first > 0.0)
 
     play(scene)
@@ -551,8 +555,8 @@ def test_a_click_answers_who_waits_at_that_window() -> None:
     async def scene() -> None:
         async with served(2) as made:
             one, other = await made.caller(1), await made.caller(2)
-            one.writer.write(encode_request(Layout.FOUR, Kind.GET_ROBOT_CONF))
-            other.writer.write(encode_request(Layout.FOUR, Kind.GET_ROBOT_CONF))
+            one.writer.write(encode_request(Layout.FOUR, RequestType.GET_ROBOT_CONF))
+            other.writer.write(encode_request(Layout.FOUR, RequestType.GET_ROBOT_CONF))
             await eventually(lambda: len(made.nserver.waiting) == 2)
             made.nserver.click(0, 0.254, 0.508)
             assert await one.hear() == (200, (100, 200, 0, 0))
@@ -570,7 +574,7 @@ def test_a_client_that_may_ends_the_server() -> None:
         await made.nserver.listen(own_addresses(), 0)
         running = asyncio.create_task(made.nserver.run(made.pace))
         client = await made.caller()
-        assert await client.ask(Kind.QUIT_SERVER) == (82, ())
+        assert await client.ask(RequestType.QUIT_SERVER) == (82, ())
         assert await client.reader.read() == b""
         async with asyncio.timeout(LONGEST):
             await running

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sleepcast.channel import Kind, Message
-from sleepcast.mind.authority import FORGOTTEN, MAX_MARKS, Latch, Mark, mark_of, restored
+from sleepcast.mind.authority import FORGOTTEN, MAX_MARKS, Latch, StopMark, mark_of, restored
 
 
 def stop(
@@ -31,7 +31,7 @@ def after(*messages: Message) -> Latch:
     return latch
 
 
-def named(marks: Iterable[Mark]) -> list[list[object]]:
+def named(marks: Iterable[StopMark]) -> list[list[object]]:
     return [mark.named for mark in marks]
 
 
@@ -39,8 +39,8 @@ def named(marks: Iterable[Mark]) -> list[list[object]]:
 def test_numbers_order_what_one_operator_says(issued: float) -> None:
     assert after(stop("anna", 1), release("anna", 2, issued=issued)).holding == ()
     assert after(release("anna", 2), stop("anna", 1, issued=issued)).holding == (), "the STOP was late"
-    assert after(release("anna", 2), stop("anna", 3, issued=issued)).holding == (Mark("anna", 1, 3, "key of anna"),)
-    assert after(stop("anna", 3), release("anna", 2, issued=issued)).holding == (Mark("anna", 1, 3, "key of anna"),)
+    assert after(release("anna", 2), stop("anna", 3, issued=issued)).holding == (StopMark("anna", 1, 3, "key of anna"),)
+    assert after(stop("anna", 3), release("anna", 2, issued=issued)).holding == (StopMark("anna", 1, 3, "key of anna"),)
 
 
 def test_a_release_ends_of_others_what_it_names_and_no_more() -> None:
@@ -48,7 +48,9 @@ def test_a_release_ends_of_others_what_it_names_and_no_more() -> None:
     assert held.refusal() == "the STOP anna-1.5 holds: the RELEASE does not name it"
     assert after(stop("anna", 5), release("chief", 9, ends=[["anna", 1, 4]])).holding
     assert not after(stop("anna", 5), release("chief", 9, ends=[["anna", 1, 5]])).holding
-    assert after(stop("anna", 5), stop("chief", 1), release("chief", 9)).holding == (Mark("anna", 1, 5, "key of anna"),)
+    assert after(stop("anna", 5), stop("chief", 1), release("chief", 9)).holding == (
+        StopMark("anna", 1, 5, "key of anna"),
+    )
 
 
 def test_a_name_ends_nothing_that_has_not_come_yet() -> None:
@@ -60,14 +62,14 @@ def test_a_name_ends_nothing_that_has_not_come_yet() -> None:
 
 def test_what_is_sent_again_counts_as_the_first() -> None:
     again = stop("anna", 8, first="anna-1.5", age=3.0)
-    assert mark_of(again) == Mark("anna", 1, 5, "key of anna")
+    assert mark_of(again) == StopMark("anna", 1, 5, "key of anna")
     assert not after(again, release("chief", 1, ends=[["anna", 1, 5]]), stop("anna", 9, first="anna-1.5")).holding
     assert not after(release("anna", 6), again).holding
 
 
 @pytest.mark.parametrize("first", ["anna-1.99", "anna-2.1", "bert-1.1", "anna-1.-3", "anna-1.x", "anna-1.", 7, None])
 def test_a_first_one_that_cannot_be_is_none(first: object) -> None:
-    assert mark_of(stop("anna", 8, first=first)) == Mark("anna", 1, 8, "key of anna")
+    assert mark_of(stop("anna", 8, first=first)) == StopMark("anna", 1, 8, "key of anna")
 
 
 def test_another_life_of_a_sender_is_another_sender() -> None:
@@ -98,7 +100,7 @@ def invented(count: int, sender: str = "watch", first: int = 1) -> list[Message]
 def test_stops_of_one_key_push_out_none_of_another() -> None:
     """Otherwise whoever may stop ends the STOPs of everybody else by a release of their own."""
     latch = after(stop("anna", 5), *invented(70), *(stop(f"r{n}", 1, key="key of r*") for n in range(200)))
-    assert Mark("anna", 1, 5, "key of anna") in latch.holding
+    assert StopMark("anna", 1, 5, "key of anna") in latch.holding
     assert len(latch.holding) == MAX_MARKS
     assert {mark.owner for mark in latch.holding} == {"key of anna", "key of watch", "key of r*", FORGOTTEN}
 
@@ -146,7 +148,7 @@ def test_whoever_is_named_like_that_mark_neither_ends_it_nor_hides_behind_it(num
 def test_what_an_earlier_version_stored_is_read() -> None:
     """Its marks have no key."""
     stored = {"holding": [["anna", 1, 5], ["bert", 2, 7]], "ended": [["anna", 1, 4]]}
-    assert restored(stored) == Latch((Mark("anna", 1, 5), Mark("bert", 2, 7)), (Mark("anna", 1, 4),))
+    assert restored(stored) == Latch((StopMark("anna", 1, 5), StopMark("bert", 2, 7)), (StopMark("anna", 1, 4),))
     with_keys = after(stop("anna", 5), *invented(70))
     assert restored(with_keys.written()) == with_keys
 
@@ -173,7 +175,7 @@ def test_whatever_a_relay_does_a_robot_moves_only_after_a_release_that_knew_of_a
             each.kind is Kind.RELEASE
             and (
                 (each.sender == mark.sender and each.sequence > mark.number)
-                or any(Mark(*named).covers(mark) for named in each.body["ends"])  # type: ignore[attr-defined]
+                or any(StopMark(*named).covers(mark) for named in each.body["ends"])  # type: ignore[attr-defined]
             )
             for each in heard
         )

@@ -23,7 +23,7 @@ from sleepcast.station import (
     Station,
     UnknownRobotError,
 )
-from sleepcast.station.account import Spread
+from sleepcast.station.account import ValueSummary
 from sleepcast.station.sent import MAX_COMMANDS
 from sleepcast.station.station import MAX_REPORTS, REPEAT_AFTER
 from station.fleet import Fleet, vocabulary
@@ -104,7 +104,7 @@ def test_a_question_changes_nothing_and_its_values_are_counted(fleet: Fleet) -> 
     fleet.deliver()
     account = fleet.station.accounting(command.id)
     assert (account.n_matched, account.n_silent) == (len(fleet.minds), 0)
-    assert account.values == Spread(10, 0.0, pytest.approx(0.45), 0.9)
+    assert account.values == ValueSummary(10, 0.0, pytest.approx(0.45), 0.9)
     assert not any(mind.groups for mind in fleet.minds.values())
 
 

@@ -25,8 +25,8 @@ from sleepcast.core.geodesy import LocalMap, Origin
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import TelemetryClient
 from sleepcast.tak.bridge import AT_ONCE, TakBridge
-from sleepcast.tak.event import Event, read_xml
-from sleepcast.tak.link import Link
+from sleepcast.tak.event import CotEvent, read_xml
+from sleepcast.tak.link import TakLink
 from sleepcast.tak.picture import GROUND_ROBOT, MAX_MARKERS
 
 with warnings.catch_warnings():
@@ -44,7 +44,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-async def heard(port: int, marker: Event, wanted: dict[str, str]) -> dict[str, Event]:
+async def heard(port: int, marker: CotEvent, wanted: dict[str, str]) -> dict[str, CotEvent]:
     """What another client of the server, which sets a marker, hears of these uids, until all have these names: the
     latest event of each."""
     config = configparser.ConfigParser()
@@ -63,9 +63,9 @@ async def heard(port: int, marker: Event, wanted: dict[str, str]) -> dict[str, E
         asyncio.ensure_future(pytak.RXWorker(incoming, config["client"], reader).run()),
         asyncio.ensure_future(pytak.TXWorker(outgoing, config["client"], writer).run()),
     ]
-    found: dict[str, Event] = {}
+    found: dict[str, CotEvent] = {}
     now = time.time()
-    await outgoing.put(Event("other", "a-f-G-U-C", 36.6, -121.9, now, now + 99.0, "other").xml())
+    await outgoing.put(CotEvent("other", "a-f-G-U-C", 36.6, -121.9, now, now + 99.0, "other").xml())
     try:
         while not all(uid in found and name in found[uid].callsign for uid, name in wanted.items()):
             await outgoing.put(marker.xml())
@@ -95,7 +95,7 @@ def line(process: subprocess.Popen[str]) -> str:
 def test_robots_groups_and_places_are_seen_and_markers_become_places(home: Path) -> None:
     channel, port = f"udp://239.255.83.76:{free_port()}?interface=lo", free_port(SOCK_STREAM)
     now = time.time()
-    marker = Event("m1", "b-m-p-s-m", 36.601, -121.9, now, now + 99.0, "Depot 1")
+    marker = CotEvent("m1", "b-m-p-s-m", 36.601, -121.9, now, now + 99.0, "Depot 1")
     server = ("--server", f"tcp://127.0.0.1:{port}", "--origin", "36.6,-121.9", "--markers", "--every", "0.2")
 
     def swarm() -> AbstractContextManager[subprocess.Popen[str]]:
@@ -134,7 +134,7 @@ def test_robots_groups_and_places_are_seen_and_markers_become_places(home: Path)
 
 def bridge_of(station: SimpleNamespace, type: str = GROUND_ROBOT) -> TakBridge:
     """A bridge that sends with this station, and knows of no robots."""
-    telemetry, link = cast(TelemetryClient, SimpleNamespace(minds={})), cast(Link, SimpleNamespace())
+    telemetry, link = cast(TelemetryClient, SimpleNamespace(minds={})), cast(TakLink, SimpleNamespace())
     ground, sends = LocalMap(Origin(36.6, -121.9)), cast(NetworkStation, station)
     return TakBridge(sends, telemetry, link, ground, print, fleet="f", every=1.0, markers=True, type=type)
 
@@ -149,7 +149,7 @@ def test_robots_are_told_of_a_few_places_at_a_time_however_many_are_moved() -> N
     for second in range(20):
         for number in range(MAX_MARKERS):
             where = 36.6 + 0.001 * (second % 2), -121.9
-            bridge._take(Event(f"m{number}", "b-m-p-s-m", *where, 0.0, 0.0, f"p{number}"))
+            bridge._take(CotEvent(f"m{number}", "b-m-p-s-m", *where, 0.0, 0.0, f"p{number}"))
         bridge._tell(float(second))
     assert len(told) == 10 * AT_ONCE, "every two seconds"
     names = {text.split()[2].rstrip(")") for text in told}

@@ -11,13 +11,13 @@ import takproto
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sleepcast.tak.event import MAX_EVENT, MESH, Event, EventError, read_datagram, read_protobuf, read_xml
+from sleepcast.tak.event import MAX_EVENT, MESH, CotEvent, EventError, read_datagram, read_protobuf, read_xml
 from sleepcast.tak.link import EventStream
 
 NAMES = st.text(st.characters(codec="utf-8", exclude_categories=("Cs", "Cc", "Cn")), min_size=1, max_size=40)
 TIMES = st.integers(0, 4_000_000_000_000).map(lambda milliseconds: milliseconds / 1000.0)
 EVENTS = st.builds(
-    Event,
+    CotEvent,
     uid=NAMES,
     type=NAMES,
     latitude=st.floats(-90.0, 90.0),
@@ -34,7 +34,7 @@ EVENTS = st.builds(
 )
 
 
-def same(found: Event, sent: Event) -> bool:
+def same(found: CotEvent, sent: CotEvent) -> bool:
     """Whether what is read of an event is as it was sent."""
     near = math.isclose(found.latitude, sent.latitude, abs_tol=1e-7)
     near &= math.isclose(found.longitude, sent.longitude, abs_tol=1e-7)
@@ -43,7 +43,7 @@ def same(found: Event, sent: Event) -> bool:
 
 
 @given(EVENTS)
-def test_an_event_comes_back_as_it_went(event: Event) -> None:
+def test_an_event_comes_back_as_it_went(event: CotEvent) -> None:
     assert same(read_xml(event.xml()), event)
     assert same(read_protobuf(event.protobuf()), event)
     assert same(read_datagram(event.xml()), event)
@@ -51,7 +51,9 @@ def test_an_event_comes_back_as_it_went(event: Event) -> None:
 
 
 def test_what_tak_wants_to_know_stands_where_it_looks_for_it() -> None:
-    event = Event("u", "a-f-G", 1.0, 2.0, 0.0, 3.0, "r1", 90.0, 1.5, 0.25, "Cyan", "STOPPED", ((1.0, 2.0), (3.0, 4.0)))
+    event = CotEvent(
+        "u", "a-f-G", 1.0, 2.0, 0.0, 3.0, "r1", 90.0, 1.5, 0.25, "Cyan", "STOPPED", ((1.0, 2.0), (3.0, 4.0))
+    )
     top = ElementTree.fromstring(event.xml())
     assert top.get("time") == "1970-01-01T00:00:00.000000Z"
     assert top.get("stale") == "1970-01-01T00:00:03.000000Z"
@@ -87,7 +89,7 @@ def test_an_area_is_a_ring_of_links_two_places_are_a_line_and_one_is_neither(
 ) -> None:
     """By that, programs tell areas from lines in what is drawn by hand (`u-d-f`)."""
     outline = tuple((float(y) + 1e-9, float(x) - 1e-9) for y, x in (corner.split(",") for corner in corners))
-    event = Event("fleet.group.bravo", "u-d-f", 36.6, -121.9, 0.0, 3.0, "bravo (3)", outline=outline)
+    event = CotEvent("fleet.group.bravo", "u-d-f", 36.6, -121.9, 0.0, 3.0, "bravo (3)", outline=outline)
     if protobuf:
         detail = takproto.parse_mesh(MESH + event.protobuf()).cotEvent.detail.xmlDetail
         top = ElementTree.fromstring(f"<detail>{detail}</detail>")
@@ -97,7 +99,7 @@ def test_an_area_is_a_ring_of_links_two_places_are_a_line_and_one_is_neither(
 
 
 def test_nothing_is_written_as_less_than_nothing() -> None:
-    event = Event("u", "u-d-f", -1e-9, 0.0, 0.0, 3.0, outline=((-1e-9, 0.0), (0.0, -1e-9)))
+    event = CotEvent("u", "u-d-f", -1e-9, 0.0, 0.0, 3.0, outline=((-1e-9, 0.0), (0.0, -1e-9)))
     assert b"-0.0" not in event.xml()
     assert b"link" not in event.xml(), "they are one place"
 
@@ -131,7 +133,7 @@ def test_random_bytes_are_an_event_or_refused(data: bytes) -> None:
 
 @given(st.lists(EVENTS, max_size=4), st.booleans(), st.integers(1, 60), st.binary(max_size=30))
 def test_events_are_found_in_a_stream_however_it_is_cut(
-    events: list[Event], protobuf: bool, size: int, noise: bytes
+    events: list[CotEvent], protobuf: bool, size: int, noise: bytes
 ) -> None:
     sender, receiver = EventStream(), EventStream()
     sender.protobuf = receiver.protobuf = protobuf
@@ -149,14 +151,14 @@ def test_a_stream_keeps_no_more_than_one_event() -> None:
         assert list(stream.read(b"<event " + b"a" * MAX_EVENT)) == []
         assert len(stream._waiting) <= MAX_EVENT
     assert stream.lost == 20
-    event = Event("u", "b", 1.0, 2.0, 0.0, 0.0)
+    event = CotEvent("u", "b", 1.0, 2.0, 0.0, 0.0)
     assert [found.uid for found in stream.read(event.xml())] == ["u"]
 
 
 def test_beginnings_of_events_that_are_none_do_no_harm() -> None:
     stream = EventStream()
     stream.protobuf = True
-    event = Event("u", "b", 1.0, 2.0, 0.0, 0.0)
+    event = CotEvent("u", "b", 1.0, 2.0, 0.0, 0.0)
     for piece in (b"\xbf\xff\xff\xff\x7f", b"\xbf\xff\xff\xff\xff"):
         noise = piece * 5_000 + b"\x00"
         assert [each.uid for each in stream.read(noise + stream.written(event))] == ["u"]

@@ -19,14 +19,14 @@ from channel.test_udp import free_port
 from processes import tak_server
 from sleepcast.core.errors import MisuseError
 from sleepcast.tak import link as links
-from sleepcast.tak.event import MESH, Event, read_xml
-from sleepcast.tak.link import END, UNANSWERED, EventStream, Link, Server, open_link
+from sleepcast.tak.event import MESH, CotEvent, read_xml
+from sleepcast.tak.link import END, UNANSWERED, EventStream, Server, TakLink, open_link
 
 PATIENCE = 60.0
 """Seconds that a busy machine may take."""
 NOW = time.time()
-ROBOT = Event("fleet.r1", "a-f-G-E-V-U", 36.6, -121.9, NOW, NOW + 9.0, "r1")
-MARKER = Event("m1", "b-m-p-s-m", 36.7, -121.8, NOW, NOW + 9.0, "Depot 1")
+ROBOT = CotEvent("fleet.r1", "a-f-G-E-V-U", 36.6, -121.9, NOW, NOW + 9.0, "r1")
+MARKER = CotEvent("m1", "b-m-p-s-m", 36.7, -121.8, NOW, NOW + 9.0, "Depot 1")
 POINT = '<point lat="0.0" lon="0.0" hae="0.0" ce="999999" le="999999"/>'
 CONTROL = '<event version="2.0" uid="s" type="{}">{}<detail><TakControl>{}</TakControl></detail></event>'
 OFFER = CONTROL.format("t-x-takp-v", POINT, '<TakProtocolSupport version="1"/>')
@@ -67,7 +67,7 @@ async def served(serve: Serve, context: ssl.SSLContext | None = None, port: int 
         await asyncio.gather(*filter(None, handlers), return_exceptions=True)
 
 
-async def linked(link: Link, taken: list[Event], job: Awaitable[None]) -> None:
+async def linked(link: TakLink, taken: list[CotEvent], job: Awaitable[None]) -> None:
     """Do the job while the link runs and sends a robot's event time and again."""
 
     async def send() -> None:
@@ -113,7 +113,7 @@ def server_context(certificates: Path) -> ssl.SSLContext:
 @pytest.mark.parametrize("secret", [False, True], ids=["tcp", "tls"])
 def test_a_server_that_offers_protobuf_gets_it(certificates: Path, secret: bool) -> None:
     seen: list[object] = []
-    taken: list[Event] = []
+    taken: list[CotEvent] = []
     said: list[str] = []
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -229,7 +229,7 @@ def test_a_server_that_does_not_know_the_question_is_not_called_gone(monkeypatch
 
 @pytest.mark.parametrize("noise", [b"</event>", MARKER.xml()])
 def test_a_server_that_floods_us_with_whatever_gets_our_events_all_the_same(noise: bytes) -> None:
-    said, taken, seen = list[str](), list[Event](), list[bytes]()
+    said, taken, seen = list[str](), list[CotEvent](), list[bytes]()
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         async def flood() -> None:
@@ -258,8 +258,8 @@ def test_a_server_that_floods_us_with_whatever_gets_our_events_all_the_same(nois
 
 def test_multicast_reaches_others_in_protobuf_and_reads_both_forms() -> None:
     address = f"udp://239.2.3.1:{free_port()}?interface=lo"
-    taken: list[Event] = []
-    theirs: list[Event] = []
+    taken: list[CotEvent] = []
+    theirs: list[CotEvent] = []
 
     async def job() -> None:
         ours, other = open_link(address, print), open_link(address, print)

@@ -16,8 +16,8 @@ from sleepcast.core.geodesy import FARTHEST, LocalMap, Origin
 from sleepcast.core.model import RestState
 from sleepcast.language import read
 from sleepcast.station.remote import RemoteMind
-from sleepcast.tak.event import Event
-from sleepcast.tak.picture import MAX_MARKERS, Markers, NamedPlace, Picture, command, hull, key_of
+from sleepcast.tak.event import CotEvent
+from sleepcast.tak.picture import MAX_MARKERS, Markers, NamedPlace, OperatingPicture, command, hull, key_of
 
 ORIGIN = Origin(36.6, -121.9)
 POINTS = st.tuples(st.integers(-50, 50), st.integers(-50, 50)).map(lambda point: (float(point[0]), float(point[1])))
@@ -90,7 +90,7 @@ def test_a_group_is_the_area_around_its_robots(
     ground: LocalMap, places: list[tuple[float, float]], points: int
 ) -> None:
     minds = [mind(f"r{number}", place, "bravo") for number, place in enumerate(places)]
-    events = {event.uid: event for event in Picture(ground, "fleet").events(minds, 100.0, 1.0, 5.0)}
+    events = {event.uid: event for event in OperatingPicture(ground, "fleet").events(minds, 100.0, 1.0, 5.0)}
     assert len(events) == len(places) + 1
     group = events["fleet.group.bravo"]
     assert (group.type, group.callsign) == ("u-d-f", f"bravo ({len(places)})")
@@ -106,14 +106,14 @@ def test_a_group_is_the_area_around_its_robots(
 )
 def test_a_stopped_robot_that_still_moves_is_told(ground: LocalMap, state: RestState | None, said: str) -> None:
     found = SimpleNamespace(**{**vars(mind("r1", (0.0, 0.0), "bravo")), "stopped": True, "rest_state": lambda: state})
-    (event,) = Picture(ground, "fleet").events([cast(RemoteMind, found)], 100.0, 1.0, 5.0)
+    (event,) = OperatingPicture(ground, "fleet").events([cast(RemoteMind, found)], 100.0, 1.0, 5.0)
     assert event.remarks == f"{said}; in bravo"
 
 
 def test_a_name_that_several_robots_have_is_told(ground: LocalMap) -> None:
     found = mind("r1", (0.0, 0.0), "bravo")
     found.others[7] = False
-    (event,) = Picture(ground, "fleet").events([found], 100.0, 1.0, 5.0)
+    (event,) = OperatingPicture(ground, "fleet").events([found], 100.0, 1.0, 5.0)
     assert event.remarks == "SEVERAL ROBOTS HAVE THIS NAME; in bravo"
 
 
@@ -132,8 +132,8 @@ def test_every_name_can_be_read_in_a_command(callsign: str) -> None:
         assert key.isidentifier()
 
 
-def marker(uid: str = "m1", callsign: str = "Depot 1", latitude: float = 36.6, type: str = "b-m-p-s-m") -> Event:
-    return Event(uid, type, latitude, -121.9, 0.0, 0.0, callsign)
+def marker(uid: str = "m1", callsign: str = "Depot 1", latitude: float = 36.6, type: str = "b-m-p-s-m") -> CotEvent:
+    return CotEvent(uid, type, latitude, -121.9, 0.0, 0.0, callsign)
 
 
 def test_a_marker_becomes_a_place_once_and_again_when_it_moves(ground: LocalMap) -> None:

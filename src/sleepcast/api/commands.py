@@ -71,7 +71,7 @@ def beside(
     return awaited
 
 
-class Turns:
+class FairLock:
     """Lets one thread at a time use a fleet, in the order in which they came, until it is closed."""
 
     def __init__(self) -> None:
@@ -124,18 +124,18 @@ class Fleet(ABC):
 
     def __init__(self, station: Station) -> None:
         self.station = station
-        self._turns = Turns()
+        self._turns = FairLock()
         self._scripted = set[str]()
         """The ids of what scripts have sent."""
         self._desk: NotebookDesk | None = None
         """What lies behind the views, if there ever was one."""
 
-    def _turn(self) -> Turns:
-        """See `Turns`."""
+    def _turn(self) -> FairLock:
+        """See `FairLock`."""
         return self._turns
 
     def _pass_on(self) -> None:
-        """See `Turns.pass_on`; raises MisuseError for a call that was cancelled, too."""
+        """See `FairLock.pass_on`; raises MisuseError for a call that was cancelled, too."""
         self._turns.pass_on()
         _refuse_cancelled()
 

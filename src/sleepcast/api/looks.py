@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.fleet.marks import Groups
+from sleepcast.fleet.marks import GroupCodes
 from sleepcast.loop import Swarm
 from sleepcast.simulator.scenario.robot_types import slices
 from sleepcast.simulator.simulation import OTHER_COLOUR
@@ -36,7 +36,7 @@ SPOT, RING = 0.5, 2.0
 """Size of the spot, and of the ring, as a part of a body's size."""
 
 
-class Look(NamedTuple):
+class Appearance(NamedTuple):
     """corners: of the body, which is as large as 1. ink: its place in `INKS`. spot: whether it has one. points:
     whether it turns with the robot."""
 
@@ -74,14 +74,14 @@ _SPOT = _polygon(8, 0.0, SPOT)[::-1]
 """The other way round than the bodies, so that it is left out of them."""
 
 
-def _of_sort(sort: int) -> Look:
+def _of_sort(sort: int) -> Appearance:
     ink = SECOND_NEUTRAL if (sort + sort // len(_SORTS)) % 2 else NEUTRAL
-    return Look(_SORTS[sort % len(_SORTS)], ink, points=True)
+    return Appearance(_SORTS[sort % len(_SORTS)], ink, points=True)
 
 
-def _of_pair(number: int, shift: int, spot: bool) -> Look:
+def _of_pair(number: int, shift: int, spot: bool) -> Appearance:
     shape = number % SHAPES
-    return Look(_BODIES[shape], 1 + (shape + shift) % SHAPES, spot)
+    return Appearance(_BODIES[shape], 1 + (shape + shift) % SHAPES, spot)
 
 
 LOOKS = (
@@ -123,7 +123,7 @@ class SwarmLooks(NamedTuple):
 def looks_of(swarm: Swarm) -> SwarmLooks:
     """How the robots look now. The body is that of the newest group, else of the colour, else of the sort; the ring is
     that of the second newest group, else of the colour of a robot in a group."""
-    simulator, groups = swarm.simulator, Groups()
+    simulator, groups = swarm.simulator, GroupCodes()
     count, sorts = len(simulator.names), simulator.scenario.each_sort
     codes = np.frombuffer(groups.look(swarm.fleet), np.uint8)
     second = np.frombuffer(groups.second or bytes(count), np.uint8)

@@ -21,7 +21,7 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.core.ticks import Every, nearest_ticks
 from sleepcast.core.version import VERSION
 from sleepcast.fleet.failing import MOST_TOLD, RECENT, failing_rules
-from sleepcast.fleet.marks import Groups, flags_of
+from sleepcast.fleet.marks import GroupCodes, flags_of
 from sleepcast.loop import Swarm, snapshot
 from sleepcast.loop.rerun import WorldLog
 from sleepcast.simulator import Scenario
@@ -75,7 +75,7 @@ class RecordingWitness:
         self._recorder, self._swarm, self._station = recorder, swarm, station
         self._pictures, self._readings = periods(swarm.simulator.scenario, wanted)
         self._sensors = [sensor.name for sensor in swarm.simulator.model.sensors]
-        self._groups = Groups()
+        self._groups = GroupCodes()
         self._minds = np.full(len(swarm.minds), -1, np.int32)
         """Which mind each robot had when its rules were last looked at."""
         self._rules: dict[int, list[tuple[str, str, bool, int]]] = {}

@@ -38,7 +38,7 @@ HELD_BACK = "held back: you have asked for more than is answered at a time; ask 
 """The fault that tells it."""
 
 
-class Verdict(Enum):
+class BudgetDecision(Enum):
     """What becomes of a question."""
 
     LET_IN = auto()
@@ -76,19 +76,19 @@ class AnswerBudget:
         """Bytes at once for each asker."""
         return ANSWER_BURST + ANSWER_BURST_SECONDS * (self.rate - ANSWER_RATE)
 
-    def ask(self, question: Message, names: Collection[str], now: float) -> Verdict:
+    def ask(self, question: Message, names: Collection[str], now: float) -> BudgetDecision:
         """Whether to let in a question to robots of these names, at `now` (s), which then costs its least."""
         asker, cost = question.key, LEAST_ANSWER * _answering(question.body, names)
         if self._account(asker, now).left > 0.0:
             self.spend(asker, cost, now)
-            return Verdict.LET_IN
+            return BudgetDecision.LET_IN
         if AGAIN in question.body or not self.may_tell(asker, min(names, default=""), now):
-            return Verdict.DROPPED
+            return BudgetDecision.DROPPED
         self.spend(asker, cost, now)
         self._refused[question.id] = None
         if len(self._refused) > _MAX_REFUSED:
             self._refused.popitem(last=False)
-        return Verdict.TOLD
+        return BudgetDecision.TOLD
 
     def has_refused(self, question: Message) -> bool:
         """Whether a question has come only to be answered with a fault."""

@@ -70,7 +70,7 @@ class Role(StrEnum):
     """Answer, report, tell other robots, and resend what others have missed."""
 
 
-class Link(NamedTuple):
+class Predecessors(NamedTuple):
     """The commands before a command. after: number of the previous one, 0 for none; sent, until: when that was issued
     and its deadline (s, inf for a standing one); rules: number of the previous standing one, 0 for none."""
 
@@ -85,12 +85,12 @@ class Link(NamedTuple):
         return {"after": self.after, "sent": sent, "until": until, "rules": self.rules}
 
     @staticmethod
-    def of(body: Mapping[str, object], number: int) -> Link:
+    def of(body: Mapping[str, object], number: int) -> Predecessors:
         """The link of the message with this body and number; a message without one follows nothing."""
         after, rules = body.get("after"), body.get("rules")
         if isinstance(after, int) and isinstance(rules, int) and "until" in body and 0 <= rules <= after < number:
-            return Link(after, _time(body.get("sent")), _time(body["until"]), rules)
-        return Link()
+            return Predecessors(after, _time(body.get("sent")), _time(body["until"]), rules)
+        return Predecessors()
 
 
 def _time(found: object) -> float:
@@ -147,9 +147,9 @@ class Message(msgspec.Struct, frozen=True, dict=True):
         return message_id(self.sender, self.epoch, self.sequence)
 
     @cached_property
-    def link(self) -> Link:
+    def link(self) -> Predecessors:
         """The commands before it, if it is a command."""
-        return Link.of(self.body, self.sequence)
+        return Predecessors.of(self.body, self.sequence)
 
 
 def message_id(sender: str, epoch: int, sequence: int) -> str:

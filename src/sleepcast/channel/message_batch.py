@@ -33,7 +33,7 @@ class Contents(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Answers:
+class AnswerColumns:
     """Answers to the message `command`. Columns: value (NaN for unknown); sort: index of the outcome in `sorts`, uint8;
     fault: index in `faults` from 1, 0 for none, int32."""
 
@@ -45,7 +45,7 @@ class Answers:
     fault: NDArray[np.int32]
 
     @classmethod
-    def alike(cls, command: str, size: int, sort: str, value: float = np.nan, fault: str = "") -> Answers:
+    def alike(cls, command: str, size: int, sort: str, value: float = np.nan, fault: str = "") -> AnswerColumns:
         """The same answer `size` times."""
         return cls(
             command,
@@ -152,7 +152,7 @@ class MessageBatch:
 
 
 class AnswersState(msgspec.Struct, tag="answers"):
-    """See `Answers`; the columns are in the order of the robots."""
+    """See `AnswerColumns`; the columns are in the order of the robots."""
 
     command: str
     sorts: tuple[str, ...]
@@ -219,7 +219,7 @@ def ascending(listed: Array, count: int) -> NDArray[np.intp]:
 
 
 def _dump_contents(words: Contents, places: NDArray[np.intp]) -> AnswersState | ReportsState | RelaysState:
-    if isinstance(words, Answers):
+    if isinstance(words, AnswerColumns):
         sort, value, fault = (Array.of(column[places]) for column in (words.sort, words.value, words.fault))
         return AnswersState(words.command, words.sorts, sort, value, words.faults, fault)
     if isinstance(words, Reports):
@@ -239,7 +239,7 @@ def _load_contents(state: AnswersState | ReportsState | RelaysState, shape: tupl
     within(sort, 0, len(state.sorts) - 1, "outcomes")
     within(fault, 0, len(state.faults), "faults")
     value = state.value.made(np.float64, shape, "answers")
-    return Answers(state.command, state.sorts, sort, value, state.faults, fault)
+    return AnswerColumns(state.command, state.sorts, sort, value, state.faults, fault)
 
 
 # ---- the names of many parties by place, and their places by name

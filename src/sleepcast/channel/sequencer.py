@@ -1,6 +1,6 @@
 """The sequencer puts commands in order: which can be handled, which wait for earlier ones, and which are missing.
 
-Each command names in its `Link` the previous command with its deadline, and the previous standing command. So a
+Each command names in its `Predecessors` the previous command with its deadline, and the previous standing command. So a
 receiver detects a gap at the next command that it receives. It waits for a missing standing command without limit;
 for any other only until its deadline, and not at all if it joined after that one was sent.
 """
@@ -16,7 +16,7 @@ from random import Random
 from typing import NamedTuple
 
 from sleepcast.channel.fair_table import FairTable
-from sleepcast.channel.message import Link, Message
+from sleepcast.channel.message import Message, Predecessors
 from sleepcast.core.backoff import Backoff
 
 MAX_STREAMS = 64
@@ -94,7 +94,7 @@ class Stream:
         place = bisect_right(self.only, number)
         return number >= self.base or (place > 0 and self.only[place - 1] == number)
 
-    def after_rules(self, link: Link) -> int:
+    def after_rules(self, link: Predecessors) -> int:
         """The number of the standing command for which one with this link waits: the latest that still counts."""
         if link.rules >= self.base:
             return link.rules
@@ -110,9 +110,9 @@ class Stream:
         """Number of the latest standing command that was handled, 0 for none."""
         return self.standing[-1] if self.standing else 0
 
-    def link(self) -> Link:
+    def link(self) -> Predecessors:
         """The link of the next command."""
-        return Link(self.done, self.sent, self.until, self.rules)
+        return Predecessors(self.done, self.sent, self.until, self.rules)
 
     def deal_with(self, message: Message) -> None:
         """Record that the next command is handled."""
@@ -547,7 +547,7 @@ TOLD_FOR = 600.0
 """Seconds for which it is remembered that somebody told of a command: digests come every minute at least."""
 
 
-class Told(NamedTuple):
+class LatestStanding(NamedTuple):
     """The number of a stream's latest standing command, and when it was last told, s."""
 
     number: int
@@ -559,14 +559,14 @@ class ToldStreams:
     of more streams than are remembered of one key."""
 
     def __init__(self, lost: Callable[..., object] = lambda *_: None) -> None:
-        self._told = FairTable[tuple[str, StreamId], Told, str](MAX_TOLD, each=MAX_STREAMS, lost=lost)
+        self._told = FairTable[tuple[str, StreamId], LatestStanding, str](MAX_TOLD, each=MAX_STREAMS, lost=lost)
 
     def hear(self, teller: str, told: Mapping[StreamId, int], now: float, falling: Callable[[StreamId], bool]) -> None:
         """A digest that was signed with this key, at `now`, s. falling: of which streams a smaller number counts."""
         for name, number in told.items():
             before = self._told.get((teller, name))
             if before is None or number >= before.number or falling(name) or now - before.time > TOLD_FOR:
-                self._told.put(teller, (teller, name), Told(number, now))
+                self._told.put(teller, (teller, name), LatestStanding(number, now))
 
     def latest(self, now: float) -> dict[StreamId, int]:
         """The highest number that is told of each stream."""

@@ -26,7 +26,7 @@ from typing import NamedTuple, Protocol
 import msgspec
 
 from sleepcast.channel.admission import Admission
-from sleepcast.channel.answer_budget import HELD_BACK, LEAST_ANSWER, AnswerBudget, Verdict
+from sleepcast.channel.answer_budget import HELD_BACK, LEAST_ANSWER, AnswerBudget, BudgetDecision
 from sleepcast.channel.drops import DropCounter, DropReason
 from sleepcast.channel.envelope import MAX_CONTENT, content_of, encoded_size, kind_of
 from sleepcast.channel.fair_table import FairTable
@@ -69,7 +69,7 @@ MAX_FAULT = 1_000
 """Characters of a fault in an answer; the rest is cut off."""
 
 
-class Asked(NamedTuple):
+class AnswerTerms(NamedTuple):
     """Who wants an answer: the id of the key, "" if unknown; and over how many s it is to be spread."""
 
     key: str = ""
@@ -111,7 +111,7 @@ class ChannelSession:
         self._heard: list[Message] = []
         self._missed: list[Skipped] = []
         self._report_at = -inf
-        self._asked = FairTable[str, Asked, str](_MAX_ASKED)
+        self._asked = FairTable[str, AnswerTerms, str](_MAX_ASKED)
         self._answered = FairTable[str, Message, str](MAX_ANSWERED)
         self._delayed: list[DelayedAnswer] = []
         self._tie = count()
@@ -122,7 +122,7 @@ class ChannelSession:
         """Send a message: an answer at its random time, any other at once. Raises MessageError if it is too long."""
         if message.kind is Kind.ANSWER:
             command = str(message.body.get("command"))
-            asked = self._asked.get(command) or Asked()
+            asked = self._asked.get(command) or AnswerTerms()
             fitting = self._fitting(message, command, asked.key)
             if fitting is None:
                 return
@@ -166,7 +166,7 @@ class ChannelSession:
             if message.kind is Kind.ASK and AGAIN in message.body:
                 self._say_again(message)
                 continue
-            self._asked.put(message.key, message.id, Asked(message.key, _within(message)))
+            self._asked.put(message.key, message.id, AnswerTerms(message.key, _within(message)))
             self._heard.append(message)
 
     def miss(self, skipped: Iterable[Skipped]) -> None:
@@ -348,9 +348,9 @@ def sift(
     for message in messages:
         if message.kind is Kind.ASK and admission.robot:
             verdict = answers.ask(message, names, now)
-            if verdict is not Verdict.LET_IN:
+            if verdict is not BudgetDecision.LET_IN:
                 _count_held_back(admission, message.key)
-            if verdict is Verdict.DROPPED:
+            if verdict is BudgetDecision.DROPPED:
                 continue
         found.append(message)
     return found

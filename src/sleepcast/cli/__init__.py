@@ -64,7 +64,7 @@ TIMES = ("--seconds", "--time", "--timeout", "--wait", "--within", "--for", "--d
 """Options with which people say how long something is to take."""
 
 
-class Commands(click.Group):
+class LazyGroup(click.Group):
     """Subcommands that are imported when they are asked for."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -99,7 +99,7 @@ def _scenario_hint(name: str) -> str:
 
 
 @click.group(
-    cls=Commands,
+    cls=LazyGroup,
     invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
@@ -173,9 +173,9 @@ def _other_times(error: click.NoSuchOption) -> list[str]:
     """The options of a command that take a time from the person who calls it, for one that it has by another name."""
     if error.option_name not in TIMES or error.ctx is None:
         return []
-    from sleepcast.cli.options import Quantity
+    from sleepcast.cli.options import QuantityType
 
-    named = [each.opts for each in error.ctx.command.params if isinstance(each.type, Quantity)]
+    named = [each.opts for each in error.ctx.command.params if isinstance(each.type, QuantityType)]
     return [opts[-1] for opts in named if opts[0] not in ("--skew", "--tick")]
 
 

@@ -10,7 +10,7 @@ from typing import TypeVar
 import click
 
 from sleepcast.api.connection import CHANNEL, FLEET, AirOptions, store_file
-from sleepcast.cli.options import NumberRange, Quantity
+from sleepcast.cli.options import NumberRange, QuantityType
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.units import TIME
 
@@ -36,7 +36,7 @@ def options(command: Command) -> Command:
         click.option(
             "--skew",
             metavar="TIME",
-            type=Quantity(TIME, 0.0, MOST_SKEW),
+            type=QuantityType(TIME, 0.0, MOST_SKEW),
             help="How much others' clocks may be wrong (default: 2s).",
         ),
         click.option("--keys", "folder", type=click.Path(path_type=Path), help="Folder of the keys."),
@@ -66,7 +66,7 @@ def on_air(command: Callable[..., int]) -> Callable[..., int]:
     @click.option(
         "--within",
         metavar="TIME",
-        type=Quantity(TIME, 0.0, 60.0),
+        type=QuantityType(TIME, 0.0, 60.0),
         help="Time for answers (default: one millisecond per robot).",
     )
     @journal_option

@@ -33,7 +33,7 @@ class BaselineError(SleepcastError):
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class BaselinePlan:
     """The standing commands of our stream that count so far, by number (None: not stored here any more), and which of
     them are to count from now on."""
 
@@ -120,14 +120,14 @@ def _may_send(station: NetworkStation) -> None:
         )
 
 
-def _plan(station: NetworkStation) -> Plan:
+def _plan(station: NetworkStation) -> BaselinePlan:
     from sleepcast.station.baselines import propose
 
     messages = station.session.delivery.own_rules
-    return Plan(messages, *propose(messages))
+    return BaselinePlan(messages, *propose(messages))
 
 
-def _nothing_to_drop(plan: Plan, as_json: bool) -> int:
+def _nothing_to_drop(plan: BaselinePlan, as_json: bool) -> int:
     if as_json:
         put(json.dumps(plan.as_dict() | {"sent": False}))
     elif plan.messages:
@@ -137,7 +137,7 @@ def _nothing_to_drop(plan: Plan, as_json: bool) -> int:
     return 0
 
 
-def _checked(station: NetworkStation, telemetry: TelemetryClient, plan: Plan) -> Plan:
+def _checked(station: NetworkStation, telemetry: TelemetryClient, plan: BaselinePlan) -> BaselinePlan:
     """The plan without what robots refuse. Raises BaselineError unless all known robots have everything, and would have
     the same without what is dropped."""
     from sleepcast.cli.baseline_check import cases
@@ -155,7 +155,7 @@ def _checked(station: NetworkStation, telemetry: TelemetryClient, plan: Plan) ->
     refused: set[int] = set()
     for case in found:
         case.learned(known.values(), refused)
-    plan = Plan(plan.messages, *propose(plan.messages, refused))
+    plan = BaselinePlan(plan.messages, *propose(plan.messages, refused))
     if why := next(filter(None, (case.objection(known, plan.kept) for case in found)), ""):
         raise BaselineError(f"no baseline was sent: {why}")
     return plan
@@ -181,14 +181,14 @@ def _up_to_date(station: NetworkStation) -> list[str]:
     return [*found.matched, *found.not_matched, *found.unknown, *found.fault]
 
 
-def _confirm(plan: Plan, as_json: bool) -> None:
+def _confirm(plan: BaselinePlan, as_json: bool) -> None:
     asked = f"Drop {len(plan.dropped):,} of {len(plan.messages):,} standing commands for good?"
     if as_json or not somebody_there():
         raise MisuseError(f"{asked} Nobody can be asked here: say --yes")
     click.confirm(asked, abort=True, err=True)
 
 
-def _send(station: NetworkStation, plan: Plan, as_json: bool) -> int:
+def _send(station: NetworkStation, plan: BaselinePlan, as_json: bool) -> int:
     from sleepcast.station.baselines import post_baseline
 
     sent = post_baseline(station, plan.kept)

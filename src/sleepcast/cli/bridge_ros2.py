@@ -15,7 +15,7 @@ import click
 from sleepcast.api.connection import CHANNEL, AirOptions
 from sleepcast.cli.air import no_store_option, options
 from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.options import SEED, Quantity, each_rules_option, golden_option, restraints, tick_option
+from sleepcast.cli.options import SEED, QuantityType, each_rules_option, golden_option, restraints, tick_option
 from sleepcast.cli.streams import announce, complain, put
 from sleepcast.core.errors import MisuseError
 
@@ -49,7 +49,7 @@ LOOKS = 5.0
 @each_rules_option
 @golden_option
 @tick_option
-@click.option("--seconds", metavar="TIME", type=Quantity(), help="End after this time (default: at Ctrl-C).")
+@click.option("--seconds", metavar="TIME", type=QuantityType(), help="End after this time (default: at Ctrl-C).")
 @click.option(
     "--store",
     metavar="FOLDER",

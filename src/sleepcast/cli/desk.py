@@ -10,13 +10,13 @@ import click
 
 from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.air import on_air
-from sleepcast.cli.options import Quantity
+from sleepcast.cli.options import QuantityType
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.units import TIME
 
 if TYPE_CHECKING:
-    from sleepcast.cli.tui.session import Session
+    from sleepcast.cli.tui.session import TuiSession
 
 LOOK_EVERY = "2s"
 """Between two looks at the robots, unless another time is said: often enough for a preview."""
@@ -28,7 +28,7 @@ DUMB = frozenset({"", "dumb", "unknown"})
 @click.option(
     "--look",
     metavar="TIME",
-    type=Quantity(TIME, 0.0, 3600.0),
+    type=QuantityType(TIME, 0.0, 3600.0),
     default=LOOK_EVERY,
     show_default=True,
     help="Time between two telemetry requests; 0: only on :look.",
@@ -49,10 +49,10 @@ def desk(look: float, air: AirOptions) -> int:
     import asyncio
 
     from sleepcast.cli.tui.screen import Screen
-    from sleepcast.cli.tui.session import Session
+    from sleepcast.cli.tui.session import TuiSession
 
     with observing_station(air, complain) as (station, telemetry):
-        session = Session(station, telemetry, look)
+        session = TuiSession(station, telemetry, look)
         try:
             asyncio.run(Screen(session, air.channel).run())
         except EOFError:
@@ -71,7 +71,7 @@ def _check_terminal() -> None:
         raise MisuseError(f"this terminal (TERM={os.environ.get('TERM', '')}) cannot show the desk: {instead}")
 
 
-def _tell_end(session: Session) -> None:
+def _tell_end(session: TuiSession) -> None:
     """Leave behind on the plain screen what became of a STOP."""
     from sleepcast.channel import Kind
     from sleepcast.cli.account import FEW

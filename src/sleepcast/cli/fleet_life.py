@@ -39,7 +39,7 @@ TRY_AGAIN = 10.0
 """Seconds after which a robot gets another try whose mind could not begin."""
 
 
-class RefusedError(SleepcastError):
+class NoMindError(SleepcastError):
     """A robot that cannot have a mind here, as others can."""
 
 
@@ -70,7 +70,7 @@ class Watched:
 
 
 @dataclass(slots=True)
-class Member:
+class BridgedRobot:
     """A robot's node, and what is to be closed after it."""
 
     node: NodeProcess
@@ -90,7 +90,7 @@ class FleetProcess:
         self._multiplexer = multiplexer_for(air)
         self._anchor = self._multiplexer.port(())
         """Keeps the transport open while there is no robot."""
-        self._members: dict[str, Member] = {}
+        self._members: dict[str, BridgedRobot] = {}
         self._minds: list[EmbodiedMind] = []
         self._zeroed: list[Zeroed] = []
         self._watched: dict[str, Watched] = {}
@@ -176,7 +176,7 @@ class FleetProcess:
                 member = self._begun(name, namespace, stack)
                 member.stack = stack.pop_all()
         except SleepcastError as error:
-            if not self._members and not isinstance(error, StoreError | RefusedError | OutOfReachError):
+            if not self._members and not isinstance(error, StoreError | NoMindError | OutOfReachError):
                 raise  # options that will not do for any robot
             if str(error) != why:
                 complain(f"{name} gets no mind: {error}")
@@ -190,12 +190,12 @@ class FleetProcess:
             complain(f"{name} has the same id as {alike[0]}, {number_in(name)}: what asks for an id means both")
         announce(f"{name} is up, with {member.node.rules_text()}; {count}")
 
-    def _begun(self, name: str, namespace: str, stack: ExitStack) -> Member:
+    def _begun(self, name: str, namespace: str, stack: ExitStack) -> BridgedRobot:
         """The mind of a robot that has begun. stack: closes what it has."""
         if len(name) > MAX_NAME:
-            raise RefusedError(f"its name is longer than {MAX_NAME} characters")
+            raise NoMindError(f"its name is longer than {MAX_NAME} characters")
         if len(self._members) >= MAX_ROBOTS:
-            raise RefusedError(f"there are {MAX_ROBOTS} already: let another process take some, with --robot")
+            raise NoMindError(f"there are {MAX_ROBOTS} already: let another process take some, with --robot")
         air, options, store = self._air, self._options, None
         if not options.forgetful:
             file = store_file("robots", air.fleet, name)
@@ -223,7 +223,7 @@ class FleetProcess:
         self._zeroed += (node.node, session)
         if not self._members:
             seek_time(session.delivery, session, self._zeroed, complain)
-        return Member(node, node.mind())
+        return BridgedRobot(node, node.mind())
 
     def _name(self, namespace: str) -> str:
         return namespace.removeprefix("/") or self._fleet.mapping.name

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class FinishedRun:
     """A finished run. first: the tick that it went on from. setup, wall: seconds that a person waited for the start,
     all compiling included, and for the run itself. broken: whether a recording of it broke off, or a snapshot could not
     be written."""
@@ -95,7 +95,7 @@ def run_headless(
     quiet: bool,
     wanted: RecordingPlan | None = None,
     keeping: SnapshotPlan | None = None,
-) -> Run:
+) -> FinishedRun:
     """Let a swarm run on for so many simulated seconds (None: to the scenario's end), a tick at least.
 
     interrupts: entered. begin: warms up and assembles the swarm. wanted: what is recorded of it. keeping: the snapshot
@@ -123,7 +123,7 @@ def run_headless(
                 lost = not keeping.take(swarm)
             interrupts.check()
     broken = lost or (recorder is not None and recorder.failed)
-    return Run(swarm, station, first, ready - began, perf_counter() - ready, broken)
+    return FinishedRun(swarm, station, first, ready - began, perf_counter() - ready, broken)
 
 
 def _ticks(swarm: Swarm, seconds: float | None) -> int:

@@ -17,12 +17,12 @@ import click
 
 from sleepcast.api.connection import FLEET, journal_of
 from sleepcast.cli.air import journal_option
-from sleepcast.cli.options import Moment
+from sleepcast.cli.options import MomentType
 from sleepcast.cli.streams import announce, complain, put
 from sleepcast.core.errors import MisuseError, SleepcastError, printable
 
 if TYPE_CHECKING:
-    from sleepcast.station.journal.file import Written
+    from sleepcast.station.journal.file import FiledEntry
     from sleepcast.station.journal.reader import JournalReader, Query
 
 LAST = 20
@@ -77,9 +77,9 @@ def _query(command: Callable[..., int]) -> Callable[..., int]:
     @click.option("--event", metavar="SORT", default="", help="Entries of one type, e.g. sent, heard or refused.")
     @click.option("--command", "command_", metavar="ID", default="", help="All about one command.")
     @click.option(
-        "--since", metavar="WHEN", type=Moment(), help="Entries since 10min (ago), 14:30 or 2026-11-21T14:30."
+        "--since", metavar="WHEN", type=MomentType(), help="Entries since 10min (ago), 14:30 or 2026-11-21T14:30."
     )
-    @click.option("--until", metavar="WHEN", type=Moment(), help="Entries until then.")
+    @click.option("--until", metavar="WHEN", type=MomentType(), help="Entries until then.")
     @wraps(command)
     def chosen(
         text: str, robot: str, event: str, command_: str, since: float | None, until: float | None, **others: object
@@ -234,12 +234,12 @@ def _tell_lost(reader: JournalReader) -> None:
 # ---- how entries are printed
 
 
-def _as_json(written: Written) -> str:
+def _as_json(written: FiledEntry) -> str:
     """The line as it was written, with its hash."""
     return f'{written.line[:-1]},"hash":"{written.hash.hex()}"}}'
 
 
-def _rows(found: Iterator[Written]) -> Iterator[str]:
+def _rows(found: Iterator[FiledEntry]) -> Iterator[str]:
     yield ",".join(COLUMNS)
     for written in found:
         entry, cells = written.entry, io.StringIO()
@@ -250,7 +250,7 @@ def _rows(found: Iterator[Written]) -> Iterator[str]:
         yield cells.getvalue().removesuffix("\n")
 
 
-def _told(written: Written) -> str:
+def _told(written: FiledEntry) -> str:
     """One line for a person, in local time."""
     from sleepcast.cli.describe import entry_text
 

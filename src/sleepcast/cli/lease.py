@@ -8,7 +8,7 @@ import click
 
 from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.air import operator
-from sleepcast.cli.options import Quantity
+from sleepcast.cli.options import QuantityType
 from sleepcast.cli.send import GRACE, gathered
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import printable
@@ -28,7 +28,7 @@ DEEDS = ("take", "give", "request", "grant", "force")
 @click.option(
     "--seconds",
     metavar="TIME",
-    type=Quantity(),
+    type=QuantityType(),
     default=SECONDS,
     show_default=True,
     help="For how long.",

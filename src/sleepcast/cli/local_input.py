@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from math import nan
 
-from sleepcast.bridges.mavlink.ground_station import GroundStation, Wish
+from sleepcast.bridges.mavlink.ground_station import GroundStation, PilotRequest
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import ENDS, MAX_TEXT
 from sleepcast.channel.plain_datagrams import Datagrams, Numbers
@@ -40,7 +40,7 @@ def heard(numbers: Numbers) -> str:
     return f"(PROGN {setting} (DEFVAR message FALSE) (SETQ message TRUE))"
 
 
-def wished(wish: Wish, actuators: Sequence[str]) -> str:
+def wished(wish: PilotRequest, actuators: Sequence[str]) -> str:
     """What a ground station wants, as an expression, STOP or RELEASE. actuators: the names of speed and turn rate. A
     place becomes variables, which the robot's own rules may drive to."""
     if wish.sort == "drive":

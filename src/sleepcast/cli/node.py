@@ -10,7 +10,7 @@ import click
 from sleepcast.api.connection import AirOptions, open_store, session_for
 from sleepcast.cli.air import chosen_store, no_store_option, options, store_option
 from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.options import SEED, Quantity, golden_option, restraints, tick_option
+from sleepcast.cli.options import SEED, QuantityType, golden_option, restraints, tick_option
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
 
@@ -42,7 +42,7 @@ SIMULATED = "sim"
 )
 @tick_option
 @click.option("--lockstep", is_flag=True, help="For a server in lockstep: follow the server's ticks.")
-@click.option("--seconds", metavar="TIME", type=Quantity(), help="End after this time (default: at Ctrl-C).")
+@click.option("--seconds", metavar="TIME", type=QuantityType(), help="End after this time (default: at Ctrl-C).")
 @click.option(
     "--id", "number", type=click.IntRange(0, 1_000_000), help="Its id in expressions (default: the number in its name)."
 )

@@ -26,7 +26,7 @@ from sleepcast.core.errors import MisuseError, SleepcastError, in_file
 from sleepcast.language import List, Symbol, read, read_all, show
 from sleepcast.language.parts import ONLY_PRIORITY, rank_of
 from sleepcast.loop import vocabulary_of
-from sleepcast.loop.real import EmbodiedMind, Watch, run_robots
+from sleepcast.loop.real import EmbodiedMind, TickTiming, run_robots
 from sleepcast.mind.authority import Tells
 from sleepcast.node.node import Node
 from sleepcast.node.store import Store
@@ -119,7 +119,7 @@ class NodeProcess:
         ground: GroundStation | None = None,
         typed: bool = True,
     ) -> None:
-        self.robot, self.listener, self.session, self.store, self.watch = robot, listener, session, store, Watch()
+        self.robot, self.listener, self.session, self.store, self.watch = robot, listener, session, store, TickTiming()
         self.ground, self._typed = ground, typed
         names = vocabulary_of(nomad_vocabulary(robot.model) if nomad else robot.model)
         air = session is not None

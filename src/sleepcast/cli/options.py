@@ -41,7 +41,7 @@ class NumberRange(click.FloatRange):
         return number
 
 
-class Quantity(click.ParamType):  # type: ignore[type-arg]  # takes one only where click is new
+class QuantityType(click.ParamType):  # type: ignore[type-arg]  # takes one only where click is new
     """A value with its unit, or a plain number in SI, as in files and in Python; gives SI. low, high: bounds, SI."""
 
     def __init__(self, dimension: Dimension = TIME, low: float = 0.0, high: float = inf) -> None:
@@ -76,7 +76,7 @@ class ByteSize(click.ParamType):  # type: ignore[type-arg]  # as above
         return round(size)
 
 
-class Moment(click.ParamType):  # type: ignore[type-arg]  # as above
+class MomentType(click.ParamType):  # type: ignore[type-arg]  # as above
     """A moment: so long ago, a time of today, or a date with or without a time, local unless it says otherwise; gives
     s of Unix time."""
 
@@ -131,7 +131,7 @@ LONGEST_TICK = 0.5
 tick_option = click.option(
     "--tick",
     metavar="TIME",
-    type=Quantity(TIME, 0.01, LONGEST_TICK),
+    type=QuantityType(TIME, 0.01, LONGEST_TICK),
     default="0.1s",
     show_default=True,
     help="How long a tick lasts.",
@@ -149,7 +149,7 @@ def every_option(what: str) -> Callable[[Command], Command]:
     return click.option(
         "--every",
         metavar="TIME",
-        type=Quantity(TIME, 0.2, 60.0),
+        type=QuantityType(TIME, 0.2, 60.0),
         default="1s",
         show_default=True,
         help=f"Time between two {what}.",

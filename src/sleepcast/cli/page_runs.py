@@ -17,8 +17,8 @@ from sleepcast.console.adapters.live_past import LivePast
 from sleepcast.console.adapters.mission import SwarmMission
 from sleepcast.console.adapters.swarm import SwarmAdapter, shown_slider
 from sleepcast.console.kept import Budget
-from sleepcast.console.plots import Measure
-from sleepcast.console.renewal import Choices, Run, ShownScenario, Wish
+from sleepcast.console.plots import ScenarioMeasure
+from sleepcast.console.renewal import Choices, RunRequest, ShownRun, ShownScenario
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.given_numbers import read_seed
@@ -67,10 +67,10 @@ class PageRuns:
         self.swarm: Swarm | None = None
         """The swarm on the page."""
         self._warm = Event()
-        self._current = Wish(beginning.home, beginning.seed)
+        self._current = RunRequest(beginning.home, beginning.seed)
 
     @property
-    def current(self) -> Wish:
+    def current(self) -> RunRequest:
         """What the run on the page was made of."""
         return self._current
 
@@ -99,7 +99,7 @@ class PageRuns:
 
     def choices(self, scenario: str) -> Choices:
         """What may be changed of one; with the values of the run on the page, if it is of this one."""
-        wish = self._current if self._current.scenario == scenario else Wish(scenario)
+        wish = self._current if self._current.scenario == scenario else RunRequest(scenario)
         if self._is_snapshot(scenario):
             assert self.swarm is not None
             simulator = self.swarm.simulator
@@ -111,7 +111,7 @@ class PageRuns:
     def _is_snapshot(self, scenario: str) -> bool:
         return self._beginning.name is None and scenario == self._beginning.home
 
-    def _scenario(self, wish: Wish) -> Scenario:
+    def _scenario(self, wish: RunRequest) -> Scenario:
         """The scenario as wished. Raises SleepcastError for one that is not offered."""
         name, changes = wish.scenario, Changes()
         if name == self._beginning.home:
@@ -130,7 +130,7 @@ class PageRuns:
             raise MisuseError(f"{wish.robots:,} robots are too many: at most {MAX_MINDS:,} fit into one run")
         return find_scenario(name, replace(changes, robots=wish.robots))
 
-    def make(self, wish: Wish, tell: Callable[[str], None]) -> Run:
+    def make(self, wish: RunRequest, tell: Callable[[str], None]) -> ShownRun:
         """A run as wished."""
         beginning = self._beginning
         if wish.seed is not None:
@@ -150,7 +150,7 @@ class PageRuns:
         tell("Opening the page")
         return self._run(swarm, station, wish)
 
-    def fork(self, run: Run, state: bytes) -> Run:
+    def fork(self, run: ShownRun, state: bytes) -> ShownRun:
         """A run that goes on from a state of this one, with its desk and its past. Its mission is played by whoever
         wants that: another future is what somebody does."""
         old, before = run.station, run.past
@@ -174,10 +174,10 @@ class PageRuns:
         self,
         swarm: Swarm,
         station: Station,
-        wish: Wish,
+        wish: RunRequest,
         speed: float | None = None,
         map_picture: MapPicture | None = None,
-    ) -> Run:
+    ) -> ShownRun:
         beginning = self._beginning
         if speed is None and wish.scenario == beginning.home:
             speed = beginning.speed
@@ -189,15 +189,15 @@ class PageRuns:
 
         pace = Pace(self._clock, swarm, scenario.speed_up if speed is None else speed)
         fleet = SimulatedFleet(swarm, station)
-        measures = [Measure(*each) for each in live_measures(fleet, folder_of(wish.scenario))]
+        measures = [ScenarioMeasure(*each) for each in live_measures(fleet, folder_of(wish.scenario))]
         seen = SwarmAdapter(swarm, map_picture)
         past = LivePast(seen, swarm, station, self._clock, beginning.budget)
         tests, around = PageTests(fleet, past), self._shown_as(swarm, station, wish, warm)
         mission = SwarmMission(swarm, station) if scenario.mission else None
-        return Run(seen, station, pace, prepare, around, measures, past, tests, mission)
+        return ShownRun(seen, station, pace, prepare, around, measures, past, tests, mission)
 
     @contextmanager
-    def _shown_as(self, swarm: Swarm, station: Station, wish: Wish, warm: Event) -> Iterator[None]:
+    def _shown_as(self, swarm: Swarm, station: Station, wish: RunRequest, warm: Event) -> Iterator[None]:
         """Record what happens while a run is on the page, and take the snapshot if it is still there at the end. A page
         that could not be opened does neither: it would leave an empty recording, and replace a good snapshot by one of
         the start."""

@@ -76,7 +76,7 @@ def replay(
             from sleepcast.console import Address, serve_backend
             from sleepcast.console.adapters.recorded_past import RecordedPast
             from sleepcast.console.adapters.recording import load_timeline
-            from sleepcast.console.plots import Measure
+            from sleepcast.console.plots import ScenarioMeasure
             from sleepcast.console.replay import ReplayBackend, ReplayDriver
             from sleepcast.core.clock import WallClock
             from sleepcast.experiments.live import recorded_measures
@@ -87,7 +87,7 @@ def replay(
                 film = replace(film, speed=speed)
             clock, address = WallClock(), Address(host, port, insecure, not no_browser, allow)
             past = RecordedPast(recording, film)
-            measures = [Measure(*each) for each in recorded_measures(recording.scenario.name)]
+            measures = [ScenarioMeasure(*each) for each in recorded_measures(recording.scenario.name)]
             desk = ReplayBackend(film, ReplayDriver(film, clock, past), measures, past=past)
             serve_backend(desk, clock, address=address, say=announce)
             return 0
@@ -97,7 +97,7 @@ def replay(
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class ReplayCheck:
     """What came of running a recording again. compared: how many states; differs: the first tick whose state is another
     one, None if there is none."""
 
@@ -122,7 +122,7 @@ class Verdict:
         )
 
 
-def _verify(interrupts: Interrupts, recording: Recording, *, quiet: bool) -> Verdict:
+def _verify(interrupts: Interrupts, recording: Recording, *, quiet: bool) -> ReplayCheck:
     """Run the recording again, up to the last state that it holds."""
     from sleepcast.api.assembly import warm_up
     from sleepcast.api.progress import steps
@@ -146,8 +146,8 @@ def _verify(interrupts: Interrupts, recording: Recording, *, quiet: bool) -> Ver
             if wanted is not None:
                 compared += 1
                 if again.swarm.simulator.state_hash() != wanted:
-                    return Verdict(compared, tick)
-    return Verdict(compared, None)
+                    return ReplayCheck(compared, tick)
+    return ReplayCheck(compared, None)
 
 
 def _beginning(recording: Recording) -> Swarm:
@@ -167,7 +167,7 @@ def _beginning(recording: Recording) -> Swarm:
     return resume(recording.snapshot, name=f"the snapshot in {recording.file}")
 
 
-def _to_dict(recording: Recording, verdict: Verdict | None) -> dict[str, object]:
+def _to_dict(recording: Recording, verdict: ReplayCheck | None) -> dict[str, object]:
     scenario = recording.scenario
     last = max(recording.states, default=None)
     found: dict[str, object] = {
@@ -197,7 +197,7 @@ def _to_dict(recording: Recording, verdict: Verdict | None) -> dict[str, object]
     return found
 
 
-def _to_text(recording: Recording, verdict: Verdict | None) -> str:
+def _to_text(recording: Recording, verdict: ReplayCheck | None) -> str:
     scenario = recording.scenario
     lines = [
         f"{scenario.name}, seed {recording.seed}: {scenario.robots.count} robots for {recording.seconds:g} s, "

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypedDict, TypeVar, Unpack
 import click
 
 from sleepcast.cli.interrupts import INTERRUPTED, TERMINATED, Interrupts, Terminated, end_now
-from sleepcast.cli.options import SEED, ByteSize, NumberRange, Quantity, alert_option, allow_host_option
+from sleepcast.cli.options import SEED, ByteSize, NumberRange, QuantityType, alert_option, allow_host_option
 from sleepcast.cli.prepare import advise
 from sleepcast.cli.streams import announce, put
 from sleepcast.core.errors import MisuseError
@@ -64,7 +64,7 @@ class Options(TypedDict):
     journal: Path | None
 
 
-_PERIOD = Quantity(TIME, 0.001, 86_400.0)
+_PERIOD = QuantityType(TIME, 0.001, 86_400.0)
 """Simulated time, from the shortest tick to a day."""
 
 _COMMON = (
@@ -75,7 +75,9 @@ _COMMON = (
     click.option("--density", metavar="M2", type=NumberRange(suffix="m2"), help="Square metres per robot."),
     click.option("--no-walls", is_flag=True, help="Leave out everything solid in the scenario."),
     click.option("--threads", metavar="N", type=click.IntRange(1, 64), help="Worker threads (default: one per core)."),
-    click.option("--seconds", metavar="TIME", type=Quantity(), help="Headless: how long to run, in simulated time."),
+    click.option(
+        "--seconds", metavar="TIME", type=QuantityType(), help="Headless: how long to run, in simulated time."
+    ),
     click.option("--json", "as_json", is_flag=True, help="Headless: print the outcome as one JSON object."),
     click.option("--quiet", is_flag=True, help="Headless: show no progress on standard error."),
     click.option(
@@ -121,7 +123,7 @@ _COMMON = (
         "--snapshot", metavar="FILE", type=click.Path(path_type=Path), help="Write a snapshot of the swarm into a file."
     ),
     click.option(
-        "--snapshot-at", metavar="TIME", type=Quantity(), help="Headless: when, e.g. 30s (default: at the end)."
+        "--snapshot-at", metavar="TIME", type=QuantityType(), help="Headless: when, e.g. 30s (default: at the end)."
     ),
     click.option("--journal", metavar="FILE", type=click.Path(path_type=Path), help="Write the journal into a file."),
 )
@@ -250,7 +252,7 @@ def _show(
     from sleepcast.cli.page_runs import Beginning, PageRuns
     from sleepcast.console import Address, serve_runs
     from sleepcast.console.kept import Budget
-    from sleepcast.console.renewal import Runs
+    from sleepcast.console.renewal import RunSwitcher
     from sleepcast.core.clock import WallClock
 
     _check_beginning(name, options)
@@ -265,7 +267,7 @@ def _show(
     interrupts.release()  # the server has a way of its own to end in good order
     browser, allow = not options["no_browser"], options["allow"]
     address = Address(options["host"], options["port"], options["insecure"], browser, allow)
-    runs = Runs(first, maker, clock, waits=not options["running"])
+    runs = RunSwitcher(first, maker, clock, waits=not options["running"])
     runs.desk.alerts.watch(options["alerts"], announce)
     try:
         serve_runs(runs, clock, address=address, say=announce)

@@ -12,7 +12,7 @@ from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.account import account_lines, as_dict, forecast_text, stages_as_dict
 from sleepcast.cli.air import operator
 from sleepcast.cli.eval import NegativeNumbersAllowed
-from sleepcast.cli.options import Quantity
+from sleepcast.cli.options import QuantityType
 from sleepcast.cli.streams import complain, put, somebody_there
 from sleepcast.core.errors import SleepcastError, and_more
 from sleepcast.core.units import TIME
@@ -44,11 +44,13 @@ anyway_option = click.option(
 @click.option("--all", "everybody", is_flag=True, help="Send it to every robot, without a test.")
 @click.option("--only", metavar="NAMES", help="Send it to these robots only, e.g. r1,r2.")
 @click.option("--count", type=click.IntRange(1), help="How many robots may obey; asked for if there are many.")
-@click.option("--deadline", metavar="TIME", type=Quantity(), help="Time until it expires (default: 5s).")
+@click.option("--deadline", metavar="TIME", type=QuantityType(), help="Time until it expires (default: 5s).")
 @click.option(
     "--staged", is_flag=True, help="Send it to one robot, then to a tenth, then to all, until something fails."
 )
-@click.option("--hold", metavar="TIME", type=Quantity(TIME, 0.0, MAX_HOLD), help="Keep driven robots moving so long.")
+@click.option(
+    "--hold", metavar="TIME", type=QuantityType(TIME, 0.0, MAX_HOLD), help="Keep driven robots moving so long."
+)
 @click.option("--strict", is_flag=True, help="Treat warnings as errors.")
 @click.option("--blind", is_flag=True, help="Do not ask the robots beforehand who would obey.")
 @anyway_option

@@ -14,7 +14,7 @@ from sleepcast.api.connection import AirOptions, expectation, station_for
 from sleepcast.cli.account import FEW, account_lines, as_dict, listed
 from sleepcast.cli.air import operator
 from sleepcast.cli.interrupts import Interrupts, Terminated
-from sleepcast.cli.options import Quantity
+from sleepcast.cli.options import QuantityType
 from sleepcast.cli.progress import Status
 from sleepcast.cli.streams import complain, put, somebody_there
 from sleepcast.core.errors import MisuseError, printable
@@ -49,7 +49,7 @@ NAMED = 3
     "--seconds",
     "seconds",
     metavar="TIME",
-    type=Quantity(),
+    type=QuantityType(),
     help="Give up on silent robots after this time (default: at Ctrl-C).",
 )
 @click.option("--accepted", is_flag=True, help="End when all robots have accepted STOP, at rest or not.")

@@ -12,7 +12,7 @@ import click
 from sleepcast.api.connection import AirOptions, keeper_for, open_store, sessions_for
 from sleepcast.cli.air import options, store_option
 from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.options import SEED, Quantity, each_rules_option, restraints
+from sleepcast.cli.options import SEED, QuantityType, each_rules_option, restraints
 from sleepcast.cli.streams import announce, complain
 from sleepcast.core.errors import MisuseError
 
@@ -36,7 +36,7 @@ SCENARIO = "bravo"
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class SwarmOptions:
     """Which robots: their names, the first one's number, the scenario of their bodies, what chance depends on (None: as
     the scenario says), and for how long a driven body goes on unattended, s; the file of the bodies' limits; what they
     may have each other do."""
@@ -67,7 +67,7 @@ class Wanted:
 @restraints
 @options
 @click.option("--seed", type=SEED, help="Random seed (default: the scenario's).")
-@click.option("--seconds", metavar="TIME", type=Quantity(), help="End after this time (default: at Ctrl-C).")
+@click.option("--seconds", metavar="TIME", type=QuantityType(), help="End after this time (default: at Ctrl-C).")
 def swarm(
     count: int,
     channel: str,
@@ -111,7 +111,7 @@ def swarm(
             raise MisuseError(f"{rules} is a mission script: a swarm begins with expressions, without times")
         names = [f"{prefix}{first + i}" for i in range(count)]
         store = None if file is None else stack.enter_context(closing(open_store(file, complain)))
-        wanted = Wanted(names, first, scenario, seed, read_lease(lease), limits, Tells(tells))
+        wanted = SwarmOptions(names, first, scenario, seed, read_lease(lease), limits, Tells(tells))
         crew = _crew(stack, AirOptions(channel, fleet, key, trust, folder, skew=skew, rate=rate), wanted, store)
         interrupts.defer()
         _begin(crew, beginning or StartScript(), store)
@@ -144,7 +144,7 @@ def _check_names(prefix: str, first: int, count: int) -> None:
         raise MisuseError(f"--name-prefix {prefix!r:.80}: wanted names of at most {MAX_NAME} letters without blanks")
 
 
-def _crew(stack: ExitStack, air: AirOptions, wanted: Wanted, store: Store | None) -> NetworkSwarm:
+def _crew(stack: ExitStack, air: AirOptions, wanted: SwarmOptions, store: Store | None) -> NetworkSwarm:
     """The minds with their bodies and their lines. Raises what the channel and the simulator raise."""
     from sleepcast.cli.node_life import seek_time
     from sleepcast.core.clock import UnixClock, WallClock

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.options import Quantity
+from sleepcast.cli.options import QuantityType
 from sleepcast.cli.streams import announce, complain, put, somebody_there
 from sleepcast.core.errors import MisuseError, printable
 
 if TYPE_CHECKING:
-    from sleepcast.experiments.findings import Findings
+    from sleepcast.experiments.findings import SweepFindings
     from sleepcast.experiments.plan import Experiment
     from sleepcast.experiments.results import Results, Summary
 
@@ -35,13 +35,13 @@ SHOWN_ERRORS = 3
 @click.option(
     "--measure", "measures", metavar="[NAME=]M", multiple=True, help="What is measured: mean fuel; may be repeated."
 )
-@click.option("--seconds", metavar="TIME", type=Quantity(), help="Length of a run (default: the scenario's).")
-@click.option("--every", metavar="TIME", type=Quantity(), help="Measure all along, not only at the end.")
+@click.option("--seconds", metavar="TIME", type=QuantityType(), help="Length of a run (default: the scenario's).")
+@click.option("--every", metavar="TIME", type=QuantityType(), help="Measure all along, not only at the end.")
 @click.option("--until", metavar="M>=V", help="End a run early, as soon as this holds.")
 @click.option("--no-mission", is_flag=True, help="Leave out the scenario's own commands.")
 @click.option("--out", metavar="RESULTS", type=click.Path(path_type=Path), help="Folder, or table beside its folder.")
 @click.option("--workers", metavar="N", type=click.IntRange(1, 1024), help="Processes (default: one per core).")
-@click.option("--timeout", metavar="TIME", type=Quantity(), help="Longest time for a run (default: 1h).")
+@click.option("--timeout", metavar="TIME", type=QuantityType(), help="Longest time for a run (default: 1h).")
 @click.option("--cluster", metavar="ADDRESS", help="Instead: the workers of a dask cluster, as tcp://host:8786.")
 @click.option("--insecure", is_flag=True, help="Allow a cluster on other machines, unencrypted: trust its network.")
 @click.option("--retry", is_flag=True, help="Do runs again that failed.")
@@ -239,22 +239,22 @@ def _listed(folders: list[Path]) -> str:
 
 
 @contextmanager
-def _page(results: Results, port: int | None, browser: bool) -> Iterator[Findings]:
+def _page(results: Results, port: int | None, browser: bool) -> Iterator[SweepFindings]:
     """What has been found, shown on a page for as long as this is entered. Raises what the console raises for the
     address."""
     from sleepcast.console import Address
     from sleepcast.experiment_page.server import experiment_page
-    from sleepcast.experiments.findings import Findings
+    from sleepcast.experiments.findings import SweepFindings
     from sleepcast.experiments.results import outcomes_in
 
-    findings = Findings(results.experiment, outcomes_in(results.folder))
+    findings = SweepFindings(results.experiment, outcomes_in(results.folder))
     address = Address("127.0.0.1", PORT if port is None else port, insecure=False, browser=browser)
     with experiment_page(findings, results.folder, address=address, say=complain):
         yield findings
 
 
 def _sweep(
-    results: Results, workers: int | str, findings: Findings | None, limit: float, *, retry: bool, quiet: bool
+    results: Results, workers: int | str, findings: SweepFindings | None, limit: float, *, retry: bool, quiet: bool
 ) -> dict[str, int]:
     """Do what is missing; gives the errors of failed runs, with their counts."""
     from sleepcast.api.progress import steps

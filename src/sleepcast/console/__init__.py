@@ -18,7 +18,7 @@ from sleepcast.console.server import (
     serve_nomads,
     serve_runs,
 )
-from sleepcast.console.view import MapLabel, MindView, NamedOutline, Outline, Pace, RuleView, Scene, SwarmView
+from sleepcast.console.view import MapLabel, MindView, NamedOutline, Outline, PaceControl, RuleView, Scene, SwarmView
 
 __all__ = [
     "DEFAULT_PORT",
@@ -27,7 +27,7 @@ __all__ = [
     "MindView",
     "NamedOutline",
     "Outline",
-    "Pace",
+    "PaceControl",
     "PortError",
     "RuleView",
     "SafetyOrder",

@@ -34,7 +34,7 @@ from sleepcast.console.mission import (
 )
 from sleepcast.console.past import Past
 from sleepcast.console.picking import Picked, picked
-from sleepcast.console.plots import Measure, Plots
+from sleepcast.console.plots import Plots, ScenarioMeasure
 from sleepcast.console.sentences import Interpreter, Phrased, Understood
 from sleepcast.console.values import TelemetryValues, Values
 from sleepcast.console.view import MindView, ObstacleEditor, RuleView, SwarmView
@@ -84,7 +84,7 @@ class Backend:
         clock: Clock,
         *,
         began: float = 0.0,
-        measures: Sequence[Measure] = (),
+        measures: Sequence[ScenarioMeasure] = (),
         past: Past | None = None,
         mission: MissionPlayer | None = None,
     ) -> None:

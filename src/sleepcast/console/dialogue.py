@@ -33,7 +33,7 @@ class PacedSource(Protocol):
     def step(self) -> None: ...
 
 
-class Desk(Protocol):
+class PageDesk(Protocol):
     """What any page can ask. All raise SleepcastError for what cannot be done, with a sentence for who asked."""
 
     @property
@@ -60,7 +60,7 @@ class Desk(Protocol):
     def sense(self, serial: int, robot: int) -> outgoing.Sensed: ...
 
 
-D = TypeVar("D", bound=Desk)
+D = TypeVar("D", bound=PageDesk)
 
 
 class Dialogue(ABC, Generic[D]):

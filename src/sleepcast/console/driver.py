@@ -16,9 +16,9 @@ from threading import Thread
 from typing import TypeVar
 
 from sleepcast.console.frames import pack, repeats
-from sleepcast.console.view import Pace, SwarmView
+from sleepcast.console.view import PaceControl, SwarmView
 from sleepcast.core.clock import Clock
-from sleepcast.fleet.marks import Groups, flags_of
+from sleepcast.fleet.marks import GroupCodes, flags_of
 
 SLICE = 0.004
 """Seconds for which ticks may run before the server is served: unnoticed by people, long against a switch."""
@@ -74,7 +74,7 @@ class Driver(FrameSource):
     def __init__(
         self,
         swarm: SwarmView,
-        pace: Pace,
+        pace: PaceControl,
         clock: Clock,
         prepare: Callable[[], None] | None = None,
         *,
@@ -85,7 +85,7 @@ class Driver(FrameSource):
         pace.paused = pace.paused or waits
         self.swarm, self.pace = swarm, pace
         self._prepare, self._ready = prepare, prepare is None
-        self.groups = Groups()
+        self.groups = GroupCodes()
         self.latched = False
         self._clock = clock
         self._frame_due = clock.now()

@@ -57,7 +57,7 @@ class Track(Generic[Kind]):
 
 
 @dataclass(frozen=True, slots=True)
-class Marks:
+class RobotMarks:
     """Groups and flags, and where there are any the second groups and the colours: a byte for each robot, as in a
     frame; names: of the groups by code, from 1."""
 
@@ -87,7 +87,7 @@ class Timeline:
     began: float = 0.0
     part: int = 0
     poses: Track[tuple[int, bytes]] = field(default_factory=Track)
-    marks: Track[Marks] = field(default_factory=Track)
+    marks: Track[RobotMarks] = field(default_factory=Track)
     rows: Track[CommandRow] = field(default_factory=Track)
     values: Track[bytes] = field(default_factory=Track)
     rules: dict[str, Track[list[outgoing.ShownRule]]] = field(default_factory=dict)
@@ -97,10 +97,10 @@ class Timeline:
     picture: Picture | None = None
     field: Callable[[str], FieldPicture] | None = None
 
-    def marks_at(self, time: float) -> Marks:
+    def marks_at(self, time: float) -> RobotMarks:
         """The marks at `time`; before the first, nobody is in a group."""
         nothing = bytes(len(self.scene.names))
-        return self.marks.at(time) or Marks(nothing, nothing, ())
+        return self.marks.at(time) or RobotMarks(nothing, nothing, ())
 
     def failures_at(self, time: float) -> Failures:
         """The rules that failed at `time`."""
@@ -128,7 +128,7 @@ def frame_of(
 ) -> bytes:
     """The frame of a time. found: what running again gave for it."""
     if found is not None:
-        tick, poses, marks = found.tick, found.poses, Marks(*found.marks)
+        tick, poses, marks = found.tick, found.poses, RobotMarks(*found.marks)
     else:
         (tick, poses), marks = film.poses.at(time) or film.poses.values[0], film.marks_at(time)
     columns = (b"", marks.second, marks.colours)
@@ -190,7 +190,7 @@ def _values(film: Timeline, time: float, index: int) -> list[outgoing.ShownValue
     ]
 
 
-def _counted(marks: Marks) -> list[outgoing.ShownGroup]:
+def _counted(marks: RobotMarks) -> list[outgoing.ShownGroup]:
     """The groups; of each, the robots whose newest or second newest it is."""
     codes = range(1, len(marks.names) + 1)
     shown = [marks.groups.count(code) for code in codes]
@@ -199,7 +199,7 @@ def _counted(marks: Marks) -> list[outgoing.ShownGroup]:
 
 
 def _groups_in(found: Found) -> list[outgoing.ShownGroup]:
-    groups = zip(Marks(*found.marks).names, found.counts, found.shown, strict=True)
+    groups = zip(RobotMarks(*found.marks).names, found.counts, found.shown, strict=True)
     return [outgoing.ShownGroup(*group) for group in groups]
 
 

@@ -13,16 +13,16 @@ from sleepcast.console.driver import FrameSource
 from sleepcast.console.exact import Exact
 from sleepcast.console.film import frame_of, news_of
 from sleepcast.console.past import Past
-from sleepcast.console.view import Pace
+from sleepcast.console.view import PaceControl
 
 
 class LiveDriver(Protocol):
     """What goes on meanwhile."""
 
-    pace: Pace
+    pace: PaceControl
 
 
-class Look(FrameSource):
+class PastView(FrameSource):
     """See the module. watched: the robot that the page looks at, -1 for none."""
 
     def __init__(self, past: Past, live: LiveDriver) -> None:

@@ -19,7 +19,7 @@ from sleepcast.console.connection import encode
 from sleepcast.console.film import Timeline
 from sleepcast.console.kept import Budget, KeptStates
 from sleepcast.console.marks import Marks, clock_time
-from sleepcast.console.rerunner import Deed, Found, Moment, Question, RerunError, Rerunner, digest
+from sleepcast.console.rerunner import Deed, Found, Question, RerunError, Rerunner, RunMoment, digest
 from sleepcast.core.memory import process_in_words, shown_size
 from sleepcast.loop.rerun import Inputs
 
@@ -172,7 +172,7 @@ class Past:
         """Find the first difference to another future, which there is up to this tick. Raises RerunError."""
         base = other.tick
         mine, yours = (each.between(base, tick) for each in (self.inputs, other.inputs))
-        moments = [Moment(self.run, base, other.state, tick, inputs) for inputs in (mine, yours)]
+        moments = [RunMoment(self.run, base, other.state, tick, inputs) for inputs in (mine, yours)]
         found = await self._rerunner.ask(Question("compare", moments[0], other=moments[1]))
         if found.said:
             other.differs = found.tick
@@ -192,7 +192,7 @@ class Past:
     def _why_different(self) -> str:
         return ": something besides commands and obstacles has changed this run"
 
-    def moment(self, tick: int, since: int | None = None) -> Moment:
+    def moment(self, tick: int, since: int | None = None) -> RunMoment:
         """A moment with what is nearest to it. Raises RerunError for one from before what is kept."""
         # A robot's telemetry must have come once, for previews.
         early = tick - self._telemetry if since is None else since
@@ -200,7 +200,7 @@ class Past:
         if found is None:
             raise RerunError("This lies before everything that is kept of the run.")
         base, state = found
-        return Moment(self.run, base, state, tick, self.inputs.between(base, tick), self._checks(base, tick))
+        return RunMoment(self.run, base, state, tick, self.inputs.between(base, tick), self._checks(base, tick))
 
     def _checks(self, after: int, until: int) -> dict[int, bytes]:
         poses = self.film.poses

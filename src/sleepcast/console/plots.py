@@ -31,7 +31,7 @@ REST = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class Measure:
+class ScenarioMeasure:
     """What a scenario measures. text: as its file says it. read: the value now, NaN for unknown."""
 
     name: str
@@ -78,7 +78,7 @@ class PlotSpec:
 class Plots:
     """See the module. measures: of the scenario, plotted from the start."""
 
-    def __init__(self, values: Values, clock: Clock, measures: Sequence[Measure] = ()) -> None:
+    def __init__(self, values: Values, clock: Clock, measures: Sequence[ScenarioMeasure] = ()) -> None:
         self._values, self._clock = values, clock
         self._numbers = 0
         self._rest_until = clock.now()

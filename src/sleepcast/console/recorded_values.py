@@ -18,7 +18,7 @@ from sleepcast.console.completion import ShownName, names_in
 from sleepcast.console.film import Timeline, values_of
 from sleepcast.console.marks import clock_time
 from sleepcast.console.past import Past
-from sleepcast.console.plots import Measure, Plots, PlotSpec
+from sleepcast.console.plots import Plots, PlotSpec, ScenarioMeasure
 from sleepcast.console.rerunner import RerunError
 from sleepcast.console.series import Sample, columns_of
 from sleepcast.console.values import Column, Index, Mask, suggested_of, unit_for
@@ -170,7 +170,7 @@ class RecordedPlots(Plots):
         film: Timeline,
         now: Callable[[], float],
         clock: Clock,
-        measures: Sequence[Measure] = (),
+        measures: Sequence[ScenarioMeasure] = (),
         past: Past | None = None,
     ) -> None:
         super().__init__(RecordedValues(film, now), clock, measures)

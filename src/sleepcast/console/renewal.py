@@ -26,9 +26,9 @@ from sleepcast.console.marks import clock_time
 from sleepcast.console.mission import MissionPlayer
 from sleepcast.console.outgoing import Hello, Said
 from sleepcast.console.past import Past
-from sleepcast.console.plots import Measure
+from sleepcast.console.plots import ScenarioMeasure
 from sleepcast.console.session_test import NO_TEST, Counted, Drafted, Packed, TestMaker
-from sleepcast.console.view import Pace, ShownSlider, SwarmView
+from sleepcast.console.view import PaceControl, ShownSlider, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.fleet.marks import is_frozen
@@ -95,24 +95,24 @@ class Note(Said):
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class ShownRun:
     """A swarm that a page can show, with its desk. prepare: see `Driver`. around: entered when the run is shown, and
     left when another one is, or the program ends. measures: of its scenario, see `Plots`. past: see `Backend`.
     tests: makes tests of it. mission: plays its mission, None if it has none."""
 
     swarm: SwarmView
     station: Station
-    pace: Pace
+    pace: PaceControl
     prepare: Callable[[], None] | None
     around: AbstractContextManager[object]
-    measures: Sequence[Measure] = ()
+    measures: Sequence[ScenarioMeasure] = ()
     past: Past | None = None
     tests: TestMaker | None = None
     mission: MissionPlayer | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class RunRequest:
     """The run that somebody wants; see `Renew`."""
 
     scenario: str
@@ -125,7 +125,7 @@ class RunMaker(Protocol):
     """Makes runs. All of it may take long, and is done by a thread beside the server."""
 
     @property
-    def current(self) -> Wish:
+    def current(self) -> RunRequest:
         """What the run on the page was made of."""
 
     def scenarios(self) -> list[ShownScenario]:
@@ -134,22 +134,22 @@ class RunMaker(Protocol):
     def choices(self, scenario: str) -> Choices:
         """What may be changed of one. Raises SleepcastError for one that is not offered."""
 
-    def make(self, wish: Wish, tell: Callable[[str], None]) -> Run:
+    def make(self, wish: RunRequest, tell: Callable[[str], None]) -> ShownRun:
         """A run as wished. tell: told what is done, as it begins; what it raises ends the work. Raises SleepcastError
         for what cannot be had."""
 
-    def fork(self, run: Run, state: bytes) -> Run:
+    def fork(self, run: ShownRun, state: bytes) -> ShownRun:
         """A run that goes on from a state of this one. Raises SleepcastError."""
 
 
-class GivenUpError(MisuseError):
+class RunAbandonedError(MisuseError):
     """The run that was being built is not wanted any more."""
 
 
-class Runs:
+class RunSwitcher:
     """The run on the page and those after it. A context, within which runs are shown."""
 
-    def __init__(self, first: Run, maker: RunMaker, clock: Clock, *, waits: bool) -> None:
+    def __init__(self, first: ShownRun, maker: RunMaker, clock: Clock, *, waits: bool) -> None:
         self.number = 1
         self.step = ""
         """What is being done to build another run."""
@@ -159,7 +159,7 @@ class Runs:
         self._given_up = ""
         self.desk = self._desk(first, waits)
 
-    def _desk(self, run: Run, waits: bool) -> RenewableBackend:
+    def _desk(self, run: ShownRun, waits: bool) -> RenewableBackend:
         driver = Driver(run.swarm, run.pace, self._clock, run.prepare, waits=waits)
         return RenewableBackend(run, driver, self._clock, self)
 
@@ -194,11 +194,11 @@ class Runs:
     async def choices(self, serial: int, scenario: str) -> SetUp:
         return SetUp(serial, await aside(lambda: self._maker.choices(scenario)))
 
-    async def renew(self, serial: int, wish: Wish | None) -> Renewed:
+    async def renew(self, serial: int, wish: RunRequest | None) -> Renewed:
         """Show another run, as wished or (None) as the one on the page was at its start. Raises SleepcastError; then
         the one on the page goes on."""
 
-        async def make() -> Run:
+        async def make() -> ShownRun:
             return await aside(lambda: self._maker.make(wish or self._maker.current, self._tell))
 
         return await self._follow(serial, "Reading the scenario", make)
@@ -209,13 +209,13 @@ class Runs:
         if past is None:
             raise MisuseError("Nothing is kept of this run, so it cannot go on from an earlier moment.")
 
-        async def make() -> Run:
+        async def make() -> ShownRun:
             state = await past.state(past.tick_of(time))
             return await aside(lambda: self._maker.fork(self._run, state))
 
         return await self._follow(serial, "Going back", make)
 
-    async def _follow(self, serial: int, step: str, make: Callable[[], Awaitable[Run]]) -> Renewed:
+    async def _follow(self, serial: int, step: str, make: Callable[[], Awaitable[ShownRun]]) -> Renewed:
         if self.step:
             raise MisuseError("Another run is being built already.")
         old = self.desk
@@ -247,7 +247,7 @@ class Runs:
     def _tell(self, step: str) -> None:
         """Called by the thread that builds."""
         if self._given_up:
-            raise GivenUpError(self._given_up)
+            raise RunAbandonedError(self._given_up)
         self.step = step
 
     def give_up(self, why: str) -> None:
@@ -258,7 +258,7 @@ class Runs:
 class RenewableBackend(Backend):
     """The desk of a run that another one may follow. over: whether one has."""
 
-    def __init__(self, run: Run, driver: Driver, clock: Clock, runs: Runs) -> None:
+    def __init__(self, run: ShownRun, driver: Driver, clock: Clock, runs: RunSwitcher) -> None:
         super().__init__(
             run.swarm, run.station, driver, clock, measures=run.measures, past=run.past, mission=run.mission
         )
@@ -286,7 +286,7 @@ class RenewableBackend(Backend):
             return await self._runs.fork(message.serial, message.time)
         seed = None if message.seed is None else int(message.seed)
         same = not message.scenario
-        wish = None if same else Wish(message.scenario, seed, message.robots, message.values)
+        wish = None if same else RunRequest(message.scenario, seed, message.robots, message.values)
         return await self._runs.renew(message.serial, wish)
 
     def session_test(self, message: DraftTest | CountTrue | SaveTest) -> Said:

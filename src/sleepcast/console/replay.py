@@ -27,7 +27,7 @@ from sleepcast.console.ground import pictured
 from sleepcast.console.incoming import AlertMessage, Sort
 from sleepcast.console.past import Past
 from sleepcast.console.picking import Picked, picked
-from sleepcast.console.plots import Measure
+from sleepcast.console.plots import ScenarioMeasure
 from sleepcast.console.recorded_values import RecordedPlots, RecordedValues
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
@@ -116,7 +116,7 @@ class ReplayBackend:
     """See the module; the questions are those that a session asks."""
 
     def __init__(
-        self, film: Timeline, driver: ReplayDriver, measures: Sequence[Measure] = (), past: Past | None = None
+        self, film: Timeline, driver: ReplayDriver, measures: Sequence[ScenarioMeasure] = (), past: Past | None = None
     ) -> None:
         self.driver, self.past = driver, past
         self._film = film

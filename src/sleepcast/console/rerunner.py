@@ -25,7 +25,7 @@ Deed = Literal["begin", "look", "answer", "why", "state", "advance", "compare", 
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class RunMoment:
     """A moment of a run. run: which one. state: that of the tick `base`; inputs: all that came after it up to `tick`.
     checks: digests of the poses that were seen then, by tick."""
 
@@ -45,13 +45,13 @@ class Question:
     the seed, for "begin". other: the same moment of another future, for "compare"."""
 
     deed: Deed
-    moment: Moment
+    moment: RunMoment
     robot: int = -1
     message: bytes = b""
     groups: tuple[str, ...] = ()
     patience: float = 60.0
     source: tuple[bytes, int] = (b"", 0)
-    other: Moment | None = None
+    other: RunMoment | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from sleepcast.console.view import SwarmView
 from sleepcast.core.errors import with_caret
 from sleepcast.language import ReadError, read
 from sleepcast.language.vocabulary import ID
-from sleepcast.sentences import Heard, Lexicon, from_sentence, to_sentence
+from sleepcast.sentences import Lexicon, ParsedSentence, from_sentence, to_sentence
 
 
 class Phrased(Said):
@@ -67,7 +67,7 @@ class Interpreter:
         return None if isnan(number) else int(number)
 
 
-def _findings(heard: Heard, text: str) -> list[ShownFinding]:
+def _findings(heard: ParsedSentence, text: str) -> list[ShownFinding]:
     found = [("error", each) for each in heard.unclear] + [("warning", each) for each in heard.doubts]
     return [
         ShownFinding(sort, each.message, each.start, each.end, with_caret(each.message, text, each.start, each.end))

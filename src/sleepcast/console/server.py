@@ -43,11 +43,11 @@ from sleepcast.console.nomads.backend import NomadsBackend
 from sleepcast.console.nomads.dialogue import NomadDialogue
 from sleepcast.console.nomads.view import Nomads
 from sleepcast.console.past import Past
-from sleepcast.console.renewal import Runs
+from sleepcast.console.renewal import RunSwitcher
 from sleepcast.console.replay import ReplayBackend
-from sleepcast.console.session import Session
+from sleepcast.console.session import PageSession
 from sleepcast.console.swarm_dialogue import SwarmDialogue
-from sleepcast.console.view import Pace, SwarmView
+from sleepcast.console.view import PaceControl, SwarmView
 from sleepcast.core.clock import Clock, WallClock
 from sleepcast.core.doorkeeper import sentences_of
 from sleepcast.core.errors import MisuseError, SleepcastError
@@ -89,7 +89,7 @@ class Address:
 def serve(
     swarm: SwarmView,
     station: Station,
-    pace: Pace,
+    pace: PaceControl,
     clock: Clock,
     *,
     address: Address,
@@ -105,14 +105,14 @@ def serve(
     serve_backend(desk, clock, address=address, say=say, around=around)
 
 
-def serve_runs(runs: Runs, clock: Clock, *, address: Address, say: Callable[[str], None]) -> None:
+def serve_runs(runs: RunSwitcher, clock: Clock, *, address: Address, say: Callable[[str], None]) -> None:
     """The same for a run that others may follow.
 
     The rest is as for `serve_backend`.
     """
 
     def app(door: PageAccess) -> Starlette:
-        return make_app("index.html", door, lambda socket: Session(socket, SwarmDialogue(runs.desk), clock).run())
+        return make_app("index.html", door, lambda socket: PageSession(socket, SwarmDialogue(runs.desk), clock).run())
 
     asyncio.run(serve_pages(app, runs.live, address=address, say=say, around=runs))
 
@@ -151,7 +151,7 @@ def serve_backend(
     """
 
     def app(door: PageAccess) -> Starlette:
-        return make_app("index.html", door, lambda socket: Session(socket, SwarmDialogue(desk), clock).run())
+        return make_app("index.html", door, lambda socket: PageSession(socket, SwarmDialogue(desk), clock).run())
 
     pages = serve_pages(
         app,
@@ -179,7 +179,7 @@ async def serve_nomads(
 
     def app(door: PageAccess) -> Starlette:
         return make_app(
-            "index.html", door, lambda socket: Session(socket, NomadDialogue(desk), clock).run(), panes=NOMADS
+            "index.html", door, lambda socket: PageSession(socket, NomadDialogue(desk), clock).run(), panes=NOMADS
         )
 
     await serve_pages(

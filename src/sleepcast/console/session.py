@@ -25,7 +25,7 @@ NEWS_PERIOD = 0.25
 """Seconds between two looks for news: people read no faster."""
 
 
-class Session:
+class PageSession:
     """One page; `run` lasts as long as it is open."""
 
     def __init__(self, socket: WebSocket, dialogue: Dialogue[Any], clock: Clock) -> None:

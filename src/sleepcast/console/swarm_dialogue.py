@@ -17,7 +17,7 @@ from sleepcast.console.fields import field_of
 from sleepcast.console.film import commands_of, rows_at
 from sleepcast.console.frames import ghosts
 from sleepcast.console.glance import glance
-from sleepcast.console.look import Look
+from sleepcast.console.look import PastView
 from sleepcast.console.marks import clock_time
 from sleepcast.console.mission import NO_MISSION, Mission
 from sleepcast.console.past import Past
@@ -50,7 +50,7 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
     def __init__(self, desk: Backend | ReplayBackend) -> None:
         super().__init__(desk)
         self._table = RobotTable(desk.values)
-        self._look: Look | None = None
+        self._look: PastView | None = None
         self._marked = -1
         self._ghosts, self._ghost_tick = True, -1
         """Whether the page is to be shown another future, and the tick of which it was told last."""
@@ -160,7 +160,7 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
         if not past.film.poses.times:
             raise MisuseError("Nothing is kept yet: time has not begun.")
         if self._look is None:
-            self._look = Look(past, self._desk.driver)
+            self._look = PastView(past, self._desk.driver)
             self._look.watched = self._watched
             self.turned.set()
         self._look.seek(time)
@@ -186,7 +186,7 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
             self._ghost_tick = tick
             yield ghosts(poses)
 
-    def _of_then(self, message: incoming.Incoming, look: Look, past: Past) -> Answer | Awaitable[Answer] | None:
+    def _of_then(self, message: incoming.Incoming, look: PastView, past: Past) -> Answer | Awaitable[Answer] | None:
         """The answer of the time at which the page looks; None for what is a matter of now."""
         if isinstance(message, ACTS):
             raise MisuseError(

@@ -28,7 +28,7 @@ ASK = "Only the robots themselves could tell this: ask them in the prompt."
 
 
 @dataclass(frozen=True)
-class Order:
+class RowOrder:
     """Robots in the order of the table. key: what was asked for."""
 
     key: tuple[object, ...]
@@ -52,7 +52,7 @@ class RobotTable:
     def __init__(self, values: Values) -> None:
         self._values = values
         self._columns: list[str] = []
-        self._order = Order((), np.arange(0), "")
+        self._order = RowOrder((), np.arange(0), "")
         self._csv: CsvTable | None = None
 
     def rows(self, asked: incoming.Rows) -> outgoing.Rows:
@@ -95,29 +95,29 @@ class RobotTable:
 
     # ---- which robots, in which order
 
-    def _ordered(self, asked: incoming.Rows, texts: list[str]) -> Order:
+    def _ordered(self, asked: incoming.Rows, texts: list[str]) -> RowOrder:
         by = texts[asked.sort] if 0 <= asked.sort < len(texts) else min(asked.sort, BY_NUMBER)
         key = (by, asked.descending, asked.where.strip(), len(self._values.names))
         if asked.again or key != self._order.key:
             self._order = self._sorted(key, by, asked.descending, asked.where.strip())
         return self._order
 
-    def _sorted(self, key: tuple[object, ...], by: str | int, descending: bool, where: str) -> Order:
+    def _sorted(self, key: tuple[object, ...], by: str | int, descending: bool, where: str) -> RowOrder:
         try:
             robots = self._those(where)
         except SleepcastError as error:
-            return Order(key, np.arange(0), str(error))
+            return RowOrder(key, np.arange(0), str(error))
         if by == BY_NUMBER:
-            return Order(key, robots[::-1] if descending else robots, "")
+            return RowOrder(key, robots[::-1] if descending else robots, "")
         if by == BY_GROUP:
             keys = self._newest_group()[robots]
         else:
             try:
                 keys, _ = self._values.of(str(by), robots)
             except SleepcastError:  # its head says what is wrong
-                return Order(key, robots, "")
+                return RowOrder(key, robots, "")
         places = np.argsort(-keys if descending else keys, kind="stable")  # unknown is last either way
-        return Order(key, robots[places], "")
+        return RowOrder(key, robots[places], "")
 
     def _those(self, where: str) -> Index:
         """The robots for which a test holds."""

@@ -7,7 +7,7 @@ then the oldest.
 from __future__ import annotations
 
 from sleepcast.console.account_table import CommandRow
-from sleepcast.console.film import Kind, Marks, Timeline, Track
+from sleepcast.console.film import Kind, RobotMarks, Timeline, Track
 from sleepcast.console.view import Outline
 
 BESIDE = 250
@@ -27,7 +27,7 @@ def cut(into: Track[Kind], track: Track[Kind], time: float) -> None:
 # ---- pictures
 
 
-def size_of_marks(marks: Marks) -> int:
+def size_of_marks(marks: RobotMarks) -> int:
     """Bytes that marks take, about."""
     return BESIDE + len(marks.groups) + len(marks.flags) + len(marks.second) + len(marks.colours)
 

@@ -248,7 +248,7 @@ class SwarmView(Protocol):
         """x (m), y (m) and heading (rad, counter-clockwise from x) of each robot in turn, float32, little endian."""
 
 
-class Pace(Protocol):
+class PaceControl(Protocol):
     """How fast the swarm runs. factor: simulated seconds in a second that are wanted. paused: time stands still."""
 
     factor: float

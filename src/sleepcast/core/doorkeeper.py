@@ -28,7 +28,7 @@ LEAST = 16
 """Strangers at least, whatever the limit of files is."""
 
 
-class Connection(Protocol):
+class Abortable(Protocol):
     """What is kept open: a transport of asyncio."""
 
     def is_closing(self) -> bool:
@@ -55,7 +55,7 @@ class Doorkeeper:
 
     def __init__(self, most: int, patience: float, clock: Clock, say: Callable[[str], None]) -> None:
         self._most, self._patience, self._clock, self._say = most, patience, clock, say
-        self._since: dict[Connection, float] = {}
+        self._since: dict[Abortable, float] = {}
         self._told = -PAUSE - 1.0
         self.turned_away = 0
         """Connections that lost their place to others."""
@@ -63,10 +63,10 @@ class Doorkeeper:
     def __len__(self) -> int:
         return len(self._since)
 
-    def __contains__(self, connection: Connection) -> bool:
+    def __contains__(self, connection: Abortable) -> bool:
         return connection in self._since
 
-    def enter(self, connection: Connection) -> None:
+    def enter(self, connection: Abortable) -> None:
         """A new connection; the oldest one makes room for it."""
         if len(self._since) >= self._most:
             self._forget_closed()
@@ -77,12 +77,12 @@ class Doorkeeper:
             self._tell()
         self._since[connection] = self._clock.now()
 
-    def touch(self, connection: Connection) -> None:
+    def touch(self, connection: Abortable) -> None:
         """It has done something: its patience begins anew, and others have waited for longer."""
         if self._since.pop(connection, None) is not None:
             self._since[connection] = self._clock.now()
 
-    def leave(self, connection: Connection) -> None:
+    def leave(self, connection: Abortable) -> None:
         """It is known now, or gone."""
         self._since.pop(connection, None)
 
@@ -97,7 +97,7 @@ class Doorkeeper:
         for connection in [each for each in self._since if each.is_closing()]:
             del self._since[connection]
 
-    def _end(self, connection: Connection) -> None:
+    def _end(self, connection: Abortable) -> None:
         del self._since[connection]
         connection.abort()
 

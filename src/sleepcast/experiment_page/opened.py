@@ -16,7 +16,7 @@ from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.server import Address, serve
 from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import SleepcastError
-from sleepcast.experiments.plan import Experiment, Run
+from sleepcast.experiments.plan import Experiment, PlannedRun
 from sleepcast.experiments.run import opened
 from sleepcast.loop import Pace
 
@@ -34,7 +34,7 @@ class OpenedRuns:
         self._lock = Lock()
         self._open: dict[int, _OpenedRun] = {}
 
-    def address_of(self, run: Run) -> str:
+    def address_of(self, run: PlannedRun) -> str:
         """The address of the page of a run, which is started unless it is open. Raises SleepcastError."""
         with self._lock:
             known = self._open.get(run.number)
@@ -57,7 +57,7 @@ class OpenedRuns:
 class _OpenedRun:
     """One process. address: of its page. Raises SleepcastError if it cannot be started."""
 
-    def __init__(self, experiment: Experiment, run: Run) -> None:
+    def __init__(self, experiment: Experiment, run: PlannedRun) -> None:
         context = get_context("spawn")  # as for workers
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=_show, args=(theirs, experiment, run), daemon=True)
@@ -82,7 +82,7 @@ class _OpenedRun:
         self._pipe.close()
 
 
-def _show(pipe: connection.Connection, experiment: Experiment, run: Run) -> None:
+def _show(pipe: connection.Connection, experiment: Experiment, run: PlannedRun) -> None:
     """What the process of a run does until its owner is gone. Ctrl-C is its owner's business."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with_owner, args=(pipe,), daemon=True).start()

@@ -25,7 +25,7 @@ from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.experiment_page.opened import OpenedRuns
 from sleepcast.experiment_page.session import ExperimentSession
-from sleepcast.experiments.findings import Findings
+from sleepcast.experiments.findings import SweepFindings
 
 NUMBER = re.compile(r"[0-9]{1,9}")
 """Of a run; there are no more than a million."""
@@ -33,7 +33,7 @@ NUMBER = re.compile(r"[0-9]{1,9}")
 
 @contextmanager
 def experiment_page(
-    findings: Findings, folder: Path, *, address: Address, say: Callable[[str], None]
+    findings: SweepFindings, folder: Path, *, address: Address, say: Callable[[str], None]
 ) -> Iterator[None]:
     """Serve the page of an experiment for as long as this is entered. folder: of its results. say: tells the person at
     the terminal where the page is. Raises what `serve_pages` raises."""
@@ -48,7 +48,7 @@ def experiment_page(
 class _Page:
     """The thread of the server."""
 
-    def __init__(self, findings: Findings, folder: Path, address: Address, say: Callable[[str], None]) -> None:
+    def __init__(self, findings: SweepFindings, folder: Path, address: Address, say: Callable[[str], None]) -> None:
         self._findings, self._folder, self._address, self._say = findings, str(folder), address, say
         self._runs = OpenedRuns(findings.experiment)
         self._begun = Event()

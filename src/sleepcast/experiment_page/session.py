@@ -14,7 +14,7 @@ from sleepcast.console.connection import PageConnection, encode
 from sleepcast.console.outgoing import Refused
 from sleepcast.core.clock import Clock
 from sleepcast.experiment_page import messages
-from sleepcast.experiments.findings import Findings, View
+from sleepcast.experiments.findings import CurveAxes, SweepFindings
 
 PERIOD = 0.4
 """Seconds between two looks for what is new."""
@@ -25,11 +25,11 @@ SHARE = 4.0
 class ExperimentSession:
     """One page; `run` lasts as long as it is open. folder: of the results, for people."""
 
-    def __init__(self, socket: WebSocket, findings: Findings, folder: str, clock: Clock) -> None:
+    def __init__(self, socket: WebSocket, findings: SweepFindings, folder: str, clock: Clock) -> None:
         self._line: PageConnection[messages.Incoming] = PageConnection(socket, messages.decode, (), clock)
         self._findings, self._folder, self._clock = findings, folder, clock
         views = findings.views()
-        self._view = View(views["x"][0], views["y"][0])
+        self._view = CurveAxes(views["x"][0], views["y"][0])
         self._changed = asyncio.Event()
         self._sent: dict[str, bytes] = {}
 
@@ -65,7 +65,7 @@ class ExperimentSession:
                 if x not in views["x"] or y not in views["y"] or by not in views["by"]:
                     await self._line.say(Refused(f"there is nothing to draw as {y:.80} over {x:.80}"))
                     return
-                self._view = View(x, y, "" if by == x else by)
+                self._view = CurveAxes(x, y, "" if by == x else by)
                 self._sent.pop(messages.Drawing.__name__, None)
                 self._changed.set()
             case messages.Runs(serial, x, name):

@@ -54,7 +54,7 @@ class SavedTest:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class AcceptanceResult:
     """What came of a test. missed: a sentence for each thing that was wanted and did not come."""
 
     test: SavedTest
@@ -189,7 +189,7 @@ def _plain(table: Table, key: str) -> object:
     return value
 
 
-def run_test(test: SavedTest, *, threads: int | None = None, ticks: Iterable[int] | None = None) -> Verdict:
+def run_test(test: SavedTest, *, threads: int | None = None, ticks: Iterable[int] | None = None) -> AcceptanceResult:
     """Run a test again. ticks: the numbers of its ticks, from 0, by which to show how far it is. Raises MissionError
     for an order that cannot be sent, MisuseError for a goal that cannot be measured."""
     warm_up(test.scenario, threads)
@@ -212,4 +212,4 @@ def run_test(test: SavedTest, *, threads: int | None = None, ticks: Iterable[int
     if test.state and state != test.state:
         missed.append(f"wanted the state {test.state} at the end, but it was {state}")
     counts += [{}] * len(waiting)
-    return Verdict(test, tuple(missed), state, tuple(counts), (*reversed(waiting), *swarm.mission))
+    return AcceptanceResult(test, tuple(missed), state, tuple(counts), (*reversed(waiting), *swarm.mission))

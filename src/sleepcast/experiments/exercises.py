@@ -101,14 +101,14 @@ def _read(table: Table, file: Path) -> Exercise:
     return exercise
 
 
-class Answer(NamedTuple):
+class ExerciseAnswer(NamedTuple):
     """What is sent, and what the checker warns of in it."""
 
     orders: tuple[Order, ...]
     warnings: tuple[str, ...]
 
 
-def read_answer(exercise: Exercise, text: str, name: str) -> Answer:
+def read_answer(exercise: Exercise, text: str, name: str) -> ExerciseAnswer:
     """An answer: a mission script, or expressions that are all sent at the start. name: of the answer, for errors.
     Raises MisuseError for what cannot be sent, with its place."""
     if any(line.startswith("@") for line in text.split("\n")):
@@ -145,7 +145,7 @@ def read_answer(exercise: Exercise, text: str, name: str) -> Answer:
                 raise MisuseError(f"{order.place}: {inside.text} is used: this exercise is to be done without it")
         names.learn(form)
         warnings += [in_file(order.place, finding.render(text)) for finding in checked.warnings]
-    return Answer(orders, tuple(warnings))
+    return ExerciseAnswer(orders, tuple(warnings))
 
 
 def attempt(exercise: Exercise, orders: Sequence[Order], seed: int) -> list[Miss]:

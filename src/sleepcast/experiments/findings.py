@@ -18,8 +18,8 @@ import numpy as np
 
 from sleepcast.experiments.angles import angles_of
 from sleepcast.experiments.drawing import Floats, band, numbers
-from sleepcast.experiments.plan import Experiment, Run, Span, Value
-from sleepcast.experiments.results import Outcome
+from sleepcast.experiments.plan import Experiment, ParameterRange, PlannedRun, Value
+from sleepcast.experiments.results import RunResult
 
 MOST_TIMES = 60
 """Moments of one run that are kept: a curve over time is drawn through so many marks at most."""
@@ -32,7 +32,7 @@ MOST_MARKS = 5_000
 TIME = "time"
 
 
-class View(NamedTuple):
+class CurveAxes(NamedTuple):
     """What is looked at: a measure `y` over `x` (a varied key, or "time"), a curve for each value of `by` ("" for a
     single one)."""
 
@@ -41,7 +41,7 @@ class View(NamedTuple):
     by: str = ""
 
 
-class Mark(msgspec.Struct, frozen=True):
+class CurvePoint(msgspec.Struct, frozen=True):
     """Some runs at one place of a curve. x: the value there, at: where it stands on the axis. mean, low, high: of the
     measure, with the ends of its 95 % confidence interval. runs: how many."""
 
@@ -57,7 +57,7 @@ class Curve(msgspec.Struct, frozen=True):
     """name: the value of `by`, "" for a single curve."""
 
     name: str
-    marks: list[Mark]
+    marks: list[CurvePoint]
 
 
 class Curves(msgspec.Struct, frozen=True):
@@ -100,17 +100,17 @@ class Progress(msgspec.Struct, frozen=True):
 class _Found(NamedTuple):
     """run: whose; last: its measures at the end, NaN unknown; times, series: of its samples, and what was measured."""
 
-    run: Run
+    run: PlannedRun
     last: Floats
     times: Floats
     series: Floats
     error: str
 
 
-class Findings:
+class SweepFindings:
     """See the module. before: outcomes of earlier sweeps into the same folder."""
 
-    def __init__(self, experiment: Experiment, before: Iterable[Outcome] = ()) -> None:
+    def __init__(self, experiment: Experiment, before: Iterable[RunResult] = ()) -> None:
         self.experiment = experiment
         self._lock = Lock()
         self._found: list[_Found] = []
@@ -118,14 +118,14 @@ class Findings:
         self._done = self._failed = self._unknown = 0
         self._errors: Counter[str] = Counter()
         self._state = "running"
-        self._bands: dict[tuple[View, str, str], tuple[Floats, Mark]] = {}
+        self._bands: dict[tuple[CurveAxes, str, str], tuple[Floats, CurvePoint]] = {}
         self._stride = self._thinned()
         self._angles = angles_of(experiment)
         for outcome in before:
             self.add(outcome)
         self._began, self._at_start = monotonic(), self._done
 
-    def add(self, outcome: Outcome) -> None:
+    def add(self, outcome: RunResult) -> None:
         """One more run has finished, or one that had failed was done again."""
         nothing = (None,) * (1 + len(self.experiment.measures))
         samples = np.array(outcome.samples or (nothing,), np.float64)
@@ -160,10 +160,10 @@ class Findings:
         """What can be chosen: for "x", "y" and "by"."""
         keys = tuple(self.experiment.over)
         over_time = (TIME,) if self.experiment.every is not None else ()
-        split = tuple(key for key in keys if not isinstance(self.experiment.over[key], Span))
+        split = tuple(key for key in keys if not isinstance(self.experiment.over[key], ParameterRange))
         return {"x": (*keys, *over_time) or ("seed",), "y": tuple(self.experiment.measures), "by": ("", *split)}
 
-    def curves(self, view: View) -> Curves:
+    def curves(self, view: CurveAxes) -> Curves:
         """What is known now. Raises KeyError for a view that there is not."""
         self._check(view)
         with self._lock:
@@ -193,9 +193,9 @@ class Findings:
             known = known[:left]
             left -= len(known)
             curves.append(Curve(name, known))
-        return Curves(curves, unit, ticks, not isinstance(self.experiment.over.get(view.x), Span), hidden)
+        return Curves(curves, unit, ticks, not isinstance(self.experiment.over.get(view.x), ParameterRange), hidden)
 
-    def runs_at(self, view: View, x: str, name: str) -> list[ListedRun]:
+    def runs_at(self, view: CurveAxes, x: str, name: str) -> list[ListedRun]:
         """The runs behind a mark; over time, those of its curve. Raises KeyError as `curves`."""
         self._check(view)
         place = list(self.experiment.measures).index(view.y)
@@ -213,19 +213,19 @@ class Findings:
             listed.append(ListedRun(each.run.number, each.run.seed, each.run.point, known, each.error))
         return listed
 
-    def run(self, number: int) -> Run | None:
+    def run(self, number: int) -> PlannedRun | None:
         """The finished run of this number."""
         with self._lock:
             known = self._numbers.get(number)
             return None if known is None else self._found[known].run
 
-    def _check(self, view: View) -> None:
+    def _check(self, view: CurveAxes) -> None:
         views = self.views()
         for name, wanted in (("x", view.x), ("y", view.y), ("by", view.by)):
             if wanted not in views[name]:
                 raise KeyError(wanted)
 
-    def _mark(self, view: View, name: str, x: str, at: float, values: list[float]) -> Mark | None:
+    def _mark(self, view: CurveAxes, name: str, x: str, at: float, values: list[float]) -> CurvePoint | None:
         """The mean of the known values, computed again only if there are other ones; None if there is none."""
         there = np.array(values)
         known = there[~np.isnan(there)]
@@ -237,7 +237,7 @@ class Findings:
         mean, low, high = band(known, view.y in self._angles)
         if np.isnan(mean):
             return None
-        mark = Mark(x, at, mean, low, high, int(known.size))
+        mark = CurvePoint(x, at, mean, low, high, int(known.size))
         self._bands[view, name, x] = known, mark
         return mark
 
@@ -266,7 +266,7 @@ def in_order(names: Iterable[str]) -> list[str]:
     return [name for _, name in sorted(zip(found[0].tolist(), different, strict=True))]
 
 
-def _said(run: Run, key: str) -> str:
+def _said(run: PlannedRun, key: str) -> str:
     """What a run says of a key, as text."""
     if not key:
         return ""

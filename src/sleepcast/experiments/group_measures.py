@@ -33,7 +33,7 @@ SAMPLES = 128
 _TEXT = re.compile(r"(\w+)(?:\s+(\d+(?:\.\d*)?|\.\d+)\s*([a-z]+))?(?:\s+(\(.+))?", re.DOTALL)
 
 
-class Group(NamedTuple):
+class SwarmSample(NamedTuple):
     """Some robots: positions, m, headings, rad, each of shape (robots,), and width and height of their world, m."""
 
     x: Floats
@@ -42,34 +42,34 @@ class Group(NamedTuple):
     size: tuple[float, float]
 
 
-def polarization(group: Group, _: float) -> float:
+def polarization(group: SwarmSample, _: float) -> float:
     return float(np.hypot(np.cos(group.heading).mean(), np.sin(group.heading).mean()))
 
 
-def rotation(group: Group, _: float) -> float:
+def rotation(group: SwarmSample, _: float) -> float:
     across, up = group.x - group.x.mean(), group.y - group.y.mean()
     away = np.hypot(across, up)
     turning = across * np.sin(group.heading) - up * np.cos(group.heading)
     return float(abs((turning / np.where(away > 0.0, away, 1.0)).mean()))
 
 
-def gyration(group: Group, _: float) -> float:
+def gyration(group: SwarmSample, _: float) -> float:
     return float(np.sqrt(group.x.var() + group.y.var()))
 
 
-def largest_cluster(group: Group, near: float) -> float:
+def largest_cluster(group: SwarmSample, near: float) -> float:
     return float(np.bincount(_clusters(group, near)).max() / group.x.size)
 
 
-def clusters(group: Group, near: float) -> float:
+def clusters(group: SwarmSample, near: float) -> float:
     return float(_clusters(group, near).max() + 1)
 
 
-def covered(group: Group, near: float) -> float:
+def covered(group: SwarmSample, near: float) -> float:
     return float((_to_nearest(group) <= near).mean())
 
 
-def voronoi_cost(group: Group, _: float) -> float:
+def voronoi_cost(group: SwarmSample, _: float) -> float:
     return float((_to_nearest(group) ** 2).mean())
 
 
@@ -98,13 +98,13 @@ def read_group_measure(text: str) -> Callable[[SimulatedFleet], float]:
     def measured(fleet: SimulatedFleet) -> float:
         which = fleet[predicate] > 0.0 if predicate else slice(None)
         scenario = fleet.swarm.simulator.scenario
-        group = Group(fleet.x[which], fleet.y[which], fleet.heading[which], (scenario.width, scenario.height))
+        group = SwarmSample(fleet.x[which], fleet.y[which], fleet.heading[which], (scenario.width, scenario.height))
         return measure(group, near) if group.x.size else nan
 
     return measured
 
 
-def _clusters(group: Group, near: float) -> NDArray[np.int32]:
+def _clusters(group: SwarmSample, near: float) -> NDArray[np.int32]:
     """The number of each robot's cluster, from 0."""
     tree = _tree(group)  # says what is missing, if scipy is
     from scipy.sparse import coo_array
@@ -117,7 +117,7 @@ def _clusters(group: Group, near: float) -> NDArray[np.int32]:
     return numbers
 
 
-def _to_nearest(group: Group) -> Floats:
+def _to_nearest(group: SwarmSample) -> Floats:
     """Distance from each of SAMPLES times SAMPLES points of the world to the nearest robot, m."""
     middles = (np.arange(SAMPLES) + 0.5) / SAMPLES
     across, up = np.meshgrid(middles * group.size[0], middles * group.size[1])
@@ -125,7 +125,7 @@ def _to_nearest(group: Group) -> Floats:
     return away
 
 
-def _tree(group: Group):  # type: ignore[no-untyped-def]  # scipy has no types
+def _tree(group: SwarmSample):  # type: ignore[no-untyped-def]  # scipy has no types
     """Where the robots are, for fast searches."""
     try:
         from scipy.spatial import KDTree

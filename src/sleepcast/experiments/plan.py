@@ -80,7 +80,7 @@ class PlanError(MisuseError):
     """A plan that cannot be carried out."""
 
 
-class Span(msgspec.Struct, frozen=True):
+class ParameterRange(msgspec.Struct, frozen=True):
     """From low to high, both with the same unit ("" for none). whole: only whole numbers, both ends included."""
 
     low: float
@@ -125,7 +125,7 @@ class Precision(msgspec.Struct, frozen=True):
     least: int = 5
 
 
-class Goal(msgspec.Struct, frozen=True):
+class Objective(msgspec.Struct, frozen=True):
     """What a search is for: the measure whose mean shall become as large as it can, or as small. together: points that
     are suggested at a time; the next ones are only suggested when these are done."""
 
@@ -134,7 +134,7 @@ class Goal(msgspec.Struct, frozen=True):
     together: int = 4
 
 
-class Run(msgspec.Struct, frozen=True):
+class PlannedRun(msgspec.Struct, frozen=True):
     """One run: its number from 0, what each varied key says, and the seed."""
 
     number: int
@@ -156,7 +156,7 @@ class Experiment(msgspec.Struct, frozen=True):
     scenario: str
     seeds: tuple[int, ...]
     measures: dict[str, str]
-    over: dict[str, Setting | Span] = {}
+    over: dict[str, Setting | ParameterRange] = {}
     seconds: float | None = None
     every: float | None = None
     until: str = ""
@@ -165,7 +165,7 @@ class Experiment(msgspec.Struct, frozen=True):
     sampling: str = "grid"
     points: int = 0
     precision: Precision | None = None
-    goal: Goal | None = None
+    goal: Objective | None = None
     repeated: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -173,7 +173,7 @@ class Experiment(msgspec.Struct, frozen=True):
         seeds, again = _different(map(read_seed, self.seeds), int)
         said, over = [*self.repeated, *_said_again("seeds", again)], dict(self.over)
         for key, setting in self.over.items():
-            if not isinstance(setting, Span):
+            if not isinstance(setting, ParameterRange):
                 over[key], others = _different(setting, partial(_meaning, plain=_sort_of_plain(setting)))
                 said += _said_again(f"over {key:.80}", others)
         points, most = self.points, prod(map(_count, over.values()))
@@ -204,14 +204,14 @@ class Experiment(msgspec.Struct, frozen=True):
             f"points: only {count:,} of {self.points:,} that were drawn are different; each is done once",
         )
 
-    def runs(self) -> Iterator[Run]:
+    def runs(self) -> Iterator[PlannedRun]:
         """All of them, seed by seed, so that the first ones say something of every point; none of a search, whose
         points are known on the way only. What was drawn again has a number, but no run."""
         points = list(self._points())
         width = self.points or len(points)
         for row, seed in enumerate(self.seeds):
             for place, point in points:
-                yield Run(row * width + place, point, seed)
+                yield PlannedRun(row * width + place, point, seed)
 
     def grid(self) -> Iterator[dict[str, Value]]:
         """Every point of a search, one after the other, if no key has a range of numbers; else nothing."""
@@ -220,10 +220,12 @@ class Experiment(msgspec.Struct, frozen=True):
             point = {}
             for key, setting in self.over.items():
                 number, place = divmod(number, int(_count(setting)))
-                point[key] = setting.written(int(setting.low) + place) if isinstance(setting, Span) else setting[place]
+                point[key] = (
+                    setting.written(int(setting.low) + place) if isinstance(setting, ParameterRange) else setting[place]
+                )
             yield point
 
-    def rounds(self) -> Iterator[list[Run]]:
+    def rounds(self) -> Iterator[list[PlannedRun]]:
         """The same in the rounds after which is looked whether there are enough."""
         runs = list(self.runs())
         size = len(runs) if self.precision is None else self.precision.least * (len(runs) // len(self.seeds))
@@ -263,10 +265,10 @@ class Experiment(msgspec.Struct, frozen=True):
         for place, values in () if self.goal is not None else found:
             yield place, dict(zip(self.over, values, strict=True))
 
-    def first(self) -> Run:
+    def first(self) -> PlannedRun:
         """A run to try things out with."""
         middle = {key: _at(setting, 0.5) for key, setting in self.over.items()}
-        return Run(0, next((point for _, point in self._points()), middle), self.seeds[0])
+        return PlannedRun(0, next((point for _, point in self._points()), middle), self.seeds[0])
 
     def scenario_at(self, point: Mapping[str, Value], seed: int | None = None) -> Scenario:
         """The scenario with these settings. Raises what `find_scenario` raises."""
@@ -324,7 +326,7 @@ class Experiment(msgspec.Struct, frozen=True):
             if not self._matters(key, setting, first) and not self._matters(key, setting, last):
                 raise PlanError(f"over {key:.80}: no run depends on it, so that all would be the same: leave it out")
 
-    def _matters(self, key: str, setting: Setting | Span, point: Mapping[str, Value]) -> bool:
+    def _matters(self, key: str, setting: Setting | ParameterRange, point: Mapping[str, Value]) -> bool:
         """Whether runs at this point may differ by what is varied; also where there is one value only. Raises
         MisuseError for a value that does not fit."""
         values = _values(setting)
@@ -344,7 +346,7 @@ class Experiment(msgspec.Struct, frozen=True):
             found["mission"] = "the experiment leaves the mission out: leave out one of them"
         return found
 
-    def _check_search(self, goal: Goal) -> None:
+    def _check_search(self, goal: Objective) -> None:
         key = "maximise" if goal.largest else "minimise"
         if goal.measure not in self.measures:
             known = f"{did_you_mean(goal.measure, self.measures)}: wanted one of {', '.join(self.measures)}"
@@ -476,9 +478,9 @@ def _run_of(scenario: Scenario) -> Scenario:
     return replace(scenario, title="", about="", speed_up=1.0, length_unit="", commands=(), sliders=(), origin="")
 
 
-def _varied(said: Sequence[str]) -> dict[str, Setting | Span]:
+def _varied(said: Sequence[str]) -> dict[str, Setting | ParameterRange]:
     """What options say is varied, each as `KEY=VALUE,VALUE`."""
-    varied: dict[str, Setting | Span] = {}
+    varied: dict[str, Setting | ParameterRange] = {}
     for each in said:
         key, equals, values = each.partition("=")
         if not equals or not key.strip() or not values.strip():
@@ -495,9 +497,9 @@ def _numbers(seeds: int) -> tuple[int, ...]:
     return tuple(range(1, whole_number(seeds, "seeds", 1, MAX_ROWS) + 1))
 
 
-def _at(setting: Setting | Span, share: float) -> Value:
+def _at(setting: Setting | ParameterRange, share: float) -> Value:
     """The value so far along a range, or in a list."""
-    if isinstance(setting, Span):
+    if isinstance(setting, ParameterRange):
         return setting.at(share)
     return setting[min(int(share * len(setting)), len(setting) - 1)]
 
@@ -543,16 +545,18 @@ def _said_again(what: str, again: Sequence[Value]) -> list[str]:
     return [f"{what}: {shown:.200} was given more than once, and is done once"] if again else []
 
 
-def _count(setting: Setting | Span) -> float:
+def _count(setting: Setting | ParameterRange) -> float:
     """How many values a key may have."""
-    return setting.count if isinstance(setting, Span) else len(setting)
+    return setting.count if isinstance(setting, ParameterRange) else len(setting)
 
 
-def _values(setting: Setting | Span) -> Setting:
-    return (setting.at(0.0), setting.at(1.0)) if isinstance(setting, Span) else setting
+def _values(setting: Setting | ParameterRange) -> Setting:
+    return (setting.at(0.0), setting.at(1.0)) if isinstance(setting, ParameterRange) else setting
 
 
-def _drawn_once(sampling: str, settings: Sequence[Setting | Span], count: int) -> Iterator[tuple[int, Setting]]:
+def _drawn_once(
+    sampling: str, settings: Sequence[Setting | ParameterRange], count: int
+) -> Iterator[tuple[int, Setting]]:
     """The different ones of so many points that are drawn, with their places."""
     taken = set[str]()
     for place, shares in enumerate(_drawn(sampling, len(settings), count)):
@@ -563,7 +567,7 @@ def _drawn_once(sampling: str, settings: Sequence[Setting | Span], count: int) -
 
 
 @lru_cache(maxsize=8)  # a page asks for it several times a second
-def _count_drawn(sampling: str, settings: tuple[Setting | Span, ...], count: int) -> int:
+def _count_drawn(sampling: str, settings: tuple[Setting | ParameterRange, ...], count: int) -> int:
     return sum(1 for _ in _drawn_once(sampling, settings, count))
 
 
@@ -598,9 +602,9 @@ def _seeds(root: Table) -> tuple[int, ...]:
     return tuple(range(1, 1 + root.whole("seeds", 1, low=1, high=MAX_ROWS)))
 
 
-def _over_of(root: Table, *, sampled: bool) -> dict[str, Setting | Span]:
+def _over_of(root: Table, *, sampled: bool) -> dict[str, Setting | ParameterRange]:
     """What is varied, by key. Raises SettingsError for a key that is given twice: as `"radio.loss"` and in `radio`."""
-    found: dict[str, Setting | Span] = {}
+    found: dict[str, Setting | ParameterRange] = {}
     for key, setting in _over(root, root.table("over"), sampled=sampled):
         name = shown_key(key_path(key))
         if name in found:
@@ -609,7 +613,9 @@ def _over_of(root: Table, *, sampled: bool) -> dict[str, Setting | Span]:
     return found
 
 
-def _over(root: Table, table: Table, *, sampled: bool, above: str = "") -> Iterator[tuple[str, Setting | Span]]:
+def _over(
+    root: Table, table: Table, *, sampled: bool, above: str = ""
+) -> Iterator[tuple[str, Setting | ParameterRange]]:
     """By key, its values; `radio.loss` may stand as one key or in a table `radio`."""
     with table:
         for name in table.names():
@@ -625,7 +631,7 @@ def _over(root: Table, table: Table, *, sampled: bool, above: str = "") -> Itera
                 raise table.error(name, "wanted a list of values, such as [0, 0.1, 0.3]")
 
 
-def _span(table: Table, name: str) -> Span:
+def _span(table: Table, name: str) -> ParameterRange:
     value = table.values[name]
     ends = [_NUMBER.fullmatch(str(value[end])) for end in ("low", "high")] if isinstance(value, dict) else [None]
     if any(each is None for each in ends):
@@ -641,15 +647,15 @@ def _span(table: Table, name: str) -> Span:
         whole = span.flag("whole", False)
         if whole and not (float(low).is_integer() and float(high).is_integer()):
             raise span.error("whole", "wanted whole numbers as ends, such as { low = 10, high = 50, whole = true }")
-    return Span(float(low), float(high), unit, whole)
+    return ParameterRange(float(low), float(high), unit, whole)
 
 
-def _goal(root: Table) -> Goal:
+def _goal(root: Table) -> Objective:
     if root.has("maximise") == root.has("minimise"):
         raise root.error("sampling", 'a search has one goal: wanted maximise = "..." or minimise = "...", a measure')
     largest = root.has("maximise")
     measure = root.text("maximise" if largest else "minimise")
-    return Goal(measure, largest, root.whole("together", 4, low=1, high=MAX_TOGETHER))
+    return Objective(measure, largest, root.whole("together", 4, low=1, high=MAX_TOGETHER))
 
 
 def _precision(root: Table) -> Precision:
@@ -677,8 +683,8 @@ def _value(text: str) -> Value:
     return text
 
 
-def _toml(value: Value | Setting | Span) -> str:
-    if isinstance(value, Span):
+def _toml(value: Value | Setting | ParameterRange) -> str:
+    if isinstance(value, ParameterRange):
         ends = (f'"{each!r}{value.unit}"' if value.unit else repr(each) for each in (value.low, value.high))
         low, high = ends
         return f"{{ low = {low}, high = {high}{', whole = true' if value.whole else ''} }}"

@@ -37,7 +37,7 @@ from sleepcast.core.version import VERSION
 from sleepcast.experiments.angles import angles_of
 from sleepcast.experiments.drawing import band
 from sleepcast.experiments.git_state import git_state
-from sleepcast.experiments.plan import MAX_ROWS, PLAN, Experiment, Goal, Run, Value, read_experiment
+from sleepcast.experiments.plan import MAX_ROWS, PLAN, Experiment, Objective, PlannedRun, Value, read_experiment
 from sleepcast.experiments.search import Tried, suggest
 
 ABOUT, RUNS, LOCK = "about.json", "runs.sqlite", ".lock"
@@ -69,12 +69,12 @@ class ResultsLostError(SleepcastError):
     """Results that could not be written."""
 
 
-class Outcome(msgspec.Struct, frozen=True):
+class RunResult(msgspec.Struct, frozen=True):
     """What came of a run. samples: for each its time (simulated s), then the measures in their order, None unknown.
     error: why it failed, "" if it did not. hash: of the state at its end. wall: s that it took. unsent: commands that
     were never sent, since it ended before, each with its time, in short. rules: by which it was done, see FORMAT."""
 
-    run: Run
+    run: PlannedRun
     samples: tuple[tuple[float | None, ...], ...] = ()
     error: str = ""
     hash: str = ""
@@ -82,7 +82,7 @@ class Outcome(msgspec.Struct, frozen=True):
     unsent: tuple[str, ...] = ()
     rules: int = 1
 
-    def same_as(self, other: Outcome) -> bool:
+    def same_as(self, other: RunResult) -> bool:
         """Whether both found the same, to the last bit."""
         return (self.samples, self.error, self.hash) == (other.samples, other.error, other.hash)
 
@@ -137,7 +137,7 @@ class Results:
         found: int = self._connection.execute(f"SELECT count(*) FROM runs {condition}").fetchone()[0]
         return len(self.experiment) - found
 
-    def missing(self, *, retry: bool = False) -> list[Run]:
+    def missing(self, *, retry: bool = False) -> list[PlannedRun]:
         """The runs that are to be done next; there may be more after these, if the experiment wants a precision. retry:
         also those that failed."""
         if self.experiment.goal is not None:
@@ -154,7 +154,7 @@ class Results:
                 return left
         return []
 
-    def _suggested(self, goal: Goal, *, retry: bool) -> list[Run]:
+    def _suggested(self, goal: Objective, *, retry: bool) -> list[PlannedRun]:
         """The next runs of a search: of the first points that are not all done. Points of which a run is done already
         stay as they are."""
         done = list(outcomes_in(self.folder))
@@ -176,7 +176,7 @@ class Results:
                 known = {each.run.seed: each.run for each in points.get(number, ())}
                 point = next(iter(known.values())).point if known else suggested[number]
                 missing = [place for place, seed in enumerate(seeds) if seed not in known]
-                runs += [Run(number * len(seeds) + place, point, seeds[place]) for place in missing]
+                runs += [PlannedRun(number * len(seeds) + place, point, seeds[place]) for place in missing]
             return runs
         return []
 
@@ -195,11 +195,11 @@ class Results:
         enough = {point: found for point, found in values.items() if len(found) >= wanted.least}
         return {point for point, found in enough.items() if _spread(found, angle) <= wanted.within}
 
-    def _key(self, run: Run) -> str:
+    def _key(self, run: PlannedRun) -> str:
         """What names a row: the run; in a search, which may come to a point twice, with its number."""
         return run.key if self.experiment.goal is None else f"{run.number} {run.key}"
 
-    def keep(self, outcomes: Iterable[Outcome]) -> None:
+    def keep(self, outcomes: Iterable[RunResult]) -> None:
         """Write finished runs, all or none of them. Raises ResultsLostError."""
         rows = [
             (
@@ -221,15 +221,15 @@ class Results:
             raise _lost(self.folder, error) from error
 
 
-def points_of(experiment: Experiment, done: Iterable[Outcome]) -> dict[int, list[Outcome]]:
+def points_of(experiment: Experiment, done: Iterable[RunResult]) -> dict[int, list[RunResult]]:
     """The finished runs of each point of a search, by the number of the point."""
-    points: dict[int, list[Outcome]] = {}
+    points: dict[int, list[RunResult]] = {}
     for each in done:
         points.setdefault(each.run.number // len(experiment.seeds), []).append(each)
     return points
 
 
-def value_of(experiment: Experiment, runs: Iterable[Outcome]) -> float | None:
+def value_of(experiment: Experiment, runs: Iterable[RunResult]) -> float | None:
     """The mean at the end of some runs of the measure that is searched for; None if it is known of none."""
     assert experiment.goal is not None
     place = 1 + list(experiment.measures).index(experiment.goal.measure)
@@ -296,7 +296,7 @@ def experiment_in(folder: Path) -> Experiment:
         raise ResultsError(f"the experiment of these results cannot be read: {error}") from error
 
 
-def outcomes_in(folder: Path) -> Iterator[Outcome]:
+def outcomes_in(folder: Path) -> Iterator[RunResult]:
     """Every finished run, by number. Raises ResultsError."""
     experiment = experiment_in(folder)
     with _reading(folder) as connection:
@@ -323,15 +323,15 @@ def _has_unsent(connection: sqlite3.Connection) -> bool:
     return any(row[1] == "unsent" for row in connection.execute("PRAGMA table_info(runs)"))
 
 
-def _outcome(row: tuple[str, str, str, float, str, str], experiment: Experiment, rules: int) -> Outcome:
+def _outcome(row: tuple[str, str, str, float, str, str], experiment: Experiment, rules: int) -> RunResult:
     """What a row says. Raises ValueError for what no run of this experiment has."""
     run, error, state, wall, samples, late = row
-    decoded = msgspec.json.decode(run, type=Run)
+    decoded = msgspec.json.decode(run, type=PlannedRun)
     taken = _samples(samples, experiment)
     if decoded.point.keys() != experiment.over.keys():
         raise ValueError(f"run {decoded.number} has other measures or settings than its {PLAN}")
     unsent = msgspec.json.decode(late, type=tuple[str, ...])
-    return Outcome(decoded, taken, error, state, wall, unsent, rules)
+    return RunResult(decoded, taken, error, state, wall, unsent, rules)
 
 
 def _samples(text: str, experiment: Experiment) -> tuple[tuple[float | None, ...], ...]:
@@ -400,7 +400,7 @@ def summary_of(folder: Path) -> Summary:
 def table_of(folder: Path) -> DataTable:
     """Everything that was found, see the module. Raises ResultsError."""
     experiment = experiment_in(folder)
-    rows: list[tuple[Outcome, tuple[float | None, ...]]] = []
+    rows: list[tuple[RunResult, tuple[float | None, ...]]] = []
     nothing = (None,) * (1 + len(experiment.measures))
     for outcome in outcomes_in(folder):
         rows += [(outcome, sample) for sample in outcome.samples or (nothing,)]
@@ -448,7 +448,7 @@ def _write(table: DataTable, file: Path, suffix: str) -> None:
     pyarrow.parquet.write_table(pyarrow.table(table), file)
 
 
-def _point(run: Run) -> str:
+def _point(run: PlannedRun) -> str:
     return json.dumps(run.point, sort_keys=True)
 
 

@@ -33,8 +33,16 @@ from sleepcast.core.extras import installing
 from sleepcast.core.hosts import is_loopback
 from sleepcast.core.ticks import Every, nearest_ticks
 from sleepcast.experiments.measures import Measure, if_known, read_measure, read_stop
-from sleepcast.experiments.plan import MAX_COMMANDS, Experiment, Run
-from sleepcast.experiments.results import FORMAT, Outcome, Results, check_rules, experiment_in, outcomes_in, outdated_in
+from sleepcast.experiments.plan import MAX_COMMANDS, Experiment, PlannedRun
+from sleepcast.experiments.results import (
+    FORMAT,
+    Results,
+    RunResult,
+    check_rules,
+    experiment_in,
+    outcomes_in,
+    outdated_in,
+)
 from sleepcast.language import CheckError
 from sleepcast.simulator import Scenario
 from sleepcast.simulator.scenario.groups import filled
@@ -62,18 +70,18 @@ class ClusterError(MisuseError):
     """A cluster that cannot be reached."""
 
 
-def do(experiment: Experiment, run: Run) -> Outcome:
+def do(experiment: Experiment, run: PlannedRun) -> RunResult:
     """One run. What goes wrong in it is its outcome."""
     began = perf_counter()
     try:
         samples, state, unsent = _done(experiment, run)
     except (Exception, SystemExit) as error:  # a measure of somebody's own may raise anything
         said = str(error) if isinstance(error, SleepcastError) else f"{type(error).__name__}: {error}"
-        return Outcome(run, error=said or type(error).__name__, wall=perf_counter() - began, rules=FORMAT)
-    return Outcome(run, samples, "", state, perf_counter() - began, unsent, FORMAT)
+        return RunResult(run, error=said or type(error).__name__, wall=perf_counter() - began, rules=FORMAT)
+    return RunResult(run, samples, "", state, perf_counter() - began, unsent, FORMAT)
 
 
-def opened(experiment: Experiment, run: Run) -> SimulatedFleet:
+def opened(experiment: Experiment, run: PlannedRun) -> SimulatedFleet:
     """The fleet at the start of a run. Raises what is wrong in the scenario or in a command."""
     scenario = experiment.scenario_at(run.point, run.seed)
     orders = orders_of(experiment, scenario)
@@ -102,7 +110,7 @@ def too_late(experiment: Experiment) -> tuple[list[Order], float]:
     return [], 0.0
 
 
-def _done(experiment: Experiment, run: Run) -> tuple[tuple[tuple[float | None, ...], ...], str, tuple[str, ...]]:
+def _done(experiment: Experiment, run: PlannedRun) -> tuple[tuple[tuple[float | None, ...], ...], str, tuple[str, ...]]:
     """The samples of a run, the hash of its state at the end, and the commands that were never sent."""
     measures = [read_measure(text, own=True) for text in experiment.measures.values()]
     soon = [if_known(measure) for measure in measures]
@@ -138,7 +146,7 @@ def _taken(fleet: SimulatedFleet, measures: Sequence[Measure]) -> tuple[float | 
 
 def run_all(
     results: Results, workers: int | str, *, retry: bool = False, limit: float = LONGEST_RUN
-) -> Generator[Outcome, None, None]:
+) -> Generator[RunResult, None, None]:
     """Do all runs that are missing, and write each one as it finishes; gives them in that order. workers: so many
     processes here, or the address of a dask cluster. retry: also those that failed. limit: s after which a run is
     ended by force, and has failed; a cluster has none. Raises ResultsLostError, and
@@ -156,7 +164,7 @@ def run_all(
             left = results.missing()
 
 
-def verify(folder: Path, workers: int | str, most: int | None = None) -> Generator[tuple[Outcome, bool], None, None]:
+def verify(folder: Path, workers: int | str, most: int | None = None) -> Generator[tuple[RunResult, bool], None, None]:
     """Do finished runs again, the first `most` of them; gives each, and whether it came out the same."""
     experiment = experiment_in(folder)
     check_rules(folder, outdated_in(folder))
@@ -185,7 +193,7 @@ class Workers:
         for worker in self._workers:
             worker.end()
 
-    def map(self, runs: Iterable[Run]) -> Iterator[list[Outcome]]:
+    def map(self, runs: Iterable[PlannedRun]) -> Iterator[list[RunResult]]:
         """Do these runs; gives those that have finished, in the order in which they do."""
         left = iter(runs)
         busy: dict[connection.Connection, _Worker] = {}
@@ -218,13 +226,13 @@ class _Worker:
         context = get_context("spawn")  # a fork would copy threads in the middle of something
         self.pipe, theirs = context.Pipe()
         self.ended = False
-        self._run: Run | None = None
+        self._run: PlannedRun | None = None
         self._began = 0.0
         self._process = context.Process(target=_serve, args=(theirs, experiment), daemon=True)
         self._process.start()
         theirs.close()
 
-    def begin(self, run: Run) -> None:
+    def begin(self, run: PlannedRun) -> None:
         """Let it do a run."""
         self._run, self._began = run, perf_counter()
         with suppress(OSError):  # if it is gone, its outcome says so
@@ -235,20 +243,20 @@ class _Worker:
         """s that its run has taken until now."""
         return perf_counter() - self._began
 
-    def give_up(self, limit: float) -> Outcome:
+    def give_up(self, limit: float) -> RunResult:
         """End the process, whose run takes too long."""
         assert self._run is not None
         self.end()
-        return Outcome(self._run, error=f"it took longer than {limit:g} s: does a measure never come to its end?")
+        return RunResult(self._run, error=f"it took longer than {limit:g} s: does a measure never come to its end?")
 
-    def outcome(self) -> Outcome:
+    def outcome(self) -> RunResult:
         """Wait for the outcome of its run."""
         assert self._run is not None
         try:
-            found: Outcome = self.pipe.recv()
+            found: RunResult = self.pipe.recv()
         except (EOFError, OSError):
             self.end()
-            return Outcome(self._run, error=ENDED)
+            return RunResult(self._run, error=ENDED)
         return found
 
     def end(self) -> None:
@@ -300,7 +308,7 @@ class Cluster:
     def __exit__(self, *ended: object) -> None:
         self._client.close()
 
-    def map(self, runs: Iterable[Run]) -> Iterator[list[Outcome]]:
+    def map(self, runs: Iterable[PlannedRun]) -> Iterator[list[RunResult]]:
         """See `Workers.map`."""
         from distributed import as_completed
 
@@ -313,29 +321,29 @@ class Cluster:
             if error is None:
                 yield [outcome_in(future.result(), self._experiment, run)]
             else:
-                yield [Outcome(run, error=f"{ENDED} ({type(error).__name__})")]
+                yield [RunResult(run, error=f"{ENDED} ({type(error).__name__})")]
             if (following := next(left, None)) is not None:
                 asked[added := self._submit(following)] = following
                 finished.add(added)
 
-    def _submit(self, run: Run) -> Future[bytes]:
+    def _submit(self, run: PlannedRun) -> Future[bytes]:
         found: Future[bytes] = self._client.submit(do_elsewhere, self._experiment, run, pure=False)
         return found
 
 
-def outcome_in(answer: object, experiment: Experiment, run: Run) -> Outcome:
+def outcome_in(answer: object, experiment: Experiment, run: PlannedRun) -> RunResult:
     """What a worker has answered, which may be anything: a failed run if it is no outcome of this one."""
     try:
-        found = msgspec.json.decode(answer if isinstance(answer, bytes) else b"", type=Outcome)
+        found = msgspec.json.decode(answer if isinstance(answer, bytes) else b"", type=RunResult)
     except (msgspec.DecodeError, RecursionError):
-        return Outcome(run, error=NOT_OURS)
+        return RunResult(run, error=NOT_OURS)
     wide = all(len(sample) == 1 + len(experiment.measures) for sample in found.samples)
     fits = found.run == run and wide and len(found.hash) <= LONGEST_HASH and bool(found.samples) != bool(found.error)
     fits = fits and found.rules == FORMAT and len(found.unsent) <= MAX_ORDERS + MAX_COMMANDS
-    return found if fits else Outcome(run, error=NOT_OURS)
+    return found if fits else RunResult(run, error=NOT_OURS)
 
 
-def do_elsewhere(experiment: Experiment, run: Run) -> bytes:
+def do_elsewhere(experiment: Experiment, run: PlannedRun) -> bytes:
     """The outcome of a run as plain data."""
     return msgspec.json.encode(do(experiment, run))
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 from warnings import catch_warnings, simplefilter
 
-from sleepcast.experiments.plan import Experiment, Setting, Span, Value
+from sleepcast.experiments.plan import Experiment, ParameterRange, Setting, Value
 
 if TYPE_CHECKING:
     from optuna.distributions import BaseDistribution
@@ -64,10 +64,10 @@ def suggest(experiment: Experiment, tried: Sequence[Tried], count: int) -> list[
     return known[len(tried) :]
 
 
-def _distribution(setting: Setting | Span) -> BaseDistribution:
+def _distribution(setting: Setting | ParameterRange) -> BaseDistribution:
     from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 
-    if not isinstance(setting, Span):
+    if not isinstance(setting, ParameterRange):
         return CategoricalDistribution(setting)
     if setting.whole:
         return IntDistribution(int(setting.low), int(setting.high))
@@ -77,7 +77,7 @@ def _distribution(setting: Setting | Span) -> BaseDistribution:
 def _numbers(experiment: Experiment, point: Point) -> dict[str, Value]:
     """A point as Optuna has it."""
     return {
-        key: setting.number(point[key]) if isinstance(setting, Span) else point[key]
+        key: setting.number(point[key]) if isinstance(setting, ParameterRange) else point[key]
         for key, setting in experiment.over.items()
     }
 
@@ -86,7 +86,7 @@ def _written(experiment: Experiment, params: Mapping[str, Value]) -> Point:
     """A point as it stands in a scenario."""
     return {
         key: setting.written(float(params[key]) if not setting.whole else int(params[key]))
-        if isinstance(setting, Span)
+        if isinstance(setting, ParameterRange)
         else params[key]
         for key, setting in experiment.over.items()
     }

@@ -33,7 +33,7 @@ class TrustError(SleepcastError):
     """That a folder is somebody's own cannot be kept."""
 
 
-class Program(NamedTuple):
+class NamedFunction(NamedTuple):
     """A function in Python that an experiment names, as module.function, and the file where Python would find it; None
     for a part of Python itself. roots: of the folders in which modules are sought besides, those that lead there.
     around: the files of the packages around it, which are run before it."""
@@ -53,16 +53,16 @@ class Program(NamedTuple):
         return f"{self.function} of {'this Python' if self.file is None else self.file}"
 
 
-def programs(experiment: Experiment, folders: Sequence[Path]) -> list[Program]:
+def programs(experiment: Experiment, folders: Sequence[Path]) -> list[NamedFunction]:
     """What an experiment would run, each once; nothing is imported for that. folders: where modules are sought after
     the places of this Python. Raises MeasureError for a condition that is none, and for a module that is nowhere."""
     until = [measure_of_stop(experiment.until)] if experiment.until else []
     return programs_of([*experiment.measures.values(), *until], folders)
 
 
-def programs_of(texts: Iterable[str], folders: Sequence[Path]) -> list[Program]:
+def programs_of(texts: Iterable[str], folders: Sequence[Path]) -> list[NamedFunction]:
     """The same for measures. Raises MeasureError for a module that is nowhere."""
-    added, found = extensions(GROUP), dict[str, Program]()
+    added, found = extensions(GROUP), dict[str, NamedFunction]()
     for text in texts:
         named = own_function(text)
         if named is not None and text.strip() not in added:
@@ -83,7 +83,7 @@ def look_in(folders: Iterable[Path]) -> None:
     sys.path += [each for each in map(str, folders) if each not in sys.path]
 
 
-def _program(function: str, module: str, folders: Sequence[Path]) -> Program:
+def _program(function: str, module: str, folders: Sequence[Path]) -> NamedFunction:
     """Where a module is, found without importing anything, not even the packages around it."""
     first, *inside = module.split(".")
     found = outer = _spec(first, [*sys.path, *map(str, folders)])
@@ -96,11 +96,11 @@ def _program(function: str, module: str, folders: Sequence[Path]) -> Program:
         where = "".join(f"in {folder}, " for folder in folders)
         raise MeasureError(printable(f"no module {module}: looked {where}and where this Python looks (sys.path)"))
     if not found.has_location or found.origin is None:
-        return Program(function, None)
+        return NamedFunction(function, None)
     # Where a link lies, not where it leads: that is where Python looks.
     leading = {Path(each).parent.resolve() for each in outer.submodule_search_locations or [outer.origin or ""]}
     roots = tuple(each for each in folders if each.resolve() in leading)
-    return Program(function, Path(found.origin).resolve(), roots, tuple(around))
+    return NamedFunction(function, Path(found.origin).resolve(), roots, tuple(around))
 
 
 def _spec(name: str, places: list[str]) -> ModuleSpec | None:

@@ -18,24 +18,24 @@ MAX_ASKED = 256
 """Expressions that are kept: more than a sweep may measure."""
 
 
-class AskedTexts:
+class FleetQueries:
     """The expressions that have been asked for, by their text. bodies: see `QuietMemory`."""
 
     def __init__(self, state: FleetState, minds: Minds, bodies: Sequence[object | None]) -> None:
         self._state, self._minds, self._bodies = state, minds, bodies
-        self._asked: dict[str, Asked] = {}
+        self._asked: dict[str, FleetQuery] = {}
 
-    def __getitem__(self, text: str) -> Asked:
-        """This expression, looked up. Raises what `Asked` raises."""
+    def __getitem__(self, text: str) -> FleetQuery:
+        """This expression, looked up. Raises what `FleetQuery` raises."""
         found = self._asked.get(text)
         if found is None or found.turns != self._state.turns or found.refused:
             if len(self._asked) >= MAX_ASKED:
                 self._asked.clear()
-            found = self._asked[text] = Asked(text, self._state, self._minds, self._bodies)
+            found = self._asked[text] = FleetQuery(text, self._state, self._minds, self._bodies)
         return found
 
 
-class Asked:
+class FleetQuery:
     """One expression on all robots with the minds that they have now. Raises ReadError and CheckError."""
 
     def __init__(self, text: str, state: FleetState, minds: Minds, bodies: Sequence[object | None]) -> None:

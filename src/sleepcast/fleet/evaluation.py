@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from sleepcast.core.arrays import filled
 from sleepcast.core.serial import Arrays, SerialError, dump_arrays, load_arrays, within
-from sleepcast.fleet.native.compiler import Sink
+from sleepcast.fleet.native.compiler import ResultColumns
 from sleepcast.fleet.schema import RuleStatisticsState, StatisticsState
 from sleepcast.fleet.state import Column, FleetState, Index, Mask, Mind, Minds, Rows
 from sleepcast.language.parts import Part
 from sleepcast.language.program import MAX_STEPS, Program
 from sleepcast.language.reader import show
-from sleepcast.language.rehearsal import Answer, Refusal
+from sleepcast.language.rehearsal import Answer, NotedFault
 from sleepcast.language.vocabulary import ACTIVE0, TICK, buffer_number
 from sleepcast.mind.limits import MAX_FAULTS, PROVEN_TICKS
 from sleepcast.mind.rules import Effect, RuleBase
@@ -158,7 +158,7 @@ class Evaluation:
     def refuse(self, part: Part, rows: Rows, reason: str) -> Column:
         """Record a fault that this memory itself detects."""
         if self.answers is not None:
-            self.answers.append(Refusal(part, reason))
+            self.answers.append(NotedFault(part, reason))
         return self.fault(part, rows, reason)
 
     def refuse_where(self, part: Part, rows: Rows, wrong: Mask, reason: str, values: Column) -> Rows:
@@ -297,9 +297,9 @@ class RuleStatistics:
         self._failed_at: Column | None = None
         """When each robot had its last fault, s; not part of the state, since only people are told."""
         self.last_fault: dict[int, str] = {}
-        self._sink = Sink(self.last_value, self._fresh, None)
+        self._sink = ResultColumns(self.last_value, self._fresh, None)
 
-    def sink(self, *, steps: bool) -> Sink:
+    def sink(self, *, steps: bool) -> ResultColumns:
         """The columns that native code writes. steps: whether it writes them too."""
         if steps and self._sink.steps is None:
             self._sink = self._sink._replace(steps=self._own_steps())

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.message import FOR, HELD, HOPS, NOT, UNKNOWN, Kind, Message, hops_left, is_addressed
-from sleepcast.channel.message_batch import Answers, MessageBatch, NameIndex
+from sleepcast.channel.message_batch import AnswerColumns, MessageBatch, NameIndex
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.model import RestState
 from sleepcast.core.threads import ThreadPool
-from sleepcast.fleet.asked import AskedTexts
+from sleepcast.fleet.asked import FleetQueries
 from sleepcast.fleet.bodies import FleetBodies
 from sleepcast.fleet.evaluation import Noted, fault_text
 from sleepcast.fleet.inspection import (
@@ -316,7 +316,7 @@ class Fleet(Mapping[str, RobotView]):
         self.telemetry = FleetTelemetry(self.state, self.minds, self._bodies)
         """The latest telemetry of each robot."""
         self._read_set = ReadSet(self.memory)
-        self.asked = AskedTexts(self.state, self.minds, bodies)
+        self.asked = FleetQueries(self.state, self.minds, bodies)
         """The expressions that are asked for on all robots; see `values_of`."""
         self.inbox = Inbox(count)
         self.minds_used = 1
@@ -482,7 +482,7 @@ class Fleet(Mapping[str, RobotView]):
 
     def _answer_alike(self, message: Message, rows: Rows, sort: str, fault: str = "") -> None:
         """Give the same answer on each of these robots."""
-        self.outbox.answer(rows, Answers.alike(message.id, rows.size, sort, fault=fault))
+        self.outbox.answer(rows, AnswerColumns.alike(message.id, rows.size, sort, fault=fault))
 
     def sense(self, readings: NDArray[np.float64], now: float, robots: Some = None) -> None:
         """Take sensor values (SI; one row per robot, in the order of the vocabulary's sensors) at `now` (s).
@@ -646,7 +646,7 @@ class Fleet(Mapping[str, RobotView]):
         """Answer a question robot by robot: it changes nothing, so there is nothing to do for all at once."""
         for robot in rows.robots.tolist():
             found = foretell(program, rehearsal(self.memory, robot))
-            answers = Answers.alike(message.id, 1, "answer", found.value, "; ".join(found.faults))
+            answers = AnswerColumns.alike(message.id, 1, "answer", found.value, "; ".join(found.faults))
             self.outbox.answer(self.rows([robot]), answers)
 
 
@@ -658,7 +658,7 @@ def _runs(mind: Mind) -> bool:
 _SORTS = ("not matched", "matched", "fault", UNKNOWN, HELD)
 
 
-def _came_of(message: Message, outcome: Evaluated) -> Answers:
+def _came_of(message: Message, outcome: Evaluated) -> AnswerColumns:
     """The answers to a command, in the order of the robots that evaluated it."""
     rows, faults = outcome.rows, [fault_text(noted) for noted in outcome.faults]
     fault = np.zeros(rows.size, np.int32) if faults else np.broadcast_to(np.int32(0), rows.size)
@@ -670,4 +670,4 @@ def _came_of(message: Message, outcome: Evaluated) -> Answers:
     if outcome.held is not None and outcome.held.any():
         sort = np.where(outcome.held & (sort == 1), np.uint8(4), sort)
     sort = np.where(fault > 0, np.uint8(2), sort) if faults else sort
-    return Answers(message.id, _SORTS, sort, outcome.values, tuple(faults), fault)
+    return AnswerColumns(message.id, _SORTS, sort, outcome.values, tuple(faults), fault)

@@ -56,7 +56,7 @@ def is_frozen(minds: FleetMarks) -> NDArray[np.bool_]:
     return minds.column(FROZEN) > 0.0
 
 
-class Groups:
+class GroupCodes:
     """The groups of a fleet, numbered from 1 in the order in which they were first seen.
 
     names: as written in the first message that named each. counts: members of each. shown: members whose newest

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.message_batch import (
-    Answers,
+    AnswerColumns,
     Contents,
     MessageBatch,
     Relays,
@@ -121,7 +121,7 @@ class Outbox:
         """TELL on each of these robots, which must be allowed to."""
         self.say(Kind.COMMAND, rows, Relays(text, hops), lasts=TELL_SECONDS)
 
-    def answer(self, rows: Rows, answers: Answers) -> None:
+    def answer(self, rows: Rows, answers: AnswerColumns) -> None:
         """Send the answers to a message from each of these robots."""
         self.say(Kind.ANSWER, rows, answers)
 

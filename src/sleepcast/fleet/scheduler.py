@@ -18,7 +18,7 @@ from sleepcast.fleet.evaluation import RuleStatistics
 from sleepcast.fleet.machine import walk_through
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.native.compiler import Kernel, moment
-from sleepcast.fleet.native.kernels import Plan
+from sleepcast.fleet.native.kernels import SequencePlan
 from sleepcast.fleet.state import Mask, Mind, Rows
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import TIME_SLOT
@@ -77,14 +77,14 @@ class BatchScheduler:
             return left[0]
         return Rows.of(np.sort(np.concatenate([some.robots for some in left]))) if left else Rows.run(0, 0)
 
-    def _affordable(self, plan: Plan) -> bool:
+    def _affordable(self, plan: SequencePlan) -> bool:
         """Whether the budget suffices for all rules of a plan, whatever branches are taken."""
         expected = plan.steps
         for key, size in zip(plan.keys, plan.sizes, strict=True):
             expected += max(0, self._memory.statistics[key].most_steps - size.steps)
         return expected <= TICK_STEPS
 
-    def _follow(self, plan: Plan, rows: Rows) -> None:
+    def _follow(self, plan: SequencePlan, rows: Rows) -> None:
         """Run one round on robots that all have the rules of a plan, leg by leg."""
         memory, done = self._memory, 0
         self._used[rows.index] = 0

@@ -9,7 +9,7 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from sleepcast.core.counter_rng import key
-from sleepcast.gym.task import Checked
+from sleepcast.gym.task import CheckedTask
 from sleepcast.language import check
 from sleepcast.language.learned_names import LearnedNames
 
@@ -17,7 +17,7 @@ Flags = NDArray[np.bool_]
 Singles = NDArray[np.float32]
 
 
-class Step(NamedTuple):
+class EpisodeStep(NamedTuple):
     """What came of one step. observed: shape (robots, observations); reward, done: shape (robots,), 0 and True for
     robots that were done before. ended: whether the episode has reached its goal; over: or its time."""
 
@@ -31,7 +31,7 @@ class Step(NamedTuple):
 class Episode:
     """One run of a task. seed, number: the same pair gives the same run."""
 
-    def __init__(self, checked: Checked, seed: int, number: int) -> None:
+    def __init__(self, checked: CheckedTask, seed: int, number: int) -> None:
         self._checked, self._task = checked, checked.task
         purpose = ("episode", seed, number) if number else ("episode", seed)  # the first one is as it was in 0.2.0
         self.fleet = checked.task.start(key(*purpose) >> 1)
@@ -46,7 +46,7 @@ class Episode:
     def close(self) -> None:
         self.fleet.close()
 
-    def step(self, actions: NDArray[np.generic]) -> Step:
+    def step(self, actions: NDArray[np.generic]) -> EpisodeStep:
         """Let all robots act that are not done, and time pass: the ticks of a step, or fewer if the episode ends on one
         of them. actions: shape (robots, actuators), or for expressions their numbers, shape (robots,)."""
         before = self._done.copy()
@@ -60,7 +60,7 @@ class Episode:
         self._swarm.sense()
         reward = np.where(before, 0.0, np.nan_to_num(self._values(self._task.reward)))
         self._halt_done()
-        return Step(self.observe(), reward, self._done.copy(), ended, self._steps >= self._checked.steps)
+        return EpisodeStep(self.observe(), reward, self._done.copy(), ended, self._steps >= self._checked.steps)
 
     def _has_ended(self) -> bool:
         """Whether the episode has reached its goal on this tick; notes who is done by now."""
@@ -86,7 +86,7 @@ class Episode:
     def _values(self, text: str) -> NDArray[np.float64]:
         return self._swarm.fleet.values_of(text, self._swarm.now())
 
-    def _program(self, text: str):  # type: ignore[no-untyped-def]  # what `Checked.required` gives
+    def _program(self, text: str):  # type: ignore[no-untyped-def]  # what `CheckedTask.required` gives
         return check(text, LearnedNames(self._swarm.vocabulary)).required()
 
     def _act(self, actions: NDArray[np.generic], robots: NDArray[np.intp]) -> None:

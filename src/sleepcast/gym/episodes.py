@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.given_numbers import MAX_SEED, read_seed, whole_number
-from sleepcast.gym.episode import Episode, Step
-from sleepcast.gym.task import Checked
+from sleepcast.gym.episode import Episode, EpisodeStep
+from sleepcast.gym.task import CheckedTask
 
 
 class EpisodeKey(NamedTuple):
@@ -29,7 +29,7 @@ class Episodes:
     """One episode of a task after the other. key: that of the one that began last, None before the first. ended:
     whether the one that runs has reached its goal or its time."""
 
-    def __init__(self, task: Checked) -> None:
+    def __init__(self, task: CheckedTask) -> None:
         self.task = task
         self.key: EpisodeKey | None = None
         self.ended = False
@@ -50,7 +50,7 @@ class Episodes:
             raise MisuseError("no episode has begun: call reset() first")
         return self._current
 
-    def step(self, actions: NDArray[np.generic]) -> Step:
+    def step(self, actions: NDArray[np.generic]) -> EpisodeStep:
         """See `Episode.step`. Raises MisuseError if none has begun."""
         made = self.running().step(actions)
         self.ended = made.ended or made.over

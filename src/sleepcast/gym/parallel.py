@@ -14,7 +14,7 @@ from pettingzoo import ParallelEnv
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.gym.episode import Singles
 from sleepcast.gym.episodes import EpisodeKey, Episodes
-from sleepcast.gym.task import Checked, Task, checked
+from sleepcast.gym.task import CheckedTask, Task, checked
 
 Infos = dict[str, dict[str, Any]]
 
@@ -26,7 +26,7 @@ class RobotAgents(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
     metadata = {"name": "sleepcast", "render_modes": []}  # noqa: RUF012  # as the base class has it
     render_mode = None
 
-    def __init__(self, task: Checked) -> None:
+    def __init__(self, task: CheckedTask) -> None:
         self._task, self._episodes = task, Episodes(task)
         self.possible_agents = list(task.names)
         self.agents: list[str] = []

@@ -56,7 +56,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Checked:
+class CheckedTask:
     """A task that fits its scenario, with the spaces of one robot. steps: of an episode, at most."""
 
     task: Task
@@ -95,7 +95,7 @@ class Checked:
         return f"{shape[0]} {'number' if shape[0] == 1 else 'numbers'}, of {', '.join(self.task.actions)}"
 
 
-def checked(task: Task) -> Checked:
+def checked(task: Task) -> CheckedTask:
     """The task, after every expression has been checked. Raises MisuseError, CheckError and what `open` raises."""
     for what, texts in (("observations", task.observations), ("actions", task.actions)):
         if not 1 <= len(texts) <= MAX_COLUMNS or isinstance(texts, str):
@@ -109,7 +109,7 @@ def checked(task: Task) -> Checked:
             raise MisuseError(f"seconds {seconds}: wanted from {scenario.tick} to {MAX_STEPS * scenario.tick}")
         for text in (*task.observations, task.reward, *([task.done] if task.done else [])):
             _ = fleet[text]
-        return Checked(
+        return CheckedTask(
             task,
             tuple(fleet.names),
             _observed(fleet, task.observations),
@@ -125,7 +125,7 @@ def _observed(fleet: SimulatedFleet, texts: Sequence[str]) -> Box:
     return _box([sensors.get(text.casefold(), Quantity("any")) for text in texts])
 
 
-def _acted(fleet: SimulatedFleet, texts: Sequence[str]) -> Space:  # type: ignore[type-arg]  # see Checked
+def _acted(fleet: SimulatedFleet, texts: Sequence[str]) -> Space:  # type: ignore[type-arg]  # see CheckedTask
     """A Box of setpoints for names of actuators, a Discrete for expressions."""
     actuators = {each.name.casefold(): each for each in fleet.swarm.simulator.model.actuators}
     if all(text.casefold() in actuators for text in texts):

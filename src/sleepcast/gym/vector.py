@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sleepcast.core.given_numbers import read_seed
 from sleepcast.gym.episode import Flags, Singles
 from sleepcast.gym.episodes import EpisodeKey, Episodes
-from sleepcast.gym.task import Checked, Task, checked
+from sleepcast.gym.task import CheckedTask, Task, checked
 
 
 class RobotVector(VectorEnv[Singles, NDArray[np.generic], NDArray[np.generic]]):
@@ -23,7 +23,7 @@ class RobotVector(VectorEnv[Singles, NDArray[np.generic], NDArray[np.generic]]):
 
     metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012  # as the base class has it
 
-    def __init__(self, task: Checked) -> None:
+    def __init__(self, task: CheckedTask) -> None:
         self._task, self._episodes = task, Episodes(task)
         self.num_envs = len(task.names)
         self.single_observation_space, self.single_action_space = task.observed, task.acted

@@ -39,7 +39,7 @@ class _Token(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class Stimulus:
     """One ping, or the light (source S), with what is asked of it. side, source, zone: `ANY` where that does not
     matter. range: as it was written, beside a zone that is not `ANY`."""
 
@@ -66,7 +66,7 @@ class Behaviour:
     """Who does what upon which events, and how likely. caste: "" for everybody; events: none for in every tick."""
 
     caste: str
-    events: tuple[Event, ...]
+    events: tuple[Stimulus, ...]
     action: str
     probability: str
 
@@ -81,7 +81,7 @@ class Behaviour:
 
 def behaviours(text: str) -> list[Behaviour]:
     """All behaviours of `text`. Raises ReadError with the place of what is none."""
-    found = list(_Reader(text).all())
+    found = list(_BehaviourReader(text).all())
     if not found:
         raise ReadError("no behaviour @@: wanted one such as ((F, 3, *, *), PING, 0.9)", text, 0, 1)
     return found
@@ -92,7 +92,7 @@ def rules(found: Sequence[Behaviour]) -> list[str]:
     return [each.rule(f"behaviour{number}") for number, each in enumerate(found, 1)]
 
 
-class _Reader:
+class _BehaviourReader:
     """Takes one token after the other. Raises ReadError."""
 
     def __init__(self, text: str) -> None:
@@ -123,7 +123,7 @@ class _Reader:
         self.need(")")
         return Behaviour(caste, events, action, probability)
 
-    def events(self) -> tuple[Event, ...]:
+    def events(self) -> tuple[Stimulus, ...]:
         if self.peek() == ANY:
             self.take()
             return ()
@@ -136,7 +136,7 @@ class _Reader:
                 raise self.error(joint, f"a second {one} in one event @@: a tick presents one, so this never holds")
         return tuple(found)
 
-    def event(self) -> Event:
+    def event(self) -> Stimulus:
         self.need("(")
         side = self.choice((*SIDES, ANY), "side")
         self.need(",")
@@ -150,7 +150,7 @@ class _Reader:
             wanted = "a range and N or F, or * and *"
             raise self.error(self.tokens[start], f"{reach} beside {zone} @@ says nothing: wanted {wanted}")
         self.need(")")
-        return Event(side, source.upper(), reach, zone)
+        return Stimulus(side, source.upper(), reach, zone)
 
     # ---- tokens
 

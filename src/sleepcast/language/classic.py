@@ -27,8 +27,8 @@ from sleepcast.language.classic_evaluator import (
     VARIABLE,
     VARIABLE_NAMES,
     ClassicError,
-    ClassicMemory,
     ClassicReadError,
+    ClassicRegisters,
     Evaluator,
     closing,
     display,
@@ -70,7 +70,7 @@ class ClassicMachine:
         self._repairs = mode == "classic"
         self._sets = mode != "appendix-a"
         self._say = say
-        self._memory = ClassicMemory() if self._repairs else ClassicMemory(unwritten=[0])
+        self._memory = ClassicRegisters() if self._repairs else ClassicRegisters(unwritten=[0])
 
     @property
     def variables(self) -> dict[str, int]:

@@ -77,7 +77,7 @@ class ClassicReadError(ClassicError):
     exit_status = 2
 
 
-class ClassicMemory:
+class ClassicRegisters:
     """The variables and expression buffers of one robot, as the original starts with them.
 
     `unwritten` is what a buffer holds that nothing was stored in: nothing, or the 0 of the original.
@@ -254,7 +254,7 @@ Evaluation = Generator[_Pointer, int, int]
 class Evaluator:
     """One evaluation in `memory`; `tell` receives each line that the original would print."""
 
-    def __init__(self, memory: ClassicMemory, *, repairs: bool, sets: bool, tell: Callable[[str], None]) -> None:
+    def __init__(self, memory: ClassicRegisters, *, repairs: bool, sets: bool, tell: Callable[[str], None]) -> None:
         self._memory = memory
         self._repairs = repairs
         self._sets = sets

@@ -15,14 +15,14 @@ from sleepcast.language.parts import Label, Part, Storing
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, Variable, buffer_number
 
 
-class Refusal(NamedTuple):
+class NotedFault(NamedTuple):
     """A fault that a robot's memory noted, at its place among the answers."""
 
     part: Part
     reason: str
 
 
-Answer = float | bool | Entered | Refusal | None
+Answer = float | bool | Entered | NotedFault | None
 
 FLAGS: dict[str, tuple[int, float]] = {
     "sleep": (SLEEPING, 1.0),
@@ -119,7 +119,7 @@ class Replay(Rehearsal):
 
     def _next(self) -> float | bool | Entered | None:
         answer = next(self._answers)
-        while isinstance(answer, Refusal):
+        while isinstance(answer, NotedFault):
             self.fault(answer.part, answer.reason)
             answer = next(self._answers)
         return answer

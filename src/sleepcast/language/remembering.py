@@ -18,7 +18,7 @@ NAME = 48
 """Characters of a rule's name that the names of what it remembers begin with."""
 
 
-class Written(NamedTuple):
+class Expansion(NamedTuple):
     """What a form is written out as: M and S stand for its variables, N and P for local names, A, B and C for its
     arguments, and REST for those after `arguments`. first: the value of a variable before the first evaluation."""
 
@@ -28,37 +28,37 @@ class Written(NamedTuple):
 
 
 FORMS = {
-    "once": Written(
+    "once": Expansion(
         "(LET ((N A) (P (DEFVAR M FALSE))) (SETQ M (IF (KNOWN N) N P)) (WHEN (AND N (NOT P)) REST))", 1, "FALSE"
     ),
-    "held": Written(
+    "held": Expansion(
         """(LET ((P (DEFVAR M)))
              (SETQ M (COND (A (IF (KNOWN P) P time)) (TRUE UNKNOWN)))
              (AND (KNOWN M) (>= (- time M) B)))""",
         2,
     ),
-    "hysteresis": Written(
+    "hysteresis": Expansion(
         "(LET ((N A) (P (DEFVAR M FALSE))) (SETQ M (COND ((>= N C) TRUE) ((<= N B) FALSE) (TRUE P))))", 3, "FALSE"
     ),
-    "every": Written(
+    "every": Expansion(
         """(LET ((P (DEFVAR M)))
              (WHEN (OR (NOT (KNOWN P)) (>= time P))
                (SETQ M (+ (COND ((<= (- time P) A) P) (TRUE time)) A))
                REST))""",
         1,
     ),
-    "after": Written(
+    "after": Expansion(
         """(LET ((P (DEFVAR M)))
              (IF (KNOWN P) P (SETQ M (+ time A)))
              (WHEN (AND (>= M 0) (>= time M)) (SETQ M -1) REST))""",
         1,
     ),
-    "within": Written(
+    "within": Expansion(
         """(LET ((P (DEFVAR M)))
              (LET ((N (- time (IF (KNOWN P) P (SETQ M time))))) (AND (>= N A) (< N B))))""",
         2,
     ),
-    "age": Written(
+    "age": Expansion(
         """(LET ((N A))
              (DEFVAR M)
              (DEFVAR S)

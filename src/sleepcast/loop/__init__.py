@@ -7,9 +7,9 @@ from sleepcast.loop.snapshots import SnapshotError, load, resume, save, snapshot
 from sleepcast.loop.swarm import LONGEST_CATCH_UP, MAX_MINDS, Desk, Pace, Swarm, Witness, step_swarm, vocabulary_of
 
 if TYPE_CHECKING:
-    from sleepcast.loop.real import EmbodiedMind, Member, NetworkSwarm, Watch, run_robots
+    from sleepcast.loop.real import EmbodiedMind, Member, NetworkSwarm, TickTiming, run_robots
 
-_IN_REAL_TIME = frozenset({"EmbodiedMind", "Member", "NetworkSwarm", "Watch", "run_robots"})
+_IN_REAL_TIME = frozenset({"EmbodiedMind", "Member", "NetworkSwarm", "TickTiming", "run_robots"})
 """These need nodes and real channels: a simulated swarm starts without importing them."""
 
 __all__ = [
@@ -22,7 +22,7 @@ __all__ = [
     "Pace",
     "SnapshotError",
     "Swarm",
-    "Watch",
+    "TickTiming",
     "Witness",
     "load",
     "resume",

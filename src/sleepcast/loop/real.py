@@ -48,7 +48,7 @@ class MindChannel(Channel, Protocol):
 
 
 @dataclass(slots=True)
-class Watch:
+class TickTiming:
     """Timing of a run. ticks: number so far; late: those that began when the next one was already due; worst: greatest
     delay of a tick, s. measured: time of the last new reading."""
 
@@ -77,7 +77,7 @@ class EmbodiedMind:
     robot: Robot
     clock: Clock
     channel: MindChannel
-    watch: Watch
+    watch: TickTiming
     keeper: Keeper | None
     start: float
     is_catching_up: Callable[[], bool] = lambda: False
@@ -239,7 +239,7 @@ class NetworkSwarm:
     receiver: Receiver
     clock: Clock
     air: Clock
-    watch: Watch = field(default_factory=Watch)
+    watch: TickTiming = field(default_factory=TickTiming)
     guard: SafetyLimits | None = None
     keeper: Keeper | None = None
     time: float = 0.0

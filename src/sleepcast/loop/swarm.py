@@ -45,7 +45,7 @@ WINDOW = 1.0
 """Real seconds over which the speed of a run is measured."""
 
 
-class Sent(Protocol):
+class SentCommand(Protocol):
     """What a desk keeps account of a message by."""
 
     @property
@@ -66,18 +66,18 @@ class Desk(Protocol):
         but: Sequence[str] | None,
         confirmed: bool,
         undecided: bool,
-    ) -> Sent:
+    ) -> SentCommand:
         """Broadcast an expression; everybody: confirms that it is meant for all robots; confirmed: as it stands;
         undecided: even if its test is unknown on all of them. The rest: see `Instruction`. Gives what keeps account of
         it."""
 
-    def ask(self, text: str, *, only: Sequence[str] | None, but: Sequence[str] | None) -> Sent:
+    def ask(self, text: str, *, only: Sequence[str] | None, but: Sequence[str] | None) -> SentCommand:
         """Ask robots for the value of an expression."""
 
-    def stop(self) -> Sent:
+    def stop(self) -> SentCommand:
         """Stop every body."""
 
-    def release(self) -> Sent:
+    def release(self) -> SentCommand:
         """End STOP."""
 
     def hear(self, message: Message) -> None:
@@ -303,7 +303,7 @@ def _give_orders(swarm: Swarm) -> None:
         swarm.given.append((order, sent.id))
 
 
-def give(desk: Desk, order: Order, *, confirmed: bool = False, undecided: bool = True) -> Sent:
+def give(desk: Desk, order: Order, *, confirmed: bool = False, undecided: bool = True) -> SentCommand:
     """Let the desk send an order; gives what it keeps account of it by. confirmed: whatever is doubted. undecided:
     whether a test that is unknown on all robots is no doubt. Raises MissionError."""
     found = instruction(order)

@@ -368,7 +368,7 @@ Life = tuple[str, int]
 """A sender and one of its epochs."""
 
 
-class Mark(NamedTuple):
+class StopMark(NamedTuple):
     """A STOP, and all earlier ones of the same sender and epoch. key: id of the key that signed it, in hexadecimal
     digits; "" if it is unknown. It does not say which STOP it is."""
 
@@ -395,7 +395,7 @@ class Mark(NamedTuple):
         """Whose room it takes: its key, or its sender where the key is unknown."""
         return self.key or self.sender
 
-    def covers(self, other: Mark) -> bool:
+    def covers(self, other: StopMark) -> bool:
         """Whether the other STOP is one of these."""
         return self.life == other.life and self.number >= other.number
 
@@ -404,8 +404,8 @@ class Latch(NamedTuple):
     """The STOPs of one robot. holding: the latest STOP of each sender that no RELEASE has ended; ended: for each sender
     the STOP up to which all have ended."""
 
-    holding: tuple[Mark, ...] = ()
-    ended: tuple[Mark, ...] = ()
+    holding: tuple[StopMark, ...] = ()
+    ended: tuple[StopMark, ...] = ()
 
     def stop(self, message: Message) -> Latch | None:
         """The latch after a STOP; None if the STOP has already ended."""
@@ -419,10 +419,10 @@ class Latch(NamedTuple):
             holding = _with(_roomy(holding), [self._forgotten()])
         return Latch(holding, self.ended)
 
-    def _forgotten(self) -> Mark:
+    def _forgotten(self) -> StopMark:
         """The mark for one more STOP without room."""
         before = [mark.number for mark in (*self.holding, *self.ended) if mark.sender == FORGOTTEN]
-        return Mark(FORGOTTEN, 0, max(before, default=0) + 1)
+        return StopMark(FORGOTTEN, 0, max(before, default=0) + 1)
 
     def release(self, message: Message) -> Latch | None:
         """The latch after a RELEASE; the robot is free if no STOP is left. None for a malformed RELEASE. A named STOP
@@ -449,7 +449,7 @@ ENDED = "a RELEASE that was sent later has ended this STOP"
 """The reason why a STOP is not obeyed."""
 
 
-def mark_of(message: Message) -> Mark:
+def mark_of(message: Message) -> StopMark:
     """The mark of a STOP; for a RELEASE, the mark of the STOPs that were sent before it."""
     sender, epoch, number = message.sender, message.epoch, message.sequence
     first = message.body.get(FIRST)
@@ -457,15 +457,15 @@ def mark_of(message: Message) -> Mark:
         said = first.rpartition(".")[2]
         if len(said) <= len(str(MAX_NUMBER)) and said.isascii() and said.isdigit():
             number = min(number, int(said))
-    return Mark(sender, epoch, number, message.key)
+    return StopMark(sender, epoch, number, message.key)
 
 
-def marks_of(said: object) -> list[Mark]:
+def marks_of(said: object) -> list[StopMark]:
     """The marks in a body's field; malformed ones are left out."""
     return [mark for mark, _ in marks_and_ages(said)]
 
 
-def marks_and_ages(said: object) -> list[tuple[Mark, float]]:
+def marks_and_ages(said: object) -> list[tuple[StopMark, float]]:
     """The marks in a body's field, each with its age in s, 0 if it has none."""
     found = []
     for each in said[:MAX_MARKS] if isinstance(said, list | tuple) else ():
@@ -475,7 +475,7 @@ def marks_and_ages(said: object) -> list[tuple[Mark, float]]:
                     more = rest[0] if rest else None
                     age = more if isinstance(more, float) and more >= 0.0 else 0.0
                     key = more if isinstance(more, str) and len(more) <= MAX_NAME else ""
-                    found.append((Mark(sender, epoch, number, key), age))
+                    found.append((StopMark(sender, epoch, number, key), age))
     return found
 
 
@@ -484,7 +484,7 @@ def restored(state: Mapping[str, object]) -> Latch:
     return Latch(*(_with((), marks_of(state.get(sort))) for sort in Latch._fields))
 
 
-def _with(marks: Iterable[Mark], more: Iterable[Mark]) -> tuple[Mark, ...]:
+def _with(marks: Iterable[StopMark], more: Iterable[StopMark]) -> tuple[StopMark, ...]:
     """The highest mark of each sender and epoch, the latest ones last."""
     found = {mark.life: mark for mark in marks}
     for mark in more:
@@ -492,7 +492,7 @@ def _with(marks: Iterable[Mark], more: Iterable[Mark]) -> tuple[Mark, ...]:
     return tuple(found.values())
 
 
-def _roomy(marks: tuple[Mark, ...]) -> tuple[Mark, ...]:
+def _roomy(marks: tuple[StopMark, ...]) -> tuple[StopMark, ...]:
     """These marks with room for `FORGOTTEN`, which is never lost: the key that has the most loses the one that has been
     silent longest."""
     left = list(marks)

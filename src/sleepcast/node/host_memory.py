@@ -32,7 +32,7 @@ class LinkError(MisuseError):
     """A variable or function that cannot be linked, or a number that the host's memory cannot provide or accept."""
 
 
-class Field(NamedTuple):
+class NumberType(NamedTuple):
     """The numbers that a field holds. sort: "float", "int" or "bool"; least, most: its bounds, inclusive."""
 
     typename: str
@@ -56,7 +56,7 @@ class Field(NamedTuple):
         return fitted
 
 
-ANY_NUMBER = Field("float")
+ANY_NUMBER = NumberType("float")
 
 
 class HostNumber(NamedTuple):
@@ -68,7 +68,7 @@ class HostNumber(NamedTuple):
     label: str
     fetch: Callable[[], object]
     store: Callable[[float | int | bool], None] | None
-    field: Field = ANY_NUMBER
+    field: NumberType = ANY_NUMBER
     fixed: str = ""
 
 
@@ -200,12 +200,12 @@ def _fields_of(kind: type) -> dict[str, tuple[Any, int | None]]:
     return found
 
 
-def _simple(kind: Any, bits: int | None, label: str) -> Field:
+def _simple(kind: Any, bits: int | None, label: str) -> NumberType:
     letter = getattr(kind, "_type_", None)
     if letter == "?":
-        return Field(kind.__name__, "bool")
+        return NumberType(kind.__name__, "bool")
     if letter in tuple(MOST_FLOAT):
-        return Field(kind.__name__, "float", -MOST_FLOAT[letter], MOST_FLOAT[letter])
+        return NumberType(kind.__name__, "float", -MOST_FLOAT[letter], MOST_FLOAT[letter])
     if not isinstance(letter, str) or letter not in SIGNED | UNSIGNED:
         raise _no_number(label, kind.__name__)
     import ctypes
@@ -242,24 +242,24 @@ def _in_record(host: Record, steps: list[str | int]) -> HostNumber:
     return HostNumber(label, fetch, partial(setitem, owner, last), holds)
 
 
-def _scalar(found: Record, label: str) -> Field:
+def _scalar(found: Record, label: str) -> NumberType:
     kind, typename = found.dtype.kind, found.dtype.type.__name__
     if found.ndim or kind not in "biuf":
         raise _no_number(label, f"{typename} of shape {found.shape}" if found.ndim else typename)
     if kind == "b":
-        return Field(typename, "bool")
+        return NumberType(typename, "bool")
     if kind in "iu":
         return _integer(typename, 8 * found.dtype.itemsize, signed=kind == "i")
     import numpy
 
     most = min(float(numpy.finfo(found.dtype).max), ANY_NUMBER.most)
-    return Field(typename, "float", -most, most)
+    return NumberType(typename, "float", -most, most)
 
 
-def _integer(typename: str, width: int, *, signed: bool) -> Field:
+def _integer(typename: str, width: int, *, signed: bool) -> NumberType:
     if signed:
-        return Field(typename, "int", -(1 << width - 1), (1 << width - 1) - 1)
-    return Field(typename, "int", 0, (1 << width) - 1)
+        return NumberType(typename, "int", -(1 << width - 1), (1 << width - 1) - 1)
+    return NumberType(typename, "int", 0, (1 << width) - 1)
 
 
 def _check_index(index: int, length: int | None, label: str) -> None:

@@ -17,7 +17,7 @@ from sleepcast.language.numerics import draw, stream
 from sleepcast.language.parts import Defining, Label, Part, Storing, Template, host_of, label_of, written
 from sleepcast.language.program import Library, Program
 from sleepcast.language.reader import MAX_TEXT, Form, Number, show
-from sleepcast.language.rehearsal import FLAGS, Answer, Refusal, Rehearsal
+from sleepcast.language.rehearsal import FLAGS, Answer, NotedFault, Rehearsal
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import (
     ACTIVE0,
@@ -55,7 +55,7 @@ from sleepcast.node.scheduler import RuleRecords, RuleSet
 
 
 @dataclass(slots=True)
-class Voice:
+class OutputPort:
     """How a robot speaks: where REPORT, TELL and PING go."""
 
     report: Callable[[str, tuple[float, ...]], None]
@@ -67,7 +67,7 @@ class Voice:
 class RobotMemory:
     """See the module. values: the variables by slot, NaN if unknown. Implements `Memory`."""
 
-    def __init__(self, variables: VariableTable, voice: Voice, *, number: int, seed: int, body: object) -> None:
+    def __init__(self, variables: VariableTable, voice: OutputPort, *, number: int, seed: int, body: object) -> None:
         self.variables, self.vocabulary = variables, variables.vocabulary
         self.library = library_of(self.vocabulary)
         self.voice, self.body = voice, body
@@ -119,7 +119,7 @@ class RobotMemory:
         """Record a fault that this memory itself detects; it is recorded because repeating the evaluation would not
         find it."""
         if self.answers is not None:
-            self.answers.append(Refusal(part, reason))
+            self.answers.append(NotedFault(part, reason))
         return self.fault(part, reason)
 
     def _answer(self, value: float) -> float:

@@ -65,7 +65,7 @@ from sleepcast.mind.rules import in_order
 from sleepcast.mind.telemetry import Motion, motion_of
 from sleepcast.mind.views import Result, RuleView
 from sleepcast.node.linking import VariableTable
-from sleepcast.node.memory import RobotMemory, Voice
+from sleepcast.node.memory import OutputPort, RobotMemory
 from sleepcast.node.scheduler import RuleRecord, Scheduler
 from sleepcast.node.telemetry import NOTHING, BodyState, Details, answer_inspection
 from sleepcast.robot import Failsafe, RestSensing, Robot
@@ -128,7 +128,7 @@ class Node:
         self.budget: EvaluationBudget | None = None
         self._memory = RobotMemory(
             table,
-            Voice(self._report, self._may_tell, self._tell, self._ping),
+            OutputPort(self._report, self._may_tell, self._tell, self._ping),
             number=number,
             seed=seed,
             body=self.body,

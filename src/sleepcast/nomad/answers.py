@@ -15,8 +15,8 @@ from typing import Literal
 from sleepcast.core.errors import SleepcastError
 from sleepcast.nomad import units
 from sleepcast.nomad.relay import Pending, Relay
-from sleepcast.nomad.requests import Fault, Kind, Reply, misfit, name_of
-from sleepcast.nomad.session import Answer, Refusal, Session, Wait, Words
+from sleepcast.nomad.requests import ErrorCode, Reply, RequestType, misfit, name_of
+from sleepcast.nomad.session import Answer, ClientSession, Refusal, Wait, Words
 from sleepcast.nomad.simulated_robot import COMMANDS, LONGEST_TIMEOUT, MOTIONS, NO_LASER, STOPS, SimulatedRobot
 from sleepcast.nomad.state import (
     BUMPER,
@@ -41,7 +41,7 @@ from sleepcast.nomad.wire import CONNECTING, Request, text_of
 from sleepcast.robot import Contact, Pose, SimulatedWorld
 
 
-def answer(session: Session, request: Request) -> Answer:
+def answer(session: ClientSession, request: Request) -> Answer:
     """Do what a request asks; errors are printed at the terminal and sent to the client."""
     try:
         return take(session, request)
@@ -52,7 +52,7 @@ def answer(session: Session, request: Request) -> Answer:
         return session.error(refusal)
 
 
-def take(session: Session, request: Request) -> Answer:
+def take(session: ClientSession, request: Request) -> Answer:
     """Do what a request asks. Raises Refusal."""
     kind, words, size = request
     wrong = misfit(kind, size)
@@ -62,7 +62,7 @@ def take(session: Session, request: Request) -> Answer:
         return _connecting(session, kind, words)
     simulated_robot = session.simulated_robot
     if simulated_robot is None:
-        raise Refusal(f"{name_of(kind)} came without a robot", Fault.NO_CONNECTION)
+        raise Refusal(f"{name_of(kind)} came without a robot", ErrorCode.NO_CONNECTION)
     if session.relay is not None and kind in RELAYED:
         return _relayed(session, session.relay, simulated_robot, kind, words)
     try:
@@ -74,38 +74,38 @@ def take(session: Session, request: Request) -> Answer:
         raise Refusal(f"{name_of(kind)}: {error}") from None
 
 
-def _connecting(session: Session, kind: int, words: Words) -> Answer:
-    if kind == Kind.DISCONNECT_ROBOT:
+def _connecting(session: ClientSession, kind: int, words: Words) -> Answer:
+    if kind == RequestType.DISCONNECT_ROBOT:
         session.disconnect()
         return None
     session.connect(*words)
     return session.reply(kind, (session.service.port,))
 
 
-def _relayed(session: Session, relay: Relay, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _relayed(session: ClientSession, relay: Relay, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     """Ask the real robot, which is not moved while all robots are held."""
-    if kind == Kind.CT:
+    if kind == RequestType.CT:
         session.mask.configure(words)
-    pending: Pending = relay.ask(*((Kind.ST, ()) if simulated_robot.held and kind in MOTIONS else (kind, words)))
+    pending: Pending = relay.ask(*((RequestType.ST, ()) if simulated_robot.held and kind in MOTIONS else (kind, words)))
 
     def ready() -> bytes | None:
         if pending.reply is not None:
             return session.reply(*pending.reply)
-        return session.error(Refusal("", Fault.NO_ANSWER)) if relay.broken else None
+        return session.error(Refusal("", ErrorCode.NO_ANSWER)) if relay.broken else None
 
     return ready() or Wait(ready, ticks=False)
 
 
-def _command(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _command(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     """Command the robot; the reply has the state once that is done, if it is something that takes its time."""
     if kind in MOTIONS or kind in STOPS:
         session.drive(simulated_robot, kind)
-    if kind == Kind.CONF_TM:
+    if kind == RequestType.CONF_TM:
         simulated_robot.timed_by = session.name
     simulated_robot.command(kind, words)
-    if kind == Kind.PLACE_ROBOT:
+    if kind == RequestType.PLACE_ROBOT:
         return session.reply(Reply.SIMPLE)
-    if kind == Kind.ZR:
+    if kind == RequestType.ZR:
         return Wait(lambda: None if simulated_robot.zeroing else session.state(simulated_robot))
     return _state(session, simulated_robot, kind, words)
 
@@ -113,13 +113,13 @@ def _command(session: Session, simulated_robot: SimulatedRobot, kind: int, words
 # ---- what the robot tells
 
 
-def _state(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _state(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     if session.service.lockstep:
         return Wait(lambda: session.state(simulated_robot))
     return session.state(simulated_robot)
 
 
-def _set_mask(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _set_mask(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     session.mask.configure(words)
     return _state(session, simulated_robot, kind, words)
 
@@ -136,19 +136,19 @@ class StatePart:
 
 
 PARTS: dict[int, StatePart] = {
-    Kind.GET_IR: StatePart(Reply.INFRARED, INFRARED, SONAR, POS_INFRARED),
-    Kind.GET_SN: StatePart(Reply.SONAR, SONAR, BUMPER, POS_SONAR),
-    Kind.GET_RC: StatePart(Reply.CONFIGURATION, POSITION, VELOCITY, clock=False),
-    Kind.GET_RV: StatePart(Reply.VELOCITY, VELOCITY, MOTORS, clock=False),
-    Kind.GET_RA: StatePart(Reply.ACCELERATION, 0, 0, clock=False),
-    Kind.GET_CP: StatePart(Reply.COMPASS, COMPASS, COMPASS + 1, POS_COMPASS),
-    Kind.GET_LS: StatePart(Reply.LASER, 0, 0, POS_LASER),
-    Kind.GET_SG: StatePart(Reply.LASER, 0, 0, POS_LASER),
-    Kind.GET_BP: StatePart(Reply.BUMPER, BUMPER, POSITION, POS_BUMPER),
+    RequestType.GET_IR: StatePart(Reply.INFRARED, INFRARED, SONAR, POS_INFRARED),
+    RequestType.GET_SN: StatePart(Reply.SONAR, SONAR, BUMPER, POS_SONAR),
+    RequestType.GET_RC: StatePart(Reply.CONFIGURATION, POSITION, VELOCITY, clock=False),
+    RequestType.GET_RV: StatePart(Reply.VELOCITY, VELOCITY, MOTORS, clock=False),
+    RequestType.GET_RA: StatePart(Reply.ACCELERATION, 0, 0, clock=False),
+    RequestType.GET_CP: StatePart(Reply.COMPASS, COMPASS, COMPASS + 1, POS_COMPASS),
+    RequestType.GET_LS: StatePart(Reply.LASER, 0, 0, POS_LASER),
+    RequestType.GET_SG: StatePart(Reply.LASER, 0, 0, POS_LASER),
+    RequestType.GET_BP: StatePart(Reply.BUMPER, BUMPER, POSITION, POS_BUMPER),
 }
 
 
-def _part(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _part(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     part = PARTS[kind]
 
     def reply() -> bytes:
@@ -166,7 +166,7 @@ def _part(session: Session, simulated_robot: SimulatedRobot, kind: int, words: W
     return session.in_time(reply)
 
 
-def _wait_until_stopped(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _wait_until_stopped(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     """0 as the time to wait means for as long as it takes."""
     *flags, timeout = words
     world = session.service.world
@@ -180,7 +180,7 @@ def _wait_until_stopped(session: Session, simulated_robot: SimulatedRobot, kind:
     return Wait(ready) if session.service.lockstep else ready() or Wait(ready)
 
 
-def _positions(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _positions(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     """x, y and steering of each robot, where it really is."""
 
     def reply() -> bytes:
@@ -193,23 +193,23 @@ def _positions(session: Session, simulated_robot: SimulatedRobot, kind: int, wor
 # ---- the world and the windows
 
 
-def _speak(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _speak(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     text = text_of(words, session.service.tk_order)
     simulated_robot.window.said.append((session.service.world.time, text))
     session.service.say(f"robot {session.robot + 1} says: {text}")
     return session.reply(Reply.SIMPLE)
 
 
-def _change_obstacle(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _change_obstacle(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     corners = polygon(words)
     world = session.service.world
-    if not (world.add(corners) if kind == Kind.ADD_OBSTACLE else world.remove(corners)):
-        why = "is none, or the world is full" if kind == Kind.ADD_OBSTACLE else "is not there"
+    if not (world.add(corners) if kind == RequestType.ADD_OBSTACLE else world.remove(corners)):
+        why = "is none, or the world is full" if kind == RequestType.ADD_OBSTACLE else "is not there"
         raise Refusal(f"{name_of(kind)}: the polygon {why}")
     return session.reply(Reply.SIMPLE)
 
 
-def _move_obstacle(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _move_obstacle(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     """A client copies as many words as it has sent for the corners, whatever comes: so they come, moved or not."""
     across, up = words[-2:]
     if session.service.world.move(polygon(words, more=2), units.metres(across), units.metres(up)):
@@ -218,30 +218,30 @@ def _move_obstacle(session: Session, simulated_robot: SimulatedRobot, kind: int,
     return session.reply(Reply.MOVED, words[:-2])
 
 
-def _new_world(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _new_world(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     session.service.world.clear()
     return session.reply(Reply.SIMPLE)
 
 
-def _draw(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _draw(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     session.service.windows.sketches.append(sketch(kind, words))
     return session.reply(Reply.SIMPLE)
 
 
-def _refresh(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _refresh(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     session.service.windows.erase(session.robot, ERASED[kind])
     return session.reply(Reply.SIMPLE)
 
 
-def _predict(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _predict(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     return session.reply(Reply.STATE, prediction(session.service.world, session.robot, simulated_robot.pose(words)))
 
 
-def _check_motion(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _check_motion(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     return session.reply(kind, checked(session.service.world, session.robot, words))
 
 
-def _ask_for_click(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _ask_for_click(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     """The place of the next click, or at once where the robot believes to be if there are no windows."""
 
     def reply() -> bytes | None:
@@ -261,7 +261,7 @@ def _ask_for_click(session: Session, simulated_robot: SimulatedRobot, kind: int,
 # ---- the server itself
 
 
-def _quit(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _quit(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     if not session.service.may_quit:
         raise Refusal("quit_server is not permitted here (--may-quit permits it)")
     session.service.say(f"{session.name} ends the server")
@@ -269,56 +269,58 @@ def _quit(session: Session, simulated_robot: SimulatedRobot, kind: int, words: W
     return session.reply(Reply.SIMPLE)
 
 
-def _switch_body(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
-    if kind == Kind.REAL_ROBOT:
+def _switch_body(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+    if kind == RequestType.REAL_ROBOT:
         session.take_real()
     else:
         session.let_real_go()
     return session.reply(Reply.SIMPLE)
 
 
-def _special(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _special(session: ClientSession, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     return session.reply(kind, packet_reply(words))
 
 
 ERASED: dict[int, tuple[Layer, ...]] = {
-    Kind.REFRESH_ALL: LAYERS,
-    Kind.REFRESH_ALL_TRACES: TRACES,
-    Kind.REFRESH_ACTUAL_TRACE: ("actual",),
-    Kind.REFRESH_ENCODER_TRACE: ("encoder",),
-    Kind.REFRESH_ALL_SENSORS: SENSORS,
-    Kind.REFRESH_BUMPER_SENSOR: ("bumper",),
-    Kind.REFRESH_INFRARED_SENSOR: ("infrared",),
-    Kind.REFRESH_SONAR_SENSOR: ("sonar",),
-    Kind.REFRESH_LASER_SENSOR: ("laser",),
-    Kind.REFRESH_CLIENT_GRAPHICS: ("graphics",),
+    RequestType.REFRESH_ALL: LAYERS,
+    RequestType.REFRESH_ALL_TRACES: TRACES,
+    RequestType.REFRESH_ACTUAL_TRACE: ("actual",),
+    RequestType.REFRESH_ENCODER_TRACE: ("encoder",),
+    RequestType.REFRESH_ALL_SENSORS: SENSORS,
+    RequestType.REFRESH_BUMPER_SENSOR: ("bumper",),
+    RequestType.REFRESH_INFRARED_SENSOR: ("infrared",),
+    RequestType.REFRESH_SONAR_SENSOR: ("sonar",),
+    RequestType.REFRESH_LASER_SENSOR: ("laser",),
+    RequestType.REFRESH_CLIENT_GRAPHICS: ("graphics",),
 }
 """The layers of the windows that each request clears."""
 
-HANDLERS: dict[int, Callable[[Session, SimulatedRobot, int, Words], Answer]] = {
-    Kind.GS: _state,
-    Kind.CT: _set_mask,
-    Kind.WS: _wait_until_stopped,
-    Kind.GET_RPX: _positions,
-    Kind.TK: _speak,
-    Kind.ADD_OBSTACLE: _change_obstacle,
-    Kind.DELETE_OBSTACLE: _change_obstacle,
-    Kind.MOVE_OBSTACLE: _move_obstacle,
-    Kind.NEW_WORLD: _new_world,
-    Kind.PREDICT_SENSORS: _predict,
-    Kind.MOTION_CHECK: _check_motion,
-    Kind.GET_ROBOT_CONF: _ask_for_click,
-    Kind.QUIT_SERVER: _quit,
-    Kind.REAL_ROBOT: _switch_body,
-    Kind.SIMULATED_ROBOT: _switch_body,
-    Kind.SPECIAL_REQUEST: _special,
+HANDLERS: dict[int, Callable[[ClientSession, SimulatedRobot, int, Words], Answer]] = {
+    RequestType.GS: _state,
+    RequestType.CT: _set_mask,
+    RequestType.WS: _wait_until_stopped,
+    RequestType.GET_RPX: _positions,
+    RequestType.TK: _speak,
+    RequestType.ADD_OBSTACLE: _change_obstacle,
+    RequestType.DELETE_OBSTACLE: _change_obstacle,
+    RequestType.MOVE_OBSTACLE: _move_obstacle,
+    RequestType.NEW_WORLD: _new_world,
+    RequestType.PREDICT_SENSORS: _predict,
+    RequestType.MOTION_CHECK: _check_motion,
+    RequestType.GET_ROBOT_CONF: _ask_for_click,
+    RequestType.QUIT_SERVER: _quit,
+    RequestType.REAL_ROBOT: _switch_body,
+    RequestType.SIMULATED_ROBOT: _switch_body,
+    RequestType.SPECIAL_REQUEST: _special,
     **dict.fromkeys(PARTS, _part),
-    **dict.fromkeys((Kind.DRAW_ROBOT, Kind.DRAW_LINE, Kind.DRAW_ARC), _draw),
+    **dict.fromkeys((RequestType.DRAW_ROBOT, RequestType.DRAW_LINE, RequestType.DRAW_ARC), _draw),
     **dict.fromkeys(ERASED, _refresh),
 }
 """What every request does that neither connects nor is a command."""
 
-RELAYED = frozenset({*COMMANDS, *PARTS, Kind.GS, Kind.CT, Kind.WS, Kind.TK, Kind.SPECIAL_REQUEST})
+RELAYED = frozenset(
+    {*COMMANDS, *PARTS, RequestType.GS, RequestType.CT, RequestType.WS, RequestType.TK, RequestType.SPECIAL_REQUEST}
+)
 """What a real robot is asked instead of the simulated one. The rest is about the world, which is simulated."""
 
 
@@ -375,8 +377,8 @@ def moved(words: Words) -> list[int]:
 
 def sketch(kind: int, words: Words) -> Sketch:
     """What one of the drawing requests draws."""
-    name: dict[int, Literal["robot", "line", "arc"]] = {Kind.DRAW_ROBOT: "robot", Kind.DRAW_LINE: "line"}
-    lengths = {Kind.DRAW_ROBOT: 2}.get(Kind(kind), 4)
+    name: dict[int, Literal["robot", "line", "arc"]] = {RequestType.DRAW_ROBOT: "robot", RequestType.DRAW_LINE: "line"}
+    lengths = {RequestType.DRAW_ROBOT: 2}.get(RequestType(kind), 4)
     *numbers, mode = words
     placed = [units.metres(number) for number in numbers[:lengths]]
     turned = [units.radians(number) for number in numbers[lengths:]]

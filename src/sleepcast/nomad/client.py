@@ -21,7 +21,7 @@ from typing import NamedTuple, Self
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.nomad.client_connection import Connection, LostError, NomadError
 from sleepcast.nomad.nclient import ALL, TIMEOUT, Nclient, RefusedError, RequestError
-from sleepcast.nomad.requests import Kind
+from sleepcast.nomad.requests import RequestType
 from sleepcast.nomad.state import Stamp, State
 from sleepcast.nomad.units import (
     CONFIGURED_PAUSE,
@@ -37,6 +37,8 @@ from sleepcast.nomad.units import (
 
 __all__ = ["Kind", "LostError", "Nomad", "NomadError", "Pose", "RefusedError", "RequestError", "Stamp", "State"]
 
+Kind = RequestType
+"""The name that programs know."""
 HOST, PORT = "127.0.0.1", 7019
 """Where a server listens unless somebody says otherwise."""
 PARTING_SECONDS = 2.0
@@ -44,7 +46,7 @@ PARTING_SECONDS = 2.0
 
 Points = Sequence[tuple[float, float]]
 """Corners of a polygon, counter-clockwise, x and y in m."""
-LAYERS = tuple(kind.name.removeprefix("REFRESH_").lower() for kind in Kind if kind.name.startswith("REFRESH_"))
+LAYERS = tuple(kind.name.removeprefix("REFRESH_").lower() for kind in RequestType if kind.name.startswith("REFRESH_"))
 """Of the server's windows, as `erase` takes them."""
 
 
@@ -224,7 +226,7 @@ class Nomad(Nclient):
             raise MisuseError(
                 f"there is no layer {layer!r:.40}{did_you_mean(layer, LAYERS)}; there are {', '.join(LAYERS)}"
             )
-        self.refresh(Kind[f"REFRESH_{layer.upper()}"])
+        self.refresh(RequestType[f"REFRESH_{layer.upper()}"])
 
 
 def _words(pose: Pose) -> tuple[int, int, int, int]:

@@ -14,7 +14,7 @@ from struct import Struct
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.nomad.client_connection import Connection, NomadError
-from sleepcast.nomad.requests import MAX_CORNERS, Kind, Mode, Reply, name_of
+from sleepcast.nomad.requests import MAX_CORNERS, AxisMode, Reply, RequestType, name_of
 from sleepcast.nomad.state import (
     BUMPER,
     COMPASS,
@@ -29,7 +29,7 @@ from sleepcast.nomad.state import (
     RING,
     SONAR,
     VELOCITY,
-    Answer,
+    ReplyReader,
     State,
     read_state,
 )
@@ -88,11 +88,11 @@ class Nclient:
 
     def connect_robot(self, robot: int) -> State:
         """Take over a robot, from 1; the one that this connection had is let go. Raises RefusedError."""
-        self.create_robot(robot, Kind.CONNECT_ROBOT)
+        self.create_robot(robot, RequestType.CONNECT_ROBOT)
         self.init_mask()
         return self.ct()
 
-    def create_robot(self, robot: int, kind: Kind = Kind.CREATE_ROBOT) -> None:
+    def create_robot(self, robot: int, kind: RequestType = RequestType.CREATE_ROBOT) -> None:
         """The same without asking for its state. Raises RefusedError."""
         self.robot = 0
         (port,) = self._ask(kind, (robot, os.getpid())).take(1)
@@ -104,39 +104,39 @@ class Nclient:
     def disconnect_robot(self) -> None:
         """Let go of the robot, which keeps its last setpoint until its timeout (`conf_tm`), and hang up."""
         if self.connection.open and self.robot:
-            self.connection.send(Kind.DISCONNECT_ROBOT, (self.robot, os.getpid()))
+            self.connection.send(RequestType.DISCONNECT_ROBOT, (self.robot, os.getpid()))
         self.robot = 0
         self.connection.close()
 
     def quit_server(self) -> None:
         """End the server, where it allows that."""
-        self._ask(Kind.QUIT_SERVER)
+        self._ask(RequestType.QUIT_SERVER)
 
     def real_robot(self) -> None:
         """From here on, drive the real robot that the server knows."""
-        self._ask(Kind.REAL_ROBOT)
+        self._ask(RequestType.REAL_ROBOT)
 
     def simulated_robot(self) -> None:
         """From here on, drive the simulated one again."""
-        self._ask(Kind.SIMULATED_ROBOT)
+        self._ask(RequestType.SIMULATED_ROBOT)
 
     # ---- moving
 
     def ac(self, first: int, second: int, third: int = 0) -> State:
         """Accelerations, 1/10 in/s2 or 1/10 deg/s2."""
-        return self._state(Kind.AC, first, second, third)
+        return self._state(RequestType.AC, first, second, third)
 
     def sp(self, first: int, second: int, third: int = 0) -> State:
         """Speeds at which `pr` goes, 1/10 in/s or 1/10 deg/s."""
-        return self._state(Kind.SP, first, second, third)
+        return self._state(RequestType.SP, first, second, third)
 
     def vm(self, first: int, second: int, third: int = 0) -> State:
         """Go on at these velocities, 1/10 in/s or 1/10 deg/s."""
-        return self._state(Kind.VM, first, second, third)
+        return self._state(RequestType.VM, first, second, third)
 
     def pr(self, first: int, second: int, third: int = 0) -> State:
         """Go so far and rest there, 1/10 in or 1/10 deg."""
-        return self._state(Kind.PR, first, second, third)
+        return self._state(RequestType.PR, first, second, third)
 
     def scout_vm(self, along: int, turn: int) -> State:
         """Drive a Scout on at a speed along its heading, 1/10 in/s, and a rate of turning, 1/10 deg/s."""
@@ -149,43 +149,43 @@ class Nclient:
     def mv(self, first: tuple[int, int], second: tuple[int, int], third: tuple[int, int] = (0, 0)) -> State:
         """For each axis a mode (see `requests.Mode`) and its value. Raises MisuseError for a mode that is none."""
         for mode, _ in (first, second, third):
-            if mode not in set(Mode):
-                raise MisuseError(f"mv takes the modes 0 to {max(Mode)}, not {mode}")
-        return self._state(Kind.MV, *first, *second, *third)
+            if mode not in set(AxisMode):
+                raise MisuseError(f"mv takes the modes 0 to {max(AxisMode)}, not {mode}")
+        return self._state(RequestType.MV, *first, *second, *third)
 
     def st(self) -> State:
         """Stop and hold the position."""
-        return self._state(Kind.ST)
+        return self._state(RequestType.ST)
 
     def lp(self) -> State:
         """Let the motors go limp."""
-        return self._state(Kind.LP)
+        return self._state(RequestType.LP)
 
     def ws(self, first: bool, second: bool, third: bool = False, seconds: int = 0) -> State:
         """Wait until these axes are still, for so many seconds at most (0..255; 0: until they are)."""
-        return self._state(Kind.WS, int(first), int(second), int(third), seconds, longer=seconds or LONGEST_WAY)
+        return self._state(RequestType.WS, int(first), int(second), int(third), seconds, longer=seconds or LONGEST_WAY)
 
     def zr(self) -> State:
         """Turn home and be at the origin."""
-        return self._state(Kind.ZR, longer=LONGEST_WAY)
+        return self._state(RequestType.ZR, longer=LONGEST_WAY)
 
     def dp(self, x: int, y: int) -> State:
         """Say where the robot is to believe to be."""
-        return self._state(Kind.DP, x, y)
+        return self._state(RequestType.DP, x, y)
 
     def da(self, steering: int, turret: int) -> State:
         """Say how the robot is to believe to stand."""
-        return self._state(Kind.DA, steering, turret)
+        return self._state(RequestType.DA, steering, turret)
 
     def place_robot(self, x: int, y: int, steering: int, turret: int) -> None:
         """Put a simulated robot somewhere."""
-        self._ask(Kind.PLACE_ROBOT, (x, y, steering, turret))
+        self._ask(RequestType.PLACE_ROBOT, (x, y, steering, turret))
 
     # ---- what is measured, and how
 
     def gs(self) -> State:
         """Ask for the state."""
-        return self._state(Kind.GS)
+        return self._state(RequestType.GS)
 
     def init_mask(self) -> None:
         """Set `mask` to everything that a state has, without telling the server."""
@@ -193,77 +193,77 @@ class Nclient:
 
     def ct(self) -> State:
         """Tell the server what to measure: `mask`."""
-        return self._state(Kind.CT, *mask_words(self.mask))
+        return self._state(RequestType.CT, *mask_words(self.mask))
 
     def conf_tm(self, seconds: int) -> State:
         """Stop the robot when nothing is asked for so long, 0..255; 0: never."""
-        return self._state(Kind.CONF_TM, seconds)
+        return self._state(RequestType.CONF_TM, seconds)
 
     def conf_sn(self, rate: int, order: Sequence[int] = ALL) -> State:
         """Fire these sonars one after the other, `rate` times 4 ms (0..255) after the echo before; none: off."""
-        return self._state(Kind.CONF_SN, rate, *order_words("conf_sn", order))
+        return self._state(RequestType.CONF_SN, rate, *order_words("conf_sn", order))
 
     def conf_ir(self, history: int, order: Sequence[int] = ALL) -> State:
         """Use these infrared sensors, and the mean of so many readings (0..10)."""
-        return self._state(Kind.CONF_IR, history, *order_words("conf_ir", order))
+        return self._state(RequestType.CONF_IR, history, *order_words("conf_ir", order))
 
     def conf_cp(self, mode: int) -> State:
         """Turn the compass off (0) or on (1), or calibrate it (2)."""
-        return self._state(Kind.CONF_CP, mode, longer=LONGEST_WAY)
+        return self._state(RequestType.CONF_CP, mode, longer=LONGEST_WAY)
 
     def conf_ls(self, mode: int, threshold: int, width: int, numbers: int, processing: int) -> State:
         """Set up the laser."""
         self._laser_numbers = LINE_NUMBERS if mode in (1, 33) else POINT_NUMBERS if mode in (19, 50, 51) else 1
-        return self._state(Kind.CONF_LS, mode, threshold, width, numbers, processing)
+        return self._state(RequestType.CONF_LS, mode, threshold, width, numbers, processing)
 
     def conf_sg(self, threshold: int, least: int, gap: int) -> State:
         """Set up how the laser finds lines."""
-        return self._state(Kind.CONF_SG, threshold, least, gap)
+        return self._state(RequestType.CONF_SG, threshold, least, gap)
 
     def get_sn(self) -> State:
         """Ask for the sonars alone."""
-        return self._sensor(Kind.GET_SN, SONAR, RING, POS_SONAR)
+        return self._sensor(RequestType.GET_SN, SONAR, RING, POS_SONAR)
 
     def get_ir(self) -> State:
         """Ask for the infrared sensors alone."""
-        return self._sensor(Kind.GET_IR, INFRARED, RING, POS_INFRARED)
+        return self._sensor(RequestType.GET_IR, INFRARED, RING, POS_INFRARED)
 
     def get_bp(self) -> State:
         """Ask for the bumper alone."""
-        return self._sensor(Kind.GET_BP, BUMPER, 1, POS_BUMPER)
+        return self._sensor(RequestType.GET_BP, BUMPER, 1, POS_BUMPER)
 
     def get_cp(self) -> State:
         """Ask for the compass alone."""
-        return self._sensor(Kind.GET_CP, COMPASS, 1, POS_COMPASS)
+        return self._sensor(RequestType.GET_CP, COMPASS, 1, POS_COMPASS)
 
     def get_ls(self) -> State:
         """Ask for the laser's points alone."""
-        return self._scan(Kind.GET_LS, self._laser_numbers)
+        return self._scan(RequestType.GET_LS, self._laser_numbers)
 
     def get_sg(self) -> State:
         """Ask for the laser's lines alone."""
-        return self._scan(Kind.GET_SG, LINE_NUMBERS)
+        return self._scan(RequestType.GET_SG, LINE_NUMBERS)
 
     def get_rc(self) -> State:
         """Ask where the robot believes to be."""
-        return self._news(self.state.with_words(POSITION, self._ask(Kind.GET_RC).take(4)))
+        return self._news(self.state.with_words(POSITION, self._ask(RequestType.GET_RC).take(4)))
 
     def get_rv(self) -> State:
         """Ask how fast its axes turn."""
-        return self._news(self.state.with_words(VELOCITY, self._ask(Kind.GET_RV).take(3)))
+        return self._news(self.state.with_words(VELOCITY, self._ask(RequestType.GET_RV).take(3)))
 
     def get_ra(self) -> tuple[int, ...]:
         """Ask for the accelerations of its three axes."""
-        return self._ask(Kind.GET_RA).take(3)
+        return self._ask(RequestType.GET_RA).take(3)
 
     def get_robot_conf(self, seconds: float | None = None) -> Click:
         """Have the person at the server click where the robot is. seconds: to wait at most; None: for ever."""
-        x, y, steering, turret = self._ask(Kind.GET_ROBOT_CONF, longer=seconds).take(4)
+        x, y, steering, turret = self._ask(RequestType.GET_ROBOT_CONF, longer=seconds).take(4)
         return x, y, steering, turret
 
     def get_rpx(self) -> tuple[tuple[int, ...], ...]:
         """Ask for all robots: three numbers for each."""
-        answer = self._ask(Kind.GET_RPX)
+        answer = self._ask(RequestType.GET_RPX)
         (count,) = answer.take(1)
         if not 0 <= count <= MAX_ROBOTS:
             raise self.connection.distrust(f"it claims to have {count} robots")
@@ -273,29 +273,29 @@ class Nclient:
 
     def tk(self, text: str) -> None:
         """Say a text."""
-        self._ask(Kind.TK, text_words(text, big_endian=self._big_endian_text))
+        self._ask(RequestType.TK, text_words(text, big_endian=self._big_endian_text))
 
     def add_obstacle(self, corners: Corners) -> None:
         """Put up a polygon."""
-        self._ask(Kind.ADD_OBSTACLE, corner_words("add_obstacle", corners))
+        self._ask(RequestType.ADD_OBSTACLE, corner_words("add_obstacle", corners))
 
     def delete_obstacle(self, corners: Corners) -> None:
         """Take the polygon with these corners away."""
-        self._ask(Kind.DELETE_OBSTACLE, corner_words("delete_obstacle", corners))
+        self._ask(RequestType.DELETE_OBSTACLE, corner_words("delete_obstacle", corners))
 
     def move_obstacle(self, corners: Corners, across: int, up: int) -> Corners:
         """Move the polygon with these corners; gives where they are then."""
-        answer = self._ask(Kind.MOVE_OBSTACLE, corner_words("move_obstacle", corners, across, up))
+        answer = self._ask(RequestType.MOVE_OBSTACLE, corner_words("move_obstacle", corners, across, up))
         answer.take(1)
         return tuple((x, y) for x, y in (answer.take(2) for _ in corners))
 
     def new_world(self) -> None:
         """Take every obstacle away."""
-        self._ask(Kind.NEW_WORLD)
+        self._ask(RequestType.NEW_WORLD)
 
     def predict_sensors(self, x: int, y: int, steering: int, turret: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """What the infrared sensors and the sonars would read there."""
-        answer = self._ask(Kind.PREDICT_SENSORS, (x, y, steering, turret))
+        answer = self._ask(RequestType.PREDICT_SENSORS, (x, y, steering, turret))
         answer.take(INFRARED)
         return answer.take(RING), answer.take(RING)
 
@@ -310,49 +310,49 @@ class Nclient:
             raise MisuseError("motion_check takes 0 and the 4 numbers of a straight way, or 1 and the 7 of an arc")
         angles = (2, 3) if sort else ()
         scaled = [word(n * (MILLIONTHS if i in angles else HUNDREDTHS)) for i, n in enumerate(numbers)]
-        answer = self._ask(Kind.MOTION_CHECK, (sort, *scaled, *(0,) * (7 - len(scaled))))
+        answer = self._ask(RequestType.MOTION_CHECK, (sort, *scaled, *(0,) * (7 - len(scaled))))
         touches, x, y, normal = answer.take(4)
         return (x / HUNDREDTHS, y / HUNDREDTHS, normal / MILLIONTHS) if touches else None
 
     def draw_robot(self, x: int, y: int, steering: int, turret: int, mode: int = 1) -> None:
         """Draw a robot into the World window."""
-        self._ask(Kind.DRAW_ROBOT, (x, y, steering, turret, mode))
+        self._ask(RequestType.DRAW_ROBOT, (x, y, steering, turret, mode))
 
     def draw_line(self, x1: int, y1: int, x2: int, y2: int, mode: int = 1) -> None:
         """Draw a line."""
-        self._ask(Kind.DRAW_LINE, (x1, y1, x2, y2, mode))
+        self._ask(RequestType.DRAW_LINE, (x1, y1, x2, y2, mode))
 
     def draw_arc(self, left: int, top: int, width: int, height: int, begin: int, end: int, mode: int = 1) -> None:
         """Draw an arc of the ellipse in a box, from one angle to the other."""
-        self._ask(Kind.DRAW_ARC, (left, top, width, height, begin, end, mode))
+        self._ask(RequestType.DRAW_ARC, (left, top, width, height, begin, end, mode))
 
-    def refresh(self, layer: Kind = Kind.REFRESH_ALL) -> None:
-        """Erase a layer of the windows, one of `Kind.REFRESH_...`."""
+    def refresh(self, layer: RequestType = RequestType.REFRESH_ALL) -> None:
+        """Erase a layer of the windows, one of `RequestType.REFRESH_...`."""
         self._ask(layer)
 
     def special_request(self, serial: int, kind: int, data: bytes = b"", seconds: float = TIMEOUT) -> bytes:
         """Send a user packet; gives the packet that answers it, all of it."""
-        answer = self._ask(Kind.SPECIAL_REQUEST, packet_words(serial, kind, data), longer=seconds)
+        answer = self._ask(RequestType.SPECIAL_REQUEST, packet_words(serial, kind, data), longer=seconds)
         return bytes(number & 0xFF for number in answer.rest())
 
     # ---- asking
 
-    def _state(self, kind: Kind, *words: int, longer: float = 0.0) -> State:
+    def _state(self, kind: RequestType, *words: int, longer: float = 0.0) -> State:
         """What a request gives that is answered with the state."""
         return self._news(read_state(self._ask(kind, words, longer), self._laser_numbers, self.mask[0]))
 
-    def _sensor(self, kind: Kind, first: int, count: int, bit: int) -> State:
+    def _sensor(self, kind: RequestType, first: int, count: int, bit: int) -> State:
         """What a request gives that is answered with some numbers of the state, when and perhaps where measured."""
         answer = self._ask(kind)
         state = self.state.with_words(first, answer.take(count))
         return self._measured(state, answer, bit)
 
-    def _scan(self, kind: Kind, numbers: int) -> State:
+    def _scan(self, kind: RequestType, numbers: int) -> State:
         answer = self._ask(kind)
         state = replace(self.state, laser=answer.laser(numbers), laser_numbers=numbers)
         return self._measured(state, answer, POS_LASER)
 
-    def _measured(self, state: State, answer: Answer, bit: int) -> State:
+    def _measured(self, state: State, answer: ReplyReader, bit: int) -> State:
         stamps = {**state.stamps, **answer.stamps(self.mask[0] & bit)}
         (clock,) = answer.take(1)
         return self._news(replace(state, stamps=stamps, clock=clock))
@@ -361,7 +361,7 @@ class Nclient:
         self.state = state
         return state
 
-    def _ask(self, kind: Kind, words: Sequence[int] = (), longer: float | None = 0.0) -> Answer:
+    def _ask(self, kind: RequestType, words: Sequence[int] = (), longer: float | None = 0.0) -> ReplyReader:
         """Send a request. longer: seconds that it may take by itself, None for as long as it does. Raises LostError,
         RequestError, and MisuseError for words that are none."""
         seconds = None if longer is None else self.timeout + longer
@@ -370,7 +370,7 @@ class Nclient:
             code = reply.words[0] if reply.words else 0
             self.state = self.state.with_words(ERROR, (code,))
             raise RequestError(name_of(kind), code)
-        return Answer(reply.words, self.connection.distrust)
+        return ReplyReader(reply.words, self.connection.distrust)
 
 
 def _wheels(along: int, turn: int) -> tuple[int, int]:

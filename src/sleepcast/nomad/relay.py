@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from sleepcast.core.errors import MisuseError
-from sleepcast.nomad.requests import Kind
+from sleepcast.nomad.requests import RequestType
 from sleepcast.nomad.wire import HEADER, Layout, decode, encode_request
 
 CONNECT_SECONDS = 10.0
@@ -70,14 +70,14 @@ class Relay:
         self._nudge, self._say = nudge, say
         self._closed = self._busy = False
         self._asked: asyncio.Queue[Pending | None] = asyncio.Queue(MAX_WAITING)
-        self.ask(Kind.CT, mask)
-        self.ask(Kind.CONF_TM, (timeout,))
+        self.ask(RequestType.CT, mask)
+        self.ask(RequestType.CONF_TM, (timeout,))
         self._task = asyncio.get_running_loop().create_task(self._connected(self._converse))
         self._tasks = {self._task}
 
     def ask(self, kind: int, words: Sequence[int]) -> Pending:
         """Send a request when its turn comes."""
-        if kind == Kind.CONF_TM and words[0] <= 0:
+        if kind == RequestType.CONF_TM and words[0] <= 0:
             words = (REAL_TIMEOUT,)
         pending = Pending(kind, words)
         if not self.broken:
@@ -118,7 +118,7 @@ class Relay:
 
     async def _stop(self, ask: Ask) -> None:
         async with asyncio.timeout(FAREWELL_SECONDS):
-            await ask(Kind.ST, ())
+            await ask(RequestType.ST, ())
 
     async def _connected(self, talk: Callable[[Ask], Awaitable[None]]) -> None:
         """Talk to the robot on a connection of its own; what goes wrong with that breaks the relay."""
@@ -128,12 +128,12 @@ class Relay:
             async with asyncio.timeout(CONNECT_SECONDS):
                 reader, writer = await asyncio.open_connection(self.robot.host, self.robot.port)
                 ask = partial(_ask, reader, writer)
-                _, accepted = await ask(Kind.CONNECT_ROBOT, me)
+                _, accepted = await ask(RequestType.CONNECT_ROBOT, me)
             if not (accepted and accepted[0]):
                 self._break(f"it has no robot {self.robot.number}")
                 return
             await talk(ask)
-            writer.write(encode_request(Layout.FOUR, Kind.DISCONNECT_ROBOT, me))
+            writer.write(encode_request(Layout.FOUR, RequestType.DISCONNECT_ROBOT, me))
         except TimeoutError:
             self._break("it does not answer in time")
         except (OSError, asyncio.IncompleteReadError) as error:

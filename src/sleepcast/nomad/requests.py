@@ -17,7 +17,7 @@ MAX_CORNERS = 10
 """Of a polygon on the wire."""
 
 
-class Kind(IntEnum):
+class RequestType(IntEnum):
     """Types of requests, by the names of the functions that send them."""
 
     AC = 10
@@ -98,7 +98,7 @@ class Reply(IntEnum):
     ERROR = 91
 
 
-class Fault(IntEnum):
+class ErrorCode(IntEnum):
     """What a reply of type ERROR says, in the client's State[44]."""
 
     MALFORMED = 4
@@ -119,31 +119,38 @@ class Shape(NamedTuple):
         return f"{self.least}" if self.least == self.most else f"{self.least} to {self.most}"
 
 
-def _exactly(words: int, *kinds: Kind) -> dict[int, Shape]:
+def _exactly(words: int, *kinds: RequestType) -> dict[int, Shape]:
     return {int(kind): Shape(words, words) for kind in kinds}
 
 
 SHAPES: dict[int, Shape] = {
-    **{int(kind): Shape(0, 0) for kind in Kind},
-    **_exactly(1, Kind.CONF_CP, Kind.CONF_TM),
-    **_exactly(2, Kind.CONNECT_ROBOT, Kind.CREATE_ROBOT, Kind.DISCONNECT_ROBOT, Kind.DP, Kind.DA),
-    **_exactly(3, Kind.AC, Kind.SP, Kind.VM, Kind.PR, Kind.CONF_SG),
-    **_exactly(4, Kind.WS, Kind.PLACE_ROBOT, Kind.PREDICT_SENSORS),
-    **_exactly(5, Kind.CONF_LS, Kind.DRAW_ROBOT, Kind.DRAW_LINE),
-    **_exactly(6, Kind.MV),
-    **_exactly(7, Kind.CT, Kind.DRAW_ARC),
-    **_exactly(8, Kind.MOTION_CHECK),
-    **_exactly(17, Kind.CONF_IR, Kind.CONF_SN),
-    Kind.TK: Shape(1, MAX_WORDS),
-    Kind.SPECIAL_REQUEST: Shape(4, MAX_WORDS),
-    Kind.ADD_OBSTACLE: Shape(7, 1 + 2 * MAX_CORNERS),
-    Kind.DELETE_OBSTACLE: Shape(7, 1 + 2 * MAX_CORNERS),
-    Kind.MOVE_OBSTACLE: Shape(9, 3 + 2 * MAX_CORNERS),
+    **{int(kind): Shape(0, 0) for kind in RequestType},
+    **_exactly(1, RequestType.CONF_CP, RequestType.CONF_TM),
+    **_exactly(
+        2,
+        RequestType.CONNECT_ROBOT,
+        RequestType.CREATE_ROBOT,
+        RequestType.DISCONNECT_ROBOT,
+        RequestType.DP,
+        RequestType.DA,
+    ),
+    **_exactly(3, RequestType.AC, RequestType.SP, RequestType.VM, RequestType.PR, RequestType.CONF_SG),
+    **_exactly(4, RequestType.WS, RequestType.PLACE_ROBOT, RequestType.PREDICT_SENSORS),
+    **_exactly(5, RequestType.CONF_LS, RequestType.DRAW_ROBOT, RequestType.DRAW_LINE),
+    **_exactly(6, RequestType.MV),
+    **_exactly(7, RequestType.CT, RequestType.DRAW_ARC),
+    **_exactly(8, RequestType.MOTION_CHECK),
+    **_exactly(17, RequestType.CONF_IR, RequestType.CONF_SN),
+    RequestType.TK: Shape(1, MAX_WORDS),
+    RequestType.SPECIAL_REQUEST: Shape(4, MAX_WORDS),
+    RequestType.ADD_OBSTACLE: Shape(7, 1 + 2 * MAX_CORNERS),
+    RequestType.DELETE_OBSTACLE: Shape(7, 1 + 2 * MAX_CORNERS),
+    RequestType.MOVE_OBSTACLE: Shape(9, 3 + 2 * MAX_CORNERS),
 }
 """Of every request, by its type."""
 
 
-class Mode(IntEnum):
+class AxisMode(IntEnum):
     """What mv wants of an axis."""
 
     IGNORE = 0
@@ -157,7 +164,7 @@ class Mode(IntEnum):
 def name_of(kind: int) -> str:
     """The function that sends this request, or `type N`."""
     try:
-        return Kind(kind).name.lower()
+        return RequestType(kind).name.lower()
     except ValueError:
         return f"type {kind}"
 
@@ -183,7 +190,7 @@ def firing_order(words: Sequence[int]) -> tuple[int, ...]:
     return tuple(order)
 
 
-def moves(words: Sequence[int], mode: Mode, values: Axes) -> Axes:
+def moves(words: Sequence[int], mode: AxisMode, values: Axes) -> Axes:
     """Of the words of mv, what is wanted of the axes in this mode; NaN for the others. values: of all, in SI."""
     nothing = Axes()
     return Axes(*(value if words[2 * axis] == mode else nothing[axis] for axis, value in enumerate(values)))

@@ -14,8 +14,8 @@ from typing import Protocol
 
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.nomad.answers import answer, take
-from sleepcast.nomad.requests import Kind
-from sleepcast.nomad.session import Refusal, Service, Session, Wait
+from sleepcast.nomad.requests import RequestType
+from sleepcast.nomad.session import ClientSession, Refusal, Service, Wait
 from sleepcast.nomad.units import GREATEST_WORD, LEAST_WORD
 from sleepcast.nomad.wire import CONNECTING, Parser, Request
 
@@ -55,7 +55,7 @@ class ServerConnection(asyncio.BufferedProtocol):
     def __init__(self, host: Host) -> None:
         self.wait: Wait | None = None
         self.asked = 0.0
-        self.session: Session
+        self.session: ClientSession
         self._host = host
         self._parser = Parser()
         self._transport: asyncio.Transport
@@ -69,7 +69,7 @@ class ServerConnection(asyncio.BufferedProtocol):
         _watch(transport.get_extra_info("socket"))
         name = transport.get_extra_info("peername")
         peer = f"{name[0]}:{name[1]}" if name else "somebody"
-        self.session = Session(self._host.service, peer, self._parser, self.look)
+        self.session = ClientSession(self._host.service, peer, self._parser, self.look)
         self.asked = self._loop.time()
         if not self._host.admit(self):
             transport.abort()
@@ -177,7 +177,7 @@ def _watch(connection: socket.socket) -> None:
 
 # A person at the page, who commands a robot as a program would: a client without a socket.
 
-NAMES = {kind.name.lower(): kind for kind in Kind if kind not in CONNECTING}
+NAMES = {kind.name.lower(): kind for kind in RequestType if kind not in CONNECTING}
 """What can be asked, as the functions of the C library are called."""
 PAGE = "the page"
 """What a person there is called among those who drive a robot."""
@@ -192,7 +192,7 @@ class ManualClient:
     def __init__(self, service: Service, robot: int) -> None:
         self.wait: Wait | None = None
         self.reply = b""
-        self.session = Session(service, PAGE, Parser(), self.look)
+        self.session = ClientSession(service, PAGE, Parser(), self.look)
         self.session.robot, self.session.simulated_robot = robot, service.simulated_robots[robot]
         self.turn = asyncio.Lock()
         self._done = asyncio.Event()

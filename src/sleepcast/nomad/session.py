@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from sleepcast.nomad import units
 from sleepcast.nomad.relay import RealAddress, Relay
-from sleepcast.nomad.requests import Fault, Kind, Reply
+from sleepcast.nomad.requests import ErrorCode, Reply, RequestType
 from sleepcast.nomad.simulated_robot import SimulatedRobot
 from sleepcast.nomad.state import Mask
 from sleepcast.nomad.windows import Windows
@@ -58,12 +58,12 @@ Answer = bytes | Wait | None
 class Refusal(Exception):
     """A request that is not done. text: why, for a person; fault: for the program."""
 
-    def __init__(self, text: str, fault: Fault = Fault.MALFORMED) -> None:
+    def __init__(self, text: str, fault: ErrorCode = ErrorCode.MALFORMED) -> None:
         super().__init__(text)
         self.text, self.fault = text, fault
 
 
-class Session:
+class ClientSession:
     """See the module.
 
     peer: where the client is, as text; name: the same with its process. robot: its index, -1 before it has one.
@@ -90,7 +90,9 @@ class Session:
         """Drive the robot of this number, and no other. Raises Refusal."""
         service = self.service
         if not 1 <= number <= len(service.simulated_robots):
-            raise Refusal(f"there is no robot {number}, only 1 to {len(service.simulated_robots)}", Fault.NO_CONNECTION)
+            raise Refusal(
+                f"there is no robot {number}, only 1 to {len(service.simulated_robots)}", ErrorCode.NO_CONNECTION
+            )
         self.leave()
         self.robot, self.mask = number - 1, Mask()
         self.name = f"{self.peer} (process {process})"
@@ -134,7 +136,7 @@ class Session:
         contest = simulated_robot.driven_by(self.name)
         if simulated_robot not in self._driven:
             self._driven.append(simulated_robot)
-        if contest and kind != Kind.ZR:
+        if contest and kind != RequestType.ZR:
             self.service.say(contest)
 
     @property
@@ -148,9 +150,9 @@ class Session:
         """From now on what the client asks of its robot is asked of the real one. Raises Refusal if there is none."""
         real = self.service.real.get(self.robot)
         if real is None or self.simulated_robot is None:
-            raise Refusal(f"there is no real robot in place of robot {self.robot + 1}", Fault.NO_CONNECTION)
+            raise Refusal(f"there is no real robot in place of robot {self.robot + 1}", ErrorCode.NO_CONNECTION)
         self.let_real_go()
-        self.simulated_robot.command(Kind.ST, ())
+        self.simulated_robot.command(RequestType.ST, ())
         self.relay = Relay(real, self.mask.words, self.simulated_robot.timeout, self.nudge, self.service.say)
         self.service.say(f"{self.name} drives the real robot at {real}")
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from math import inf, nan
 
 from sleepcast.nomad import units
-from sleepcast.nomad.requests import Kind, Mode, Reply, firing_order, moves, name_of
+from sleepcast.nomad.requests import AxisMode, Reply, RequestType, firing_order, moves, name_of
 from sleepcast.nomad.state import (
     POS_BUMPER,
     POS_COMPASS,
@@ -106,7 +106,7 @@ class SimulatedRobot:
     def abandon(self) -> None:
         """The client that moved it is gone: it stops."""
         self._note("stopped: its program is gone")
-        self.command(Kind.ST, ())
+        self.command(RequestType.ST, ())
 
     # ---- what it is asked
 
@@ -114,7 +114,7 @@ class SimulatedRobot:
         """Do what a command (a key of `COMMANDS`) asks, of which the number of words is right."""
         self.alive()
         if self.held and kind in MOTIONS:
-            kind, words = Kind.ST, ()
+            kind, words = RequestType.ST, ()
         if (kind, words) == self._last:
             return
         self._last = (kind, words)
@@ -146,7 +146,7 @@ class SimulatedRobot:
         self.holders = self.holders | {by} if still else self.holders - {by}
         self.window.held = " and ".join(sorted(self.holders))
         if still:
-            self.command(Kind.ST, ())
+            self.command(RequestType.ST, ())
 
     def _note(self, command: str) -> None:
         """Show a command in the window, once for many that are the same."""
@@ -244,17 +244,17 @@ class SimulatedRobot:
 
     def _move(self, words: Words) -> None:
         values = axes(words[1::2], steers=self.steers)
-        if Mode.ACCELERATION in words[::2]:
-            self.world.accelerate(self.robot, _positive(moves(words, Mode.ACCELERATION, values)))
-        if Mode.SPEED in words[::2]:
-            self.world.cruise(self.robot, _magnitude(moves(words, Mode.SPEED, values)))
-        limp = tuple(mode == Mode.LIMP for mode in words[::2])
+        if AxisMode.ACCELERATION in words[::2]:
+            self.world.accelerate(self.robot, _positive(moves(words, AxisMode.ACCELERATION, values)))
+        if AxisMode.SPEED in words[::2]:
+            self.world.cruise(self.robot, _magnitude(moves(words, AxisMode.SPEED, values)))
+        limp = tuple(mode == AxisMode.LIMP for mode in words[::2])
         if any(limp):
             self.world.limp(self.robot, (limp[0], limp[1], limp[2]))
-        if Mode.VELOCITY in words[::2]:
-            self.world.set_speeds(self.robot, moves(words, Mode.VELOCITY, values))
-        if Mode.POSITION in words[::2]:
-            self.world.travel(self.robot, moves(words, Mode.POSITION, values))
+        if AxisMode.VELOCITY in words[::2]:
+            self.world.set_speeds(self.robot, moves(words, AxisMode.VELOCITY, values))
+        if AxisMode.POSITION in words[::2]:
+            self.world.travel(self.robot, moves(words, AxisMode.POSITION, values))
 
     def _zero(self, words: Words) -> None:
         self._zeroing = True
@@ -293,30 +293,30 @@ class SimulatedRobot:
 
 
 COMMANDS: dict[int, Callable[[SimulatedRobot, Words], None]] = {
-    Kind.AC: SimulatedRobot._accelerate,
-    Kind.SP: SimulatedRobot._cruise,
-    Kind.VM: SimulatedRobot._drive,
-    Kind.PR: SimulatedRobot._travel,
-    Kind.ST: SimulatedRobot._rest,
-    Kind.LP: SimulatedRobot._limp,
-    Kind.MV: SimulatedRobot._move,
-    Kind.ZR: SimulatedRobot._zero,
-    Kind.DP: SimulatedRobot._define_place,
-    Kind.DA: SimulatedRobot._define_angles,
-    Kind.PLACE_ROBOT: SimulatedRobot._place,
-    Kind.CONF_TM: SimulatedRobot._watch,
-    Kind.CONF_SN: SimulatedRobot._fire,
-    Kind.CONF_CP: SimulatedRobot._switch_compass,
-    Kind.CONF_IR: SimulatedRobot._nothing_there,
-    Kind.CONF_LS: SimulatedRobot._nothing_there,
-    Kind.CONF_SG: SimulatedRobot._nothing_there,
+    RequestType.AC: SimulatedRobot._accelerate,
+    RequestType.SP: SimulatedRobot._cruise,
+    RequestType.VM: SimulatedRobot._drive,
+    RequestType.PR: SimulatedRobot._travel,
+    RequestType.ST: SimulatedRobot._rest,
+    RequestType.LP: SimulatedRobot._limp,
+    RequestType.MV: SimulatedRobot._move,
+    RequestType.ZR: SimulatedRobot._zero,
+    RequestType.DP: SimulatedRobot._define_place,
+    RequestType.DA: SimulatedRobot._define_angles,
+    RequestType.PLACE_ROBOT: SimulatedRobot._place,
+    RequestType.CONF_TM: SimulatedRobot._watch,
+    RequestType.CONF_SN: SimulatedRobot._fire,
+    RequestType.CONF_CP: SimulatedRobot._switch_compass,
+    RequestType.CONF_IR: SimulatedRobot._nothing_there,
+    RequestType.CONF_LS: SimulatedRobot._nothing_there,
+    RequestType.CONF_SG: SimulatedRobot._nothing_there,
 }
 """What changes a robot, by type of request."""
 
-MOTIONS = frozenset({Kind.VM, Kind.PR, Kind.MV, Kind.ZR})
+MOTIONS = frozenset({RequestType.VM, RequestType.PR, RequestType.MV, RequestType.ZR})
 """Those that move it,"""
-STOPS = frozenset({Kind.ST, Kind.LP})
-RESTS = STOPS | {Kind.PLACE_ROBOT}
+STOPS = frozenset({RequestType.ST, RequestType.LP})
+RESTS = STOPS | {RequestType.PLACE_ROBOT}
 """and those that end a motion; both end zeroing."""
 
 

@@ -265,7 +265,7 @@ class State:
         return State(new, self.laser, self.laser_numbers, self.stamps, self.clock, self.batteries)
 
 
-class Answer:
+class ReplyReader:
     """Takes the words of a reply one after the other. distrust: makes what is raised where they cannot be right."""
 
     def __init__(self, words: Sequence[int], distrust: Callable[[str], Exception]) -> None:
@@ -299,7 +299,7 @@ class Answer:
         }
 
 
-def read_state(answer: Answer, laser_numbers: int, stamp_bits: int) -> State:
+def read_state(answer: ReplyReader, laser_numbers: int, stamp_bits: int) -> State:
     """The state in a reply. laser_numbers: for each point of a scan; stamp_bits: the mask's entry 0."""
     words = answer.take(ENTRIES)
     laser = answer.laser(laser_numbers)

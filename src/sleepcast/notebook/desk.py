@@ -32,7 +32,7 @@ MAX_ROBOTS = 50_000
 """Robots of a fleet that can be viewed: their names and one picture are 700 kB each."""
 
 
-class Line(Protocol):
+class WidgetPort(Protocol):
     """What carries messages to the browser: the widget."""
 
     def tell(self, content: dict[str, object], picture: bytes | None = None) -> None:
@@ -58,13 +58,13 @@ class NotebookDesk:
             )
         desk.at_once = True
         self.desk, self.driver, self.clock, self.turn = desk, desk.driver, clock, turn
-        self.views: list[View] = []
+        self.views: list[DeskView] = []
         """Those that are open."""
         self._period, self._due = period, clock.now()
 
-    def view(self, line: Line) -> View:
+    def view(self, line: WidgetPort) -> DeskView:
         """Another view, which opens when its page has begun."""
-        return View(self, line)
+        return DeskView(self, line)
 
     def changed(self, *, soon: bool = False) -> None:
         """Show all views what has changed, outside a turn. soon: there is more to come, so it may be left out."""
@@ -89,10 +89,10 @@ class NotebookDesk:
         return max(self._period, len(self.driver.frame) / BYTES_PER_SECOND)
 
 
-class View:
+class DeskView:
     """One widget, wherever and however often it is shown."""
 
-    def __init__(self, desk: NotebookDesk, line: Line) -> None:
+    def __init__(self, desk: NotebookDesk, line: WidgetPort) -> None:
         self._desk, self._line = desk, line
         self._dialogue = SwarmDialogue(desk.desk)
         self._pages = 0

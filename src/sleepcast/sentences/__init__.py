@@ -12,16 +12,16 @@ meaning. The grammar is described in docs/howto/say-it-in-a-sentence.md.
 
 from sleepcast.sentences.cursor import Unclear
 from sleepcast.sentences.lexicon import Lexicon
-from sleepcast.sentences.parser import MAX_SENTENCE, Heard, SentenceError, from_sentence
-from sleepcast.sentences.writer import Part, Sentence, to_sentence
+from sleepcast.sentences.parser import MAX_SENTENCE, ParsedSentence, SentenceError, from_sentence
+from sleepcast.sentences.writer import Sentence, SentencePart, to_sentence
 
 __all__ = [
     "MAX_SENTENCE",
-    "Heard",
     "Lexicon",
-    "Part",
+    "ParsedSentence",
     "Sentence",
     "SentenceError",
+    "SentencePart",
     "Unclear",
     "from_sentence",
     "to_sentence",

@@ -37,7 +37,7 @@ class SentenceError(MisuseError):
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class ParsedSentence:
     """What a sentence means. form: the expression, None if anything is unclear; unclear: what, in order. doubts: what
     is understood, and probably a slip."""
 
@@ -51,14 +51,14 @@ class Heard:
         return "" if self.form is None else show(self.form)
 
 
-def from_sentence(text: str, lexicon: Lexicon) -> Heard:
+def from_sentence(text: str, lexicon: Lexicon) -> ParsedSentence:
     """What `text` means to a fleet. Raises SentenceError if it is longer than `MAX_SENTENCE`, and nothing else."""
     if len(text) > MAX_SENTENCE:
         raise SentenceError(f"a sentence of {len(text):,} characters: at most {MAX_SENTENCE:,} are read")
     parser = _Parser(text, lexicon)
     form = parser.sentence()
     unclear = tuple(parser.unclear[:MAX_UNCLEAR])
-    return Heard(None if unclear else form, unclear, tuple(parser.doubts))
+    return ParsedSentence(None if unclear else form, unclear, tuple(parser.doubts))
 
 
 class _Parser(Conditions):

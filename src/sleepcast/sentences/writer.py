@@ -39,7 +39,7 @@ _ATTACHED = frozenset({"in"})
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class SentencePart:
     """A piece of a sentence, start..end, that stands for a piece of the expression, shown_start..shown_end of the text
     that this was read from."""
 
@@ -54,7 +54,7 @@ class Sentence:
     """An expression in words. parts: subject, conditions and acts, in the order of the sentence."""
 
     text: str
-    parts: tuple[Part, ...]
+    parts: tuple[SentencePart, ...]
 
 
 def to_sentence(form: Form, lexicon: Lexicon) -> Sentence | None:
@@ -78,7 +78,7 @@ class _Writer:
     def __init__(self, lexicon: Lexicon) -> None:
         self.lexicon = lexicon
         self.text = ""
-        self.parts: list[Part] = []
+        self.parts: list[SentencePart] = []
         self._titles = lexicon.place_titles()
         self._one = False
         """Whether a single robot is spoken of, which "joins"."""
@@ -95,7 +95,7 @@ class _Writer:
     def part(self, form: Form, start: int) -> None:
         """Note that what was written since `start` stands for `form`."""
         start += self.text[start : start + 1] == " "
-        self.parts.append(Part(start, len(self.text), form.start, form.end))
+        self.parts.append(SentencePart(start, len(self.text), form.start, form.end))
 
     # ---- the whole
 

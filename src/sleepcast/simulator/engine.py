@@ -18,13 +18,13 @@ from sleepcast.core.extras import installing
 from sleepcast.core.threads import ThreadPool
 from sleepcast.simulator.motion import steps
 from sleepcast.simulator.motion.driving import Laws
-from sleepcast.simulator.motion.steps import BodyColumns, Draws, Proposal, Settled
+from sleepcast.simulator.motion.steps import BodyColumns, Displacement, Draws, Settled
 from sleepcast.simulator.sonar import cones, noise
-from sleepcast.simulator.sonar.cones import Ranges, Seen, View
+from sleepcast.simulator.sonar.cones import Ranges, Seen, VisibleScene
 from sleepcast.simulator.sonar.firing import Firing, Tick, fire
 from sleepcast.simulator.sonar.noise import Noise, SonarReceiver
 from sleepcast.simulator.world import grid
-from sleepcast.simulator.world.grid import Floats, Grid, Listed, Sorted, Whole
+from sleepcast.simulator.world.grid import CellLists, Floats, Grid, Sorted, Whole
 
 MAX_THREADS = 64
 """Most threads of one backend: beyond that, memory bandwidth is the limit."""
@@ -55,31 +55,31 @@ class Machine(Protocol):
         self, grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, first: Whole, /
     ) -> tuple[Whole, Whole]: ...
 
-    def in_sight(self, listed: Listed, solids: Floats, /) -> Seen:
+    def in_sight(self, listed: CellLists, solids: Floats, /) -> Seen:
         """These rows of `solids` in the form that `ranges` and `hear` expect."""
 
-    def ranges(self, view: View, which: Whole, /) -> Ranges: ...
+    def ranges(self, view: VisibleScene, which: Whole, /) -> Ranges: ...
 
-    def hear(self, view: View, which: Whole, receiver: SonarReceiver, sensed: Floats, /) -> None:
+    def hear(self, view: VisibleScene, which: Whole, receiver: SonarReceiver, sensed: Floats, /) -> None:
         """`ranges`, then `tell`."""
 
-    def look(self, view: View, which: Whole, sonars: Whole, /) -> Ranges: ...
+    def look(self, view: VisibleScene, which: Whole, sonars: Whole, /) -> Ranges: ...
 
     def fire(self, firing: Firing, tick: Tick, /) -> None:
         """Fire all sonars that are due in this tick; see `firing.fire`."""
 
-    def room(self, count: int, /) -> tuple[Proposal, Floats]:
+    def room(self, count: int, /) -> tuple[Displacement, Floats]:
         """Scratch arrays for `count` bodies: the poses they propose, and the share of each move that they may make."""
 
-    def propose(self, bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Proposal, /) -> None: ...
+    def propose(self, bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Displacement, /) -> None: ...
 
-    def commit(self, bodies: BodyColumns, laws: Laws, proposal: Proposal, settled: Settled, /) -> None: ...
+    def commit(self, bodies: BodyColumns, laws: Laws, proposal: Displacement, settled: Settled, /) -> None: ...
 
     def settle(
         self,
         grid: Grid,
         points: Sorted,
-        listed: Listed,
+        listed: CellLists,
         solids: Floats,
         radii: Floats,
         place: tuple[Floats, Floats],
@@ -113,13 +113,13 @@ class NumPyMachine:
     disturb = staticmethod(noise.disturb)
     tell = staticmethod(noise.tell)
 
-    def in_sight(self, listed: Listed, solids: Floats) -> Listed:
+    def in_sight(self, listed: CellLists, solids: Floats) -> CellLists:
         return listed
 
-    def room(self, count: int) -> tuple[Proposal, Floats]:
-        return Proposal(*np.empty((3, count))), np.empty(count)
+    def room(self, count: int) -> tuple[Displacement, Floats]:
+        return Displacement(*np.empty((3, count))), np.empty(count)
 
-    def hear(self, view: View, which: Whole, receiver: SonarReceiver, sensed: Floats) -> None:
+    def hear(self, view: VisibleScene, which: Whole, receiver: SonarReceiver, sensed: Floats) -> None:
         noise.tell(cones.ranges(view, which), which, receiver, sensed)
 
     def fire(self, firing: Firing, tick: Tick) -> None:

@@ -19,15 +19,15 @@ from sleepcast.core.arrays import LINE, Arena
 from sleepcast.core.threads import FEW, SIZES, ThreadPool, borders
 from sleepcast.simulator.motion import kernels_motion, steps
 from sleepcast.simulator.motion.driving import Laws
-from sleepcast.simulator.motion.steps import SKIN, BodyColumns, Draws, Proposal, Settled, boxes_of, clear
+from sleepcast.simulator.motion.steps import SKIN, BodyColumns, Displacement, Draws, Settled, boxes_of, clear
 from sleepcast.simulator.simd.kernels_wait import wait
 from sleepcast.simulator.simd.vectors import LANES
 from sleepcast.simulator.sonar import kernels, kernels_firing, kernels_sonar
-from sleepcast.simulator.sonar.cones import Cones, Ranges, View
+from sleepcast.simulator.sonar.cones import Cones, Ranges, VisibleScene
 from sleepcast.simulator.sonar.fields import Fields, Shots, beam_of, one_of_each, shots_of
 from sleepcast.simulator.sonar.firing import Firing, Tick
 from sleepcast.simulator.sonar.noise import Noise, SonarReceiver
-from sleepcast.simulator.world.grid import Floats, Grid, Listed, Short, Sorted, Whole
+from sleepcast.simulator.world.grid import CellLists, Floats, Grid, Short, Sorted, Whole
 from sleepcast.simulator.world.walls import Walls, walls_of
 
 Result = TypeVar("Result")
@@ -56,7 +56,7 @@ FOLDED = 16
 """Number of sonars in a ring whose bearings the kernel can fold."""
 
 
-class _Around(NamedTuple):
+class _Neighbourhood(NamedTuple):
     """What the sonars found out about points in this order: `close` is False for points with no other point within
     `reach` m."""
 
@@ -97,7 +97,7 @@ class NumbaMachine:
         self.pool = ThreadPool(threads, wait)
         self._arena = Arena()
         self._fields = Fields(self._arena)
-        self._around: _Around | None = None
+        self._around: _Neighbourhood | None = None
         self._beside = np.inf
         """Metres within which other bodies can touch, as far as is known."""
         self._boxed: tuple[Floats, Floats] | None = None
@@ -132,16 +132,16 @@ class NumbaMachine:
         count = kernels.pairs(x, y, *points, grid.size, grid.across, grid.up, reach, first, found, other)
         return found[:count], other[:count]
 
-    def in_sight(self, listed: Listed, solids: Floats) -> Walls:
+    def in_sight(self, listed: CellLists, solids: Floats) -> Walls:
         return walls_of(listed, solids)
 
-    def ranges(self, view: View, which: Whole) -> Ranges:
+    def ranges(self, view: VisibleScene, which: Whole) -> Ranges:
         squares = self._squares(view, which)
         seen = np.empty((len(which), view.cones.count), np.float32)
         kernels.collect(squares, seen)
         return seen
 
-    def hear(self, view: View, which: Whole, receiver: SonarReceiver, sensed: Floats) -> None:
+    def hear(self, view: VisibleScene, which: Whole, receiver: SonarReceiver, sensed: Floats) -> None:
         squares = self._squares(view, which, forward=not receiver.wanted[:-1][_ring_of(view.cones).rear].any())
         noise = receiver.noise or Noise(0.0, 0.0, 0.0, 0, 0)
         noises = noise.share, noise.dropout, np.uint64(noise.key), np.uint64(noise.dropout_key)
@@ -153,7 +153,7 @@ class NumbaMachine:
 
         self._share(len(which), work)
 
-    def _squares(self, view: View, which: Whole, *, forward: bool = False) -> Ranges:
+    def _squares(self, view: VisibleScene, which: Whole, *, forward: bool = False) -> Ranges:
         """The squared ranges seen by the robots `which`, one row each. forward: cones that look behind are not
         needed."""
         cones, grid, points, listed, solids, pose, radii = view
@@ -195,7 +195,7 @@ class NumbaMachine:
         """The flags in which the sonars note, while looking at these points, which have another point within `reach`
         m."""
         if self._around is None or self._around.order is not points.order or self._around.reach != reach:
-            self._around = _Around(points.order, reach, np.ones(len(points.order), np.bool_))
+            self._around = _Neighbourhood(points.order, reach, np.ones(len(points.order), np.bool_))
         return self._around.close
 
     def _close(self, points: Sorted, reach: float) -> Flags:
@@ -205,7 +205,7 @@ class NumbaMachine:
             return found.close
         return np.ones(len(points.order), np.bool_)
 
-    def look(self, view: View, which: Whole, sonars: Whole) -> Ranges:
+    def look(self, view: VisibleScene, which: Whole, sonars: Whole) -> Ranges:
         shots, found = one_of_each(view, which, sonars)
         self._shoot(view, shots)
         return found[which, sonars]
@@ -213,18 +213,18 @@ class NumbaMachine:
     def fire(self, firing: Firing, tick: Tick) -> None:
         self._shoot(tick.view, shots_of(firing, tick))
 
-    def _shoot(self, view: View, shots: Shots) -> None:
+    def _shoot(self, view: VisibleScene, shots: Shots) -> None:
         field, beam = self._fields.of(view, self._share), beam_of(view.cones)
         self._share_rows(
             lambda first, last: kernels_firing.fire(field, beam, shots, first, last), view.grid, field.start
         )
 
-    def room(self, count: int) -> tuple[Proposal, Floats]:
+    def room(self, count: int) -> tuple[Displacement, Floats]:
         self._arena.begin(MOST * count)
         rows = self._arena.take(np.float64, 4, count)
-        return Proposal(*rows[:3]), rows[3]
+        return Displacement(*rows[:3]), rows[3]
 
-    def propose(self, bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Proposal) -> None:
+    def propose(self, bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Displacement) -> None:
         if not laws.track:  # there are only few bodies without wheels
             steps.propose(bodies, laws, draws, proposal)
             return
@@ -234,7 +234,7 @@ class NumbaMachine:
             lambda first, last: kernels_motion.propose(bodies, laws, roam, left, right, proposal, first, last),
         )
 
-    def commit(self, bodies: BodyColumns, laws: Laws, proposal: Proposal, settled: Settled) -> None:
+    def commit(self, bodies: BodyColumns, laws: Laws, proposal: Displacement, settled: Settled) -> None:
         if not laws.track:
             steps.commit(bodies, laws, proposal, settled)
             return
@@ -247,7 +247,7 @@ class NumbaMachine:
         self,
         grid: Grid,
         points: Sorted,
-        listed: Listed,
+        listed: CellLists,
         solids: Floats,
         radii: Floats,
         place: tuple[Floats, Floats],

@@ -21,7 +21,7 @@ from sleepcast.simulator.bodies.senses import Senses
 from sleepcast.simulator.engine import Machine, choose, cores
 from sleepcast.simulator.motion import encoders, steps
 from sleepcast.simulator.motion.driving import bounded
-from sleepcast.simulator.motion.steps import Draws, Proposal, Settled, clear
+from sleepcast.simulator.motion.steps import Displacement, Draws, Settled, clear
 from sleepcast.simulator.scenario.events import apply_events
 from sleepcast.simulator.scenario.measures import Measuring
 from sleepcast.simulator.scenario.robot_settings import TENTH
@@ -315,7 +315,7 @@ class Robots(Sequence[Body]):
 _BITS = 0xFFFF_FFFF_FFFF_FFFF
 
 
-def slide(bodies: Bodies, proposal: Proposal, settled: Settled) -> None:
+def slide(bodies: Bodies, proposal: Displacement, settled: Settled) -> None:
     """Let bodies that slide go on along what has stopped them, as far as nothing else is in the way."""
     which = np.flatnonzero(bodies.slides & (settled.free < 1.0))
     if not which.size or bodies.contact is None:

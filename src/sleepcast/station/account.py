@@ -51,7 +51,7 @@ BINS = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
+class ValueSummary:
     """So many values, the least, their mean, and the greatest of them. Of angles see `core.angles`; NaN where they have
     no mean direction."""
 
@@ -205,14 +205,14 @@ class Account:
         return {name: self.answers[name].fault or "" for name in self.fault}
 
     @cached_property
-    def values(self) -> Spread | None:
+    def values(self) -> ValueSummary | None:
         """The values in the answers, SI; None if there was none."""
         known = self.answers.known
         if not len(known):
             return None
         if self.angles:
-            return Spread(len(known), quantile(known, 0.0), mean_direction(known), quantile(known, 1.0))
-        return Spread(len(known), float(known.min()), float(known.mean()), float(known.max()))
+            return ValueSummary(len(known), quantile(known, 0.0), mean_direction(known), quantile(known, 1.0))
+        return ValueSummary(len(known), float(known.min()), float(known.mean()), float(known.max()))
 
     @cached_property
     def histogram(self) -> Histogram | None:

@@ -128,7 +128,7 @@ def _key(symbol: Symbol) -> str:
     return symbol.key if number is None else f"e{number}"
 
 
-class Proposal(NamedTuple):
+class BaselineProposal(NamedTuple):
     """kept: numbers of the standing commands that a newcomer needs; touched: the keys of all names that any command may
     change."""
 
@@ -136,7 +136,7 @@ class Proposal(NamedTuple):
     touched: frozenset[str]
 
 
-def propose(messages: Mapping[int, Message | None], refused: Collection[int] = ()) -> Proposal:
+def propose(messages: Mapping[int, Message | None], refused: Collection[int] = ()) -> BaselineProposal:
     """Which of a stream's standing commands still count. messages: by number; None for one that is not stored here any
     more, of which nothing is known, so that it is kept with all before it. refused: numbers of those that robots did
     not obey."""
@@ -178,7 +178,7 @@ class _Slice:
                 deed.changes |= {each for name in found for each in (name, FLAG + name)}
                 waiting |= found
 
-    def proposal(self) -> Proposal:
+    def proposal(self) -> BaselineProposal:
         for index, deed in enumerate(self._deeds):
             if not deed.certain:
                 self._keep(index)
@@ -194,7 +194,7 @@ class _Slice:
                 if not deed.certain:
                     self._need(FLAG + name, index)
         touched = frozenset(key.removeprefix(FLAG) for key in self._touching)
-        return Proposal([self._numbers[index] for index in sorted(self._kept)], touched)
+        return BaselineProposal([self._numbers[index] for index in sorted(self._kept)], touched)
 
     def _keep(self, index: int) -> None:
         if index not in self._kept:

@@ -49,7 +49,7 @@ from sleepcast.language import Checked
 from sleepcast.language.parts import rules
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import NEW_FORMS, Vocabulary
-from sleepcast.mind.authority import FORGOTTEN, MAX_MARKS, Life, Mark, mark_of, marks_and_ages
+from sleepcast.mind.authority import FORGOTTEN, MAX_MARKS, Life, StopMark, mark_of, marks_and_ages
 from sleepcast.station.account import COUNTED, account
 from sleepcast.station.journal.journal import CONFLICT, Journal, JournalEvent
 from sleepcast.station.remote import RemoteMinds
@@ -104,7 +104,7 @@ class KnownStop:
     """A STOP of somebody else. since: when it was there, s; holds: whether a robot told that it holds it; released: how
     often we have named it in a RELEASE."""
 
-    mark: Mark
+    mark: StopMark
     since: float
     holds: bool = False
     released: int = 0

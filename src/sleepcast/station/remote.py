@@ -444,7 +444,7 @@ class SymbolTable:
         self._groups = {name.casefold(): name for name in record.groups}
         self._operators = {name.casefold(): (name, tuple(given), text) for name, given, text in record.operators}
         self._rules = {name.casefold(): (name, text) for name, text, _ in record.rules}
-        self._compiling: Compiling | None = None
+        self._compiling: LearnedPrograms | None = None
 
     @property
     def names(self) -> list[str]:
@@ -466,7 +466,7 @@ class SymbolTable:
         """The stored expression under a key as a program in these names; None if there is none, or it cannot be
         compiled."""
         if self._compiling is None or self._compiling.vocabulary is not vocabulary:
-            self._compiling = Compiling(self, vocabulary)
+            self._compiling = LearnedPrograms(self, vocabulary)
         return self._compiling.program(key)
 
     def found(self, key: str, vocabulary: Vocabulary) -> Declared | None:
@@ -487,7 +487,7 @@ class SymbolTable:
         return Stored(self._rules[key][0], uses()) if key in self._rules else None
 
 
-class Compiling:
+class LearnedPrograms:
     """The texts of a mind, compiled in the names that it knows (a `Names`)."""
 
     def __init__(self, learned: SymbolTable, vocabulary: Vocabulary) -> None:

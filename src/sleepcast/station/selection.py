@@ -56,7 +56,7 @@ class Selection:
 
 
 @dataclass(frozen=True, eq=False)
-class Condition:
+class Criterion:
     """Something that holds for all chosen robots. excludes: of the others, those for whom it does not hold at its
     tightest. length: characters at least. text: where it has no number, else "". values: of the others; low, high:
     least and greatest of the chosen ones, infinite where there is no such bound."""
@@ -141,9 +141,9 @@ def _listed(facts: Facts, chosen: Mask) -> str:
 # ---- conditions
 
 
-def _conditions(facts: Facts, chosen: Mask, others: Mask) -> list[Condition]:
+def _conditions(facts: Facts, chosen: Mask, others: Mask) -> list[Criterion]:
     found = [
-        Condition(~each.holds[others], len(each.text), each.rank, each.text)
+        Criterion(~each.holds[others], len(each.text), each.rank, each.text)
         for each in facts.properties
         if each.holds[chosen].all()
     ]
@@ -157,37 +157,37 @@ def _conditions(facts: Facts, chosen: Mask, others: Mask) -> list[Condition]:
     return [each for each in found if each.excludes.any()]
 
 
-def _of_quantity(quantity: Measured, chosen: Mask, others: Mask) -> Iterator[Condition]:
+def _of_quantity(quantity: Measured, chosen: Mask, others: Mask) -> Iterator[Criterion]:
     mine, values, name, rank = quantity.values[chosen], quantity.values[others], quantity.text, quantity.rank
     if np.isnan(mine).all():
-        yield Condition(~np.isnan(values), len(name) + 14, rank + 1, f"(NOT (KNOWN {name}))")
+        yield Criterion(~np.isnan(values), len(name) + 14, rank + 1, f"(NOT (KNOWN {name}))")
     if np.isnan(mine).any():
         return
     if quantity.flag:
         if (mine != 0.0).all():
-            yield Condition(~(np.abs(values) > 0.0), len(name), rank, name)
+            yield Criterion(~(np.abs(values) > 0.0), len(name), rank, name)
         elif (mine == 0.0).all():
-            yield Condition(~(values == 0.0), len(name) + 6, rank, f"(NOT {name})")
+            yield Criterion(~(values == 0.0), len(name) + 6, rank, f"(NOT {name})")
         return
     low, high = float(mine.min()), float(mine.max())
     if low == high and not quantity.unit and low == round(low) and abs(low) < 1e15:
         text = f"(= {name} {int(low)})"
-        yield Condition(~(values == low), len(text), rank, text)
+        yield Criterion(~(values == low), len(text), rank, text)
         return
     yield from _bounds(name, values, low, high, quantity.unit, rank)
 
 
-def _bounds(name: str, values: Values, low: float, high: float, unit: str, rank: int) -> Iterator[Condition]:
+def _bounds(name: str, values: Values, low: float, high: float, unit: str, rank: int) -> Iterator[Criterion]:
     shortest_number = 1 + len(unit)
     length = len(name) + 5 + shortest_number
     nothing = np.isnan(values)
     above, below = (values < low) | nothing, (values > high) | nothing
-    yield Condition(above, length, rank, "", name, unit, values, low, inf)
-    yield Condition(below, length, rank, "", name, unit, values, -inf, high)
-    yield Condition(above | below, length + 1 + shortest_number, rank, "", name, unit, values, low, high)
+    yield Criterion(above, length, rank, "", name, unit, values, low, inf)
+    yield Criterion(below, length, rank, "", name, unit, values, -inf, high)
+    yield Criterion(above | below, length + 1 + shortest_number, rank, "", name, unit, values, low, high)
 
 
-def _from_points(facts: Facts, chosen: Mask, others: Mask) -> Iterator[Condition]:
+def _from_points(facts: Facts, chosen: Mask, others: Mask) -> Iterator[Criterion]:
     """Near to a point with a name, or far from it."""
     if facts.place is None:
         return
@@ -199,7 +199,7 @@ def _from_points(facts: Facts, chosen: Mask, others: Mask) -> Iterator[Condition
             yield from _bounds(f"(DIST {x.text} {y.text} {named_x} {named_y})", away[others], low, high, x.unit, 0)
 
 
-def _from_the_middle(facts: Facts, chosen: Mask, others: Mask, helped: list[Mask]) -> Iterator[Condition]:
+def _from_the_middle(facts: Facts, chosen: Mask, others: Mask, helped: list[Mask]) -> Iterator[Criterion]:
     """Near to the middle of the chosen robots, whose numbers are as coarse as the others allow. helped: others that
     another condition excludes, once for each middle that is looked for."""
     if facts.place is None:
@@ -224,7 +224,7 @@ def _from_the_middle(facts: Facts, chosen: Mask, others: Mask, helped: list[Mask
 
 def _round(
     at: tuple[float, float], place: tuple[Measured, Measured], step: float, chosen: Mask, others: Mask
-) -> Condition:
+) -> Criterion:
     """Near to a point that is rounded to a step."""
     x, y = place
     texts = [rounded(value / UNITS[each.unit].factor, step) + each.unit for value, each in zip(at, place, strict=True)]
@@ -232,7 +232,7 @@ def _round(
     away = _distance(x.values, y.values, to_x, to_y)
     high, beyond = float(away[chosen].max()), away[others]
     name = f"(DIST {x.text} {y.text} {' '.join(texts)})"
-    return Condition(~(beyond <= high), len(name) + 6 + len(x.unit), 1, "", name, x.unit, beyond, -inf, high)
+    return Criterion(~(beyond <= high), len(name) + 6 + len(x.unit), 1, "", name, x.unit, beyond, -inf, high)
 
 
 def _distance(x: Values, y: Values, to_x: Values | float, to_y: Values | float) -> Values:
@@ -261,10 +261,10 @@ def _middle(x: Values, y: Values, chosen: Mask, others: Mask) -> tuple[float, fl
 
 # ---- covers
 
-Cover = tuple[Condition, ...]
+Cover = tuple[Criterion, ...]
 
 
-def _promising(conditions: list[Condition]) -> list[Cover]:
+def _promising(conditions: list[Criterion]) -> list[Cover]:
     """Combinations that exclude all others, those that may become shortest first."""
     if not conditions:
         return []
@@ -278,7 +278,7 @@ def _least(cover: Cover) -> int:
     return sum(each.length for each in cover) + (len("(AND)") + len(cover) if len(cover) > 1 else 0)
 
 
-def _covers(conditions: list[Condition]) -> Iterator[Cover]:
+def _covers(conditions: list[Criterion]) -> Iterator[Cover]:
     """Every combination that is needed whole, the smaller ones first."""
     table = _hardest(np.array([each.excludes for each in conditions]))
     seen: set[tuple[int, ...]] = set()

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import FOR, RULE, TELEMETRY
-from sleepcast.channel.message_batch import Answers, MessageBatch
+from sleepcast.channel.message_batch import AnswerColumns, MessageBatch
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.serial import SerialError, pack, room_for, unpack
@@ -460,13 +460,13 @@ class Station:
         """Take in what many robots say at once; their places are those of the roster. Reports are heard one by one, as
         many as are kept; answers are one entry in the journal."""
         said = batch.words
-        if not isinstance(said, Answers):
+        if not isinstance(said, AnswerColumns):
             for message in batch.take(slice(-MAX_REPORTS, None)).messages():
                 self.hear(message)
         with self._lock:
             now = self._clock.now()
             self._roster.heard[batch.robots] = now
-            if isinstance(said, Answers):
+            if isinstance(said, AnswerColumns):
                 command = self._sent.find(said.command)
                 if command is not None:
                     command.answers.take(batch.robots, batch.places, said, now)
@@ -476,7 +476,7 @@ class Station:
                 found = {word: count for word, count in zip(said.sorts, counts, strict=True) if count}
                 details = {"kind": batch.kind.value, "robots": len(batch), "outcomes": found}
                 self._note(JournalEvent.HEARD, MANY, subject=said.command, details=details)
-        if isinstance(said, Answers) and self.listeners:
+        if isinstance(said, AnswerColumns) and self.listeners:
             self._pass_on(list(batch.messages()))
 
     def observe(self, now: float, rows: Iterable[Telemetry]) -> None:
@@ -509,7 +509,7 @@ class Station:
         if latest is None or now < latest.message.issued:
             return
         there = robots[stopped == (latest.kind is Kind.STOP)]
-        said = Answers.alike(latest.id, len(there), "stopped")
+        said = AnswerColumns.alike(latest.id, len(there), "stopped")
         latest.answers.take(there, np.arange(len(there)), said, now)
         self._take_rests(there)
 

@@ -12,9 +12,9 @@ from sleepcast.core.tasks import together
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import TelemetryClient
 from sleepcast.station.validation import MAX_LISTED, SendPolicy
-from sleepcast.tak.event import Event
-from sleepcast.tak.link import Link
-from sleepcast.tak.picture import GROUND_ROBOT, Markers, NamedPlace, Picture, command
+from sleepcast.tak.event import CotEvent
+from sleepcast.tak.link import TakLink
+from sleepcast.tak.picture import GROUND_ROBOT, Markers, NamedPlace, OperatingPicture, command
 
 LISTEN = 0.05
 """Seconds between two looks at what robots say."""
@@ -42,7 +42,7 @@ class TakBridge:
         self,
         station: NetworkStation,
         telemetry: TelemetryClient,
-        link: Link,
+        link: TakLink,
         map: LocalMap,
         say: Say,
         *,
@@ -56,7 +56,7 @@ class TakBridge:
         station.caution = SendPolicy()  # nobody is here whom the desk could ask
         station.alarm = lambda sentence: self._complain(f"{sentence[0].upper()}{sentence[1:]}.")
         self._station, self._telemetry, self._link, self._say, self._every = station, telemetry, link, say, every
-        self._picture = Picture(map, fleet, type)
+        self._picture = OperatingPicture(map, fleet, type)
         self._markers = Markers(map, fleet) if markers else None
         self._untold: dict[str, NamedPlace] = {}
         self._places: dict[str, NamedPlace] = {}
@@ -82,7 +82,7 @@ class TakBridge:
             self._tell(now)
             await asyncio.sleep(LISTEN)
 
-    def _take(self, event: Event) -> None:
+    def _take(self, event: CotEvent) -> None:
         """Another map's event."""
         found = None if self._markers is None else self._markers.take(event)
         if isinstance(found, str):

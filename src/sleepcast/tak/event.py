@@ -38,7 +38,7 @@ class MissingTakError(MisuseError):
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class CotEvent:
     """One event. uid: of the thing, the same each time. type: what it is, in the tree of MIL-STD-2525. latitude,
     longitude: degrees of WGS 84. time, stale: s since 1970. course: degrees clockwise from north. speed: m/s. battery:
     a share of 1. team: the name of its colour. outline: corners, (latitude, longitude), each once, of an area around
@@ -97,7 +97,7 @@ def _drawn(outline: Iterable[tuple[float, float]]) -> list[str]:
     return points if len(points) == 2 else [*points, points[0]]
 
 
-def read_xml(data: bytes) -> Event:
+def read_xml(data: bytes) -> CotEvent:
     """The event in this XML. Raises EventError."""
     if len(data) > MAX_EVENT:
         raise EventError(f"an event of {len(data):,} bytes: at most {MAX_EVENT:,} are read")
@@ -111,7 +111,7 @@ def read_xml(data: bytes) -> Event:
     if top.tag != "event" or point is None:
         raise EventError("XML that is no event with a point")
     return _checked(
-        Event(
+        CotEvent(
             uid=top.get("uid", ""),
             type=top.get("type", ""),
             latitude=_number(point.get("lat")),
@@ -123,7 +123,7 @@ def read_xml(data: bytes) -> Event:
     )
 
 
-def read_protobuf(data: bytes) -> Event:
+def read_protobuf(data: bytes) -> CotEvent:
     """The event in this protobuf, without what stands before it. Raises EventError, and MissingTakError."""
     takproto, errors = _takproto(), _decode_error()
     if len(data) > MAX_EVENT:
@@ -133,7 +133,7 @@ def read_protobuf(data: bytes) -> Event:
     except errors as error:
         raise EventError(f"an event that is no protobuf: {error}") from None
     return _checked(
-        Event(
+        CotEvent(
             uid=found.uid,
             type=found.type,
             latitude=found.lat,
@@ -145,12 +145,12 @@ def read_protobuf(data: bytes) -> Event:
     )
 
 
-def read_datagram(data: bytes) -> Event:
+def read_datagram(data: bytes) -> CotEvent:
     """The event in a datagram, in either form. Raises EventError, and MissingTakError."""
     return read_protobuf(data[len(MESH) :]) if data.startswith(MESH) else read_xml(data)
 
 
-def _checked(event: Event) -> Event:
+def _checked(event: CotEvent) -> CotEvent:
     """The event, if it says what it is and where. Raises EventError."""
     if not 0 < len(event.uid) <= MAX_TEXT or not 0 < len(event.type) <= MAX_TEXT:
         raise EventError("an event without a uid and a type of a usual length")

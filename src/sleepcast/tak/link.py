@@ -29,7 +29,7 @@ from sleepcast.channel.transports.udp import UdpTransport
 from sleepcast.core.backoff import Backoff
 from sleepcast.core.errors import MisuseError, printable
 from sleepcast.core.varint import read_varint, varint
-from sleepcast.tak.event import MAX_EVENT, MESH, Event, EventError, read_datagram, read_protobuf, read_xml
+from sleepcast.tak.event import MAX_EVENT, MESH, CotEvent, EventError, read_datagram, read_protobuf, read_xml
 
 EXAMPLE = "tcp://tak.example.org:8087, tls://HOST:8089?cert=me.pem&ca=server.pem, or udp://239.2.3.1:6969?interface=lo"
 PATIENCE = 15.0
@@ -60,21 +60,21 @@ ASKED, ANSWERED = "t-x-c-t", "t-x-c-t-r"
 SUPPORTED = re.compile(rb"""<TakProtocolSupport\s+version=["']1["']""")
 AGREED = re.compile(rb"""<TakResponse\s+status=["']true["']""")
 
-Take = Callable[[Event], None]
+Take = Callable[[CotEvent], None]
 Say = Callable[[str], None]
 
 
-class Link(Protocol):
+class TakLink(Protocol):
     """A way to other maps."""
 
-    def send(self, events: Iterable[Event]) -> None:
+    def send(self, events: Iterable[CotEvent]) -> None:
         """Let others know, if that is possible now."""
 
     async def run(self, take: Take) -> None:
         """Hand every event that comes to `take`, until cancelled."""
 
 
-def open_link(address: str, say: Say) -> Link:
+def open_link(address: str, say: Say) -> TakLink:
     """The link to an address. say: takes a sentence when it is lost, and when it is back. Raises MisuseError for an
     address that is none, and what a socket or a certificate is refused for."""
     parts = urlsplit(address)
@@ -115,13 +115,13 @@ class Multicast:
     def __init__(self, transport: UdpTransport) -> None:
         self._transport = transport
 
-    def send(self, events: Iterable[Event]) -> None:
-        """See `Link`."""
+    def send(self, events: Iterable[CotEvent]) -> None:
+        """See `TakLink`."""
         for event in events:
             self._transport.send(MESH + event.protobuf())
 
     async def run(self, take: Take) -> None:
-        """See `Link`."""
+        """See `TakLink`."""
         try:
             while True:
                 for datagram in self._transport.receive():
@@ -144,8 +144,8 @@ class Server:
         self._gave_up, self._is_odd = "", False
         """Why we ended the connection, if we did; whether it was told that what it says is no event."""
 
-    def send(self, events: Iterable[Event]) -> None:
-        """See `Link`."""
+    def send(self, events: Iterable[CotEvent]) -> None:
+        """See `TakLink`."""
         if self._writer is None or self._events.asked or self._writer.is_closing():
             return
         now, waiting = asyncio.get_running_loop().time(), self._writer.transport.get_write_buffer_size()
@@ -163,7 +163,7 @@ class Server:
             self._writer.write(self._events.written(event))
 
     async def run(self, take: Take) -> None:
-        """See `Link`."""
+        """See `TakLink`."""
         pauses, lost = Backoff(SOONEST, LATEST), False
         while True:
             try:
@@ -226,14 +226,14 @@ class Server:
     def _ask(self) -> None:
         """Whether it is there."""
         now = time.time()
-        self.send([Event(f"sleepcast-{uuid4()}-ping", ASKED, 0.0, 0.0, now, now + PATIENCE)])
+        self.send([CotEvent(f"sleepcast-{uuid4()}-ping", ASKED, 0.0, 0.0, now, now + PATIENCE)])
 
 
 def request() -> bytes:
     """What asks a server for protobuf."""
     now = time.time()
     asking = b'<detail><TakControl><TakRequest version="1" /></TakControl></detail>'
-    return Event(f"protouid-{uuid4()}", REQUEST, 0.0, 0.0, now, now + 60.0).xml().replace(b"<detail />", asking)
+    return CotEvent(f"protouid-{uuid4()}", REQUEST, 0.0, 0.0, now, now + 60.0).xml().replace(b"<detail />", asking)
 
 
 def _reason(error: Exception) -> str:
@@ -257,14 +257,14 @@ class EventStream:
         self.reply = b""
         self.lost = 0
 
-    def written(self, event: Event) -> bytes:
+    def written(self, event: CotEvent) -> bytes:
         """The bytes of an event."""
         if not self.protobuf:
             return event.xml()
         data = event.protobuf()
         return STREAM + varint(len(data)) + data
 
-    def read(self, data: bytes) -> Iterator[Event]:
+    def read(self, data: bytes) -> Iterator[CotEvent]:
         """The events that are whole with these bytes; what is no event is counted and left out."""
         self._waiting += data
         while (found := self._next()) is not None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from sleepcast.core.geodesy import LocalMap
 from sleepcast.station.remote import RemoteMind
-from sleepcast.tak.event import Event
+from sleepcast.tak.event import CotEvent
 
 STALE = 3.0
 """Times the period between two events of a thing: after that it counts as lost on other maps."""
@@ -56,7 +56,7 @@ class NamedPlace:
         return all(abs(values.get(name, math.nan) - value) < MOVED for name, value in self.variables())
 
 
-class Picture:
+class OperatingPicture:
     """What is told. map: from metres to degrees. fleet: its name, which begins the uid of everything told. type: of a
     robot's event."""
 
@@ -66,7 +66,7 @@ class Picture:
 
     def events(
         self, minds: Iterable[RemoteMind], now: float, period: float, fresh: float, others: Container[str] = ()
-    ) -> Iterator[Event]:
+    ) -> Iterator[CotEvent]:
         """The events of now (Unix time, s). period: s until the next ones. fresh: how old telemetry may be, s. others:
         names of places that came from other maps, and are there already."""
         told = [(mind, dict(mind.variables())) for mind in minds if mind.reported_at >= now - fresh]
@@ -86,14 +86,14 @@ class Picture:
 
     def _robot(
         self, mind: RemoteMind, values: Mapping[str, float], where: tuple[float, float], now: float, stale: float
-    ) -> Event:
+    ) -> CotEvent:
         groups = sorted(mind.telemetry.groups)
         shared = ["SEVERAL ROBOTS HAVE THIS NAME"] if mind.others else []
         stopped, within = [_stopped(mind)] if mind.stopped else [], [f"in {', '.join(groups)}"] if groups else []
         states = [*shared, *stopped, *within]
         supply = next((values[name] for name in BATTERIES if 0.0 <= values.get(name, math.nan) <= 1.0), None)
         heading, speed = values.get("heading", math.nan), values.get("speed", math.nan)
-        return Event(
+        return CotEvent(
             uid=f"{self._fleet}.{mind.name}",
             type=self._type,
             latitude=where[0],
@@ -111,17 +111,19 @@ class Picture:
     def _team(self, group: str) -> str:
         return self._teams.setdefault(group, TEAMS[len(self._teams) % len(TEAMS)])
 
-    def _group(self, group: str, places: list[tuple[float, float]], now: float, stale: float) -> Event:
+    def _group(self, group: str, places: list[tuple[float, float]], now: float, stale: float) -> CotEvent:
         corners = hull(places)
         middle = (math.fsum(x for x, _ in places) / len(places), math.fsum(y for _, y in places) / len(places))
         (latitude, longitude), *outline = self._map.degrees(*zip(middle, *corners, strict=True))
         name = f"{group} ({len(places)})"
         uid = f"{self._fleet}.group.{group}"
-        return Event(uid, AREA, latitude, longitude, now, stale, name, team=self._team(group), outline=tuple(outline))
+        return CotEvent(
+            uid, AREA, latitude, longitude, now, stale, name, team=self._team(group), outline=tuple(outline)
+        )
 
     def _places(
         self, tables: Iterable[Mapping[str, float]], others: Container[str], now: float, stale: float
-    ) -> Iterator[Event]:
+    ) -> Iterator[CotEvent]:
         """Pairs of variables NAME_x and NAME_y, as the first robot has them that knows them."""
         found: dict[str, tuple[float, float]] = {}
         for values in tables:
@@ -131,7 +133,7 @@ class Picture:
         spots = self._map.degrees([x for x, _ in found.values()], [y for _, y in found.values()])
         for key, (latitude, longitude) in zip(found, spots, strict=True):
             if not math.isnan(latitude) and key not in others:
-                yield Event(f"{self._fleet}.place.{key}", POINT, latitude, longitude, now, stale, key)
+                yield CotEvent(f"{self._fleet}.place.{key}", POINT, latitude, longitude, now, stale, key)
 
 
 class Markers:
@@ -144,7 +146,7 @@ class Markers:
         self._keys: set[str] = set()
         """All names that robots were told, also those that markers had before."""
 
-    def take(self, event: Event) -> NamedPlace | str | None:
+    def take(self, event: CotEvent) -> NamedPlace | str | None:
         """The place that this marker stands for, if robots have to learn it or where it is now; a sentence if it cannot
         become one; None if there is nothing to do."""
         if not event.type.startswith(MARKER) or event.uid.startswith(self._own):

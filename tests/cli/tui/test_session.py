@@ -12,7 +12,7 @@ from sleepcast.channel import Kind
 from sleepcast.cli.tui import panes as panes
 from sleepcast.cli.tui.commands import CommandType
 from sleepcast.cli.tui.completion import members_of, names_of, range_of
-from sleepcast.cli.tui.session import AGAIN_WITHIN, HELD, STOP_AGAIN, WHY_PATIENCE, Session
+from sleepcast.cli.tui.session import AGAIN_WITHIN, HELD, STOP_AGAIN, WHY_PATIENCE, TuiSession
 from sleepcast.language import Checked
 from sleepcast.station import MemoryJournal
 from sleepcast.station.journal.journal import JournalError
@@ -28,7 +28,7 @@ class Seat:
         self.station = self.scene.desk(minds=minds)
         telemetry = TelemetryClient(self.station, minds)
         self.station.listeners.append(telemetry.hear)
-        self.session = Session(self.station, telemetry, 2.0)
+        self.session = TuiSession(self.station, telemetry, 2.0)
         self.run(1.0)
         self.session.to = self.session.addressees()[1]
         self.station.send("(WHEN (= id 2) (JOIN bravo))")

@@ -9,7 +9,7 @@ import pytest
 from sleepcast.console.nomads.orders import END_OF_ORDER, ORDERS, check
 from sleepcast.console.nomads.windows import Added, Tail
 from sleepcast.core.errors import MisuseError
-from sleepcast.nomad.requests import SHAPES, Kind
+from sleepcast.nomad.requests import SHAPES, RequestType
 
 
 class TestTail:
@@ -40,7 +40,7 @@ class TestTail:
 class TestOrders:
     @pytest.mark.parametrize("name", [name for name, order in ORDERS.items() if not order.text])
     def test_each_is_a_request_of_the_wire_with_as_many_words(self, name: str) -> None:
-        order, shape = ORDERS[name], SHAPES[Kind[name.upper()]]
+        order, shape = ORDERS[name], SHAPES[RequestType[name.upper()]]
         if order.beside:
             corners = [1, 2] * 3
             assert len(check(name, [3, *corners, *range(order.beside - 1)])) == shape.least

@@ -18,7 +18,7 @@ from sleepcast.simulator.world import svg, svg_styles
 from sleepcast.simulator.world.areas import inside
 from sleepcast.simulator.world.drawing import MAX_DEPTH, TOLERANCE, Drawing, read_drawing
 from sleepcast.simulator.world.fill import filled
-from sleepcast.simulator.world.svg import Arc, Bezier, Line, PathError, read_path
+from sleepcast.simulator.world.svg import Arc, Bezier, PathError, Subpath, read_path
 from sleepcast.simulator.world.world import MAX_SOLIDS, Point
 from small_worlds import SCOUTS, write
 
@@ -547,7 +547,7 @@ class TestHostileFiles:
         made, points = [0], drawing_module._points
         monkeypatch.setattr(drawing_module, "MAX_SOLIDS", 12_000)
 
-        def counted(line: Line, room: int) -> tuple[Point, ...]:
+        def counted(line: Subpath, room: int) -> tuple[Point, ...]:
             found = points(line, room)
             made[0] += len(found)
             return found

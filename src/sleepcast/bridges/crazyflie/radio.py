@@ -111,7 +111,7 @@ def stop_all_by_port(host: str, port: int) -> None:
             time.sleep(PAUSE)
 
 
-class Relay:
+class UdpRelay:
     """A quadcopter at a UDP port. uri: of cflib; ending: when it is to end; say: told when it is lost, and when it is
     there again."""
 
@@ -205,7 +205,7 @@ class SharedRadio:
         self._looks = 0
         """How often `run` has looked since the radio itself answered last; a process that stands still does not."""
         pairs = zip(addresses, self._lines[1:], strict=True)
-        self._relays = [Relay(each, f"{base}/{each}", line, self._ending, say) for each, line in pairs]
+        self._relays = [UdpRelay(each, f"{base}/{each}", line, self._ending, say) for each, line in pairs]
         self._threads = [Thread(target=each, daemon=True) for each in (self._take_stops, self._look_at_radio)]
         threading.excepthook = self._hear_of_end
 

@@ -1,11 +1,11 @@
 """A robot as a vehicle of a ground station: it is seen there, and may be stopped, released and driven from there.
 
 To the ground station it is a rover of ArduPilot's with two modes: HOLD while it is stopped, and GUIDED. What is asked
-there becomes a `Wish`, which the node brings to its mind like a command that is typed: so limits, STOP and rules hold
-for it as for everybody. HOLD, and disarming, is STOP; GUIDED, and arming, is RELEASE, which ends only the STOP that the
-ground station itself has sent. A STOP by disarming is ended by arming alone: programs choose GUIDED on their way to
-anything, also after they have switched off the motors. Which it was is not known any more after a restart: a robot that
-begins under a STOP counts as disarmed.
+there becomes a `PilotRequest`, which the node brings to its mind like a command that is typed: so limits, STOP and
+rules hold for it as for everybody. HOLD, and disarming, is STOP; GUIDED, and arming, is RELEASE, which ends only the
+STOP that the ground station itself has sent. A STOP by disarming is ended by arming alone: programs choose GUIDED on
+their way to anything, also after they have switched off the motors. Which it was is not known any more after a restart:
+a robot that begins under a STOP counts as disarmed.
 
 A ground station that drives must go on doing so: `QUIET` s after its last setpoint the robot is to come to rest. What
 the robot cannot do is refused with a text to the ground station.
@@ -20,7 +20,7 @@ from math import atan2, cos, hypot, inf, isfinite, nan, pi, remainder, sin
 from typing import Any, Literal
 
 from sleepcast.bridges.address import read_body_address
-from sleepcast.bridges.mavlink.link import LINK, Link, open_link, system_of
+from sleepcast.bridges.mavlink.link import LINK, MavlinkConnection, open_link, system_of
 from sleepcast.bridges.mavlink.self_portrait import AUTOPILOT_VERSION, GUIDED, HOLD, SelfPortrait
 from sleepcast.core.clock import Clock, WallClock
 from sleepcast.core.geodesy import LocalMap, Origin
@@ -67,7 +67,7 @@ NOWHERE = (nan, nan, nan)
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class PilotRequest:
     """What the ground station wants. values: of "drive", speed in m/s and turn rate in rad/s; of "goal", x and y in m,
     and a height above the origin, if it has said one."""
 
@@ -80,7 +80,7 @@ class GroundStation:
     turn rate of a joystick that is pushed as far as it goes, m/s and rad/s."""
 
     def __init__(
-        self, link: Link, origin: Origin | None, most: tuple[float, float], *, clock: Clock | None = None
+        self, link: MavlinkConnection, origin: Origin | None, most: tuple[float, float], *, clock: Clock | None = None
     ) -> None:
         self._link, self._clock, self._most = link, clock or WallClock(), most
         self._map = None if origin is None else LocalMap(origin)
@@ -106,9 +106,9 @@ class GroundStation:
 
     # ---- what it wants
 
-    def wishes(self) -> list[Wish]:
+    def wishes(self) -> list[PilotRequest]:
         """What it has asked for since the last call, of velocities and of places only the last one."""
-        found: list[Wish] = []
+        found: list[PilotRequest] = []
         now, before = self._clock.now(), self._driven
         with suppress(OSError):
             for message in self._link.receive():
@@ -122,7 +122,7 @@ class GroundStation:
             self._rest()
             self._complaints.append("the ground station no longer drives it: it comes to rest")
         if self._driven != before:
-            found.append(Wish("drive", self._driven))
+            found.append(PilotRequest("drive", self._driven))
         return found
 
     def complaints(self) -> list[str]:
@@ -134,7 +134,7 @@ class GroundStation:
             said += self._link.complaints("the ground station")
         return said
 
-    def _wish(self, message: Any, now: float) -> list[Wish]:
+    def _wish(self, message: Any, now: float) -> list[PilotRequest]:
         kind = message.get_type()
         if getattr(message, "target_system", self._link.mav.srcSystem) != self._link.mav.srcSystem:
             return []  # for everybody, or for another one: neither is meant
@@ -155,7 +155,7 @@ class GroundStation:
             self._send(self._link.mav.param_value_encode(b"SYSID_THISMAV", self._link.mav.srcSystem, 9, 1, 0))
         return []
 
-    def _command(self, message: Any, *, exact: bool) -> list[Wish]:
+    def _command(self, message: Any, *, exact: bool) -> list[PilotRequest]:
         """exact: whether a place in it is in whole ten-millionths of a degree."""
         found, result = [], ACCEPTED
         if message.command == SET_MODE:
@@ -182,7 +182,7 @@ class GroundStation:
 
     # ---- STOP and RELEASE
 
-    def _choose(self, mode: float) -> list[Wish]:
+    def _choose(self, mode: float) -> list[PilotRequest]:
         """A mode is chosen. GUIDED does not end a STOP by disarming."""
         if mode in STOPPING_MODES:
             self._mode = HOLD
@@ -194,28 +194,28 @@ class GroundStation:
         self._due["heartbeat"] = -inf  # also where it stays stopped
         return [] if self._disarmed else self._free()
 
-    def _arm(self) -> list[Wish]:
+    def _arm(self) -> list[PilotRequest]:
         self._disarmed, self._mode = False, GUIDED
         return self._free()
 
-    def _free(self) -> list[Wish]:
+    def _free(self) -> list[PilotRequest]:
         """Programs say where to go as soon as this is acknowledged, before it is told again how the robot is."""
         self._stopped, self._due["heartbeat"] = self._held, -inf
-        return [Wish("release")]
+        return [PilotRequest("release")]
 
-    def _disarm(self) -> list[Wish]:
+    def _disarm(self) -> list[PilotRequest]:
         self._disarmed = True
         return self._halt()
 
-    def _halt(self) -> list[Wish]:
+    def _halt(self) -> list[PilotRequest]:
         """What it was sent before has ended, and what it is sent from now on meets a robot that is stopped."""
         self._rest()
         self._stopped, self._due["heartbeat"] = True, -inf
-        return [Wish("stop")]
+        return [PilotRequest("stop")]
 
     # ---- places
 
-    def _waypoint(self, message: Any) -> list[Wish]:
+    def _waypoint(self, message: Any) -> list[PilotRequest]:
         """A waypoint that is to be gone to at once; there are no missions."""
         there = (message.command, message.current) == (WAYPOINT, GO_THERE)
         found = self._goal(self._named_place(message, exact=True)) if there else []
@@ -240,7 +240,7 @@ class GroundStation:
         x, y = self._map.metres(latitude, longitude) or (nan, nan)
         return x, y, height
 
-    def _goal(self, place: Place) -> list[Wish]:
+    def _goal(self, place: Place) -> list[PilotRequest]:
         """Nothing for what is no place, nor under a STOP: what is asked then may not set it in motion later."""
         if place is NOWHERE:
             return []  # which was said
@@ -250,11 +250,11 @@ class GroundStation:
         if self._stopped or self._disarmed:
             self._say("it is stopped, so it goes nowhere")
             return []
-        return [Wish("goal", place if abs(place[2]) <= FARTHEST else place[:2])]
+        return [PilotRequest("goal", place if abs(place[2]) <= FARTHEST else place[:2])]
 
     # ---- setpoints
 
-    def _set_point(self, message: Any, now: float, *, earth: bool) -> list[Wish]:
+    def _set_point(self, message: Any, now: float, *, earth: bool) -> list[PilotRequest]:
         """What a setpoint holds is obeyed, or refused with a text: a place comes before a velocity, except along the
         heading."""
         has_place, has_velocity = not message.type_mask & NO_PLACE, not message.type_mask & NO_VELOCITY

@@ -139,7 +139,7 @@ def read_key(file: str) -> bytes:
     return hashlib.sha256(phrase).digest()
 
 
-def open_link(address: BodyAddress, port: int, system: int, component: int) -> Link:
+def open_link(address: BodyAddress, port: int, system: int, component: int) -> MavlinkConnection:
     """A link over UDP, signed with the key of the address, which has the settings of `LINK`. port: where the address
     names none. Raises BodyError, MisuseError."""
     yes = {name: address.choice(name, ("no", "yes")) == "yes" for name in ("listen", "unsigned")}
@@ -155,7 +155,7 @@ def open_link(address: BodyAddress, port: int, system: int, component: int) -> L
     except OSError as error:
         raise BodyError(f"{address.uri!r:.100}: {error.strerror or error}") from None
     try:
-        return Link(wire, system, component, key)
+        return MavlinkConnection(wire, system, component, key)
     except BaseException:
         wire.close()
         raise
@@ -226,7 +226,7 @@ class Refusals:
         return f" (system {', '.join(map(str, systems[:MOST_NAMED]))}{more})"
 
 
-class Link:
+class MavlinkConnection:
     """See the module. system, component: who we are. key: None to take and send unsigned messages. clock: Unix time."""
 
     def __init__(
@@ -285,7 +285,7 @@ def _codec(refused: Refusals, stamp: Callable[[], int], system: int, component: 
     except ImportError:
         raise MisuseError(f"MAVLink needs pymavlink; to install it: {installing('mavlink')}") from None
 
-    class Checked(Codec):  # type: ignore[misc]  # its library need not be there
+    class CheckedCodec(Codec):  # type: ignore[misc]  # its library need not be there
         def check_signature(self, msgbuf: bytearray, srcSystem: int, srcComponent: int) -> bool:
             expected = hashlib.sha256(bytes(self.signing.secret_key) + bytes(msgbuf[:-6])).digest()[:6]
             if bytes(msgbuf[-6:]) != expected:
@@ -302,6 +302,6 @@ def _codec(refused: Refusals, stamp: Callable[[], int], system: int, component: 
             refused.compare(srcSystem, (int.from_bytes(msgbuf[-12:-6], "little") - ours) * STEP)
             return True
 
-    found = Checked(None, system, component)
+    found = CheckedCodec(None, system, component)
     found.robust_parsing = True
     return found

@@ -31,7 +31,7 @@ AT_ONCE, ASKED, MESSAGES = "", "asked", "messages"
 
 
 @dataclass(slots=True, eq=False)
-class Order:
+class PendingCommand:
     """parameters: seven of them. tick: of the mind that has asked for it. sent: how often; again: when it is sent next;
     end: when it is given up, s."""
 
@@ -58,9 +58,9 @@ class Orders:
 
     def __init__(self, send: Callable[[int, int, tuple[float, ...]], None]) -> None:
         self._send = send
-        self._waiting: list[Order] = []
+        self._waiting: list[PendingCommand] = []
 
-    def add(self, now: float, order: Order) -> bool:
+    def add(self, now: float, order: PendingCommand) -> bool:
         """Order this, unless the last one of its command and queue that waits is the same; gives whether there was
         room."""
         if len(self._waiting) >= MAX_WAITING:
@@ -71,7 +71,7 @@ class Orders:
         self.tend(now)
         return True
 
-    def last(self, command: int, queue: str) -> Order | None:
+    def last(self, command: int, queue: str) -> PendingCommand | None:
         """The last one of this command that waits in a queue."""
         return next((o for o in reversed(self._waiting) if (o.command, o.queue) == (command, queue)), None)
 
@@ -79,9 +79,9 @@ class Orders:
         """Whether an order of a queue has no answer yet."""
         return any(order.queue == queue for order in self._waiting)
 
-    def tend(self, now: float) -> list[Order]:
+    def tend(self, now: float) -> list[PendingCommand]:
         """Send what is due; gives those that nobody has answered, of which each must `end`."""
-        failed: list[Order] = []
+        failed: list[PendingCommand] = []
         busy: set[str] = set()
         for order in self._waiting:
             if order.queue in busy:
@@ -96,7 +96,7 @@ class Orders:
                 order.sent, order.again = order.sent + 1, now + ORDER_AGAIN
         return failed
 
-    def answered(self, command: int, result: int) -> Order | None:
+    def answered(self, command: int, result: int) -> PendingCommand | None:
         """The order that this is the answer to, which then waits no more; None if it is none, or not the last one."""
         if result == IN_PROGRESS:
             return None
@@ -104,7 +104,7 @@ class Orders:
         self.forget(lambda order: order is found)
         return found
 
-    def end(self, failed: Order) -> list[Order]:
+    def end(self, failed: PendingCommand) -> list[PendingCommand]:
         """An order has failed: gives those that are not sent any more because of it."""
         others = [
             order
@@ -114,6 +114,6 @@ class Orders:
         self._waiting = [order for order in self._waiting if order is not failed and order not in others]
         return others
 
-    def forget(self, which: Callable[[Order], bool]) -> None:
+    def forget(self, which: Callable[[PendingCommand], bool]) -> None:
         """Send these no more."""
         self._waiting = [order for order in self._waiting if not which(order)]

@@ -26,7 +26,7 @@ from typing import Any
 from sleepcast.bridges import Opening
 from sleepcast.bridges.address import BodyError, read_body_address
 from sleepcast.bridges.body import FRESH, PATIENCE, REST, BridgedBody, FencedError, Motion, OutOfReachError, clamped
-from sleepcast.bridges.mavlink.link import LINK, Link, open_link, system_of
+from sleepcast.bridges.mavlink.link import LINK, MavlinkConnection, open_link, system_of
 from sleepcast.bridges.mavlink.orders import (
     ARM_DISARM,
     ASKED,
@@ -38,8 +38,8 @@ from sleepcast.bridges.mavlink.orders import (
     RESULTS,
     SET_MODE,
     TAKEOFF,
-    Order,
     Orders,
+    PendingCommand,
 )
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, printable
@@ -183,7 +183,7 @@ class MavlinkVehicle(BridgedBody):
 
     def __init__(
         self,
-        link: Link,
+        link: MavlinkConnection,
         system: int,
         modes: dict[str, int],
         limits: Limits,
@@ -324,14 +324,14 @@ class MavlinkVehicle(BridgedBody):
         """Whether we have chosen its mode, or drive it there."""
         return self._mode in (self._modes[GUIDED], self._ordered)
 
-    def _could_move(self, order: Order) -> bool:
+    def _could_move(self, order: PendingCommand) -> bool:
         """Whether an order may set it in motion, or is not that of a STOP."""
         if order.command == ARM_DISARM:
             return order.parameters[0] == 1.0
         return order.queue != MESSAGES and order.mode != self._standing
 
     @staticmethod
-    def _is_claim(order: Order) -> bool:
+    def _is_claim(order: PendingCommand) -> bool:
         return order.queue == AT_ONCE and order.mode is not None
 
     def measure(self) -> None:
@@ -449,7 +449,7 @@ class MavlinkVehicle(BridgedBody):
     def _order(self, command: int, *parameters: float, queue: str = AT_ONCE, tick: int = 0) -> None:
         """Send a command, and again until it is answered. tick: of the mind that wants it."""
         filled = (*parameters, *(0.0,) * (7 - len(parameters)))
-        order = Order(command, filled, queue, tick)
+        order = PendingCommand(command, filled, queue, tick)
         if not self._orders.add(self._clock.now(), order):
             self._fail(order, "too many orders wait for an answer: it was not sent the one about {}")
 
@@ -459,7 +459,7 @@ class MavlinkVehicle(BridgedBody):
             self._sent[self._ordered] = self._clock.now()
         self._link.send(self._link.mav.command_long_encode(self._system, 1, command, again % 256, *parameters))
 
-    def _fail(self, order: Order, sentence: str) -> None:
+    def _fail(self, order: PendingCommand, sentence: str) -> None:
         """An order has come to nothing. sentence: with a place for its name."""
         others = [other.name for other in self._orders.end(order)]
         if order.command != INTERVAL:
@@ -637,7 +637,7 @@ def open_body(uri: str, opening: Opening) -> MavlinkVehicle:
         raise
 
 
-def _meet(link: Link, system: int, where: str) -> Any:
+def _meet(link: MavlinkConnection, system: int, where: str) -> Any:
     """Wait for a vehicle whose modes are known; gives its heartbeat."""
     end, others = time.monotonic() + PATIENCE, set[str]()
     while time.monotonic() < end:

@@ -12,18 +12,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from sleepcast.bridges.body import FRESH
-from sleepcast.bridges.ros2.mapping import MAX_NAME, RobotMapping, Sink, Source, is_namespace, read_mapping
+from sleepcast.bridges.ros2.mapping import MAX_NAME, CommandTopic, RobotMapping, SensorTopic, is_namespace, read_mapping
 from sleepcast.bridges.ros2.robot import Ros2Body, body_on
 from sleepcast.core.settings import SettingsError, read_text
 
 if TYPE_CHECKING:
-    from sleepcast.bridges.ros2.link import Endpoint, Ros2Network
+    from sleepcast.bridges.ros2.link import DiscoveredEndpoint, Ros2Network
 
 MAX_NAMESPACES = 1_000
 """Of those that have one of the topics at least: more are no fleet of one mapping."""
 
 
-class TopicThere(NamedTuple):
+class DiscoveredTopic(NamedTuple):
     """A topic of a mapping in a namespace. comes: whether the robot publishes it. wrong: why nothing passes by it, ""
     if something does; missing: because nobody else has it; doubt: why perhaps nothing does, which is known as soon as
     there is a body. names: what it gives or takes, in expressions. vital: whether the robot cannot do without it."""
@@ -42,7 +42,7 @@ class RobotThere(NamedTuple):
     """What a namespace has of a mapping."""
 
     namespace: str
-    topics: tuple[TopicThere, ...]
+    topics: tuple[DiscoveredTopic, ...]
 
     @property
     def is_robot(self) -> bool:
@@ -82,7 +82,7 @@ class Ros2Fleet:
         sources, sinks = self.mapping.sources, self.mapping.sinks
         self._longest = max(len(topic) for topic in (*(s.topic for s in sources), *(s.topic for s in sinks)))
         self._mappings: dict[str, RobotMapping] = {}
-        self._seen: Mapping[str, tuple[Endpoint, ...]] = {}
+        self._seen: Mapping[str, tuple[DiscoveredEndpoint, ...]] = {}
         self._found: dict[str, RobotThere] = {}
 
     def look(self) -> Mapping[str, RobotThere]:
@@ -114,7 +114,7 @@ class Ros2Fleet:
         """The body of the robot in this namespace, whether it is there or not. Raises OutOfReachError."""
         return body_on(self._network, self.mapping_of(namespace), sim_time=self._sim_time)
 
-    def _namespaces(self, others: Mapping[str, tuple[Endpoint, ...]]) -> set[str]:
+    def _namespaces(self, others: Mapping[str, tuple[DiscoveredEndpoint, ...]]) -> set[str]:
         found: set[str] = set()
         for topic in others:
             for name in (*self._vital, self.mapping.drive.name):
@@ -130,7 +130,7 @@ class Ros2Fleet:
     def _robot(self, namespace: str) -> RobotThere:
         return RobotThere(namespace, tuple(self._topics(self.mapping_of(namespace))))
 
-    def _topics(self, mapping: RobotMapping) -> Iterator[TopicThere]:
+    def _topics(self, mapping: RobotMapping) -> Iterator[DiscoveredTopic]:
         for source in mapping.sources:
             names = tuple(field.name for field in source.fields)
             yield self._topic(source, True, names, source.name in self._vital)
@@ -138,7 +138,9 @@ class Ros2Fleet:
             names = (sink.function,) if sink.function else tuple(field.name for field in sink.fields)
             yield self._topic(sink, False, names, sink is mapping.drive)
 
-    def _topic(self, ours: Source | Sink, comes: bool, names: tuple[str, ...], vital: bool) -> TopicThere:
+    def _topic(
+        self, ours: SensorTopic | CommandTopic, comes: bool, names: tuple[str, ...], vital: bool
+    ) -> DiscoveredTopic:
         from sleepcast.bridges.ros2.link import doubt, misfit
 
         others = [each for each in self._seen.get(ours.topic, ()) if each.publishes == comes]
@@ -150,7 +152,7 @@ class Ros2Fleet:
         )
         doubts = [] if wrong else [doubt(each, ours.sort) for each in others]
         unsure = "" if "" in doubts else next(iter(doubts), "")
-        return TopicThere(ours.topic, ours.sort, comes, wrong, not others, names, vital, unsure)
+        return DiscoveredTopic(ours.topic, ours.sort, comes, wrong, not others, names, vital, unsure)
 
 
 def _listed(names: tuple[str, ...]) -> str:

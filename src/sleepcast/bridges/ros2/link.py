@@ -26,7 +26,7 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from sleepcast.bridges.body import OutOfReachError
-from sleepcast.bridges.ros2.mapping import CLOCK, Heard, RobotMapping, Sink, Source
+from sleepcast.bridges.ros2.mapping import CLOCK, CommandTopic, RobotMapping, SensorTopic, TopicReading
 from sleepcast.bridges.ros2.messages import READ, SHORT, Clock, made, read, ros_type, seconds, stamp
 from sleepcast.core.clock import Clock as Time
 from sleepcast.core.clock import WallClock
@@ -97,7 +97,7 @@ End: TypeAlias = DataReader[Any] | DataWriter[Any]
 """One of our own."""
 
 
-class Endpoint(NamedTuple):
+class DiscoveredEndpoint(NamedTuple):
     """A topic of another program: its type, as DDS calls it, whether it publishes there or listens, and which of
     `GRADES` it gives or wants. layout: of its type, as that is told apart from others; b"" where it is not told, as in
     ROS 2. apart: why DDS does not join it with ours that has the same type and grade: "layout" or "conditions"; "" if
@@ -127,8 +127,8 @@ class Ros2Network:
             (False, BuiltinDataReader(self._participant, BuiltinTopicDcpsSubscription)),
         )
         self._lock, self._clock = Lock(), clock or WallClock()
-        self._known: dict[Any, Endpoint] = {}
-        self._there: dict[str, tuple[Endpoint, ...]] = {}
+        self._known: dict[Any, DiscoveredEndpoint] = {}
+        self._there: dict[str, tuple[DiscoveredEndpoint, ...]] = {}
         self._unjoined: dict[Any, float] = {}
         """Those that are joined with none of ours, as far as we know, and since when they are known."""
         self._check_at = -inf
@@ -152,7 +152,7 @@ class Ros2Network:
             there = [(made, each) for made, each in self._ours.get(topic, ()) if each() is not None]
             self._ours[topic] = [*there, (self._clock.now(), ref(end))]
 
-    def others(self) -> Mapping[str, tuple[Endpoint, ...]]:
+    def others(self) -> Mapping[str, tuple[DiscoveredEndpoint, ...]]:
         """The topics that other programs have now, each with theirs; another one after every change. Raises
         OutOfReachError."""
         with self._lock:
@@ -162,7 +162,7 @@ class Ros2Network:
             if self._clock.now() >= self._check_at:
                 changed |= self._check_joined(self._clock.now())
             if changed:
-                there: dict[str, list[Endpoint]] = {}
+                there: dict[str, list[DiscoveredEndpoint]] = {}
                 for endpoint in self._known.values():
                     there.setdefault(endpoint.topic, []).append(endpoint)
                 self._there = {topic: tuple(ends) for topic, ends in there.items()}
@@ -194,7 +194,7 @@ class Ros2Network:
             return False
         topic = printable(sample.topic_name.removeprefix(TOPICS))
         sort, grade, layout = printable(sample.type_name), _grade(sample.qos), _layout(sample.type_id)
-        self._known[sample.key] = Endpoint(topic, sort, publishes, grade, layout)
+        self._known[sample.key] = DiscoveredEndpoint(topic, sort, publishes, grade, layout)
         self._unjoined[sample.key] = self._clock.now()
         return True
 
@@ -230,7 +230,7 @@ def _deep(qos: str, depth: int) -> Qos:
     return Qos(history, Policy.DurabilityService(0, history, *[UNLIMITED] * 3), base=QOS[qos])
 
 
-def _is_other_end(ours: End, other: Endpoint) -> bool:
+def _is_other_end(ours: End, other: DiscoveredEndpoint) -> bool:
     """Whether ours is one that DDS might join with it."""
     return isinstance(ours, DataReader) is other.publishes and _dds_name(ours.topic.data_type) == other.sort
 
@@ -245,7 +245,7 @@ def _joined(ours: End) -> set[Any]:
 
 
 def layout_of(message: type[Any]) -> bytes:
-    """The layout of a class of messages, as an `Endpoint` has it."""
+    """The layout of a class of messages, as an `DiscoveredEndpoint` has it."""
     return _layout(message.__idl__.get_type_id())
 
 
@@ -268,10 +268,10 @@ class DdsLink:
         self._wanted: dict[tuple[str, bool], tuple[str, str]] = {}
         """For each topic, and whether others are to publish there: the type, as mappings call it, and what is wanted or
         given by us."""
-        self._sources: dict[str, tuple[Source, list[DataReader[Any]]]] = {}
+        self._sources: dict[str, tuple[SensorTopic, list[DataReader[Any]]]] = {}
         """Of each topic, a second reader where somebody publishes it who tells a layout that the first does not read;
         see `messages.SHORT`."""
-        self._writers: dict[str, tuple[Sink, DataWriter[Any]]] = {}
+        self._writers: dict[str, tuple[CommandTopic, DataWriter[Any]]] = {}
         for source in mapping.sources:
             self._wanted[source.topic, True] = source.sort, source.qos
             first = SHORT.get(source.sort, READ[source.sort][0])
@@ -280,14 +280,14 @@ class DdsLink:
             self._wanted[sink.topic, False] = sink.sort, sink.qos
             self._writers[sink.topic] = sink, network.writer(sink.topic, READ[sink.sort][0], sink.qos)
         self._clock = network.reader(CLOCK, Clock, "sensor") if clock else None
-        self._seen: Mapping[str, tuple[Endpoint, ...]] = {}
+        self._seen: Mapping[str, tuple[DiscoveredEndpoint, ...]] = {}
         self._misfits: set[str] = set()
         """What does not fit now, in sentences."""
         self._remarked: set[tuple[str, str]] = set()
         self._remarks: list[str] = []
 
-    def heard(self) -> dict[str, Heard]:
-        found: dict[str, Heard] = {}
+    def heard(self) -> dict[str, TopicReading]:
+        found: dict[str, TopicReading] = {}
         for topic, (source, readers) in self._sources.items():
             for message in (message for reader in readers for message in self._take(topic, reader)):
                 try:
@@ -295,10 +295,12 @@ class DdsLink:
                 except ValueError as error:
                     self._remark(topic, "", f"{topic} brings {error}")
                     continue
-                found[topic] = Heard(stamp(message), tuple(values[each.value] for each in source.fields), sectors)
+                found[topic] = TopicReading(
+                    stamp(message), tuple(values[each.value] for each in source.fields), sectors
+                )
         if self._clock is not None:
             for message in self._take(CLOCK, self._clock):
-                found[CLOCK] = Heard(seconds(message.clock), ())
+                found[CLOCK] = TopicReading(seconds(message.clock), ())
         return found
 
     def _take(self, topic: str, reader: DataReader[Any]) -> list[Any]:
@@ -327,7 +329,7 @@ class DdsLink:
         said, self._remarks = self._remarks, []
         return said
 
-    def _meet_layouts(self, others: Mapping[str, tuple[Endpoint, ...]]) -> None:
+    def _meet_layouts(self, others: Mapping[str, tuple[DiscoveredEndpoint, ...]]) -> None:
         """Listen also to those who tell that they have the layout of a newer release."""
         for topic, (source, readers) in self._sources.items():
             whole = READ[source.sort][0]
@@ -336,7 +338,7 @@ class DdsLink:
                 if any(each.publishes and each.layout == new for each in others.get(topic, ())):
                     readers.append(self._network.reader(topic, whole, source.qos))
 
-    def _all_misfits(self, others: Mapping[str, tuple[Endpoint, ...]]) -> Iterable[str]:
+    def _all_misfits(self, others: Mapping[str, tuple[DiscoveredEndpoint, ...]]) -> Iterable[str]:
         for (topic, published), (sort, qos) in self._wanted.items():
             ends = others.get(topic, ())
             is_heard = any(not each.publishes and not misfit(each, sort, qos) for each in ends)
@@ -375,7 +377,7 @@ def saying(topic: str) -> Iterator[None]:
         raise MisuseError(f"nothing is said at {topic}: {error}") from None
 
 
-def misfit(other: Endpoint, sort: str, qos: str) -> str:
+def misfit(other: DiscoveredEndpoint, sort: str, qos: str) -> str:
     """Why nothing passes between another program's topic and ours, in a sentence; "" if it does. sort: its type, as
     mappings call it. qos: which of `GRADES` we want, or give."""
     topic, there, wanted = other.topic, ros_type(other.sort), ros_type(dds_name(sort))
@@ -392,7 +394,7 @@ def misfit(other: Endpoint, sort: str, qos: str) -> str:
     return stays_apart(other)
 
 
-def doubt(other: Endpoint, sort: str) -> str:
+def doubt(other: DiscoveredEndpoint, sort: str) -> str:
     """That its layout is none of ours, in a sentence, of an end which DDS has not tried to join; "" otherwise. sort: of
     the topic, as mappings call it."""
     known = {layout_of(READ[sort][0]), *([layout_of(SHORT[sort])] if other.publishes and sort in SHORT else [])}
@@ -403,7 +405,7 @@ def doubt(other: Endpoint, sort: str) -> str:
     )
 
 
-def stays_apart(other: Endpoint) -> str:
+def stays_apart(other: DiscoveredEndpoint) -> str:
     """That DDS does not join another program's topic with ours although its type and grade fit, in a sentence; "" if
     it does."""
     what = "what it brings is not read" if other.publishes else "whoever listens there hears nothing of us"

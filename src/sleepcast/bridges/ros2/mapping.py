@@ -40,7 +40,7 @@ _TOPIC = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 _NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)*")
 
 
-class Heard(NamedTuple):
+class TopicReading(NamedTuple):
     """The values in a message of a topic, in the order of the mapping and in the topic's units. stamp: when it was
     made, by the clock of who made it, s; NaN if it does not say. sectors: of a scan, m; see `messages`."""
 
@@ -136,7 +136,7 @@ ANGLES = ("deg", "rad")
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class TopicField:
     """A value of a topic, and the name that it has in expressions. factor: what one of the topic's unit is in SI."""
 
     name: str
@@ -145,21 +145,21 @@ class Field:
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class SensorTopic:
     """A topic that a robot tells. topic: with its namespace. name: without it, as the file has it. turned: where the
     front of its scanner looks, rad."""
 
     topic: str
     name: str
     sort: str
-    fields: tuple[Field, ...]
+    fields: tuple[TopicField, ...]
     qos: str
     freshness: float
     turned: float
 
 
 @dataclass(frozen=True, slots=True)
-class Sink:
+class CommandTopic:
     """A topic that a robot is told. topic, name: as those of a source. function: that says something there, its name in
     expressions; the fields are its arguments. frame: of the messages. goal: whether a planner drives the robot there.
     """
@@ -167,7 +167,7 @@ class Sink:
     topic: str
     name: str
     sort: str
-    fields: tuple[Field, ...]
+    fields: tuple[TopicField, ...]
     function: str = ""
     frame: str = ""
     goal: bool = False
@@ -185,13 +185,13 @@ class RobotMapping:
     name: str
     limits: Limits
     radius: float
-    sources: tuple[Source, ...]
-    drive: Sink
-    stop: Sink | None
-    functions: tuple[Sink, ...]
+    sources: tuple[SensorTopic, ...]
+    drive: CommandTopic
+    stop: CommandTopic | None
+    functions: tuple[CommandTopic, ...]
 
     @property
-    def sinks(self) -> tuple[Sink, ...]:
+    def sinks(self) -> tuple[CommandTopic, ...]:
         """All that it is told."""
         return (self.drive, *self.functions, *((self.stop,) if self.stop else ()))
 
@@ -229,7 +229,7 @@ def read_mapping(path: Path, namespace: str, text: str | None = None) -> RobotMa
             root.number("acceleration", ACCELERATION, low=0.01, high=FASTEST),
         )
         name = checked_name(root, root.text("name", "robot"), "name")
-        reader = _Reader(namespace)
+        reader = _MappingReader(namespace)
         told = root.tables("in", most=MAX_TOPICS)
         sources = tuple(reader.source(topic, table) for topic, table in told.items())
         if not sources:
@@ -261,7 +261,7 @@ def read_mapping(path: Path, namespace: str, text: str | None = None) -> RobotMa
         )
 
 
-class _Reader:
+class _MappingReader:
     """Reads topics, and refuses what is there twice."""
 
     def __init__(self, namespace: str) -> None:
@@ -269,11 +269,11 @@ class _Reader:
         self._names: dict[str, str] = {}
         self._topics: set[str] = set()
 
-    def source(self, topic: str, table: Table) -> Source:
+    def source(self, topic: str, table: Table) -> SensorTopic:
         with table:
             sort = table.text("type", choices=tuple(TYPES))
             turned = table.number("turned", NONE, 0.0, low=-pi, high=pi) if sort == "LaserScan" else 0.0
-            return Source(
+            return SensorTopic(
                 self._topic(table, topic, "in"),
                 topic,
                 sort,
@@ -283,7 +283,7 @@ class _Reader:
                 turned,
             )
 
-    def sink(self, topic: str, table: Table) -> Sink:
+    def sink(self, topic: str, table: Table) -> CommandTopic:
         with table:
             sort = table.text("type", choices=tuple(TYPES))
             found = self._topic(table, topic, "out")
@@ -294,17 +294,17 @@ class _Reader:
                 if fields[0].name.casefold() != STOPPED:
                     wanted = f'wanted {STOPPED} = "data", or a function'
                     raise table.error("values", wanted)
-                return Sink(found, topic, sort, fields)
+                return CommandTopic(found, topic, sort, fields)
             by_value = {field.value: field for field in fields}
             if by_value.keys() != {"speed", "turn_rate"} or len(fields) != 2:
                 raise table.error("values", "wanted two names, one for speed and one for turn_rate")
-            return Sink(found, topic, sort, (by_value["speed"], by_value["turn_rate"]), frame=BASE)
+            return CommandTopic(found, topic, sort, (by_value["speed"], by_value["turn_rate"]), frame=BASE)
 
-    def _function(self, table: Table, topic: str, name: str, sort: str) -> Sink:
+    def _function(self, table: Table, topic: str, name: str, sort: str) -> CommandTopic:
         function = checked_name(table, table.text("function"), "function")
         self._take(table, "function", function)
         if sort == "Bool" and not table.has("values"):
-            return Sink(topic, name, sort, (Field("on", "data", 1.0),), function)
+            return CommandTopic(topic, name, sort, (TopicField("on", "data", 1.0),), function)
         fields = self._fields(table, sort, arguments=True)
         values = [field.value for field in fields]
         if len(set(values)) < len(values):
@@ -315,7 +315,7 @@ class _Reader:
         if not frame.isprintable():
             raise table.error("frame", f"{frame!r:.60} is no name of a frame: wanted one such as {BASE}")
         goal = sort == "PoseStamped" and table.flag("goal", True)
-        return Sink(topic, name, sort, fields, function, frame, goal)
+        return CommandTopic(topic, name, sort, fields, function, frame, goal)
 
     def _topic(self, table: Table, topic: str, direction: str) -> str:
         found = topic if topic.startswith("/") else f"{self._namespace}/{topic}"
@@ -327,7 +327,7 @@ class _Reader:
         self._topics.add(direction + found)
         return found
 
-    def _fields(self, table: Table, sort: str, *, arguments: bool = False) -> tuple[Field, ...]:
+    def _fields(self, table: Table, sort: str, *, arguments: bool = False) -> tuple[TopicField, ...]:
         """arguments: whether the names are those of a function's arguments, which others may have, too."""
         values = table.table("values")
         if not values.names():
@@ -343,7 +343,7 @@ class _Reader:
             if not arguments:
                 self._take(values, name, name)
             with values.answering(name):
-                fields.append(Field(name, value, _factor(sort, value, known, unit.strip())))
+                fields.append(TopicField(name, value, _factor(sort, value, known, unit.strip())))
         return tuple(fields)
 
     def _take(self, table: Table, key: str, name: str) -> None:

@@ -33,11 +33,11 @@ from sleepcast.bridges.ros2.mapping import (
     CLOCK,
     TURTLEBOT,
     TYPES,
-    Field,
-    Heard,
+    CommandTopic,
     RobotMapping,
-    Sink,
-    Source,
+    SensorTopic,
+    TopicField,
+    TopicReading,
     Value,
     is_namespace,
     read_mapping,
@@ -73,17 +73,17 @@ LAST_WORDS = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Goal(Motion):
+class PlannerGoal(Motion):
     """A pose for a planner that listens at a topic. values: as its function got them."""
 
     _: KW_ONLY
-    sink: Sink
+    sink: CommandTopic
 
 
-class Link(Protocol):
+class RobotLink(Protocol):
     """The way to a robot. Each may raise OutOfReachError."""
 
-    def heard(self) -> Mapping[str, Heard]:
+    def heard(self) -> Mapping[str, TopicReading]:
         """The last message of each topic at which something came since the last call."""
 
     def say(self, topic: str, values: Mapping[str, float], now: float) -> None:
@@ -102,7 +102,7 @@ class Ros2Body(BridgedBody):
 
     def __init__(
         self,
-        link: Link,
+        link: RobotLink,
         mapping: RobotMapping,
         *,
         sim_time: bool = False,
@@ -115,7 +115,7 @@ class Ros2Body(BridgedBody):
         lively = {topic for topic, source in self._sources.items() if source.freshness <= FRESH}
         self._lively = lively or set(self._sources)
         """Topics at which something comes all the time."""
-        self._arrived: dict[str, tuple[float, Heard]] = {}
+        self._arrived: dict[str, tuple[float, TopicReading]] = {}
         self._quantities = {sensor.name: sensor for sensor in self.model.sensors}
         self._wrong: set[str] = set()
         """What is wrong and has been said, until it is right."""
@@ -134,7 +134,7 @@ class Ros2Body(BridgedBody):
     # ---- what a bridge says
 
     def carry_out(self, motion: Motion) -> None:
-        if isinstance(motion, Goal):
+        if isinstance(motion, PlannerGoal):
             if motion is not self._goal:
                 self._say(motion.sink, motion.values)
                 self._goal = motion
@@ -144,7 +144,7 @@ class Ros2Body(BridgedBody):
 
     def course(self, motion: Motion) -> tuple[float, float] | None:
         """Of a goal: what its planner has it do now."""
-        if not isinstance(motion, Goal):
+        if not isinstance(motion, PlannerGoal):
             return super().course(motion)
         most = self.model.limits
         known = {} if self.stale else dict(zip(self._quantities, self.reading().values, strict=True))
@@ -217,7 +217,7 @@ class Ros2Body(BridgedBody):
 
     # ---- what expressions may ask
 
-    def tell(self, *values: float, sink: Sink) -> None:
+    def tell(self, *values: float, sink: CommandTopic) -> None:
         """Publish these values at a topic, or have a planner drive there. Raises MisuseError, OutOfReachError."""
         for field, value in zip(sink.fields, values, strict=True):
             if wrong := TYPES[sink.sort][field.value].wrong(value, field.factor):
@@ -226,12 +226,12 @@ class Ros2Body(BridgedBody):
             self.send(lambda: self._say(sink, values))
             return
         before = self._motion
-        again = isinstance(before, Goal) and (before.sink, before.values) == (sink, values)
-        self.move(before if again else Goal("goal", values, sink=sink))  # a rule says it in every tick
+        again = isinstance(before, PlannerGoal) and (before.sink, before.values) == (sink, values)
+        self.move(before if again else PlannerGoal("goal", values, sink=sink))  # a rule says it in every tick
 
     # ---- the robot
 
-    def _say(self, sink: Sink, values: tuple[float, ...]) -> None:
+    def _say(self, sink: CommandTopic, values: tuple[float, ...]) -> None:
         told = {field.value: value / field.factor for field, value in zip(sink.fields, values, strict=True)}
         now = self._simulated if self._sim_time else self._epoch()
         self._link.say(sink.topic, told, 0.0 if isnan(now) else now)
@@ -295,13 +295,13 @@ class Ros2Body(BridgedBody):
             "what it brings counts from when it comes"
         )
 
-    def _known(self, source: Source, field: Field, told: float) -> float:
+    def _known(self, source: SensorTopic, field: TopicField, told: float) -> float:
         """What a message says of a sensor, in SI; NaN for what it cannot be."""
         quantity, found = self._quantities[field.name], told * field.factor
         endless = TYPES[source.sort][field.value].endless
         return found if quantity.low <= found <= quantity.high and (endless or isfinite(found)) else nan
 
-    def _check_values(self, topic: str, heard: Heard) -> None:
+    def _check_values(self, topic: str, heard: TopicReading) -> None:
         """Values beyond what they can be: mostly, of another unit than the mapping says."""
         source = self._sources[topic]
         for field, told in zip(source.fields, heard.values, strict=True):

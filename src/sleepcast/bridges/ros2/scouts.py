@@ -28,10 +28,10 @@ from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 
 from sleepcast.bridges.body import OutOfReachError
-from sleepcast.bridges.ros2.link import GRADES, Endpoint, Ros2Network, saying, stays_apart
+from sleepcast.bridges.ros2.link import GRADES, DiscoveredEndpoint, Ros2Network, saying, stays_apart
 from sleepcast.bridges.ros2.mapping import CLOCK, FASTEST, is_namespace
 from sleepcast.bridges.ros2.messages import Bool, Clock, TFMessage, Twist, TwistStamped, ros_type, seconds, time_of
-from sleepcast.bridges.ros2.sensors import TOLD, RobotSensors, Told
+from sleepcast.bridges.ros2.sensors import TOLD, PublishedTopic, RobotSensors
 from sleepcast.core.errors import MisuseError
 from sleepcast.nomad import Nserver, SimulatedRobot
 
@@ -84,7 +84,7 @@ class Ros2Scouts:
             for simulated_robot, name in zip(nserver.service.simulated_robots, names, strict=True)
         ]
         self._ends = {CLOCK: End((Clock,)), **{topic: end for robot in self._robots for topic, end in robot.ends()}}
-        self._others: Mapping[str, Sequence[Endpoint]] = {}
+        self._others: Mapping[str, Sequence[DiscoveredEndpoint]] = {}
         self._misfits: set[str] = set()
         """What does not fit now, in sentences."""
         self._failures: set[str] = set()
@@ -156,7 +156,7 @@ class Ros2Scouts:
         with saying(CLOCK):
             self._clock.write(Clock(time_of(self._told)))
 
-    def _all_misfits(self, others: Mapping[str, Sequence[Endpoint]]) -> Iterator[str]:
+    def _all_misfits(self, others: Mapping[str, Sequence[DiscoveredEndpoint]]) -> Iterator[str]:
         for topic, end in self._ends.items():
             for other in others.get(topic, ()):
                 yield from end.misfit(other)
@@ -188,7 +188,7 @@ class End(NamedTuple):
     listens: bool = False
     grade: str = "reliable"
 
-    def misfit(self, other: Endpoint) -> Iterator[str]:
+    def misfit(self, other: DiscoveredEndpoint) -> Iterator[str]:
         """Why nothing passes between another program and us, or what else is wrong, in a sentence."""
         topic, there = other.topic, ros_type(other.sort)
         sorts = [ros_type(each.__idl_typename__.replace(".", "::")) for each in self.messages]
@@ -234,7 +234,7 @@ class Ros2Robot:
         self._stoppers: set[int] = set()
         """The publications that last said that it must stand."""
 
-    def _writer(self, network: Ros2Network, told: Told) -> DataWriter[Any]:
+    def _writer(self, network: Ros2Network, told: PublishedTopic) -> DataWriter[Any]:
         return network.writer(f"{self._name}/{told.topic}", told.message, "reliable", told.depth)
 
     def ends(self) -> Iterator[tuple[str, End]]:
@@ -252,7 +252,7 @@ class Ros2Robot:
             if ticks % every == 0 and writer.get_matched_subscriptions():
                 self._publish(told, writer)
 
-    def _publish(self, told: Told, writer: DataWriter[Any]) -> None:
+    def _publish(self, told: PublishedTopic, writer: DataWriter[Any]) -> None:
         topic = f"{self._name}/{told.topic}"
         try:
             with saying(topic):

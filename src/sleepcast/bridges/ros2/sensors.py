@@ -41,7 +41,7 @@ UNSEEN = 2.0 * OFTEN
 """Simulated seconds after which the inertial unit begins anew: nobody has listened meanwhile."""
 
 
-class Told(NamedTuple):
+class PublishedTopic(NamedTuple):
     """A topic that a robot tells. message: the class of its messages. every: simulated s between two. depth: how many
     are kept for who listens. make: those that are due now, at a simulated time, s."""
 
@@ -155,13 +155,13 @@ def _transform(header: Header, child: str, x: float, y: float, heading: float) -
 
 
 TOLD = (
-    Told("odom", Odometry, OFTEN, 10, RobotSensors.odometry),
-    Told("tf", TFMessage, OFTEN, 10, RobotSensors.transforms),
-    Told("pose", PoseStamped, OFTEN, 10, RobotSensors.pose),
-    Told("imu", Imu, OFTEN, 10, RobotSensors.inertia),
-    Told("bumper", Bool, OFTEN, 10, RobotSensors.bumper),
-    Told("scan", LaserScan, SELDOM, 5, RobotSensors.scan),
-    Told("sonar", Range, SELDOM, 32, RobotSensors.sonars),
-    Told("battery_state", BatteryState, RARELY, 5, RobotSensors.battery),
+    PublishedTopic("odom", Odometry, OFTEN, 10, RobotSensors.odometry),
+    PublishedTopic("tf", TFMessage, OFTEN, 10, RobotSensors.transforms),
+    PublishedTopic("pose", PoseStamped, OFTEN, 10, RobotSensors.pose),
+    PublishedTopic("imu", Imu, OFTEN, 10, RobotSensors.inertia),
+    PublishedTopic("bumper", Bool, OFTEN, 10, RobotSensors.bumper),
+    PublishedTopic("scan", LaserScan, SELDOM, 5, RobotSensors.scan),
+    PublishedTopic("sonar", Range, SELDOM, 32, RobotSensors.sonars),
+    PublishedTopic("battery_state", BatteryState, RARELY, 5, RobotSensors.battery),
 )
 """What every robot tells, within its namespace."""

@@ -60,7 +60,7 @@ class ForecastText:
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class PendingText:
     """A text that is to be sent. count: how many robots are meant, once its sender has typed that; may: how many may
     obey, where that has to be typed first. confirmed: whether it was entered twice, since the first time it was
     doubted."""

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from sleepcast.cli.prompt import WordCompleter, usage_of
 from sleepcast.cli.tui.commands import QUESTIONS
 from sleepcast.cli.tui.panes import span
-from sleepcast.cli.tui.session import Session
+from sleepcast.cli.tui.session import TuiSession
 from sleepcast.language.symbols import Group
 from sleepcast.language.vocabulary import Variable
 from sleepcast.station.remote import RemoteMinds
@@ -16,7 +16,7 @@ from sleepcast.station.remote import RemoteMinds
 class SessionNames(WordCompleter):
     """Completes names that the fleet knows now, each with what it is worth, and what the desk can be asked."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: TuiSession) -> None:
         self._session = session
 
     def names(self, before: str, word: str) -> Iterable[str]:

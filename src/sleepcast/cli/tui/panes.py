@@ -26,7 +26,7 @@ from sleepcast.station.sent import Command
 
 if TYPE_CHECKING:
     from sleepcast.cli.tui.commands import Spot
-    from sleepcast.cli.tui.session import Session
+    from sleepcast.cli.tui.session import TuiSession
     from sleepcast.station.remote import RemoteMind
 
 Line = list[tuple[str, str]]
@@ -42,7 +42,7 @@ OUTCOMES = "-MNFUH"
 """A robot's answer, by its code in a column of outcomes."""
 
 
-def title(session: Session, width: int, channel: str) -> Line:
+def title(session: TuiSession, width: int, channel: str) -> Line:
     """Who is at the desk, on which channel, and the time."""
     now = time.strftime("%H:%M:%S", time.localtime(session.station.now))
     delivery = session.station.session.delivery
@@ -50,7 +50,7 @@ def title(session: Session, width: int, channel: str) -> Line:
     return [("class:title", _filled(left, width - len(now) - 2) + f" {now} ")]
 
 
-def safety(session: Session, width: int) -> Line:
+def safety(session: TuiSession, width: int) -> Line:
     """Whether STOP holds, and who is stopped; always in the same place."""
     latch, minds = session.latch, session.telemetry.minds
     stopped = sum(mind.stopped for mind in minds.values())
@@ -68,7 +68,7 @@ def safety(session: Session, width: int) -> Line:
     return [("class:warned", _filled(f" RELEASE {when}: released {found.n_matched}, {_silence(found)}", width))]
 
 
-def _of_all(session: Session) -> str:
+def _of_all(session: TuiSession) -> str:
     """The robots that are counted."""
     size = session.station.fleet_size
     return of_robots(max(size, len(session.station.roster)), size > 0)
@@ -83,7 +83,7 @@ def _silence(found: Account) -> str:
 # ---- robots
 
 
-def robots(session: Session, width: int, height: int, first: int) -> list[Line]:
+def robots(session: TuiSession, width: int, height: int, first: int) -> list[Line]:
     """The robots from the place `first` on, a line each: state, name, answer to the last command, age, groups."""
     roster, shared = session.station.roster, session.station.shared_names
     names = session.listed(roster)[first : first + height]
@@ -112,7 +112,7 @@ def _state(mind: RemoteMind) -> str:
     return ("S" if rest is None or rest.at_rest else "s") if mind.stopped else "o"
 
 
-def robots_title(session: Session) -> str:
+def robots_title(session: TuiSession) -> str:
     """How many there are, and in which state."""
     roster, minds = session.station.roster, session.telemetry.minds
     stopped = sum(mind.stopped for mind in minds.values())
@@ -127,7 +127,7 @@ def robots_title(session: Session) -> str:
     return f"Robots {len(roster)}{unheard}: S {stopped}, L {lost}{', by age' if session.by_age else ''}{shown}"
 
 
-def _lost_after(session: Session) -> float:
+def _lost_after(session: TuiSession) -> float:
     """Seconds after which a robot that was not heard counts as lost."""
     return max(LOST, 2.5 * session.period) if session.look_every else LOST
 
@@ -143,7 +143,7 @@ def _outcome(command: Command | None, silent: NDArray[np.bool_] | None, name: st
     return "-" if place < len(silent) and silent[place] else " "
 
 
-def _value(session: Session, robot: str, name: str) -> str:
+def _value(session: TuiSession, robot: str, name: str) -> str:
     mind, binding = session.mind(robot), session.telemetry.minds.vocabulary.bindings.get(name.casefold())
     if mind is None or not isinstance(binding, Variable):
         return "?"
@@ -161,7 +161,7 @@ def _age(seconds: float) -> str:
 # ---- commands
 
 
-def commands(session: Session, width: int, height: int) -> list[Line]:
+def commands(session: TuiSession, width: int, height: int) -> list[Line]:
     """What was sent, the latest first, with its outcome."""
     found: list[Line] = []
     for command in reversed(session.station.commands()):
@@ -171,7 +171,7 @@ def commands(session: Session, width: int, height: int) -> list[Line]:
     return found[:height] or _plain("no command sent yet: type an expression below; F1 for help", width)
 
 
-def _command(session: Session, command: Command, width: int) -> Iterator[Line]:
+def _command(session: TuiSession, command: Command, width: int) -> Iterator[Line]:
     when = time.strftime("%H:%M:%S", time.localtime(command.message.issued))
     kind = "" if command.kind is Kind.COMMAND else f"{command.kind.name} "
     standing = "standing " if command.message.standing else ""
@@ -197,7 +197,7 @@ def _became(command: Command, found: Account) -> str:
     return f"released {found.n_matched}, {_silence(found)}"
 
 
-def _stopped(session: Session, found: Account, most: int) -> str:
+def _stopped(session: TuiSession, found: Account, most: int) -> str:
     """How many have accepted a STOP, who of them is not at rest, at most so many by name, and who is silent."""
     rest = found.rest.sentence(session.station.vocabulary, most) if found.rest and found.n_matched else ""
     return f"stopped {found.n_matched}, {_silence(found)}{rest and f'; {rest}'}"
@@ -206,7 +206,7 @@ def _stopped(session: Session, found: Account, most: int) -> str:
 # ---- reports
 
 
-def reports(session: Session, width: int, height: int) -> list[Line]:
+def reports(session: TuiSession, width: int, height: int) -> list[Line]:
     """Reports of robots and messages of other operators, the latest last."""
     said_by = [
         (report.heard, f"{report.robot}: {answer_text(report.body)}")
@@ -226,7 +226,7 @@ def reports(session: Session, width: int, height: int) -> list[Line]:
 # ---- below the prompt
 
 
-def hint(session: Session, text: str, width: int, height: int, indent: int) -> list[Line]:
+def hint(session: TuiSession, text: str, width: int, height: int, indent: int) -> list[Line]:
     """The forecast of the text that is being typed, or the latest sentence. indent: columns before the text in the
     line above."""
     if session.said:
@@ -260,12 +260,12 @@ def _carets(spot: Spot, width: int, indent: int) -> list[Line]:
     return above + [[(style, each)] for each in lines]
 
 
-def trouble(session: Session, width: int) -> Line:
+def trouble(session: TuiSession, width: int) -> Line:
     """What is wrong with the journal."""
     return [("class:wrong", _filled(f" JOURNAL: {session.station.trouble}", width))]
 
 
-def notice(session: Session, width: int) -> Line:
+def notice(session: TuiSession, width: int) -> Line:
     """The most important notice: wrong clocks, forgeries, keys that are not trusted."""
     notices = session.station.notices()
     return [("class:warned", _filled(f" {printable(notices[0])}" if notices else "", width))]

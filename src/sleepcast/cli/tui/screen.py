@@ -1,4 +1,4 @@
-"""The terminal desk's screen: panes, prompt and keys round a `Session`, and the loop that keeps it alive.
+"""The terminal desk's screen: panes, prompt and keys round a `TuiSession`, and the loop that keeps it alive.
 
     title       who is at the desk, on which channel
     safety      whether STOP holds, always in the second line
@@ -48,7 +48,7 @@ from sleepcast.cli.streams import still_open
 from sleepcast.cli.tui import panes as panes
 from sleepcast.cli.tui.commands import CommandType
 from sleepcast.cli.tui.completion import SessionNames
-from sleepcast.cli.tui.session import Session
+from sleepcast.cli.tui.session import TuiSession
 
 if TYPE_CHECKING:
     from sleepcast.cli.tui.panes import Line
@@ -98,7 +98,7 @@ class Pane(UIControl):
 class Screen:
     """See the module. channel: its address, to be shown."""
 
-    def __init__(self, session: Session, channel: str) -> None:
+    def __init__(self, session: TuiSession, channel: str) -> None:
         self.session, self._channel = session, channel
         self._scrolled = 0
         self._prompt = Buffer(

@@ -23,7 +23,7 @@ from sleepcast.cli.tui.commands import (
     Addressee,
     CommandType,
     ForecastText,
-    Request,
+    PendingText,
     Spot,
     marked_finding,
 )
@@ -58,7 +58,7 @@ MOST_NAMES = 6
 """Variables that the list of robots shows besides the rest."""
 
 
-class Session:
+class TuiSession:
     """See the module. look_every: seconds between two looks, 0 for none but those that are asked for.
 
     said: the latest sentence for the person; wrong: whether it reports an error. page: a text that is
@@ -73,14 +73,14 @@ class Session:
         self.page: list[str] = []
         self.shown: list[str] = []
         self.by_age = False
-        self.pending: Request | None = None
+        self.pending: PendingText | None = None
         self.staging: StagedCommand | None = None
         self.leaving = False
         self._own: list[Addressee] = []
         self._listed: list[str] = []
         station.holding = True  # somebody sits here: robots that are driven go on
         self._asked_why: tuple[Command, str] | None = None
-        self._doubted: tuple[Request, float] | None = None
+        self._doubted: tuple[PendingText, float] | None = None
         """What waits to be entered once more, and when it was entered last."""
         self._pressed: tuple[str, float] = ("", -inf)
         self._foreseen: tuple[tuple[str, Addressee, CommandType, int] | None, ForecastText] = (None, ForecastText())
@@ -229,7 +229,7 @@ class Session:
         text, pending = text.strip(), self.pending
         self.said, self.pending = "", None
         doubted, self._doubted = self._doubted, None
-        request = Request(text, self.sort, self.to)
+        request = PendingText(text, self.sort, self.to)
         try:
             if pending is not None:
                 if text == str(pending.may):
@@ -253,7 +253,7 @@ class Session:
             return pending is not None
         return True
 
-    def _send(self, request: Request) -> None:
+    def _send(self, request: PendingText) -> None:
         to = request.to
         if self.staging is not None:
             raise MisuseError("a command is still sent in stages: wait until that is over, or stop the robots")

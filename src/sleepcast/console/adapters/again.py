@@ -16,7 +16,7 @@ from time import perf_counter, thread_time
 import msgspec
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.message_batch import Answers, MessageBatch
+from sleepcast.channel.message_batch import AnswerColumns, MessageBatch
 from sleepcast.console import incoming, outgoing
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
@@ -27,7 +27,7 @@ from sleepcast.console.explanation import show_why
 from sleepcast.console.kept import Diary
 from sleepcast.console.marks import clock_time
 from sleepcast.console.past import Sampled
-from sleepcast.console.rerunner import Found, Moment, Question, RerunError, digest
+from sleepcast.console.rerunner import Found, Question, RerunError, RunMoment, digest
 from sleepcast.console.series import plain, sample_of
 from sleepcast.console.swarm_dialogue import SwarmDialogue
 from sleepcast.core.errors import SleepcastError
@@ -51,7 +51,7 @@ UNEXPLAINED = {
 }
 
 
-class GivenUpError(SleepcastError):
+class ReplayAbandonedError(SleepcastError):
     """Nobody waits for the answer any more, or it takes too long."""
 
 
@@ -66,7 +66,7 @@ class _Again:
     """A swarm that is run again. began: the tick in which it did. differs: the first tick in which it was not as it
     was seen."""
 
-    def __init__(self, moment: Moment, swarm: Swarm, groups: tuple[str, ...]) -> None:
+    def __init__(self, moment: RunMoment, swarm: Swarm, groups: tuple[str, ...]) -> None:
         self.run, self.began = moment.run, moment.base
         self.differs: int | None = None
         self.swarm = swarm
@@ -82,7 +82,7 @@ class _Again:
         self.backend = Backend(self.view, station, driver, clock)
         self.dialogue = SwarmDialogue(self.backend)
 
-    def step(self, moment: Moment) -> None:
+    def step(self, moment: RunMoment) -> None:
         """One tick, which must lead where it led."""
         self.rerun.step()
         wanted = moment.checks.get(self.rerun.tick)
@@ -102,7 +102,7 @@ class Past:
         """What is found at the moment of a question."""
         try:
             return self._answer(question)
-        except GivenUpError:
+        except ReplayAbandonedError:
             return Found(ended=True)
         except SleepcastError as error:
             return Found(error=str(error))
@@ -147,7 +147,7 @@ class Past:
         self._run(again, moment, question.patience, lambda: again.rerun.tick >= moment.tick)
         return again
 
-    def _near(self, name: str, moment: Moment, groups: tuple[str, ...] = (), *, since: bool = False) -> _Again:
+    def _near(self, name: str, moment: RunMoment, groups: tuple[str, ...] = (), *, since: bool = False) -> _Again:
         """A swarm from which the moment is near. since: it must have seen all that came after the moment's state."""
         again = self._swarms.get(name)
         if (
@@ -162,8 +162,8 @@ class Past:
         again = self._swarms[name] = _Again(moment, resume(moment.state), groups)
         return again
 
-    def _run(self, again: _Again, moment: Moment, patience: float, done: Callable[[], bool]) -> None:
-        """Run on until it is done. Raises GivenUpError."""
+    def _run(self, again: _Again, moment: RunMoment, patience: float, done: Callable[[], bool]) -> None:
+        """Run on until it is done. Raises ReplayAbandonedError."""
         began = looked = perf_counter()
         while not done():
             again.step(moment)
@@ -171,7 +171,7 @@ class Past:
             if now - looked > LOOK:
                 looked = now
                 if self._given_up() or now - began > patience:
-                    raise GivenUpError("")
+                    raise ReplayAbandonedError("")
 
     # ---- what is asked
 
@@ -284,7 +284,7 @@ class _Answer:
 
     def said(self, batch: MessageBatch) -> None:
         """Robots say something."""
-        if isinstance(batch.words, Answers) and batch.words.command == self._command:
+        if isinstance(batch.words, AnswerColumns) and batch.words.command == self._command:
             self.heard = self.heard or self._robot in batch.robots
 
     def ticked(self) -> None:

@@ -17,10 +17,10 @@ from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.console.account_table import AccountTable, CommandRow
 from sleepcast.console.adapters.again import serve_past
 from sleepcast.console.adapters.swarm import SwarmAdapter
-from sleepcast.console.film import Marks, Timeline
+from sleepcast.console.film import RobotMarks, Timeline
 from sleepcast.console.kept import Budget, Diary
 from sleepcast.console.past import OtherFuture, Past
-from sleepcast.console.rerunner import Moment, RerunError, Rerunner
+from sleepcast.console.rerunner import RerunError, Rerunner, RunMoment
 from sleepcast.console.thinning import (
     BESIDE,
     cut,
@@ -33,7 +33,7 @@ from sleepcast.console.thinning import (
 )
 from sleepcast.core.clock import Clock
 from sleepcast.core.memory import shown_size
-from sleepcast.fleet.marks import Groups, flags_of
+from sleepcast.fleet.marks import GroupCodes, flags_of
 from sleepcast.loop import Swarm
 from sleepcast.loop.rerun import InputLog
 from sleepcast.loop.snapshots import SwarmCopy, copy_of
@@ -62,7 +62,7 @@ class LivePast(Past):
         self.inputs = self._log.inputs
         self._accounts = AccountTable(station, view)
         self._rows: dict[str, CommandRow] = {}
-        self._groups = Groups()
+        self._groups = GroupCodes()
         self._every = max(TICKS_PER_PICTURE, round(scenario.speed_up / PICTURES_PER_SECOND / scenario.tick))
         self._size = self._of_other = self._of_rows = 0
         """Bytes of pictures, of those that only the other future has, and of accounts."""
@@ -187,7 +187,7 @@ class LivePast(Past):
         film.poses.add(now, (self._view.tick, poses))
         self._size += BESIDE + len(poses)
         codes, flags = self._groups.look(minds), flags_of(minds, self._view.exhausted())
-        marks = Marks(codes, flags, tuple(self._groups.names), self._groups.second, self._view.colours())
+        marks = RobotMarks(codes, flags, tuple(self._groups.names), self._groups.second, self._view.colours())
         if film.marks.at(now) != marks:
             film.marks.add(now, marks)
             self._size += size_of_marks(marks)
@@ -235,7 +235,7 @@ class LivePast(Past):
 
     # ---- states
 
-    def moment(self, tick: int, since: int | None = None) -> Moment:
+    def moment(self, tick: int, since: int | None = None) -> RunMoment:
         """See `Past`."""
         if self.states.first is None and self._packer is not None:
             self._packer.join()  # the first state is on its way

@@ -14,7 +14,7 @@ from sleepcast.console.film import Timeline
 from sleepcast.console.kept import Budget
 from sleepcast.console.marks import clock_time
 from sleepcast.console.past import Past
-from sleepcast.console.rerunner import Moment, Question, RerunError, Rerunner
+from sleepcast.console.rerunner import Question, RerunError, Rerunner, RunMoment
 from sleepcast.core.version import VERSION
 from sleepcast.simulator.packing import pack
 from sleepcast.simulator.recording.recording import Recording
@@ -76,14 +76,14 @@ class RecordedPast(Past):
 
     async def _run_ahead(self) -> None:
         recording, last = self._recording, self.tick_of(self.ended)
-        nowhere = Moment(self.run, 0, recording.snapshot, 0, self.inputs)
+        nowhere = RunMoment(self.run, 0, recording.snapshot, 0, self.inputs)
         source = (pack(recording.scenario), recording.seed)
         begun = await self._rerunner.ask(Question("begin", nowhere, source=source))
         self.states.add(begun.tick, begun.state)
         self._reached = begun.tick
         while self._reached < last:
             base, state = self.states.before(last) or (begun.tick, begun.state)
-            moment = Moment(self.run, base, state, last, self.inputs.between(base, last), self._checks(base, last))
+            moment = RunMoment(self.run, base, state, last, self.inputs.between(base, last), self._checks(base, last))
             before, began = self._reached, perf_counter()
             found = await self._rerunner.ask(Question("advance", moment, patience=AT_ONCE))
             self._reached = found.tick

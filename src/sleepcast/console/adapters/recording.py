@@ -10,7 +10,7 @@ from sleepcast.console.adapters.bodies import kind_of
 from sleepcast.console.adapters.fields import still_picture
 from sleepcast.console.adapters.swarm import outlines, scene_of, there
 from sleepcast.console.failing import Failures, ShownFailing
-from sleepcast.console.film import Marks, Timeline, Track, values_of
+from sleepcast.console.film import RobotMarks, Timeline, Track, values_of
 from sleepcast.console.outgoing import ShownRule
 from sleepcast.fleet.failing import MOST_TOLD
 from sleepcast.loop import vocabulary_of
@@ -37,7 +37,7 @@ from sleepcast.simulator.recording.recorder import (
 )
 from sleepcast.simulator.recording.recording import (
     NoRecordingError,
-    RecordedMessage,
+    RecordedEntry,
     Recording,
     alive,
     decoded,
@@ -78,7 +78,7 @@ class TimelineBuilder:
                 self._rows[message.id] = CommandRow(*about, 0, 0, 0, self._count, 0, message.standing)
         self._waiting = list(self._rows.values())
 
-    def take(self, entry: RecordedMessage) -> None:
+    def take(self, entry: RecordedEntry) -> None:
         """Add what an entry says. Raises ValueError for what cannot be shown."""
         if entry.topic in (POINTS, SCENE, GROUPS):  # for other viewers; poses, marks and the scenario say the same
             return
@@ -93,7 +93,7 @@ class TimelineBuilder:
             for each in (marks.groups, marks.flags, marks.second or marks.groups, marks.colours or marks.groups):
                 if len(each) != self._count:
                     raise ValueError(f"marks of {len(each)} robots, wanted those of {self._count}")
-            film.marks.add(time, Marks(marks.groups, marks.flags, tuple(marks.names), marks.second, marks.colours))
+            film.marks.add(time, RobotMarks(marks.groups, marks.flags, tuple(marks.names), marks.second, marks.colours))
         elif entry.topic == READINGS:
             values_of(data)
             film.values.add(time, data)

@@ -27,7 +27,7 @@ END_OF_ORDER = 255
 """Ends a list of sensors."""
 
 
-class Field(msgspec.Struct, frozen=True):
+class OrderField(msgspec.Struct, frozen=True):
     """One number: its name, unit, bounds, and what it is unless somebody says otherwise (None: it must be said).
     steered: its name where a body steers its wheels together, "" for the same."""
 
@@ -51,8 +51,8 @@ class NomadOrder(msgspec.Struct, frozen=True):
 
     name: str
     about: str
-    fields: tuple[Field, ...] = ()
-    more: Field | None = None
+    fields: tuple[OrderField, ...] = ()
+    more: OrderField | None = None
     at_most: int = 0
     filled: int | None = None
     beside: int = 0
@@ -60,28 +60,28 @@ class NomadOrder(msgspec.Struct, frozen=True):
     shown: bool = False
 
 
-def _axes(unit: str, least: int, most: int, usual: int | None = None) -> tuple[Field, ...]:
+def _axes(unit: str, least: int, most: int, usual: int | None = None) -> tuple[OrderField, ...]:
     return (
-        Field("right", unit, least, most, usual, "way"),
-        Field("left", unit, least, most, usual, "steering"),
-        Field("third", unit, least, most, least if least > 0 else 0, "turret"),
+        OrderField("right", unit, least, most, usual, "way"),
+        OrderField("left", unit, least, most, usual, "steering"),
+        OrderField("third", unit, least, most, least if least > 0 else 0, "turret"),
     )
 
 
 _PLACE = (
-    Field("x", LENGTH),
-    Field("y", LENGTH),
-    Field("steering", ANGLE, -36_000, 36_000, 0),
-    Field("turret", ANGLE, -36_000, 36_000, 0),
+    OrderField("x", LENGTH),
+    OrderField("y", LENGTH),
+    OrderField("steering", ANGLE, -36_000, 36_000, 0),
+    OrderField("turret", ANGLE, -36_000, 36_000, 0),
 )
-_SENSOR = Field("sensor", "", -1, 255)
-_VERTEX = Field("x or y", LENGTH)
-_MODE = Field("colour", "", 1, 23, 1)
+_SENSOR = OrderField("sensor", "", -1, 255)
+_VERTEX = OrderField("x or y", LENGTH)
+_MODE = OrderField("colour", "", 1, 23, 1)
 
 
 def _of_polygon(name: str, about: str, beside: int) -> NomadOrder:
     """An order with a polygon; see `NomadOrder`."""
-    corners = Field("corners", "", 3, MOST_VERTICES)
+    corners = OrderField("corners", "", 3, MOST_VERTICES)
     return NomadOrder(name, about, (corners,), more=_VERTEX, at_most=beside + 2 * MOST_VERTICES, beside=beside)
 
 
@@ -97,10 +97,10 @@ ORDERS: dict[str, NomadOrder] = {
             "ws",
             "Wait until the axes marked 1 stand still, for so many seconds at most; 0: as long as it takes.",
             (
-                Field("right", "", 0, 1, 1, "way"),
-                Field("left", "", 0, 1, 1, "steering"),
-                Field("third", "", 0, 1, 0, "turret"),
-                Field("s", "s", 0, 255, 0),
+                OrderField("right", "", 0, 1, 1, "way"),
+                OrderField("left", "", 0, 1, 1, "steering"),
+                OrderField("third", "", 0, 1, 0, "turret"),
+                OrderField("s", "s", 0, 255, 0),
             ),
             shown=True,
         ),
@@ -113,14 +113,17 @@ ORDERS: dict[str, NomadOrder] = {
         NomadOrder(
             "conf_sn",
             "Fire the sonars in this order, pausing 4 ms times the rate between two; none for all off.",
-            (Field("rate", "4 ms", 0, 255, 1),),
+            (OrderField("rate", "4 ms", 0, 255, 1),),
             more=_SENSOR,
             at_most=1 + SONARS,
             filled=END_OF_ORDER,
             shown=True,
         ),
         NomadOrder(
-            "conf_tm", "Stop when no command came for so long; 0: never.", (Field("s", "s", 0, 255, 1),), shown=True
+            "conf_tm",
+            "Stop when no command came for so long; 0: never.",
+            (OrderField("s", "s", 0, 255, 1),),
+            shown=True,
         ),
         NomadOrder("tk", "Say something.", text=True, shown=True),
         NomadOrder(
@@ -130,29 +133,29 @@ ORDERS: dict[str, NomadOrder] = {
                 field
                 for axis, steered in (("right", "way"), ("left", "steering"), ("third", "turret"))
                 for field in (
-                    Field(f"{axis} mode", "", 0, 5, 0, f"{steered} mode"),
-                    Field(axis, "", -FAR, FAR, 0, steered),
+                    OrderField(f"{axis} mode", "", 0, 5, 0, f"{steered} mode"),
+                    OrderField(axis, "", -FAR, FAR, 0, steered),
                 )
             ),
         ),
         NomadOrder(
             "conf_ir",
             "Use these infrared sensors, averaging over so many readings.",
-            (Field("history", "", 0, 10, 0),),
+            (OrderField("history", "", 0, 10, 0),),
             more=_SENSOR,
             at_most=1 + SONARS,
             filled=END_OF_ORDER,
         ),
-        NomadOrder("conf_cp", "Compass: 0 off, 1 on, 2 calibrate.", (Field("mode", "", 0, 2, 1),)),
+        NomadOrder("conf_cp", "Compass: 0 off, 1 on, 2 calibrate.", (OrderField("mode", "", 0, 2, 1),)),
         NomadOrder(
             "conf_ls",
             "Laser: its mode and settings.",
-            tuple(Field(name, "", 0, 1023) for name in ("mode", "threshold", "width", "data", "processing")),
+            tuple(OrderField(name, "", 0, 1023) for name in ("mode", "threshold", "width", "data", "processing")),
         ),
         NomadOrder(
             "conf_sg",
             "Laser: what counts as a line.",
-            tuple(Field(name, "", 0, 1023) for name in ("threshold", "points", "gap")),
+            tuple(OrderField(name, "", 0, 1023) for name in ("threshold", "points", "gap")),
         ),
         _of_polygon("add_obstacle", "Put up a polygon: how many corners, then x y of each, counter-clockwise.", 1),
         _of_polygon("delete_obstacle", "Take the polygon with these corners away.", 1),
@@ -161,16 +164,18 @@ ORDERS: dict[str, NomadOrder] = {
         ),
         NomadOrder("new_world", "Take all obstacles away."),
         NomadOrder("draw_robot", "Draw a robot.", (*_PLACE, _MODE)),
-        NomadOrder("draw_line", "Draw a line.", (*(Field(name, LENGTH) for name in ("x1", "y1", "x2", "y2")), _MODE)),
+        NomadOrder(
+            "draw_line", "Draw a line.", (*(OrderField(name, LENGTH) for name in ("x1", "y1", "x2", "y2")), _MODE)
+        ),
         NomadOrder(
             "draw_arc",
             "Draw a piece of an ellipse; x y is the upper left corner of its box.",
             (
                 *_PLACE[:2],
-                Field("width", LENGTH, 0),
-                Field("height", LENGTH, 0),
-                Field("from", ANGLE, -36_000, 36_000, 0),
-                Field("to", ANGLE, -36_000, 36_000, 3600),
+                OrderField("width", LENGTH, 0),
+                OrderField("height", LENGTH, 0),
+                OrderField("from", ANGLE, -36_000, 36_000, 0),
+                OrderField("to", ANGLE, -36_000, 36_000, 3600),
                 _MODE,
             ),
         ),

@@ -64,7 +64,7 @@ Entry: TypeAlias = tuple[str, int | str]
 """One entry of the code's address table: a kind of column and which one of it, or `tick` or `time`."""
 
 
-class Sink(NamedTuple):
+class ResultColumns(NamedTuple):
     """Where the results of one program go. fresh: incremented where it matched. steps: None if they are not written."""
 
     value: Column
@@ -231,7 +231,7 @@ class Kernel:
         part: NDArray[np.uint8],
         where: range,
         when: tuple[float, float] | None,
-        sinks: Sequence[Sink],
+        sinks: Sequence[ResultColumns],
         pool: ThreadPool,
     ) -> bool:
         """Evaluate the programs on those of the robots `where` whose `part` is `THERE`.
@@ -258,7 +258,7 @@ class Kernel:
 
         return any(pool.share(work, borders(stop - start, pool.threads, grain=GRAIN)))
 
-    def _bind(self, state: FleetState, part: NDArray[np.uint8], sinks: Sequence[Sink]) -> bool:
+    def _bind(self, state: FleetState, part: NDArray[np.uint8], sinks: Sequence[ResultColumns]) -> bool:
         """Fill the address table with the current columns; False if a column has an unexpected type."""
         now: list[object] = [state.own(slot) for slot in self._slots]
         now += [state.assigned(slot) for slot in self._acted]
@@ -282,7 +282,7 @@ class Kernel:
 
 
 def _array(
-    state: FleetState, part: NDArray[np.uint8], sinks: Sequence[Sink], sort: str, what: int | str
+    state: FleetState, part: NDArray[np.uint8], sinks: Sequence[ResultColumns], sort: str, what: int | str
 ) -> NDArray[np.generic] | None:
     """A column of the table, None for a group without members."""
     if isinstance(what, str):

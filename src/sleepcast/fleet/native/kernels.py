@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from sleepcast.core.arrays import filled
 from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.evaluation import Evaluation
-from sleepcast.fleet.native.compiler import LANES, THERE, TROUBLED, Kernel, Sink, moment
+from sleepcast.fleet.native.compiler import LANES, THERE, TROUBLED, Kernel, ResultColumns, moment
 from sleepcast.fleet.native.symbols import Name, Size, meaning, name_of
 from sleepcast.fleet.state import Column, FleetState, Mind, Rows
 from sleepcast.language.parts import walk
@@ -46,7 +46,7 @@ class Leg(NamedTuple):
     kernel: Kernel | None
 
 
-class Plan:
+class SequencePlan:
     """How the rules of a sequence are evaluated at present. keys: of the rules; rounds: number of rounds that asked for
     it; steps: upper bound of the steps that the rules use in a tick."""
 
@@ -83,8 +83,8 @@ class Kernels:
 
     def __init__(self, hot: int = HOT, pool: ThreadPool | None = None) -> None:
         self._hot, self._pool = hot, pool or ThreadPool(THREADS)
-        self._plans: dict[tuple[tuple[str, ...], tuple[Rule, ...]], Plan] = {}
-        self._of_mind: WeakKeyDictionary[Mind, Plan] = WeakKeyDictionary()
+        self._plans: dict[tuple[tuple[str, ...], tuple[Rule, ...]], SequencePlan] = {}
+        self._of_mind: WeakKeyDictionary[Mind, SequencePlan] = WeakKeyDictionary()
         self._rules: dict[tuple[Rule, ...], Future[Kernel]] = {}
         self._texts: dict[Program, int | Future[Kernel] | None] = {}
         self._maker = ThreadPoolExecutor(1, "sleepcast-native")
@@ -93,14 +93,14 @@ class Kernels:
 
     # ---- rules
 
-    def plan(self, mind: Mind, state: FleetState) -> Plan | None:
+    def plan(self, mind: Mind, state: FleetState) -> SequencePlan | None:
         """How the rules of a mind are evaluated in the round that begins; None if they are all walked."""
         plan = self._of_mind.get(mind)
         if plan is None:
             rules = tuple((kept.program, frozenset(meaning([kept.program], mind).items())) for kept in mind.running)
             if len(self._plans) >= MAX_KERNELS:
                 self._plans.clear()
-            plan = self._plans.setdefault((mind.sequence, rules), Plan(mind.sequence, rules))
+            plan = self._plans.setdefault((mind.sequence, rules), SequencePlan(mind.sequence, rules))
             self._of_mind[mind] = plan
         plan.rounds += 1
         if plan.rounds == max(self._hot, 1):
@@ -111,7 +111,7 @@ class Kernels:
             plan.native = any(leg.kernel is not None for leg in plan.legs)
         return plan if plan.native else None
 
-    def _ask_for(self, plan: Plan, state: FleetState) -> None:
+    def _ask_for(self, plan: SequencePlan, state: FleetState) -> None:
         if len(self._rules) >= MAX_KERNELS:
             self._rules.clear()
         for piece in plan.pieces():
@@ -149,7 +149,7 @@ class Kernels:
         state: FleetState,
         rows: Rows,
         when: tuple[float, float] | None,
-        sinks: Sequence[Sink],
+        sinks: Sequence[ResultColumns],
     ) -> Rows:
         """Let native code evaluate its programs on these robots at a `moment`; returns those that have to be walked."""
         if len(self._part) != state.count:
@@ -177,7 +177,7 @@ class Kernels:
             return None
         state = memory.state
         values, matched = np.empty(state.count), memory.matched
-        sinks = [Sink(values, matched.view(np.uint8), None)]
+        sinks = [ResultColumns(values, matched.view(np.uint8), None)]
         left = self.evaluate(found.result(), state, rows, moment(state, rows), sinks)
         matched[left.index] = program.test is None
         return values[rows.index], left

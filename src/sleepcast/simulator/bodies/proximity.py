@@ -22,14 +22,14 @@ from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.motion.steps import SKIN, Settled
 from sleepcast.simulator.scenario.robot_settings import Ring, RobotSpec
 from sleepcast.simulator.simd.formulas import wrap
-from sleepcast.simulator.sonar.cones import Cones, Ranges, Seen, View
-from sleepcast.simulator.sonar.crosstalk import Crosstalk, Scene, add_crosstalk
+from sleepcast.simulator.sonar.cones import Cones, Ranges, Seen, VisibleScene
+from sleepcast.simulator.sonar.crosstalk import Crosstalk, RingPoses, add_crosstalk
 from sleepcast.simulator.sonar.firing import Firing, Tick, fire
 from sleepcast.simulator.sonar.noise import Noise, SonarReceiver
 from sleepcast.simulator.world.grid import (
+    CellLists,
     Floats,
     Grid,
-    Listed,
     Sorted,
     Whole,
     distance,
@@ -64,7 +64,7 @@ class Neighbours:
         self._images: Images | None = None
         self._points: Sorted | None = None
         self._lines: Floats | None = None
-        self._listed: dict[float, Listed] = {}
+        self._listed: dict[float, CellLists] = {}
         self._in_sight: dict[float, Seen] = {}
         self._version = -1
 
@@ -92,7 +92,7 @@ class Neighbours:
             self._lines = self._cells.solids(self.world.solids)
         return self._lines
 
-    def solids(self, reach: float) -> Listed:
+    def solids(self, reach: float) -> CellLists:
         """The world's solids that come within `reach` m of each cell."""
         self._keep_up()
         if reach not in self._listed:
@@ -394,13 +394,13 @@ class Sonars:
             **(self.crosstalk.columns() if self.crosstalk else {}),
         }
 
-    def _view(self, pose: tuple[Floats, Floats, Floats], alone: bool = False) -> View:
+    def _view(self, pose: tuple[Floats, Floats, Floats], alone: bool = False) -> VisibleScene:
         """The scene that cones are computed in: for whole rings, or for single sonars (`alone`)."""
         near, (x, y, heading), far = self._near, pose, self.cones.radius + self.cones.most
         points, listed = near.points(x, y), near.solids(far) if alone else near.in_sight(far)
         every_x, every_y, of = near.images(x, y)
         radii = None if self.radii is None else self.radii[of]
-        return View(
+        return VisibleScene(
             self.cones, near.grid, points, listed, near.lines, (every_x, every_y, self.turned(heading)[of]), radii
         )
 
@@ -427,7 +427,7 @@ def exchange_crosstalk(tick: int, pose: tuple[Floats, Floats, Floats], rings: Se
     for ring in rings:
         heading = ring.turned(heading)
         radii[:] = ring.cones.radius if ring.radii is None else ring.radii
-    add_crosstalk(tick, Scene(x, y, heading, radii), talks)
+    add_crosstalk(tick, RingPoses(x, y, heading, radii), talks)
 
 
 class SonarGroups:

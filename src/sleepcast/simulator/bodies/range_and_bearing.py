@@ -129,17 +129,17 @@ class Pairs:
         )
 
 
-class _Asked(NamedTuple):
+class _NeighbourQuery(NamedTuple):
     """Which neighbours were asked for. robots: indices; radius: m; colour: NaN for any; one for each robot."""
 
     robots: Whole
     radius: Floats
     colour: Floats
 
-    def part(self, some: slice) -> _Asked:
-        return _Asked(self.robots[some], self.radius[some], self.colour[some])
+    def part(self, some: slice) -> _NeighbourQuery:
+        return _NeighbourQuery(self.robots[some], self.radius[some], self.colour[some])
 
-    def same(self, other: _Asked) -> bool:
+    def same(self, other: _NeighbourQuery) -> bool:
         return all(np.array_equal(*each, equal_nan=True) for each in zip(self, other, strict=True))
 
 
@@ -156,7 +156,7 @@ class RangeAndBearing:
         self._reach = min(model.reach, bodies.scenario.width + bodies.scenario.height)
         self._sorted: dict[float, tuple[Grid, Sorted, Images]] = {}
         """All bodies in cells as large as the greatest radius asked for, by that radius."""
-        self._kept: list[tuple[_Asked, Pairs]] = []
+        self._kept: list[tuple[_NeighbourQuery, Pairs]] = []
         self._measured: tuple[Pairs, tuple[Floats, Floats]] | None = None
         """The cells that were measured last: rules ask for x and y of the same ones."""
         self.functions = (
@@ -196,7 +196,7 @@ class RangeAndBearing:
         """The result of `formula` for each of `robots`, from its neighbours within `radius` (m) and reach. colour: of
         the neighbours that count, one for each robot; none: all count."""
         radius = np.clip(radius, 0.0, self._reach)
-        asked = _Asked(robots, radius, colour[0] if colour else np.full(robots.size, np.nan))
+        asked = _NeighbourQuery(robots, radius, colour[0] if colour else np.full(robots.size, np.nan))
         found = [formula(self, each) for each in self._pairs(asked)]
         return np.concatenate(found) if len(found) != 1 else found[0]
 
@@ -232,7 +232,7 @@ class RangeAndBearing:
         sine, cosine = sine[robot], cosine[robot]
         return across * cosine - up * sine, across * sine + up * cosine
 
-    def _pairs(self, asked: _Asked) -> list[Pairs]:
+    def _pairs(self, asked: _NeighbourQuery) -> list[Pairs]:
         """The pairs of these robots and their neighbours, in one block or several ones that fit into memory."""
         for before, pairs_before in self._kept:
             if before.same(asked):
@@ -262,7 +262,7 @@ class RangeAndBearing:
             self._sorted[reach] = cells.grid, bodies.machine.sort(cells.grid, found.x, found.y), found
         return self._sorted[reach]
 
-    def _block(self, asked: _Asked, reach: float) -> Pairs:
+    def _block(self, asked: _NeighbourQuery, reach: float) -> Pairs:
         """The pairs of one block, after losses and with noise."""
         bodies, model = self._bodies, self._model
         place = np.empty(bodies.count, np.int64)

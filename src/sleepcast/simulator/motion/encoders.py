@@ -20,7 +20,7 @@ from sleepcast.simulator.simd.formulas import wrap
 from sleepcast.simulator.world.grid import Floats
 
 
-class Odometry(NamedTuple):
+class WheelOdometry(NamedTuple):
     """What bodies believe of their poses, m and rad, and how far each wheel turns in this tick, m. Shape (count,)."""
 
     x: Floats
@@ -30,13 +30,15 @@ class Odometry(NamedTuple):
     right: Floats
 
 
-def before_tick(bodies: BodyColumns, laws: Laws) -> Odometry:
+def before_tick(bodies: BodyColumns, laws: Laws) -> WheelOdometry:
     """The odometry of bodies of one type whose wheels have their speeds of this tick, before they move."""
     poses = (bodies.encoder_x.copy(), bodies.encoder_y.copy(), bodies.encoder_heading.copy())
-    return Odometry(*poses, bodies.left * laws.tick, bodies.right * laws.tick)
+    return WheelOdometry(*poses, bodies.left * laws.tick, bodies.right * laws.tick)
 
 
-def count(bodies: BodyColumns, laws: Laws, before: Odometry, free: Floats, uncounted: Floats, counts: float) -> None:
+def count(
+    bodies: BodyColumns, laws: Laws, before: WheelOdometry, free: Floats, uncounted: Floats, counts: float
+) -> None:
     """Let bodies of one type believe what their encoders have counted in this tick. free: the share of their way that
     they made; uncounted: what each wheel has turned since its last step, m, changed in place, shape (2, count); counts:
     steps in a metre."""

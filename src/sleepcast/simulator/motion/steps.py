@@ -36,7 +36,7 @@ from sleepcast.simulator.motion.driving import (
 )
 from sleepcast.simulator.simd.formulas import either, shortest, sine_cosine, wrap
 from sleepcast.simulator.sonar.noise import deviates
-from sleepcast.simulator.world.grid import Floats, Grid, Listed, Sorted, Whole, nearest_point, pairs, spread
+from sleepcast.simulator.world.grid import CellLists, Floats, Grid, Sorted, Whole, nearest_point, pairs, spread
 
 UNIT = 2.0**-53
 UNIT_SPREAD = np.sqrt(12.0)
@@ -71,7 +71,7 @@ class BodyColumns(NamedTuple):
     uses: Floats
 
 
-class Proposal(NamedTuple):
+class Displacement(NamedTuple):
     """The displacement of each body in this tick, if nothing is in its way: across and up, m, and turn, rad. Shape
     (count,)."""
 
@@ -79,9 +79,9 @@ class Proposal(NamedTuple):
     up: Floats
     turn: Floats
 
-    def of(self, which: slice) -> Proposal:
+    def of(self, which: slice) -> Displacement:
         """The proposals of some of the bodies."""
-        return Proposal(*(each[which] for each in self))
+        return Displacement(*(each[which] for each in self))
 
 
 class Draws(NamedTuple):
@@ -92,7 +92,7 @@ class Draws(NamedTuple):
     right: int
 
 
-def propose(bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Proposal) -> None:
+def propose(bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Displacement) -> None:
     """Change the speeds of the wheels, and propose the resulting displacement."""
     speed, turn = _wanted(bodies, laws, draws)
     moves = ~(bodies.held | _empty(bodies))
@@ -116,7 +116,7 @@ def propose(bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Proposal) -
     proposal.up[:] = bounded(bodies.y + proposal.up, laws.bottom, laws.top) - bodies.y
 
 
-def commit(bodies: BodyColumns, laws: Laws, proposal: Proposal, settled: Settled) -> None:
+def commit(bodies: BodyColumns, laws: Laws, proposal: Displacement, settled: Settled) -> None:
     """Move the bodies as far as they are free to, and let bumpers report what stopped them."""
     free = settled.free
     touched = np.flatnonzero(free < 1.0)
@@ -186,7 +186,7 @@ def _swing(bodies: BodyColumns, laws: Laws, swinging: Whole, speed: Floats, turn
     bodies.swing[swinging] = np.where(np.abs(rest) < 1e-9, 0.0, rest)
 
 
-def _roll(bodies: BodyColumns, laws: Laws, draws: Draws, speed: Floats, turn: Floats, proposal: Proposal) -> None:
+def _roll(bodies: BodyColumns, laws: Laws, draws: Draws, speed: Floats, turn: Floats, proposal: Displacement) -> None:
     """Steps of bodies on wheels; odometry is updated in `commit`."""
     bodies.left[:], bodies.right[:] = wheels_follow(laws, bodies.left, bodies.right, speed, turn)
     bodies.speed[:] = (bodies.left + bodies.right) / 2.0
@@ -200,7 +200,7 @@ def _roll(bodies: BodyColumns, laws: Laws, draws: Draws, speed: Floats, turn: Fl
     proposal.across[:], proposal.up[:], proposal.turn[:] = arc(laws, left, right, towards)
 
 
-def _glide(bodies: BodyColumns, laws: Laws, speed: Floats, turn: Floats, proposal: Proposal) -> None:
+def _glide(bodies: BodyColumns, laws: Laws, speed: Floats, turn: Floats, proposal: Displacement) -> None:
     """Steps of bodies without wheels, whose odometry is exact."""
     most = laws.acceleration * laws.tick
     bodies.speed[:] += bounded(bounded(speed, -laws.speed, laws.speed) - bodies.speed, -most, most)
@@ -231,7 +231,7 @@ class Settled(NamedTuple):
 def settle(
     grid: Grid,
     points: Sorted,
-    listed: Listed,
+    listed: CellLists,
     solids: Floats,
     radii: Floats,
     place: tuple[Floats, Floats],
@@ -265,7 +265,7 @@ def settle(
     _meet(settled, i, j, place, (left_x, left_y), (dx, dy), apart)
 
 
-def slide(proposal: Proposal, settled: Settled, which: Whole) -> tuple[Floats, Floats]:
+def slide(proposal: Displacement, settled: Settled, which: Whole) -> tuple[Floats, Floats]:
     """The ways, across and up, m, that the bodies `which`, once stopped, still want to go along what stopped them: the
     rest of their ways without the part towards it."""
     rest = 1.0 - settled.free[which]

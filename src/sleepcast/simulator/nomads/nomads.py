@@ -20,13 +20,13 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Axes, Condition, Contact, Corners, Pose, SonarKind
 from sleepcast.simulator.bodies.bodies import Bodies, Mode
 from sleepcast.simulator.bodies.proximity import Sonars, reach
-from sleepcast.simulator.nomads.obstacles import Obstacles
+from sleepcast.simulator.nomads.obstacles import PlacedObstacles
 from sleepcast.simulator.nomads.paths import discs, first_along, first_round, has_room
 from sleepcast.simulator.nomads.setups import Infrared, Setup
 from sleepcast.simulator.simd.formulas import wrap
 from sleepcast.simulator.simulation import Simulator
 from sleepcast.simulator.sonar import cones
-from sleepcast.simulator.sonar.cones import Cones, View
+from sleepcast.simulator.sonar.cones import Cones, VisibleScene
 from sleepcast.simulator.world import grid
 from sleepcast.simulator.world.grid import Floats, distance, nearest_point, pairs, spread
 from sleepcast.simulator.world.world import Point
@@ -53,7 +53,7 @@ class NomadWorld:
         assert sonars  # a setup has sonars
         self._sonars = sonars
         self._senses = NomadSenses(bodies, sonars, setup.infrared)
-        self._obstacles = Obstacles(simulator.world, origin, EDGE)
+        self._obstacles = PlacedObstacles(simulator.world, origin, EDGE)
         self._turns_turret = not isnan(setup.speeds.third)
         self._turret_speed = np.zeros(bodies.count)
         # Angles of the turrets from the headings, rad: the true ones, and those of their encoders.
@@ -529,13 +529,15 @@ class NomadSenses:
         lidar = Cones(rays, 0.0, most, np.pi / 2.0, 0.0, bodies.geometry.radius)
         pose = bodies.x, bodies.y, bodies.heading
         scene = near.points(bodies.x, bodies.y), near.solids(most), near.world.solids
-        seen = cones.ranges(View(lidar, near.grid, *scene, pose, bodies.radii), np.array([robot]))[0].astype(np.float64)
+        seen = cones.ranges(VisibleScene(lidar, near.grid, *scene, pose, bodies.radii), np.array([robot]))[0].astype(
+            np.float64
+        )
         return tuple(np.where(seen < np.float32(most), seen, np.inf).tolist())
 
     def _lonely(self, ring: Cones, pose: tuple[Floats, Floats, Floats]) -> Floats:
         near = self._bodies.near
         points, listed = grid.sort(near.grid, pose[0], pose[1]), near.solids(ring.radius + ring.most)
-        view = View(ring, near.grid, points, listed, near.world.solids, pose)
+        view = VisibleScene(ring, near.grid, points, listed, near.world.solids, pose)
         seen: Floats = cones.ranges(view, np.zeros(1, np.int64))[0].astype(np.float64)
         return seen
 
@@ -552,7 +554,9 @@ class NomadSenses:
             aim = bodies.heading if self._sonars.turret is None else bodies.heading + self._sonars.turret
             pose, near = (bodies.x, bodies.y, aim), bodies.near
             listed = near.in_sight(self._infrared.radius + self._infrared.most)
-            view = View(self._infrared, near.grid, near.points(bodies.x, bodies.y), listed, near.world.solids, pose)
+            view = VisibleScene(
+                self._infrared, near.grid, near.points(bodies.x, bodies.y), listed, near.world.solids, pose
+            )
             seen = bodies.machine.ranges(view, np.arange(bodies.count))
             self._seen = [tuple(row) for row in np.minimum(seen.astype(np.float64), self._infrared.most).tolist()]
         self._touched = self._pressed()

@@ -31,7 +31,7 @@ ROUND = 24
 """Corners of a circle that is shown as a polygon."""
 
 
-class Obstacles:
+class PlacedObstacles:
     """The things in a world, identified by corners in a frame whose 0, 0 lies at `origin` of the world's own, m. edge:
     the number of the thing that is the world's edge and stays."""
 

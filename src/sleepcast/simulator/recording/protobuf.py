@@ -51,32 +51,32 @@ def timestamp(number: int, nanoseconds: int) -> bytes:
 # ---- the description of schemas
 
 
-class Kind(NamedTuple):
+class FieldType(NamedTuple):
     """The type of a field: its number in a FieldDescriptorProto, and the name of a message or enumeration."""
 
     number: int
     name: str = ""
 
 
-DOUBLE, LONG, INT, FIXED, BOOL, TEXT, BYTES = (Kind(number) for number in (1, 3, 5, 7, 8, 9, 12))
+DOUBLE, LONG, INT, FIXED, BOOL, TEXT, BYTES = (FieldType(number) for number in (1, 3, 5, 7, 8, 9, 12))
 
 STAMP_FILE_NAME, DURATION_FILE_NAME = "google/protobuf/timestamp.proto", "google/protobuf/duration.proto"
 
 
-def of(name: str) -> Kind:
+def of(name: str) -> FieldType:
     """A message as the type of a field."""
-    return Kind(11, f".{name}")
+    return FieldType(11, f".{name}")
 
 
-def one_of(name: str) -> Kind:
+def one_of(name: str) -> FieldType:
     """An enumeration as the type of a field."""
-    return Kind(14, f".{name}")
+    return FieldType(14, f".{name}")
 
 
 TIME, DURATION = of("google.protobuf.Timestamp"), of("google.protobuf.Duration")
 
 
-def described(name: str, fields: Mapping[str, Kind], repeated: Collection[str] = ()) -> bytes:
+def described(name: str, fields: Mapping[str, FieldType], repeated: Collection[str] = ()) -> bytes:
     """A DescriptorProto; its fields are numbered from 1. repeated: those of which there may be many."""
     found = field(1, name)
     for number, (called, kind) in enumerate(fields.items(), start=1):

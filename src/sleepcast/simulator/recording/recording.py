@@ -83,7 +83,7 @@ class Posted:
 
 
 @dataclass(frozen=True, slots=True)
-class RecordedMessage:
+class RecordedEntry:
     """One message of the file. time: simulated s."""
 
     topic: str
@@ -145,7 +145,7 @@ def load_recording(file: Path) -> Recording:
     return found
 
 
-def _take(found: Recording, entry: RecordedMessage, kept: dict[str, int]) -> None:
+def _take(found: Recording, entry: RecordedEntry, kept: dict[str, int]) -> None:
     """Store the contents of an entry, if its topic is used here. kept: bytes that are stored, "" for all, and by
     command, since only its last account is."""
     if entry.topic in (OBSTACLES, POSTED, STATE):
@@ -177,7 +177,7 @@ def _tick(body: dict[str, object]) -> int:
     return tick
 
 
-def entries(file: Path, found: Recording) -> Iterator[RecordedMessage]:
+def entries(file: Path, found: Recording) -> Iterator[RecordedEntry]:
     """Every message of `file` in order, up to its end or to where it breaks off; counted in `found`."""
     topics: dict[int, str] = {}
     found.counts, found.complete = {}, False
@@ -191,7 +191,7 @@ def entries(file: Path, found: Recording) -> Iterator[RecordedMessage]:
         elif isinstance(record, Record) and (topic := topics.get(record.channel_id)) is not None:
             found.counts[topic] = found.counts.get(topic, 0) + 1
             found.seconds = max(found.seconds, record.log_time / NANO)
-            yield RecordedMessage(topic, record.log_time / NANO, record.data)
+            yield RecordedEntry(topic, record.log_time / NANO, record.data)
 
 
 def _start(file: Path) -> Recording:

@@ -22,7 +22,7 @@ from sleepcast.core.settings import Table, toml_document
 from sleepcast.robot import Geometry, Limits
 from sleepcast.simulator.scenario.groups import RobotGroup
 from sleepcast.simulator.scenario.robot_settings import Ring, RobotSpec, Supply
-from sleepcast.simulator.scenario.starts import Pose
+from sleepcast.simulator.scenario.starts import StartPose
 
 FORMAT = 1
 """Version of the format of type files; newer ones are refused."""
@@ -180,7 +180,7 @@ def later_starts(sort: RobotSpec, skipped: int) -> RobotSpec | None:
     return replace(sort, starts=rest) if len(rest) >= sort.count else None
 
 
-def _poses(sort: RobotSpec) -> tuple[Pose, ...]:
+def _poses(sort: RobotSpec) -> tuple[StartPose, ...]:
     return sort.starts if isinstance(sort.starts, tuple) else ()
 
 

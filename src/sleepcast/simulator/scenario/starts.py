@@ -44,7 +44,7 @@ OUTWARD, INWARD = "outward", "inward"
 Floats = NDArray[np.float64]
 
 
-class Pose(NamedTuple):
+class StartPose(NamedTuple):
     """A start: x, y in m; heading in rad, None for one by chance; name of the robot, "" for its number."""
 
     x: float
@@ -70,7 +70,7 @@ class Formation:
     columns: int = 0
 
 
-Starts = tuple[Pose, ...] | Formation
+Starts = tuple[StartPose, ...] | Formation
 
 
 def rows_of_starts(robots: Table) -> list[Table] | None:
@@ -170,14 +170,14 @@ def read_starts(robots: Table, rows: Sequence[Table] | None, size: tuple[float, 
     return tuple(_pose(row, size) for row in rows)
 
 
-def _pose(row: Table, size: tuple[float, float]) -> Pose:
+def _pose(row: Table, size: tuple[float, float]) -> StartPose:
     with row:
         x, y = (_inside(row, key, side) for key, side in zip("xy", size, strict=True))
         heading = _angle(row) if row.has("heading") else None
         name = row.text("name", "")
         if row.has("name") and not is_robot_name(name):
             raise row.error("name", f"{name!r:.80}: wanted 1 to {MAX_NAME} characters without blanks")
-        return Pose(x, y, heading, name)
+        return StartPose(x, y, heading, name)
 
 
 def _inside(row: Table, key: str, side: float) -> float:

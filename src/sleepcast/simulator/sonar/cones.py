@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.simulator.simd.formulas import sine_cosine
-from sleepcast.simulator.world.grid import Floats, Grid, Listed, Sorted, Whole, nearest_point, pairs, spread
+from sleepcast.simulator.world.grid import CellLists, Floats, Grid, Sorted, Whole, nearest_point, pairs, spread
 from sleepcast.simulator.world.walls import Walls
 
 AT_ONCE = 500
@@ -84,10 +84,10 @@ class Cones:
         return max(most, 2.0 * self.radius) + self.most / 1_000
 
 
-Seen = Listed | Walls
+Seen = CellLists | Walls
 
 
-class View(NamedTuple):
+class VisibleScene(NamedTuple):
     """The visible scene. pose: x, y in m and heading in rad of all robots; points: these positions, sorted in `grid`;
     listed: the `solids` within `radius` + `most` of each of its cells, as World rows (for `look`) or in the form of the
     array backend (for `ranges`). radii: of all bodies, m; None if all are equal."""
@@ -101,11 +101,11 @@ class View(NamedTuple):
     radii: Floats | None = None
 
 
-def ranges(view: View, which: Whole) -> Ranges:
+def ranges(view: VisibleScene, which: Whole) -> Ranges:
     """Ranges seen by the cones of the robots with indices `which`: m from the rim, shape (len(which), count), float32;
     `most` where there is nothing."""
     cones, grid, points, listed, solids, pose, radii = view
-    assert isinstance(listed, Listed)
+    assert isinstance(listed, CellLists)
     found = np.full((len(which), cones.count), cones.most, np.float32)
     place = np.empty(len(pose[0]), np.int64)
     for begin in range(0, len(which), AT_ONCE):
@@ -148,7 +148,7 @@ def _see_bodies(
         np.minimum.at(rows, (row[chosen, None], number), seen.astype(np.float32))
 
 
-def look(view: View, which: Whole, sonars: Whole) -> Ranges:
+def look(view: VisibleScene, which: Whole, sonars: Whole) -> Ranges:
     """Ranges seen by one cone of each of the robots `which`: m from the rim, shape (len(which),), float32; `most` where
     there is nothing. sonars: the cones' numbers."""
     found = np.full(len(which), view.cones.most)
@@ -158,10 +158,10 @@ def look(view: View, which: Whole, sonars: Whole) -> Ranges:
     return found.astype(np.float32)
 
 
-def _look_at(view: View, which: Whole, sonars: Whole, found: Floats) -> None:
+def _look_at(view: VisibleScene, which: Whole, sonars: Whole, found: Floats) -> None:
     """As `look`, for a few robots; writes into `found`."""
     cones, grid, points, listed, solids, (x, y, heading), radii = view
-    assert isinstance(listed, Listed)
+    assert isinstance(listed, CellLists)
     sine, cosine = sine_cosine(heading[which])
     axis_sin, axis_cos = (each[sonars] for each in sine_cosine(cones.axes))
     ahead, aside = axis_cos * cosine - axis_sin * sine, axis_sin * cosine + axis_cos * sine
@@ -205,7 +205,7 @@ def disc_range(
 def _see_solids(
     cones: Cones,
     grid: Grid,
-    listed: Listed,
+    listed: CellLists,
     solids: Floats,
     pose: tuple[Floats, Floats, Floats],
     some: Whole,

@@ -63,7 +63,7 @@ class Pings(NamedTuple):
 NONE = Pings(np.empty(0, np.int64), np.empty(0, np.int64), *np.empty((4, 0)))
 
 
-class Scene(NamedTuple):
+class RingPoses(NamedTuple):
     """All bodies at the end of a tick: x, y (m), heading of their rings (rad), radii (m)."""
 
     x: Floats
@@ -157,7 +157,7 @@ class Crosstalk:
         seen, sonar = self._seen[robot, slot], self._by[robot, slot]
         return Pings(robot + self._first, sonar, self._axes[sonar], self._sent[robot, slot], seen, seen)
 
-    def hear_others(self, tick: int, scene: Scene, mine: Pings, theirs: Pings, readings: Ranges) -> None:
+    def hear_others(self, tick: int, scene: RingPoses, mine: Pings, theirs: Pings, readings: Ranges) -> None:
         """Shorten the readings of this tick by pings of other robots. mine: pings of this tick, by these robots;
         theirs: by all; readings: shape (robots, sonars), changed in place."""
         if not len(mine.robot):
@@ -178,7 +178,9 @@ class Crosstalk:
         changed = changed[latest[row[changed], mine.sonar[changed]] == changed]
         readings[row[changed], mine.sonar[changed]] = read[changed]
 
-    def _hear_some(self, tick: int, scene: Scene, mine: Pings, theirs: Pings, i: Whole, j: Whole, read: Floats) -> None:
+    def _hear_some(
+        self, tick: int, scene: RingPoses, mine: Pings, theirs: Pings, i: Whole, j: Whole, read: Floats
+    ) -> None:
         """Shorten the ranges `read` by `mine` where the robots `i` receive pings of the robots `j`, pair by pair."""
         x, y, heading, radii = scene
         apart = np.hypot(x[j] - x[i], y[j] - y[i]) - (radii[i] + radii[j])
@@ -218,7 +220,7 @@ class Crosstalk:
         return (uniform(key(self._seed, "crosstalk", what, tick, *sort), numbers) < self._model.chance).reshape(shape)
 
 
-def add_crosstalk(tick: int, scene: Scene, talks: Sequence[tuple[Crosstalk, Ranges]]) -> None:
+def add_crosstalk(tick: int, scene: RingPoses, talks: Sequence[tuple[Crosstalk, Ranges]]) -> None:
     """End the tick: shorten its readings by pings of other robots. talks: for each type its cross-talk and its
     readings, changed in place."""
     sent = [talk.sent() for talk, _ in talks]

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from sleepcast.core.arrays import Arena
 from sleepcast.simulator.simd.formulas import sine_cosine
 from sleepcast.simulator.simd.vectors import LANES
-from sleepcast.simulator.sonar.cones import Cones, Ranges, View
+from sleepcast.simulator.sonar.cones import Cones, Ranges, VisibleScene
 from sleepcast.simulator.sonar.firing import Firing, Tick
 from sleepcast.simulator.sonar.kernels import arrange
 from sleepcast.simulator.sonar.kernels_firing import AWAY
 from sleepcast.simulator.sonar.noise import Noise
-from sleepcast.simulator.world.grid import Floats, Listed, Short, Whole
+from sleepcast.simulator.world.grid import CellLists, Floats, Short, Whole
 
 
 class SonarField(NamedTuple):
@@ -98,9 +98,9 @@ class Fields:
         self._known: Floats | None = None
         self._solids: Floats = np.empty((0, 6))
 
-    def of(self, view: View, share: Callable[[int, Callable[[int, int], None]], object]) -> SonarField:
+    def of(self, view: VisibleScene, share: Callable[[int, Callable[[int, int], None]], object]) -> SonarField:
         """The field for all cones. view: with the solids inside its cells. share: distributes work among threads."""
-        assert isinstance(view.listed, Listed)
+        assert isinstance(view.listed, CellLists)
         if self._known is not view.solids:
             self._known, self._solids = view.solids, solid_columns(view.solids)
         order, start = view.points
@@ -150,7 +150,7 @@ def shots_of(firing: Firing, tick: Tick) -> Shots:
     )
 
 
-def one_of_each(view: View, which: Whole, sonars: Whole) -> tuple[Shots, Ranges]:
+def one_of_each(view: VisibleScene, which: Whole, sonars: Whole) -> tuple[Shots, Ranges]:
     """Pings of one sonar of each of the robots `which`, and the array for their ranges, shape (robots, sonars)."""
     count = len(view.pose[0])
     due, order = np.ones(count), np.zeros((count, 1), np.int8)

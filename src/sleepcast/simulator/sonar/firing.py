@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator.scenario.robot_settings import MAX_ORDER, MAX_PAUSE, Ring
-from sleepcast.simulator.sonar.cones import Ranges, View
+from sleepcast.simulator.sonar.cones import Ranges, VisibleScene
 from sleepcast.simulator.sonar.crosstalk import QUICKEST, SOUND
 from sleepcast.simulator.sonar.noise import Noise, disturb_each
 from sleepcast.simulator.world.grid import Floats, Whole
 
-Look = Callable[[View, Whole, Whole], Ranges]
+Look = Callable[[VisibleScene, Whole, Whole], Ranges]
 Hear = Callable[[Whole, Whole, Floats, Ranges], Ranges]
 
 AT_ONCE = -1
@@ -112,7 +112,7 @@ class Tick(NamedTuple):
     end of the tick, s; least: least reading, m; noise: noise of the echoes; readings: shape (robots, sonars), m,
     changed in place."""
 
-    view: View
+    view: VisibleScene
     first: int
     until: float
     least: float

@@ -22,10 +22,10 @@ from sleepcast.simulator.world.fill import encloses, filled
 from sleepcast.simulator.world.svg import (
     MAX_CURVES,
     MAX_NUMBER,
-    Line,
     Matrix,
     Page,
     PathError,
+    Subpath,
     length,
     page_of,
     read_path,
@@ -69,7 +69,7 @@ class Drawing:
 
 
 @dataclass(frozen=True, slots=True)
-class _Around:
+class _Inherited:
     """What an element inherits from the groups around it. shown: whether anything of it is; visible: unless it says
     otherwise itself. match: which selectors it fits."""
 
@@ -86,14 +86,14 @@ class _Around:
     def filled(self) -> bool:
         return self.fill_opacity > 0.0 and is_filled(self.fill)
 
-    def inside(self, name: str, attributes: dict[str, str], style: Style, match: Match) -> _Around:
+    def inside(self, name: str, attributes: dict[str, str], style: Style, match: Match) -> _Inherited:
         """What holds inside an element that has this style. Raises PathError."""
         matrix = self.matrix.after(matrix_of(style, attributes))
         if not all(abs(value) <= MAX_NUMBER for value in matrix):
             raise PathError("transform: too large")
         fill, visible = style.get("fill", "inherit"), style.get("visibility", "inherit").casefold()
         rule, opacity = style.get("fill-rule", "inherit").casefold(), style.get("fill-opacity", "inherit")
-        return _Around(
+        return _Inherited(
             matrix=matrix,
             name=attributes.get("id", self.name)[:MAX_NAME],
             fill=self.fill if fill.casefold() == "inherit" or not is_paint(fill) else fill,
@@ -112,8 +112,8 @@ class _Drawn:
     """One element, in units of the drawing. solid: whether it is filled. disc: centre and radius of a circle, which is
     also given as lines. number: line number in the file."""
 
-    lines: list[Line]
-    around: _Around
+    lines: list[Subpath]
+    around: _Inherited
     solid: bool
     number: int
     disc: tuple[complex, float] | None = None
@@ -123,7 +123,7 @@ def read_drawing(path: Path, metre: float | None, at: Point = (0.0, 0.0), *, wal
     """The drawing in the SVG file at `path`. metre: units of the drawing per metre; None uses the size that the file
     states. at: position of the page's lower left corner in the world, m. walls: whether filled shapes are thin walls
     along their outlines, too. Raises SettingsError."""
-    reader = _Reader(path, walls=walls)
+    reader = _DrawingReader(path, walls=walls)
     reader.read(read_text(path, MAX_BYTES))
     page = reader.page
     scale = 1.0 / metre if metre else page.unit
@@ -170,7 +170,7 @@ def _shapes(drawn: _Drawn, upright: Matrix, room: int) -> Iterator[Shape]:
     yield from (Wall(points, around.name) for points in walls)
 
 
-def _points(line: Line, room: int) -> tuple[Point, ...]:
+def _points(line: Subpath, room: int) -> tuple[Point, ...]:
     """Points along a line, without repeats, at most two more than there is room for."""
     found: list[Point] = []
     for point in line.flat(TOLERANCE):
@@ -198,7 +198,7 @@ def _disc(attributes: dict[str, str]) -> tuple[complex, float] | None:
     return (centre, radius) if radius > 0.0 else None
 
 
-def _lines(name: str, attributes: dict[str, str]) -> list[Line]:
+def _lines(name: str, attributes: dict[str, str]) -> list[Subpath]:
     """The lines of an element, by way of an equivalent path. Raises PathError."""
     if name == "path":
         return read_path(attributes.get("d", ""))
@@ -217,7 +217,7 @@ def _lines(name: str, attributes: dict[str, str]) -> list[Line]:
     return read_path(f"M{x - across!r},{y!r}{arc}{x + across!r},{y!r}{arc}{x - across!r},{y!r}z")
 
 
-def _rectangle(attributes: dict[str, str]) -> list[Line]:
+def _rectangle(attributes: dict[str, str]) -> list[Subpath]:
     x, y, width, height = (length(attributes, key) for key in ("x", "y", "width", "height"))
     if width <= 0.0 or height <= 0.0:
         return []
@@ -287,7 +287,7 @@ class _Sheets:
         raise SettingsError(f"{self._path}:{self._parser.CurrentLineNumber}: {sentence}")
 
 
-class _Reader:
+class _DrawingReader:
     """Goes through the elements of one file, after its style sheets, which count for all of them."""
 
     def __init__(self, path: Path, *, walls: bool) -> None:
@@ -295,7 +295,7 @@ class _Reader:
         self.page = Page(0.0, 0.0, 0.0, 0.0, None)
         self.page_number = 0
         self._path, self._walls = path, walls
-        self._around = [_Around()]
+        self._around = [_Inherited()]
         self._sheets = StyleSheets()
         self._skipped = 0
         self._elements = self._curves = 0

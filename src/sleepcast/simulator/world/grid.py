@@ -55,7 +55,7 @@ class Sorted(NamedTuple):
     start: Short
 
 
-class Listed(NamedTuple):
+class CellLists(NamedTuple):
     """Solids by cell. start: first entry of each cell, shape (cells + 1,); items: rows of the world's solids."""
 
     start: Short
@@ -121,11 +121,11 @@ def spread(items: Whole, begin: Whole | Short, end: Whole | Short) -> tuple[Whol
     return np.repeat(items, counts), np.arange(total) - skipped + np.repeat(begin, counts)
 
 
-def list_solids(grid: Grid, solids: Floats, reach: float) -> Listed:
+def list_solids(grid: Grid, solids: Floats, reach: float) -> CellLists:
     """The solids within `reach` m of any point of each cell, in the order of their rows. solids: see `World.solids`."""
     pieces = [_cells_near(grid, solids, reach, at, at + AT_ONCE) for at in range(0, len(solids), AT_ONCE)]
     cells, item = (np.concatenate([np.empty(0, np.int32), *(each[i] for each in pieces)]) for i in (0, 1))
-    return Listed(starts(cells, grid.cells), item[np.argsort(cells, kind="stable")])
+    return CellLists(starts(cells, grid.cells), item[np.argsort(cells, kind="stable")])
 
 
 def _cells_near(grid: Grid, solids: Floats, reach: float, first: int, last: int) -> tuple[Short, Short]:

@@ -92,15 +92,15 @@ def _piece_count(pieces: float) -> int:
 
 
 @dataclass(slots=True)
-class Line:
+class Subpath:
     """Connected curves from `start` on, possibly closed."""
 
     start: complex
     curves: list[Bezier | Arc] = field(default_factory=list)
     closed: bool = False
 
-    def moved(self, move: Callable[[complex], complex]) -> Line:
-        return Line(move(self.start), [curve.moved(move) for curve in self.curves], self.closed)
+    def moved(self, move: Callable[[complex], complex]) -> Subpath:
+        return Subpath(move(self.start), [curve.moved(move) for curve in self.curves], self.closed)
 
     def flat(self, tolerance: float) -> Iterator[complex]:
         """Points along the line, the start included."""
@@ -109,22 +109,22 @@ class Line:
             yield from curve.flat(tolerance)
 
 
-def read_path(text: str) -> list[Line]:
+def read_path(text: str) -> list[Subpath]:
     """The lines that a `d` attribute draws. Raises PathError for invalid data."""
-    return _Reader(text).read()
+    return _PathReader(text).read()
 
 
-class _Reader:
+class _PathReader:
     """Reads one path: `_here` is the current point, `_last` the previous letter and `_pull` its last control point."""
 
     def __init__(self, text: str) -> None:
         self._text, self._place = text, 0
-        self._lines: list[Line] = []
+        self._lines: list[Subpath] = []
         self._here = 0j
         self._last, self._pull = "", 0j
         self._steps = 0
 
-    def read(self) -> list[Line]:
+    def read(self) -> list[Subpath]:
         letter = ""
         while _MORE.match(self._text, self._place):
             found = _LETTER.match(self._text, self._place)
@@ -150,7 +150,7 @@ class _Reader:
             self._here = self._lines[-1].start
         elif upper == "M":
             self._here = origin + complex(*values)
-            self._lines.append(Line(self._here))
+            self._lines.append(Subpath(self._here))
         elif upper == "H":
             self._curve(complex(values[0] + origin.real, self._here.imag))
         elif upper == "V":
@@ -192,7 +192,7 @@ class _Reader:
 
     def _draw(self, curve: Bezier | Arc) -> None:
         if self._lines[-1].closed:  # continues from the start of the closed line
-            self._lines.append(Line(self._here))
+            self._lines.append(Subpath(self._here))
         self._lines[-1].curves.append(curve)
 
     def _shown(self) -> str:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.simulator.world.grid import AT_ONCE, Floats, Listed, Short, Whole
+from sleepcast.simulator.world.grid import AT_ONCE, CellLists, Floats, Short, Whole
 
 SAME_LINE, NEW_LINE, NEW_DIRECTION, ROUND = 0, 1, 2, 3
 """What a listed solid has in common with those before it."""
@@ -32,7 +32,7 @@ class Walls(NamedTuple):
     news: News
 
 
-def walls_of(listed: Listed, solids: Floats) -> Walls:
+def walls_of(listed: CellLists, solids: Floats) -> Walls:
     """The `listed` rows of `solids` (see `world.World.solids`)."""
     columns, direction, line = _columns(solids)
     columns, direction, line, part = _joined(columns, direction, line)
@@ -48,7 +48,7 @@ def walls_of(listed: Listed, solids: Floats) -> Walls:
 
 
 def _entries(
-    listed: Listed, part: Whole, direction: Whole, line: Whole, first: int, last: int
+    listed: CellLists, part: Whole, direction: Whole, line: Whole, first: int, last: int
 ) -> tuple[Whole, Short, News]:
     """The number of entries of each cell from `first` to `last` (exclusive), and their `items` and `news`. part: the
     joined piece that each solid belongs to."""

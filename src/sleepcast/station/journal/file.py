@@ -76,7 +76,7 @@ class NoJournalError(JournalError):
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
+class FiledEntry:
     """An entry as it lies in a file. written: when, s of Unix time; `entry.time` is that of the desk's clock, which may
     be a simulation's. line, hash: see the module."""
 
@@ -87,7 +87,7 @@ class Written:
 
 
 @dataclass(frozen=True, slots=True)
-class Origin:
+class Predecessor:
     """What came before a file: the archive's name, the number of its last entry, and that one's hash."""
 
     archive: str = ""
@@ -120,7 +120,7 @@ def line_of(entry: JournalEntry, written: float) -> str:
     return json.dumps(found, ensure_ascii=False, separators=(",", ":"))
 
 
-def read_line(line: str, hash: bytes) -> Written:
+def read_line(line: str, hash: bytes) -> FiledEntry:
     """The entry in a line. Raises JournalError for one that is no entry."""
     try:
         match json.loads(line):
@@ -135,7 +135,7 @@ def read_line(line: str, hash: bytes) -> Written:
                 "details": dict() as details,
             }:
                 entry = JournalEntry(number, float(time), who, JournalEvent(event), subject, text, details)
-                return Written(entry, float(written), line, hash)
+                return FiledEntry(entry, float(written), line, hash)
     except (ValueError, RecursionError):
         pass
     raise JournalError(f"this is not a journal entry: {line[:80]!r}")
@@ -201,7 +201,9 @@ def open_reading(file: Path) -> sqlite3.Connection:
     return connection
 
 
-def prepare(connection: sqlite3.Connection, file: Path, origin: Origin | None = None, *, live: bool = True) -> None:
+def prepare(
+    connection: sqlite3.Connection, file: Path, origin: Predecessor | None = None, *, live: bool = True
+) -> None:
     """Make an empty file a journal that goes on after `origin`. live: it is to be read while it is written."""
     if live:
         _patiently(connection, "PRAGMA journal_mode = WAL")
@@ -271,13 +273,13 @@ def set_attribute(connection: sqlite3.Connection, key: str, value: str) -> None:
     connection.execute("INSERT OR REPLACE INTO about VALUES (?, ?)", (key, value))
 
 
-def origin_of(connection: sqlite3.Connection) -> Origin:
+def origin_of(connection: sqlite3.Connection) -> Predecessor:
     """What came before a file. Raises JournalError."""
     archive = get_attribute(connection, "archive")
     if not archive:
-        return Origin()
+        return Predecessor()
     try:
-        return Origin(
+        return Predecessor(
             Path(archive).name,
             int(get_attribute(connection, "number")),
             bytes.fromhex(get_attribute(connection, "hash")),
@@ -286,7 +288,7 @@ def origin_of(connection: sqlite3.Connection) -> Origin:
         raise JournalError(f"it does not say where {archive} ended, which came before it") from None
 
 
-def set_origin(connection: sqlite3.Connection, origin: Origin) -> None:
+def set_origin(connection: sqlite3.Connection, origin: Predecessor) -> None:
     """Let a file begin after `origin`."""
     for key, value in (("archive", origin.archive), ("number", str(origin.number)), ("hash", origin.hash.hex())):
         set_attribute(connection, key, value)
@@ -464,7 +466,7 @@ class SqliteJournal:
             self._connection.execute("DROP TRIGGER entries_are_kept")
             self._connection.execute("DELETE FROM entries")
             self._connection.execute(KEPT)
-            set_origin(self._connection, Origin(archive.name, last, hash))
+            set_origin(self._connection, Predecessor(archive.name, last, hash))
         return archive
 
     def _copy_to(self, archive: Path) -> None:

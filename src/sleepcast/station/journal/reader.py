@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sleepcast.station.journal.file import (
-    Origin,
-    Written,
+    FiledEntry,
+    Predecessor,
     digest,
     journal_errors,
     open_reading,
@@ -81,7 +81,7 @@ class JournalReader:
         self.file = file
         self._after = after
         self.lost = ""
-        self._parts: list[tuple[Path, Origin]] = []
+        self._parts: list[tuple[Path, Predecessor]] = []
         self._stack = ExitStack()
 
     def __enter__(self) -> JournalReader:
@@ -108,7 +108,7 @@ class JournalReader:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def _origin(self, file: Path) -> Origin:
+    def _origin(self, file: Path) -> Predecessor:
         with self._reading(file) as connection:
             return origin_of(connection)
 
@@ -140,7 +140,7 @@ class JournalReader:
         """The archives, the oldest first, and the journal."""
         return [file for file, _ in self._parts]
 
-    def search(self, query: Query, last: int | None = None) -> Iterator[Written]:
+    def search(self, query: Query, last: int | None = None) -> Iterator[FiledEntry]:
         """The matching entries, oldest first. last: only this number of the latest ones."""
         where, values = query.where()
         if last is None:
@@ -149,7 +149,7 @@ class JournalReader:
                     rows = connection.execute(f"SELECT line, hash FROM entries WHERE {where} ORDER BY number", values)
                     yield from (read_line(line, hash) for line, hash in rows)
             return
-        found: list[Written] = []
+        found: list[FiledEntry] = []
         for file, _ in reversed(self._parts):
             if len(found) == last:
                 break

@@ -29,6 +29,8 @@ TABLE = re.compile(
     r"^### ([^\n]+)\n(?:(?!###).)*?^\| to change or add \|[^\n]*\n\|[-|]+\n((?:^\|[^\n]*\n)+)", re.M | re.S
 )
 PATH = re.compile(r"`([\w./-]+)`")
+INSIDE = re.compile(r"`([\w./-]+)` \(((?:`[\w.]+`(?:, )?)+)\)")
+"""A file, and behind it in parentheses what to look for in it."""
 SENTENCES = {"sentences/": "sentences have a row of their own"}
 SUFFIXES = (".py", ".js", ".html", ".css", ".toml")
 
@@ -116,9 +118,7 @@ FEATURES = {
         },
     ),
     "the request for a spread": Feature(
-        "a request of the page",
-        r"""\bSpread\b|def spread\(self, serial|ask\(.spread""",
-        {"station/account.py": "how the answers of robots are spread"},
+        "a request of the page", r"""\bSpread\b|def spread\(self, serial|ask\(.spread"""
     ),
     "the key F8": Feature(
         "a keyboard shortcut",
@@ -249,6 +249,16 @@ def test_the_paths_of_a_row_exist(row: Row) -> None:
     named = paths_in(row.tests)
     assert named, f"no test in {row.tests!r}"
     assert [path for path in named if not (TESTS / path).exists()] == [], "not below tests/"
+
+
+@pytest.mark.parametrize("row", [pytest.param(row, id=row.change) for row in rows() if INSIDE.search(row.places)])
+def test_what_a_row_says_is_in_a_file_is_there(row: Row) -> None:
+    for path, names in INSIDE.findall(row.places):
+        if not path.endswith((".py", ".js")):
+            continue
+        text = _at(path, BASES).read_text(encoding="utf-8")
+        gone = [name for name in re.findall(r"`(?:\w+\.)*(\w+)`", names) if not re.search(rf"\b{name}\b", text)]
+        assert not gone, f"{path} does not name it any more"
 
 
 @pytest.mark.parametrize("name", FEATURES)

@@ -23,7 +23,6 @@ A path behind that word makes the block a file, which the page's commands and pr
 from __future__ import annotations
 
 import ast
-import difflib
 import doctest
 import importlib
 import importlib.util
@@ -493,7 +492,7 @@ def source_of(source: str) -> str:
     node: ast.AST = ast.parse(text)
     for each in name.split("."):
         inside = [child for child in ast.iter_child_nodes(node) if getattr(child, "name", "") == each]
-        assert inside, f"src/sleepcast/{path} has no {name} any more: which function does this step now?"
+        assert inside, f"{path} has no {name} any more: say behind excerpt=, and in docs/architecture.md, where it went"
         (node,) = inside
     assert isinstance(node, ast.FunctionDef)
     return textwrap.dedent("\n".join(text.splitlines()[node.lineno - 1 : node.end_lineno]))
@@ -512,8 +511,11 @@ def excerpt_error(shown: str, source: str) -> str:
                 begin = place + size
                 break
         else:
-            near = difflib.unified_diff(wanted, lines, "the page", "the function as it is", n=0, lineterm="")
-            return "\n".join(near)
+            there = {line.strip() for line in lines}
+            gone = [line for line in wanted if line.strip() not in there] or [
+                "(all are there, but not one after the other)"
+            ]
+            return "\n".join(["not in the function:", *gone, "", "the function as it is:", *lines])
     return ""
 
 
@@ -522,7 +524,8 @@ def test_an_excerpt_is_what_the_function_says(block: Block) -> None:
     """If this fails, the function has changed: take its new lines over into the page, and look whether the words around
     them are still true. If it was moved, change the path after `excerpt=`, and the step in docs/architecture.md."""
     difference = excerpt_error(block.text, source_of(block.source))
-    assert not difference, f"{block.where} shows other lines than {block.source} has:\n{difference}"
+    if difference:
+        pytest.fail(f"{block.where} shows other lines than {block.source} has\n{difference}", pytrace=False)
 
 
 def test_excerpts_are_compared_line_by_line() -> None:

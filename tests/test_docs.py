@@ -16,7 +16,7 @@ Fenced blocks are told apart by the word after the fence:
     terminal, air    a page that is followed as a whole: see tests/test_howto.py
 
 A path behind that word makes the block a file, which the page's commands and programs find in their folder. Behind
-`python`, `excerpt=station/station.py:Station.validate` makes it lines of that function, as they stand below
+`python`, `excerpt=station/station.py:Station._settle` makes it lines of that function, as they stand below
 `src/sleepcast`; a line `...` leaves some out.
 """
 

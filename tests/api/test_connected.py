@@ -19,6 +19,7 @@ from api.test_fleet import count_tags
 from channel.test_udp import free_port
 from cli.calling import LONGEST
 from cli.test_swarm import channel, swarm
+from counting import ONCE, counted
 from processes import live_in
 from sleepcast.api import connected
 from sleepcast.station import CountNeededError, UnknownRobotError, asking
@@ -67,7 +68,9 @@ class TestCommands:
         assert alike(fleet.preview("(> id 3)").yes, 4, 5, 6)
         text = "(WHEN (> id 3) (JOIN late))"
         assert alike(fleet.preview(text).no, 1, 2, 3)
-        sent = fleet.send(text, wait=PATIENT)
+        with counted() as found:
+            sent = fleet.send(text, wait=PATIENT)
+        assert found == ONCE
         assert alike(sent.matched, 4, 5, 6)
         assert alike(sent.not_matched, 1, 2, 3)
         assert sent.silent == sent.fault == ()

@@ -11,12 +11,15 @@ import numpy as np
 import pytest
 
 import sleepcast as sc
+from counting import ONCE, counted
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.language import CheckError
 from sleepcast.loop.snapshots import SnapshotError
 from sleepcast.simulator import Changes, SettingsError, find_scenario
 from sleepcast.simulator.recording.recording import load_recording
 from sleepcast.station import NotConfirmedError
+from sleepcast.station.prepared import Terms
+from sleepcast.station.validation import Audience
 from small_worlds import IN_MAZE, SMALL
 
 IN_A_MAZE = SMALL.replace(IN_MAZE[0], IN_MAZE[1].replace("2m", "100m"))
@@ -42,10 +45,13 @@ class TestCommands:
         fleet = bravo().run(1)
         name = fleet.names[3]
         assert fleet.ask("fuel", only=name).matched == (name,)
+        with counted() as found:
+            fleet.send("(WHEN (> fuel 50%) (MARK))", wait=0)
+        assert found == ONCE
         assert fleet.send("(MARK)", only=np.array([name])).matched == (name,)  # type: ignore[arg-type]
         assert fleet.send("(MARK)", only=np.array(name)).matched == (name,)  # type: ignore[arg-type]
         assert name not in fleet.send("(MARK)", but=name, everybody=True).matched
-        assert tuple(fleet.station.forecast("(MARK)", only=name).yes) == (name,)
+        assert tuple(fleet.station.prepare("(MARK)", Terms(audience=Audience.of(name))).forecast.yes) == (name,)
         with pytest.raises(sc.errors.MisuseError, match='no robot "nobody"'):
             fleet.ask("fuel", only="nobody")
         for wrong in (3, [3], [name, None], name.encode(), np.array(3)):

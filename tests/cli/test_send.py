@@ -12,6 +12,7 @@ import pytest
 from cli.calling import Called, again_until, called
 from cli.terminal import terminal
 from cli.test_swarm import account, channel, swarm
+from counting import ONCE, counted
 from sleepcast.cli import main
 
 __all__ = ["channel"]
@@ -57,6 +58,9 @@ def test_a_dozen_robots_are_commanded_with_care(channel: str, tmp_path: Path) ->
             person.type("y\r")
             person.wait_for("matched 12")
             assert person.status() == 0
+        with counted() as found:  # robots have told their names, so they are what they were when it was read
+            assert main(["send", "--count", "12", "--channel", channel, MARK]) == 0
+        assert found == ONCE
         staged = foreseen(12, "--staged", "--count", "12", MARK)
         assert [stage["n_matched"] for stage in staged["stages"]] == [1, 2, 9]
         assert (staged["n_matched"], staged["n_silent"], staged["n_predicted"]) == (12, 0, 12)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from counting import ONCE, counted
 from sleepcast.channel.message import Kind, Message
 from sleepcast.console.account_table import MOST_ROWS, AccountTable
 from sleepcast.console.adapters.swarm import SwarmAdapter
@@ -129,6 +130,19 @@ class TestWink:
 
 
 class TestSending:
+    def test_a_command_is_checked_foreseen_and_validated_once_however_often_its_sender_is_asked(
+        self, stand: Stand
+    ) -> None:
+        with counted() as found:
+            stand.desk.send(1, FULL, False)
+        assert found == ONCE
+        doubted = "(WHEN (> battery 60%) (> battery 20%) (MARK))"
+        with counted() as found:
+            with pytest.raises(DoubtError):
+                stand.desk.send(1, doubted, False)
+            stand.desk.send(1, doubted, False, confirmed=True)
+        assert found == ONCE | {"validated": 2}
+
     def test_an_account_grows_with_the_answers(self, stand: Stand) -> None:
         sent = stand.desk.send(1, FULL, False).command
         (row,) = stand.desk.commands().rows

@@ -11,14 +11,15 @@ from sleepcast.console.operators import GRACE, OperatorsDesk
 from sleepcast.console.view import Scene as Ground
 from sleepcast.station.journal.journal import JournalError
 from sleepcast.station.remote import RemoteMinds, TelemetryClient
-from sleepcast.station.validation import Draft
 
-DRAFT = Draft("(WHEN (> x 3) (JOIN crew))", count=20)
+
+def send(scene: Scene, desk: OperatorsDesk) -> None:
+    desk.send_in_stages(scene.desk().prepare("(WHEN (> x 3) (JOIN crew))"), count=20)
 
 
 def begun(scene: Scene) -> OperatorsDesk:
     desk = OperatorsDesk(scene.desk(), START)
-    desk.send_in_stages(DRAFT)
+    send(scene, desk)
     return desk
 
 
@@ -47,7 +48,7 @@ def test_a_stage_that_is_refused_is_not_counted_and_its_reason_is_told(monkeypat
     assert wait(scene, desk) == ended, "it stays so, though the journal can be written again"
     assert len(scene.desk().commands()) == 1
     assert not desk.shown().active
-    desk.send_in_stages(DRAFT)
+    send(scene, desk)
     assert wait(scene, desk).startswith("In stages: stage 2 is sent"), "another one may begin"
 
 

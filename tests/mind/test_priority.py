@@ -19,7 +19,8 @@ from sleepcast.mind.telemetry import VocabularyRecord, read_mind, read_vocabular
 from sleepcast.node.node import Node
 from sleepcast.node.state import mind_of, restore
 from sleepcast.node.telemetry import mind_text
-from sleepcast.station.validation import DoubtError, Draft
+from sleepcast.station.prepared import Terms
+from sleepcast.station.validation import DoubtError
 from station.test_whose_names import Fleet, rover, said
 
 
@@ -224,9 +225,10 @@ def test_the_desk_doubts_a_priority_for_robots_that_do_not_know_it() -> None:
     assert not fleet.desk.check(text, only=["r1"]).doubts
     assert not fleet.desk.check("(RULE a 1)").doubts
     assert not fleet.desk.check("(DEFVAR :priority 1)").doubts, "a name like any other"
+    prepared = fleet.desk.prepare(text, Terms(everybody=True))
     with pytest.raises(DoubtError):
-        fleet.desk.validate(Draft(text, everybody=True))
-    fleet.desk.validate(Draft(text, everybody=True, confirmed=True))
+        fleet.desk.accept(prepared, count=2)
+    fleet.desk.accept(prepared, count=2, confirmed=True)
     fleet.leave()
     assert not fleet.desk.check(text).doubts, "nobody of them is there"
 

@@ -19,9 +19,12 @@ from sleepcast.station import (
 )
 from sleepcast.station.asking import ask_why, look_around
 from sleepcast.station.network import ABOVE, NetworkStation
+from sleepcast.station.prepared import ONCE, Terms
 from sleepcast.station.remote import RemoteMinds, TelemetryClient
-from sleepcast.station.staging import Stage, StagedSending, staged
-from sleepcast.station.validation import MAX_LISTED, AudienceError, Draft, SendPolicy
+from sleepcast.station.staging import Stage, StagedSending, Stages
+from sleepcast.station.validation import MAX_LISTED, AudienceError, SendPolicy
+
+ALL = Terms(everybody=True)
 
 
 def driven(scene: Scene) -> set[str]:
@@ -161,13 +164,13 @@ def test_a_count_follows_what_the_desk_knows() -> None:
     desk = scene.desk()
     desk.observe(scene.clock.now(), [robot.node for robot in scene.fleet.values()])
     text = "(WHEN (< x 4) (DRIVE 1))"
-    found = desk.forecast(text)
+    found = desk.prepare(text).forecast
     assert (list(found.yes), len(found.no), found.may) == (["r0", "r1", "r2", "r3"], ABOVE + 1, 4)
     assert desk.send(text).predicted == {"r0", "r1", "r2", "r3"}
     scene.run(desk.stale_after + 0.1)
     with pytest.raises(CountNeededError):
         desk.send(text)
-    assert len(desk.forecast(text).unknown) == ABOVE + 5
+    assert len(desk.prepare(text).forecast.unknown) == ABOVE + 5
 
 
 @pytest.mark.parametrize(
@@ -230,17 +233,17 @@ def test_no_command_is_good_for_ever(seconds: float) -> None:
 # ---- in stages
 
 
-def stages(scene: Scene, draft: Draft) -> list[Stage]:
+def stages(scene: Scene, text: str, terms: Terms = ONCE, count: int | None = None) -> list[Stage]:
     """All stages, while the rest of the world goes on."""
     desk = scene.desk()
     desk.gather = lambda *_: scene.run(1.0)  # type: ignore[method-assign]
-    return list(staged(desk, draft, 1.0))
+    return list(Stages(desk, desk.prepare(text, terms), count=count).run(1.0))
 
 
 def test_staged_sending_goes_to_one_then_a_tenth_then_all() -> None:
     """Must 6: and every robot does it once."""
     scene = Scene(robots=20)
-    found = stages(scene, Draft("(WHEN (> x 3) (DRIVE 1))", count=20))
+    found = stages(scene, "(WHEN (> x 3) (DRIVE 1))", count=20)
     assert [stage.account.asked for stage in found] == [1, 2, 17]
     assert all(stage.good for stage in found)
     assert sum(stage.account.n_matched for stage in found) == 16
@@ -250,16 +253,16 @@ def test_staged_sending_goes_to_one_then_a_tenth_then_all() -> None:
 def test_staged_sending_asks_for_the_count_before_it_begins() -> None:
     scene = Scene(robots=20)
     with pytest.raises(CountNeededError):
-        stages(scene, Draft("(WHEN (> x 3) (DRIVE 1))"))
+        stages(scene, "(WHEN (> x 3) (DRIVE 1))")
     with pytest.raises(NotConfirmedError):
-        stages(scene, Draft("(DRIVE 1)", count=20))
+        stages(scene, "(DRIVE 1)", count=20)
     assert driven(scene) == set()
 
 
 def test_a_fault_ends_staged_sending() -> None:
     """Must 6: what goes wrong on the first robot never reaches the others."""
     scene = Scene(robots=20)
-    (stage,) = stages(scene, Draft("(PROGN (DRIVE 1) (/ 1 0))", everybody=True, count=20))
+    (stage,) = stages(scene, "(PROGN (DRIVE 1) (/ 1 0))", ALL, count=20)
     assert (stage.account.n_fault, stage.last, stage.good) == (1, False, False)
     assert driven(scene) == {"r0"}
 
@@ -268,7 +271,7 @@ def test_silence_ends_staged_sending() -> None:
     scene = Scene(robots=20)
     scene.desk()
     scene.isolate("r2")
-    found = stages(scene, Draft("(DRIVE 1)", everybody=True, count=20))
+    found = stages(scene, "(DRIVE 1)", ALL, count=20)
     assert [stage.good for stage in found] == [True, False]
     assert driven(scene) == {"r0", "r1"}
 
@@ -276,7 +279,7 @@ def test_silence_ends_staged_sending() -> None:
 def test_rules_in_stages_end_with_all_robots_alike() -> None:
     """What stands is filtered by name on each robot, and reaches those that come later as well."""
     scene = Scene(robots=12)
-    found = stages(scene, Draft("(RULE go (SETQ throttle 1))", standing=True, everybody=True, count=12))
+    found = stages(scene, "(RULE go (SETQ throttle 1))", Terms(standing=True, everybody=True), count=12)
     assert found[-1].last
     assert {len(robot.node.rules()) for robot in scene.fleet.values()} == {1}
 
@@ -396,7 +399,7 @@ def test_what_robots_tell_counts_though_nobody_listened_meanwhile(monkeypatch: p
 def test_a_stage_is_judged_by_answers_that_came_in_time_though_nobody_listened_meanwhile() -> None:
     scene = Scene(robots=12)
     desk = scene.desk()
-    staged = StagedSending(desk, Draft("(DRIVE 1)", everybody=True, count=12), 1.0)
+    staged = StagedSending(desk, desk.prepare("(DRIVE 1)", ALL), 1.0, count=12)
     scene.run(5.0, busy=("chief",))
     staged.attend()
     assert (staged.done, staged.current) == ([], staged.first)

@@ -46,7 +46,7 @@ def test_a_desk_that_runs_on_foresees_nothing_by_telemetry_from_before_its_comma
     desk.send("(JOIN bravo)", everybody=True)
     scene.run(0.5)
     assert desk.preview(MEMBERS).unknown == dict.fromkeys(("r0", "r1", "r2"), COMMANDED)
-    assert desk.forecast(MEMBERS).may == 3
+    assert desk.prepare(MEMBERS).forecast.may == 3
     telemetry.look()
     scene.run(0.5)
     assert len(desk.preview(MEMBERS).yes) == 3
@@ -77,9 +77,9 @@ def test_what_robots_said_before_a_command_does_not_count_after_it() -> None:
     desk = scene.desk()
     desk.session.wait = scene.run  # type: ignore[method-assign]
     desk.poll(MEMBERS, 0.5)
-    assert set(desk.forecast(MEMBERS).no) == {"r0", "r1"}
+    assert set(desk.prepare(MEMBERS).forecast.no) == {"r0", "r1"}
     desk.send("(JOIN bravo)", only=["r0"])
-    assert (set(desk.forecast(MEMBERS).no), set(desk.forecast(MEMBERS).unknown)) == ({"r1"}, {"r0"})
+    assert (set(desk.prepare(MEMBERS).forecast.no), set(desk.prepare(MEMBERS).forecast.unknown)) == ({"r1"}, {"r0"})
 
 
 def test_robots_are_looked_at_again_soon_after_a_command() -> None:

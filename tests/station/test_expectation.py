@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from safety.scene import Scene
+from sleepcast.station.prepared import Terms
 from sleepcast.station.roster import (
     MAX_ROBOTS,
     NOBODY_SAID,
@@ -16,7 +17,7 @@ from sleepcast.station.roster import (
     FleetFileLostError,
     read_expectation,
 )
-from sleepcast.station.validation import CountNeededError, SendPolicy
+from sleepcast.station.validation import Audience, CountNeededError, SendPolicy
 
 HUNDRED = Expectation(size=100)
 
@@ -120,8 +121,8 @@ def test_robots_that_were_never_heard_may_obey_too() -> None:
     scene = Scene(robots=3, caution=SendPolicy(above=10))
     desk = scene.desk(expected=HUNDRED)
     text = "(WHEN (> id 1) (DRIVE 1))"
-    assert desk.forecast(text).may == 100
-    assert desk.forecast(text, only=["r1"]).may == 1
+    assert desk.prepare(text).may == 100
+    assert desk.prepare(text, Terms(audience=Audience(["r1"]))).may == 1
     assert desk.preview(text).reasons == {"it has sent no telemetry yet": 100}
     with pytest.raises(CountNeededError, match="100 may obey"):
         desk.send(text)

@@ -151,7 +151,7 @@ def test_unknown_on_some_robots_is_counted_there(fleet: Fleet) -> None:
     found = fleet.station.preview("(WHEN (AND (> fuel 50%) (> torpedoes 5)) (MARK))")
     assert (found.yes, len(found.no)) == (("s7",), 6)
     assert found.unknown == dict.fromkeys(("s6", "s8", "s9"), TEST_UNKNOWN)
-    forecast = fleet.station.forecast("(WHEN (AND (> fuel 50%) (> torpedoes 5)) (MARK))")
+    forecast = fleet.station.prepare("(WHEN (AND (> fuel 50%) (> torpedoes 5)) (MARK))").forecast
     assert (list(forecast.yes), list(forecast.undecided), forecast.may) == (["s7"], ["s6", "s8", "s9"], 1)
 
 

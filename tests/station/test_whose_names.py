@@ -12,10 +12,9 @@ from sleepcast.core.model import Quantity
 from sleepcast.language import CheckError, HostFunction, Vocabulary
 from sleepcast.mind.telemetry import vocabulary_text
 from sleepcast.node.node import Node
-from sleepcast.station.asking import unknown_names
 from sleepcast.station.network import PRESENT_FOR, NetworkStation
-from sleepcast.station.remote import TelemetryClient
-from sleepcast.station.validation import Draft
+from sleepcast.station.prepared import Terms
+from sleepcast.station.validation import Audience
 from station.far import Far
 
 DRIVE = "(DRIVE 0.2m/s)"
@@ -63,16 +62,22 @@ class Fleet:
         self.scene.clock.advance(PRESENT_FOR + 1.0)
 
     def may(self, text: str, **more: object) -> int:
-        return self.desk.forecast(text, **more).may  # type: ignore[arg-type]
+        return self.desk.prepare(text, Terms(everybody=True, **more)).may  # type: ignore[arg-type]
 
 
 def said(fleet: Fleet, text: str, only: Iterable[str] | None = None) -> str:
     """What the desk says of a text that is for these, "" if it may be sent."""
     try:
-        fleet.desk.validate(Draft(text, everybody=True, audience=Draft("").audience._replace(only=only)))  # type: ignore[arg-type]
+        fleet.desk.draft(text, Terms(everybody=True, audience=Audience.of(only)))  # type: ignore[arg-type]
     except CheckError as error:
         return str(error)
     return ""
+
+
+def unknown(fleet: Fleet, *only: str) -> tuple[list[str], int]:
+    """The names in a text that no robot has, of these or of all, and how many have told theirs."""
+    checked = fleet.desk.check("(TUMBEL)", only=only or None)
+    return fleet.desk.unknown_names(checked, only or None)
 
 
 def test_a_robot_that_has_left_refuses_nothing() -> None:
@@ -121,14 +126,14 @@ def test_those_decide_that_a_text_is_for() -> None:
 def test_who_insists_is_refused_by_no_robots_names() -> None:
     fleet = Fleet(r1=SCOUT)
     fleet.tell("r1")
-    draft = Draft(DRIVE, everybody=True, confirmed=True)
-    assert fleet.desk.validate(draft).seconds > 0
+    insists = Terms(everybody=True, anyway=True)
+    assert fleet.desk.prepare(DRIVE, insists).may == 1
     assert fleet.may(DRIVE, anyway=True) == 1
     fleet.desk.ask(DRIVE, anyway=True)
     with pytest.raises(CheckError):
         fleet.desk.ask(DRIVE)
     with pytest.raises(CheckError):
-        fleet.desk.validate(Draft("(SQRT 1 2)", everybody=True, confirmed=True))
+        fleet.desk.draft("(SQRT 1 2)", insists)
 
 
 def test_what_robots_learned_that_have_left_refuses_nothing_either() -> None:
@@ -160,14 +165,13 @@ def test_of_two_types_that_cannot_be_united_those_decide_that_are_there() -> Non
 
 def test_a_name_is_unknown_by_the_word_of_robots_that_are_there() -> None:
     fleet = Fleet(r1=SCOUT, r2=SCOUT, tiny=BOARD)
-    client = TelemetryClient(fleet.desk, fleet.far.minds)
     fleet.tell("r1", "r2")
-    assert unknown_names(fleet.desk, client, "(TUMBEL)") == (["TUMBEL"], 2)
-    assert unknown_names(fleet.desk, client, "(TUMBEL)", ["r1"]) == (["TUMBEL"], 1)
+    assert unknown(fleet) == (["TUMBEL"], 2)
+    assert unknown(fleet, "r1") == (["TUMBEL"], 1)
     fleet.desk.hear(Message("tiny", 1, 1, Kind.ANSWER, 0.0, body={"command": "chief-1.1"}))
-    assert unknown_names(fleet.desk, client, "(TUMBEL)") == ([], 0), "one that is there has not told its names"
+    assert unknown(fleet) == ([], 0), "one that is there has not told its names"
     fleet.leave()
-    assert unknown_names(fleet.desk, client, "(TUMBEL)") == ([], 0), "nobody is there"
+    assert unknown(fleet) == ([], 0), "nobody is there"
 
 
 def test_the_names_of_some_are_in_the_slots_of_all() -> None:

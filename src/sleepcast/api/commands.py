@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import AsyncGenerator, Awaitable, Callable, Iterator, Mapping, Sequence
+from collections.abc import AsyncGenerator, Awaitable, Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from math import inf
@@ -20,10 +20,11 @@ from sleepcast.api.table import DataTable, Numbers, Texts
 from sleepcast.channel import Kind
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.given_numbers import in_seconds
-from sleepcast.language import Explanation, check
+from sleepcast.language import Checked, Explanation, check
 from sleepcast.language.learned_names import LearnedNames
 from sleepcast.station import Command, Preview, Station
-from sleepcast.station.validation import is_mere_test, robot_names
+from sleepcast.station.prepared import Prepared, Terms
+from sleepcast.station.validation import Audience, is_mere_test, robot_names
 
 if TYPE_CHECKING:
     from sleepcast.api.mission import Mission
@@ -116,6 +117,13 @@ class FairLock:
             raise MisuseError("this fleet is closed: connect again")
 
 
+def _warn_of(checked: Checked, known: Collection[int] = ()) -> None:
+    """Warn the caller's caller's caller of names that no robot has. known: where some are known all the same."""
+    for finding in checked.findings:
+        if finding.unknown and finding.start not in known:
+            warnings.warn(finding.render(checked.text), stacklevel=4)
+
+
 class Fleet(ABC):
     """A fleet and its operator's desk. station: the desk, for what is not offered here.
 
@@ -157,17 +165,17 @@ class Fleet(ABC):
 
     # ---- the operator's desk
 
-    @abstractmethod
-    def _prepare(self, text: str, sure: bool, only: Sequence[str] | None) -> None:
-        """Learn what the desk has to know before it sends a text to these robots (None: all). sure: whether it is meant
-        as it stands."""
+    def _prepare(self, text: str, terms: Terms) -> Prepared:
+        """Prepare a command, once the desk knows what it has to know for that."""
+        with self._turn():
+            return self.station.prepare(text, terms)
 
     def preview(self, text: str) -> Preview:
         """Who would obey an expression now, by what robots last reported to the desk: `yes`, `no`, and `unknown` with
         the reasons. Nothing is done. For a test alone, as `(> fuel 50%)`, it is for which robots it holds. Raises
         ReadError and CheckError for a text that no robot could run."""
-        program = self.station.check(text).required()
-        return self.station.preview(f"(WHEN {text} 1)" if is_mere_test(program) else text)
+        checked = self.station.check(text)
+        return self.station.preview(f"(WHEN {text} 1)" if is_mere_test(checked.required()) else checked)
 
     @overload
     def send(
@@ -219,38 +227,15 @@ class Fleet(ABC):
                     "a script says line by line what is standing, within which time and for whom: @5s standing (...)"
                 )
             return self.play(text, wait=wait, everybody=everybody, count=count, sure=sure)
-        wait, only = in_seconds(wait, "wait"), robot_names(only)
-        within = None if deadline is None else in_seconds(deadline, "deadline")
-        self._prepare(text, sure, only)
-        self._warn(text, sure, only)
-        return self._send(text, wait, standing, within, everybody, count, only, but, sure)
+        wait, within = in_seconds(wait, "wait"), None if deadline is None else in_seconds(deadline, "deadline")
+        terms = Terms(standing, within, everybody, Audience.of(only, but), anyway=sure, undecided=True)
+        prepared = self._prepare(text, terms)
+        self._warn(prepared)
+        return self._until(self._commit(prepared, count, sure), wait)
 
-    def _send(
-        self,
-        text: str,
-        wait: float,
-        standing: bool,
-        deadline: float | None,
-        everybody: bool,
-        count: int | None,
-        only: Sequence[str] | None,
-        but: Sequence[str] | None,
-        sure: bool,
-    ) -> CommandResult:
-        """Broadcast what was prepared."""
+    def _commit(self, prepared: Prepared, count: int | None, sure: bool) -> Command:
         with self._turn():
-            sent = self.station.send(
-                text,
-                standing=standing,
-                deadline=deadline,
-                everybody=everybody,
-                count=count,
-                only=only,
-                but=but,
-                confirmed=sure,
-                undecided=True,
-            )
-        return self._until(sent, wait)
+            return self.station.commit(prepared, count=count, confirmed=sure)
 
     # ---- missions
 
@@ -297,9 +282,11 @@ class Fleet(ABC):
                 if not self._stops() <= known:
                     raise MisuseError("STOP ended the script, and this and what follows was not sent: release it first")
                 if said.sort in ("once", "standing"):
-                    self._prepare(said.text, sure, said.only)
-                    self._warn(said.text, sure, said.only, learned)
-                sent = self._order(said, everybody, count, sure)
+                    prepared = self._prepare(said.text, self._terms(said, everybody, sure))
+                    self._warn(prepared, learned)
+                    sent = self._until(self._commit(prepared, count, sure), 0.0)
+                else:
+                    sent = self._order(said, sure)
             self._played(line.order, sent._command)
             known.add(sent.id)
             self._scripted.add(sent.id)
@@ -326,17 +313,19 @@ class Fleet(ABC):
         """The ids of the STOPs that were sent."""
         return {command.id for command in self.station.commands() if command.kind is Kind.STOP}
 
-    def _order(self, said: Instruction, everybody: bool, count: int | None, sure: bool) -> CommandResult:
-        """Send a line now."""
+    def _terms(self, said: Instruction, everybody: bool, sure: bool) -> Terms:
+        """How a line of a script is meant that commands."""
+        audience, standing = Audience.of(said.only, said.but), said.sort == "standing"
+        return Terms(standing, said.within, everybody, audience, anyway=sure, undecided=True)
+
+    def _order(self, said: Instruction, sure: bool) -> CommandResult:
+        """Send another line now."""
         match said.sort:
             case "STOP":
                 return self.stop(wait=0.0)
             case "RELEASE":
                 return self.release(wait=0.0)
-            case "ask":
-                return self.ask(said.text, wait=0.0, only=said.only, but=said.but, sure=sure)
-        standing = said.sort == "standing"
-        return self._send(said.text, 0.0, standing, said.within, everybody, count, said.only, said.but, sure)
+        return self.ask(said.text, wait=0.0, only=said.only, but=said.but, sure=sure)
 
     @abstractmethod
     def _played(self, order: Order, sent: Command) -> None:
@@ -371,28 +360,32 @@ class Fleet(ABC):
         `values`. sure: it is meant as it stands, though the fleet has no such name. Raises what `Station.ask`
         raises."""
         wait, only = in_seconds(wait, "wait"), robot_names(only)
-        self._warn(text, sure, only)
         with self._turn():
-            sent = self.station.ask(text, only=only, but=but, anyway=sure)
+            sent = self.station.ask(self._checked_question(text, sure, only), only=only, but=but, anyway=sure)
         return self._until(sent, wait)
 
-    def _warn(self, text: str, sure: bool, only: Sequence[str] | None, learned: LearnedNames | None = None) -> None:
-        """Warn the caller's caller of names that no robot has, unless it is sure. learned: what was sent before in the
-        same script, which robots may not have told yet; it learns this text."""
-        if sure:
-            return
+    def _checked_question(self, text: str, sure: bool, only: Sequence[str] | None) -> str | Checked:
+        """A question, checked if that is possible, and warned of."""
         try:
-            checked, known = self.station.check(text, only=only), set[int]()
-            if learned is not None:
-                own = check(text, learned)
-                known = {finding.start for finding in checked.findings} - {finding.start for finding in own.findings}
-                if own.program is not None:
-                    learned.learn(own.program.form)
+            checked = self.station.check(text, only=only, anyway=sure)
         except SleepcastError:
-            return  # the desk says it, and writes it down
-        for finding in checked.findings:
-            if finding.unknown and finding.start not in known:
-                warnings.warn(finding.render(text), stacklevel=3)
+            return text  # the desk says it, and writes it down
+        if not (sure or self.station.unknown_names(checked, only)[0]):
+            _warn_of(checked)
+        return checked
+
+    def _warn(self, prepared: Prepared, learned: LearnedNames | None = None) -> None:
+        """Warn the caller's caller of names that no robot has, unless it is sure, or they are refused. learned: what
+        was sent before in the same script, which robots may not have told yet; it learns this text."""
+        if prepared.draft.terms.anyway:
+            return
+        checked, known = prepared.draft.checked, set[int]()
+        if learned is not None:
+            own = check(checked.text, learned)
+            known = {finding.start for finding in checked.findings} - {finding.start for finding in own.findings}
+            learned.learn(prepared.draft.program.form)
+        if not prepared.unknown:
+            _warn_of(checked, known)
 
     def stop(self, *, wait: float | str = WAIT) -> CommandResult:
         """Stop every body at once, until `release`."""

@@ -22,10 +22,11 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.core.given_numbers import in_seconds, read_seconds
 from sleepcast.language import Explanation
 from sleepcast.station import Command, Preview
-from sleepcast.station.asking import AHEAD, ask_first, ask_why, look_around, may_be_known_to_robots, unknown_names
+from sleepcast.station.asking import AHEAD, ask_why, look_around, may_be_known_to_robots, prepare_with_robots
 from sleepcast.station.network import NetworkStation
+from sleepcast.station.prepared import Prepared, Terms
 from sleepcast.station.remote import TelemetryClient
-from sleepcast.station.validation import MAX_LISTED, UnknownNameError
+from sleepcast.station.validation import MAX_LISTED
 
 if TYPE_CHECKING:
     from sleepcast.notebook import NotebookDesk
@@ -101,17 +102,9 @@ class ConnectedFleet(Fleet):
                 look_around(self.station, self.telemetry)
                 self._looked = self.station.now
 
-    def _prepare(self, text: str, sure: bool, only: Sequence[str] | None) -> None:
+    def _prepare(self, text: str, terms: Terms) -> Prepared:
         with self._turn():
-            ask_first(self.station, self.telemetry, text, only=only, anyway=sure)
-            if not sure:
-                self._refuse_unknown(text, only)
-
-    def _refuse_unknown(self, text: str, only: Sequence[str] | None) -> None:
-        """Raises UnknownNameError for names that no robot has, where all have told theirs."""
-        names, robots = unknown_names(self.station, self.telemetry, text, only)
-        if names:
-            raise UnknownNameError(names, robots)
+            return prepare_with_robots(self.station, self.telemetry, text, terms)
 
     def preview(self, text: str) -> Preview:
         self._look()
@@ -129,17 +122,16 @@ class ConnectedFleet(Fleet):
         """See `Fleet`. Raises UnknownNameError for names that no robot has, too."""
         wait = in_seconds(wait, "wait")
         with self._turn():
-            if not sure and may_be_known_to_robots(self.station, text):
+            if not sure and may_be_known_to_robots(self.station, self.station.check(text)):
                 look_around(self.station, self.telemetry, patience=AHEAD)
-                self._refuse_unknown(text, only)
         return super().ask(text, wait=wait, only=only, but=but, sure=sure)
 
     def _played(self, order: Order, sent: Command) -> None:
         """Nothing: no scenario with a mission lies behind robots on the air."""
 
-    def _order(self, said: Instruction, everybody: bool, count: int | None, sure: bool) -> CommandResult:
+    def _order(self, said: Instruction, sure: bool) -> CommandResult:
         if said.sort != "RELEASE":
-            return super()._order(said, everybody, count, sure)
+            return super()._order(said, sure)
         with self._turn():
             sent = self.station.release(-inf)  # a script ends no STOP of others
         return self._until(sent, 0.0)

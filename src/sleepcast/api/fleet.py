@@ -32,6 +32,7 @@ from sleepcast.simulator import Changes, Scenario, World, find_scenario, read_sc
 from sleepcast.simulator.scenario.mission import Instruction, Order
 from sleepcast.simulator.scenario.robot_settings import MAX_TIME
 from sleepcast.station import Command, Station
+from sleepcast.station.prepared import Terms
 
 if TYPE_CHECKING:
     from sleepcast.api.recording import RunRecording
@@ -97,9 +98,6 @@ class SimulatedFleet(Fleet):
         self._changed()
         return result
 
-    def _prepare(self, text: str, sure: bool, only: Sequence[str] | None) -> None:
-        """Nothing: the desk looks into its robots."""
-
     def why(self, robot: str, sent: CommandResult | None = None) -> Explanation:
         return self.station.why(robot, None if sent is None else sent.id)
 
@@ -140,8 +138,8 @@ class SimulatedFleet(Fleet):
         while simulator.tick + 1 < tick_at(time, simulator.scenario.tick):
             self._pass()
 
-    def _order(self, said: Instruction, everybody: bool, count: int | None, sure: bool) -> CommandResult:
-        return super()._order(said, True, count, sure)
+    def _terms(self, said: Instruction, everybody: bool, sure: bool) -> Terms:
+        return super()._terms(said, True, sure)
 
     # ---- what is so now
 

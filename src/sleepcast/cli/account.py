@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from sleepcast.core.model import RestState
     from sleepcast.language import Vocabulary
     from sleepcast.station.account import Account
+    from sleepcast.station.prepared import Forecast
     from sleepcast.station.rest import RestAccount
     from sleepcast.station.sent import Command
-    from sleepcast.station.validation import Forecast
 
 FEW = 12
 """Names that are listed; of more, their number is shown."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import click
 
@@ -14,16 +14,25 @@ from sleepcast.cli.air import operator
 from sleepcast.cli.eval import NegativeNumbersAllowed
 from sleepcast.cli.options import QuantityType
 from sleepcast.cli.streams import complain, put, somebody_there
-from sleepcast.core.errors import SleepcastError, and_more
+from sleepcast.core.errors import and_more
 from sleepcast.core.units import TIME
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
+    from sleepcast.language import Checked
     from sleepcast.station.network import NetworkStation
+    from sleepcast.station.prepared import Prepared, Terms
     from sleepcast.station.remote import TelemetryClient
     from sleepcast.station.sent import Command
-    from sleepcast.station.validation import Draft
+    from sleepcast.station.validation import UnknownNameError
+
+Sent = TypeVar("Sent", covariant=True)
+
+
+class Put(Protocol[Sent]):
+    """Sends what was prepared, with the answers of who sends it."""
+
+    def __call__(self, *, count: int | None, confirmed: bool) -> Sent: ...
+
 
 GRACE = 1.0
 """Seconds after the time for answers for which they are still taken: for a robot's tick, and for repairs."""
@@ -85,167 +94,124 @@ def send(
       sleepcast send --only r7 --hold 10s '(SETQ drive_speed 1m/s)'
       sleepcast send --staged --count 48 '(WHEN (> fuel 20%) (GOTO 10mi 5mi))'
     """
-    from sleepcast.station.asking import ask_first
-    from sleepcast.station.validation import Audience, Draft
+    from sleepcast.station.prepared import Terms
+    from sleepcast.station.validation import Audience
 
     if staged and only is not None:
         raise click.UsageError("--staged and --only do not go together: stages are chosen among all")
     audience = Audience(None if only is None else only.replace(",", " ").split())
     if audience.only == []:
         raise click.UsageError("--only names nobody: wanted robots, as in --only r1,r2")
-    draft = Draft(text, standing, deadline, everybody, count, audience, anyway)
+    terms = Terms(standing, deadline, everybody, audience, anyway=anyway)
     with observing_station(air, complain, strict=strict) as (station, telemetry):
         station.holding = hold is not None
-        if not blind:
-            _refuse_early(station, draft)
-            ask_first(station, telemetry, text, only=audience.only, anyway=anyway)
-        warn(station, telemetry, text, audience.only, anyway=anyway)
-        if not (blind or anyway):
-            insists = refuse_unknown(station, telemetry, text, as_json, only=audience.only, doubts=True)
-            draft = replace(draft, undecided=insists)
-        draft = _confirmed(station, telemetry, draft, as_json)
-        complain(forecast_text(station.forecast(text, only=audience.only, anyway=draft.confirmed)))
-        draft = _settled(station, draft, as_json)
-        status = _in_stages(station, draft, as_json) if staged else _at_once(station, draft, as_json)
+        prepared = station.prepare(text, terms) if blind else _prepare_with_robots(station, telemetry, text, terms)
+        checked, sender = prepared.draft.checked, Sender(count, anyway, not as_json and somebody_there())
+        warn(telemetry, checked)
+        prepared = sender.asked_about_names(prepared)
+        sender.ask_about_text(checked, shown=bool(telemetry.minds))
+        complain(forecast_text(prepared.forecast))
+        status = (_in_stages if staged else _at_once)(station, prepared, sender, as_json)
         if hold is not None:
             station.wait(hold)
         return status
 
 
-def warn(
-    station: NetworkStation,
-    telemetry: TelemetryClient,
-    text: str,
-    only: Sequence[str] | None = None,
-    *,
-    anyway: bool = False,
-) -> None:
-    """Print what the checker doubts, with the names of the robots that have sent telemetry. only, anyway: as for
-    `Station.check`."""
+def _prepare_with_robots(station: NetworkStation, telemetry: TelemetryClient, text: str, terms: Terms) -> Prepared:
+    """By what robots tell now. What is wrong whatever they may tell is refused before they are asked, unless only their
+    telemetry says which names there are, and who is there."""
+    from sleepcast.station.asking import prepare_with_robots
+
+    early = None if station.caution.strict or not station.names else station.draft(text, terms)
+    return prepare_with_robots(station, telemetry, text, terms, early)
+
+
+def warn(telemetry: TelemetryClient, checked: Checked) -> None:
+    """Print what the checker doubts, in the names of the robots that have sent telemetry."""
     if telemetry.minds:
-        checked = station.check(text, only=only, anyway=anyway)
-        for line in (*(finding.render(text) for finding in checked.warnings), *and_more(checked.more)):
+        for line in (*(finding.render(checked.text) for finding in checked.warnings), *and_more(checked.more)):
             complain(line)
 
 
-def refuse_unknown(
-    station: NetworkStation,
-    telemetry: TelemetryClient,
-    text: str,
-    as_json: bool,
-    *,
-    only: Sequence[str] | None = None,
-    doubts: bool = False,
-) -> bool:
-    """Let the desk refuse names that no robot has, where all have sent their names; gives whether a person insists.
-    doubts: whether a person is asked about these besides."""
-    from sleepcast.station.asking import unknown_names
-    from sleepcast.station.validation import UnknownNameError
+class Sender:
+    """Who sends a command, and what he has said of it: with options, or when asked. count, confirmed: see
+    `Station.commit`. person: whether somebody is there to be asked."""
 
-    names, robots = unknown_names(station, telemetry, text, only)
-    person = not as_json and somebody_there()
-    if person and doubts:  # these are asked about with all else that is doubted
-        doubted = {doubt.unknown for doubt in station.check(text, only=only).doubts}
-        names = [name for name in names if name not in doubted]
-    if not names:
-        return False
-    if person and click.confirm(f"{UnknownNameError(names, robots).why}. Send it all the same?", err=True):
-        return True
-    station.caution = replace(station.caution, known=robots)
-    return False
+    def __init__(self, count: int | None, confirmed: bool, person: bool) -> None:
+        self.count, self.confirmed, self.person = count, confirmed, person
+        self._may: int | None = None
+        """The number that was asked for last."""
 
+    def asked_about_names(self, prepared: Prepared) -> Prepared:
+        """Ask about names that no robot has, unless they are asked about with all else that is doubted."""
+        from sleepcast.station.validation import UnknownNameError
 
-def _confirmed(station: NetworkStation, telemetry: TelemetryClient, draft: Draft, as_json: bool) -> Draft:
-    """The draft, confirmed if it was doubted and a person at a terminal says so; else `settle` refuses it."""
-    from sleepcast.station.validation import DoubtError
+        if not (prepared.unknown and self.person):
+            return prepared
+        doubted = {doubt.unknown for doubt in prepared.draft.checked.doubts}
+        names = [name for name in prepared.unknown if name not in doubted]
+        if not names or self.insists(UnknownNameError(names, prepared.informed)):
+            return prepared.despite_names()
+        self.person = False  # he has answered, and the desk refuses it
+        return prepared
 
-    try:
-        checked = station.check(draft.text, only=draft.audience.only, anyway=draft.confirmed)
-    except SleepcastError:
-        return draft  # `settle` says it, and writes it down
-    if draft.confirmed or checked.errors or not checked.doubts or as_json or not somebody_there():
-        return draft
-    if not telemetry.minds:  # else they have been printed
-        complain(DoubtError.of(checked).shown)
-    click.confirm("Send it as it stands?", abort=True, err=True)
-    return replace(draft, confirmed=True)
+    def insists(self, error: UnknownNameError) -> bool:
+        """Whether a person wants it although no robot has these names."""
+        return self.person and click.confirm(f"{error.why}. Send it all the same?", err=True)
 
+    def ask_about_text(self, checked: Checked, shown: bool) -> None:
+        """Ask whether a text is meant that is doubted. shown: whether the doubts were printed."""
+        from sleepcast.station.validation import DoubtError
 
-def _settled(station: NetworkStation, draft: Draft, as_json: bool) -> Draft:
-    """The draft as the desk takes it: what the desk wants to know is asked of a person at a terminal. Raises what
-    `NetworkStation.validate` raises."""
-    from sleepcast.station.validation import CountNeededError, DoubtError
+        if self.person and checked.doubts and not self.confirmed:
+            self._confirm("" if shown else DoubtError.of(checked).shown)
 
-    while True:
-        try:
-            station.validate(draft)
-            return draft
-        except CountNeededError as error:
-            if draft.count is not None or as_json:
-                raise
-            draft = replace(draft, count=_typed(error))
-        except DoubtError as error:
-            if as_json or not somebody_there():
-                raise
-            complain(error.shown)
-            click.confirm("Send it as it stands?", abort=True, err=True)
-            draft = replace(draft, confirmed=True)
+    def _confirm(self, shown: str) -> None:
+        if shown:
+            complain(shown)
+        click.confirm("Send it as it stands?", abort=True, err=True)
+        self.confirmed = True
+
+    def settle(self, put: Put[Sent]) -> Sent:
+        """Do what wants answers, and ask a person for them, for the number once more if it is another one by now.
+        Raises what that raises where nobody can be asked."""
+        from sleepcast.station.validation import CountNeededError, DoubtError
+
+        while True:
+            try:
+                return put(count=self.count, confirmed=self.confirmed)
+            except CountNeededError as error:
+                wrong = self.count is not None and self._may in (None, error.may)
+                if wrong or not self.person:
+                    raise
+                complain(str(error))
+                self._may, self.count = error.may, click.prompt("Robots that are meant", type=int, err=True)
+            except DoubtError as error:
+                if not self.person:
+                    raise
+                self._confirm(error.shown)
 
 
-def _refuse_early(station: NetworkStation, draft: Draft) -> None:
-    """Say at once what is wrong whatever robots may tell. Raises what `settle` raises, but for the count."""
-    from sleepcast.station.roster import UnknownRobotError
-
-    if station.caution.strict or not station.names:
-        return  # which names there are, and who is there, is known only from their telemetry
-    try:
-        may: int | None = station.forecast(draft.text, only=draft.audience.only, anyway=draft.confirmed).may
-    except UnknownRobotError:
-        return  # it may be there all the same: all robots are asked for telemetry
-    except SleepcastError:
-        may = None  # `settle` says it once more, and writes it down
-    station.validate(replace(draft, count=may, confirmed=True))  # what is doubted is asked when all is known
+def _at_once(station: NetworkStation, prepared: Prepared, sender: Sender, as_json: bool) -> int:
+    return gathered(station, sender.settle(partial(station.commit, prepared)), GRACE, as_json)
 
 
-def _at_once(station: NetworkStation, draft: Draft, as_json: bool) -> int:
-    sent = station.send(
-        draft.text,
-        standing=draft.standing,
-        deadline=draft.deadline,
-        everybody=draft.everybody,
-        count=draft.count,
-        only=draft.audience.only,
-        confirmed=draft.confirmed,
-        undecided=draft.undecided,
-    )
-    return gathered(station, sent, GRACE, as_json)
-
-
-def _in_stages(station: NetworkStation, draft: Draft, as_json: bool) -> int:
+def _in_stages(station: NetworkStation, prepared: Prepared, sender: Sender, as_json: bool) -> int:
     """Send in stages, telling what becomes of each. The exit status is 1 if there was one too few."""
-    from sleepcast.station.staging import staged
+    from sleepcast.station.staging import Stages
 
     stages = []
-    for stage in staged(station, draft, GRACE):
+    for stage in sender.settle(partial(Stages, station, prepared)).run(GRACE):
         stages.append(stage)
         if not as_json:
             complain(f"stage {len(stages)}, for {stage.account.asked} robots:")
             _show(station, stage.command, as_json)
     whole = stages[-1].last and stages[-1].good
     if as_json:
-        put(json.dumps(stages_as_dict(draft.text, [(stage.command, stage.account) for stage in stages])))
+        put(json.dumps(stages_as_dict(prepared.draft.text, [(stage.command, stage.account) for stage in stages])))
     elif not stages[-1].last:
         complain("not sent to the other robots, because this stage had faults or silent robots")
     return 0 if whole else 1
-
-
-def _typed(error: Exception) -> int:
-    """The number that a person types. Raises the error where nobody can, and click.Abort at the end of input."""
-    if not somebody_there():
-        raise error
-    complain(str(error))
-    number: int = click.prompt("Robots that are meant", type=int, err=True)
-    return number
 
 
 @click.command("ask", cls=NegativeNumbersAllowed, short_help="Ask robots on the air for a value.")
@@ -262,14 +228,18 @@ def ask(text: str, anyway: bool, air: AirOptions, as_json: bool) -> int:
       sleepcast ask '(DIST x y 0 0)' --json
     """
     from sleepcast.station.asking import AHEAD, look_around, may_be_known_to_robots
+    from sleepcast.station.validation import UnknownNameError
 
     with observing_station(air, complain) as (station, telemetry):
-        if not anyway and may_be_known_to_robots(station, text):
+        checked = station.check(text, anyway=anyway)
+        if not anyway and may_be_known_to_robots(station, checked):
             look_around(station, telemetry, patience=AHEAD)
-        warn(station, telemetry, text, anyway=anyway)
-        if not anyway:
-            refuse_unknown(station, telemetry, text, as_json)
-        return gathered(station, station.ask(text, anyway=anyway), PATIENCE, as_json)
+            checked = station.check(text)
+        warn(telemetry, checked)
+        names, robots = ([], 0) if anyway else station.unknown_names(checked)
+        sender = Sender(None, anyway, not as_json and somebody_there())
+        insists = anyway or (bool(names) and sender.insists(UnknownNameError(names, robots)))
+        return gathered(station, station.ask(checked, anyway=insists), PATIENCE, as_json)
 
 
 @click.command("release", short_help="End a stop.")

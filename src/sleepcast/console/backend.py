@@ -47,8 +47,8 @@ from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEE
 from sleepcast.simulator import KERNELS, kernel_count
 from sleepcast.station import NO, UNKNOWN, YES, Command, NoExplanationError, Preview, Report, Station
 from sleepcast.station.account import answer_in_words
+from sleepcast.station.prepared import Prepared, Terms
 from sleepcast.station.rest import stopped_in_words
-from sleepcast.station.validation import Draft
 
 STOP_AGAIN = 0.5
 """Seconds in which one more STOP adds nothing to the one that holds; the station itself repeats it."""
@@ -103,6 +103,8 @@ class Backend:
         self.plots = Plots(self.values, clock, measures)
         driver.watchers.append(self.plots.sample)
         self._fields = FieldMaps(swarm.field, clock)
+        self._pending: tuple[tuple[str, bool, Sort], Prepared] | None = None
+        """The latest command that is not sent yet, since its sender was asked about it."""
         self._winks: dict[str, float] = {}
         """When each robot was asked to blink, s of the page's time."""
         self.alerts = AlertBoard(self.values, clock)
@@ -143,7 +145,7 @@ class Backend:
             findings.append(outgoing.ShownFinding("error", checked.by, 0, 0, checked.by))
         if checked.program is None:
             return outgoing.Previewed(serial, findings, checked.cost)
-        return self._previewed(serial, checked, findings, self._station.preview(text))
+        return self._previewed(serial, checked, findings, self._station.preview(checked))
 
     def _previewed(
         self, serial: int, checked: Checked, findings: list[outgoing.ShownFinding], found: Preview
@@ -199,16 +201,24 @@ class Backend:
         count: int | None = None,
         confirmed: bool = False,
     ) -> outgoing.Sent:
-        """Broadcast `text`. count, confirmed: where the station asks for confirmation, see `Station.send`."""
+        """Broadcast `text`. count, confirmed: where the station asks for confirmation, see `Station.commit`."""
         if sort == "ask":
             sent = self._station.ask(text)
-        elif sort == "stages":
-            sent = self._send_in_stages(Draft(text, everybody=everybody, count=count, confirmed=confirmed))
         else:
-            standing = sort == "standing"
-            sent = self._station.send(text, standing=standing, everybody=everybody, count=count, confirmed=confirmed)
+            prepared = self._prepared(text, everybody, sort, confirmed)
+            put = self._send_in_stages if sort == "stages" else self._station.commit
+            sent = put(prepared, count=count, confirmed=confirmed)
+            self._pending = None
         self.driver.begin()
         return outgoing.Sent(serial, sent.id)
+
+    def _prepared(self, text: str, everybody: bool, sort: Sort, confirmed: bool) -> Prepared:
+        """The command, as a page was asked about it before, if it was."""
+        what = (text, everybody, sort)
+        if self._pending is None or self._pending[0] != what:
+            terms = Terms(standing=sort == "standing", everybody=everybody, anyway=confirmed)
+            self._pending = what, self._station.prepare(text, terms)
+        return self._pending[1]
 
     def mission_wish(self, wish: incoming.Play | incoming.SendLine | incoming.SkipLine) -> Played | outgoing.Sent:
         """Play the mission or not, or decide about one of its commands."""
@@ -246,7 +256,7 @@ class Backend:
             rows = self._ledger.rows_of(counted_commands(self._mission))
         yield shown_mission(self._mission, rows, time, self._began)
 
-    def _send_in_stages(self, draft: Draft) -> Command:
+    def _send_in_stages(self, prepared: Prepared, *, count: int | None, confirmed: bool) -> Command:
         """Refused."""
         raise MisuseError("Only what goes over the air can be sent in stages.")
 

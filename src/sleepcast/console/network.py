@@ -22,8 +22,8 @@ from sleepcast.core.errors import MisuseError, SleepcastError, printable
 from sleepcast.language import Explanation
 from sleepcast.station import Command
 from sleepcast.station.network import NetworkStation
+from sleepcast.station.prepared import Prepared
 from sleepcast.station.roster import of_robots
-from sleepcast.station.validation import Draft
 
 LISTEN = 0.02
 """Seconds between two looks at the air: a robot's answer is on the page before anybody could say it is late."""
@@ -197,9 +197,9 @@ class NetworkBackend(Backend):
         yield from super().news(watched)
         yield self._operators.shown()
 
-    def _send_in_stages(self, draft: Draft) -> Command:
+    def _send_in_stages(self, prepared: Prepared, *, count: int | None, confirmed: bool) -> Command:
         """To one robot, to a tenth, to all."""
-        return self._operators.send_in_stages(draft)
+        return self._operators.send_in_stages(prepared, count=count, confirmed=confirmed)
 
     def halt(self) -> None:
         """Send no further stage."""

@@ -17,8 +17,8 @@ from sleepcast.core.errors import MisuseError, SleepcastError, printable
 from sleepcast.station import Command
 from sleepcast.station.leases import describe_request, doubt_of, lease_body
 from sleepcast.station.network import NetworkStation
+from sleepcast.station.prepared import Prepared
 from sleepcast.station.staging import StagedSending
-from sleepcast.station.validation import Draft
 
 GRACE = 1.0
 """Seconds after the time for answers for which those to a stage are still taken."""
@@ -101,12 +101,13 @@ class OperatorsDesk:
 
     # ---- in stages
 
-    def send_in_stages(self, draft: Draft) -> Command:
-        """Send to one robot, then to a tenth, then to all; gives the first command. Raises what sending raises, and
-        MisuseError while another one is under way."""
+    def send_in_stages(self, prepared: Prepared, *, count: int | None = None, confirmed: bool = False) -> Command:
+        """Send to one robot, then to a tenth, then to all; gives the first command. Raises what `Station.commit`
+        raises, and MisuseError while another one is under way."""
         if self._staged is not None and self._staged.current is not None:
             raise MisuseError("Another command is being sent in stages: wait for its end, or stop it there.")
-        self._staged, self._ended = StagedSending(self._station, draft, GRACE), "you stopped it"
+        self._staged = StagedSending(self._station, prepared, GRACE, count=count, confirmed=confirmed)
+        self._ended = "you stopped it"
         return self._staged.first
 
     def halt(self) -> None:

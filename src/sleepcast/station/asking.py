@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from sleepcast.core.errors import SleepcastError
-from sleepcast.language import Explanation
+from sleepcast.language import Checked, Explanation
 from sleepcast.language.parts import walk
 from sleepcast.language.rehearsal import CHANCE
 from sleepcast.station.validation import COMMANDED, MAX_LISTED, NEVER_HEARD, STALE, TEST_UNKNOWN
 
 if TYPE_CHECKING:
     from sleepcast.station.network import NetworkStation
+    from sleepcast.station.prepared import Draft, Prepared, Terms
     from sleepcast.station.remote import TelemetryClient
 
 PATIENCE = 1.0
@@ -35,41 +35,28 @@ def look_around(
     station.wait_until(lambda: not (telemetry.learning(began) or station.is_deciding), station.now + patience)
 
 
-def ask_first(
-    station: NetworkStation,
-    telemetry: TelemetryClient,
-    text: str,
-    *,
-    only: Sequence[str] | None = None,
-    anyway: bool = False,
-) -> None:
-    """Request telemetry, and let robots decide themselves whose decision does not follow from it; nothing is done.
-    only, anyway: as for `Station.check`. Raises what `preview` raises."""
+def prepare_with_robots(
+    station: NetworkStation, telemetry: TelemetryClient, text: str, terms: Terms, draft: Draft | None = None
+) -> Prepared:
+    """Prepare a command by what robots tell now: request telemetry, and let those decide themselves whose decision does
+    not follow from it; nothing is done. draft: the command as it was checked before. Raises what `Station.prepare`
+    raises."""
     look_around(station, telemetry, patience=AHEAD)
-    unknown = station.preview(text, only=only, anyway=anyway).unknown
+    draft = station.draft(text, terms) if draft is None else station.renewed(draft)
+    prepared = station.foresee(draft)
+    unknown = prepared.preview.unknown
     asked = [name for name, why in unknown.items() if why not in (NEVER_HEARD, STALE, COMMANDED, CHANCE, TEST_UNKNOWN)]
-    if asked:
-        whom = asked if len(asked) <= MAX_LISTED else None
-        station.poll(text, AHEAD, only=whom, anyway=anyway)
+    if not asked:
+        return prepared
+    station.poll(text, AHEAD, only=asked if len(asked) <= MAX_LISTED else None)
+    return station.foresee(station.renewed(draft))
 
 
-def may_be_known_to_robots(station: NetworkStation, text: str) -> bool:
-    """Whether a text names anything of which this desk has not heard, so that robots should be asked first. Raises
-    ReadError."""
-    checked, names = station.check(text), station.learned
+def may_be_known_to_robots(station: NetworkStation, checked: Checked) -> bool:
+    """Whether a text names anything of which this desk has not heard, so that robots should be asked first."""
+    names = station.learned
     groups = () if checked.program is None else (p for p in walk(checked.program.root) if p.op == "in")
     return bool(checked.unknown or checked.by) or any(names.declared(part.name) is None for part in groups)
-
-
-def unknown_names(
-    station: NetworkStation, telemetry: TelemetryClient, text: str, only: Sequence[str] | None = None
-) -> tuple[list[str], int]:
-    """The names in a text that no robot has, and how many robots have sent all of theirs, of those that are there and
-    that it is for; none where not all have. Raises ReadError."""
-    present, minds = station.present(only), telemetry.minds
-    if not all(name in minds and minds[name].learned is not None for name in present):
-        return [], 0
-    return (station.check(text, only=only).unknown, len(present)) if present else ([], 0)
 
 
 def ask_why(station: NetworkStation, telemetry: TelemetryClient, robot: str, command: str | None) -> Explanation:

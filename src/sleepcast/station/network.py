@@ -44,7 +44,7 @@ from sleepcast.channel.message import UNKNOWN as UNSURE
 from sleepcast.channel.name_conflicts import UNDECIDED_FOR
 from sleepcast.channel.session import MAX_SPREAD, ChannelSession
 from sleepcast.core.clock import Clock
-from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.errors import MisuseError
 from sleepcast.language import Checked
 from sleepcast.language.parts import rules
 from sleepcast.language.program import Program
@@ -52,6 +52,7 @@ from sleepcast.language.vocabulary import NEW_FORMS, Vocabulary
 from sleepcast.mind.authority import FORGOTTEN, MAX_MARKS, Life, StopMark, mark_of, marks_and_ages
 from sleepcast.station.account import COUNTED, account
 from sleepcast.station.journal.journal import CONFLICT, Journal, JournalEvent
+from sleepcast.station.prepared import Draft, Prepared, Terms
 from sleepcast.station.remote import RemoteMinds
 from sleepcast.station.rest import LOOK_SELDOM, RestWatch
 from sleepcast.station.retransmission import LATCHING, SETTLE, Retransmission
@@ -67,13 +68,10 @@ from sleepcast.station.validation import (
     UNKNOWN,
     YES,
     Audience,
-    DoubtError,
-    Draft,
     Mask,
     Minds,
     Preview,
     SendPolicy,
-    Validated,
     robot_names,
 )
 from sleepcast.station.whose_names import check_for, doubt_forms
@@ -126,6 +124,11 @@ def _unheard(sentence: str) -> None: ...
 
 def _nothing() -> None:
     pass
+
+
+def _has_new_form(text: str) -> bool:
+    """Whether a text may have a new part of a form, which some robots do not know."""
+    return any(form in text.casefold() for form in NEW_FORMS)
 
 
 class RoleError(MisuseError):
@@ -205,17 +208,40 @@ class NetworkStation(Station):
 
     # ---- sending
 
-    def validate(self, draft: Draft) -> Validated:
+    def _draft(self, text: str, terms: Terms) -> Draft:
         """As every station; raises RoleError for what our key may not send, too."""
-        self._validate_role(Kind.COMMAND, draft.text, draft.standing or self._changes_rules(draft.text))
-        found = super().validate(draft)
-        if self.caution.doubts and not draft.confirmed:
-            try:
-                self._shared.validate(found.places, self._clock.now())
-            except DoubtError as error:
-                self._refuse(draft.text, error)
-                raise
+        self._validate_role(Kind.COMMAND, terms.standing)
+        found = super()._draft(text, terms)
+        self._validate_role(Kind.COMMAND, rules(found.program.root))
         return found
+
+    def renewed(self, draft: Draft) -> Draft:
+        """The same draft, checked anew if other names count by now. Raises what `draft` raises."""
+        same = draft.names == self._names(draft.checked, draft.terms.audience)
+        return draft if same else self.draft(draft.text, draft.terms)
+
+    def _names(self, checked: Checked, audience: Audience) -> object:
+        minds, decide = self._minds, bool(checked.by) or _has_new_form(checked.text)
+        learned = minds.changes if isinstance(minds, RemoteMinds) else 0
+        return learned, tuple(self.present(audience.only)) if decide else ()
+
+    def _state(self) -> object:
+        shared = self._shared.places(self._clock.now()).tobytes()
+        learned = self._minds.changes if isinstance(self._minds, RemoteMinds) else 0
+        return self._told, self._size, self.caution, self.commanded.count, learned, shared, self._polled.taken
+
+    def unknown_names(self, checked: Checked, only: Sequence[str] | None = None) -> tuple[list[str], int]:
+        unknown, minds = checked.unknown, self._minds
+        if not unknown or not isinstance(minds, RemoteMinds):
+            return [], 0
+        present = self.present(only)
+        if not all(name in minds and minds[name].learned is not None for name in present):
+            return [], 0
+        return (unknown, len(present)) if present else ([], 0)
+
+    def _refuse_doubtful(self, prepared: Prepared) -> None:
+        super()._refuse_doubtful(prepared)
+        self._shared.validate(prepared.places, self._clock.now())
 
     def post(
         self,
@@ -230,7 +256,8 @@ class NetworkStation(Station):
         """Send a message with a body of the caller's, and keep account of it; what robots say to it is among what
         `pump` gives. seconds: for which it is good, unless it stands. Raises UnknownRobotError, AudienceError, and
         RoleError for a kind that our key may not send."""
-        self._validate_role(kind, text)
+        with self._refusing(text):
+            self._validate_role(kind)
         audience = Audience.of(only)
         said = {**audience.body(), **(body or {})}
         good, places = inf if standing else seconds, audience.places(self._roster)
@@ -242,7 +269,7 @@ class NetworkStation(Station):
         if isinstance(self._minds, RemoteMinds):
             if found.errors:
                 found = check_for(found, self._minds, self.present(only), anyway=anyway)
-            if any(form in text.casefold() for form in NEW_FORMS):
+            if _has_new_form(text):
                 doubt_forms(found, self._minds, self.present(only))
         return found
 
@@ -254,11 +281,9 @@ class NetworkStation(Station):
             meant = robot_names(only)
             return [name for name in names if meant is None or name in meant]
 
-    def poll(
-        self, text: str, patience: float, *, only: Sequence[str] | None = None, anyway: bool = False
-    ) -> tuple[Command, Poll]:
-        """Ask robots whether they would obey; nothing is done. For a while the desk goes by what they say where it
-        cannot tell by itself. Raises what `ask` raises."""
+    def poll(self, text: str, patience: float, *, only: Sequence[str] | None = None) -> tuple[Command, Poll]:
+        """Ask robots whether they would obey a text that was checked; nothing is done. For a while the desk goes by
+        what they say where it cannot tell by itself. Raises what `post` raises."""
         said: dict[str, int] = {}
 
         def listen(heard: list[Message]) -> None:
@@ -268,7 +293,6 @@ class NetworkStation(Station):
                     code = YES if would else UNDECIDED if message.body.get(UNSURE) is True else NO
                     said[message.sender] = code if said.get(message.sender, code) == code else UNKNOWN
 
-        self._program(text, only=only, anyway=anyway)
         asked = self.post(Kind.ASK, text=text, body={WOULD: True}, only=only)
         self.listeners.append(listen)
         try:
@@ -285,17 +309,15 @@ class NetworkStation(Station):
         found, shared = super()._preview(program), self._shared.places(self._clock.now())
         return found.without(shared[shared < len(found.codes)], SHARED) if len(shared) else found
 
-    def _judged(self, program: Program, audience: Audience) -> tuple[NDArray[np.uint8], Index | None]:
-        codes, places = super()._judged(program, audience)
+    def _decided(self, codes: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
         polled = self._polled
-        if program.text == polled.text and self.now - polled.taken <= self.stale_after:
-            there = range(len(codes)) if places is None else places.tolist()
-            said = [polled.said.get(self._roster.names[place]) for place in there]
-            current = self.commanded.of(len(self._roster)) <= polled.asked
-            for at in np.flatnonzero(codes == UNKNOWN).tolist():
-                if (code := said[at]) is not None and current[there[at]]:
-                    codes[at] = code
-        return codes, places
+        if text != polled.text or self.now - polled.taken > self.stale_after:
+            return codes
+        found, current = codes.copy(), self.commanded.of(len(codes)) <= polled.asked
+        for place in np.flatnonzero((codes == UNKNOWN) & current).tolist():
+            if (code := polled.said.get(self._roster.names[place])) is not None:
+                found[place] = code
+        return found
 
     def stop(self) -> Command:
         """As every station: it leaves at once."""
@@ -305,7 +327,8 @@ class NetworkStation(Station):
     def release(self, decided: float | None = None) -> Command:
         """As every station; it ends the STOPs of others, too, of which the desk knows that they were there when this
         was decided (s of Unix time, None: now). Raises RoleError for an observer."""
-        self._validate_role(Kind.RELEASE)
+        with self._refusing(""):
+            self._validate_role(Kind.RELEASE)
         known = [stop for stop in self._stops.values() if decided is None or stop.since <= decided]
         known.sort(key=lambda stop: (stop.mark.sender != FORGOTTEN, stop.released, not stop.holds, -stop.since))
         for stop in known[:MAX_MARKS]:
@@ -318,22 +341,14 @@ class NetworkStation(Station):
         self._sent.get(command)
         self._retransmission.give_up(command)
 
-    def _validate_role(self, kind: Kind, text: str = "", rules_change: bool = False) -> None:
+    def _validate_role(self, kind: Kind, rules_change: bool = False) -> None:
         role, why = self.session.delivery.role, ""
         if kind not in MAY[role]:
             why = f"is an {role}, who may only ask and stop: {kind} needs an operator's key"
         elif rules_change and role is not Role.COMMANDER:
             why = f"is an {role}, who changes no rules: that needs a commander's key"
         if why:
-            error = RoleError(f"{self.operator} {why}")
-            self._refuse(text, error)
-            raise error
-
-    def _changes_rules(self, text: str) -> bool:
-        try:
-            return rules(self._program(text, anyway=True).root)
-        except SleepcastError:  # sending it reports the error
-            return False
+            raise RoleError(f"{self.operator} {why}")
 
     def _begun(self, command: Command) -> None:
         if command.kind is Kind.COMMAND and command.text:

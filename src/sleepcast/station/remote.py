@@ -233,6 +233,8 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         self.refused: dict[Digest, str] = {}
         self.malformed = 0
         """How much of the telemetry was malformed."""
+        self.changes = 0
+        """How often the names that robots have may have changed."""
         self.conflicts: NameConflicts | None = None
         """Names that several robots have: of these only one is shown, the one that was shown before."""
         self._shown: dict[str, int] = {}
@@ -361,6 +363,8 @@ class RemoteMinds(Mapping[str, RemoteMind]):
             mind.telemetry, mind.reported_at = before
             raise TelemetryError(str(error)) from None
         self._waiting.pop(name, None)
+        if name not in self._minds or _names_in(before[0]) != _names_in(telemetry):
+            self.changes += 1
         self._minds[name] = mind
         return [mind]
 
@@ -374,6 +378,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         minds = [mind for mind in self._minds.values() if mind.telemetry.mind == which]
         if minds and which not in self._learned:
             self._learned[which], self._texts[which] = SymbolTable(read_mind(text)), text
+            self.changes += 1
             if len(self._learned) > MAX_MINDS:
                 del self._texts[self._learned.popitem(last=False)[0]]
         return []
@@ -382,6 +387,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         """Merge the vocabularies of all types, which moves the numbers of all robots. Where two cannot be merged, the
         type of robots that are there comes first, then the one that was heard first."""
         own, self._united = list(self.vocabulary.user_slots), now
+        self.changes += 1
         since = max(self.began, now - REUNITE)
         there = {m.telemetry.type for m in (*self._minds.values(), *self._waiting.values()) if m.reported_at >= since}
         order = sorted(self.types, key=lambda each: each not in there)
@@ -426,6 +432,11 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         while len(self._asked) > MAX_ASKED:
             self._asked.popitem(last=False)
         return found
+
+
+def _names_in(telemetry: TelemetryRecord) -> object:
+    """What decides which names a robot has."""
+    return telemetry.type, telemetry.mind, telemetry.groups, telemetry.user.keys()
 
 
 def _user_slot(name: str, vocabulary: Vocabulary) -> int | None:

@@ -295,10 +295,13 @@ class CommandedTimes:
         self._some: dict[int, float] = {}
         self.latest = -inf
         """When any robot was commanded last."""
+        self.count = 0
+        """How often robots were."""
 
     def note(self, at: float, places: Index | None = None) -> None:
         """Robots were commanded at a time. places: of these robots, None for all."""
         self.latest = max(self.latest, at)
+        self.count += 1
         if places is None:
             self._all = max(self._all, at)
             self._some = {place: time for place, time in self._some.items() if time > self._all}

@@ -11,8 +11,9 @@ from math import ceil
 
 from sleepcast.station.account import Account
 from sleepcast.station.network import NetworkStation
+from sleepcast.station.prepared import Prepared
 from sleepcast.station.sent import Command
-from sleepcast.station.validation import Audience, Draft
+from sleepcast.station.validation import Audience
 
 SHARE = 0.1
 """Of those that may obey, in the second stage."""
@@ -33,14 +34,17 @@ class Stage:
 
 
 class Stages:
-    """A command that goes out in stages. Raises what `NetworkStation.send` raises, before anything is sent."""
+    """A command that goes out in stages. count, confirmed: the sender's answers, for all of them. Raises what
+    `NetworkStation.commit` raises, before anything is sent."""
 
-    def __init__(self, station: NetworkStation, draft: Draft) -> None:
-        station.validate(draft)
-        found = station.forecast(draft.text, anyway=draft.confirmed)
-        candidates = [*found.yes, *found.unknown]
+    def __init__(
+        self, station: NetworkStation, prepared: Prepared, *, count: int | None = None, confirmed: bool = False
+    ) -> None:
+        self._station, self._confirmed = station, confirmed
+        self._whole = station.accept(prepared, count=count, confirmed=confirmed)
+        forecast = self._whole.forecast
+        candidates = [*forecast.yes, *forecast.unknown]
         tenth = 1 + ceil(SHARE * len(candidates))
-        self._station, self._draft = station, draft
         self._left = [Audience(only=names) for names in (candidates[:1], candidates[1:tenth]) if names]
         self._left.append(Audience(but=candidates[:tenth] or None))
 
@@ -50,29 +54,38 @@ class Stages:
         return not self._left
 
     def send(self) -> Command:
-        """Send the next one."""
-        draft, audience = self._draft, self._left.pop(0)
-        return self._station.send(
-            draft.text,
-            standing=draft.standing,
-            deadline=draft.deadline,
-            everybody=draft.everybody,
-            count=self._station.forecast(draft.text, only=audience.only, but=audience.but, anyway=draft.confirmed).may,
-            only=audience.only,
-            but=audience.but,
-            confirmed=draft.confirmed,
-            undecided=True,  # asked about all robots before
-        )
+        """Send the next one, counting anew who may obey of those whom it is for."""
+        stage = self._station.foresee(self._whole.draft.to(self._left.pop(0)), of=self._whole)
+        return self._station.commit(stage, count=stage.may, confirmed=self._confirmed)
+
+    def run(self, patience: float) -> Iterator[Stage]:
+        """Send them, and give each when it is over; it ends after the first that is not good. patience: s for which
+        answers are waited for beyond their time. Raises what `send` raises."""
+        while not self.over:
+            sent = self.send()
+            self._station.gather(sent, patience)
+            stage = Stage(sent, self._station.accounting(sent.id), self.over)
+            yield stage
+            if not stage.good:
+                return
 
 
 class StagedSending:
     """A command that goes out in stages, for an owner who has other things to do: it calls `attend` time and again.
-    patience: s for which answers are waited for beyond their time. Raises what `NetworkStation.send` raises, before
-    anything is sent.
+    The rest: see `Stages`. patience: s for which answers are waited for beyond their time.
     """
 
-    def __init__(self, station: NetworkStation, draft: Draft, patience: float) -> None:
-        self._station, self._stages, self._patience = station, Stages(station, draft), patience
+    def __init__(
+        self,
+        station: NetworkStation,
+        prepared: Prepared,
+        patience: float,
+        *,
+        count: int | None = None,
+        confirmed: bool = False,
+    ) -> None:
+        self._stages = Stages(station, prepared, count=count, confirmed=confirmed)
+        self._station, self._patience = station, patience
         self.done: list[Stage] = []
         self.current: Command | None = self._stages.send()
         """The one whose answers are awaited, None once all is over."""
@@ -95,16 +108,3 @@ class StagedSending:
         if self.current is not None:
             self.done.append(Stage(self.current, self._station.accounting(self.current.id), self._stages.over))
             self.current = None
-
-
-def staged(station: NetworkStation, draft: Draft, patience: float) -> Iterator[Stage]:
-    """Send in stages, and give each when it is over; it ends after the first that is not good. patience: s for which
-    answers are waited for beyond their time. Raises what `NetworkStation.send` raises, before anything is sent."""
-    stages = Stages(station, draft)
-    while not stages.over:
-        sent = stages.send()
-        station.gather(sent, patience)
-        stage = Stage(sent, station.accounting(sent.id), stages.over)
-        yield stage
-        if not stage.good:
-            return

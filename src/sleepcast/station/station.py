@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import hashlib
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from math import inf, nan
 from threading import RLock
 
@@ -29,27 +30,31 @@ from sleepcast.core.serial import SerialError, pack, room_for, unpack
 from sleepcast.language import Checked, CheckError, Explanation, check
 from sleepcast.language.parts import acts
 from sleepcast.language.program import Program
+from sleepcast.language.symbols import Declared
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.account import Account, account
 from sleepcast.station.failures import RuleFailures
 from sleepcast.station.journal.journal import Journal, JournalEvent, MemoryJournal, PendingEntry, Report, WriteBatch
 from sleepcast.station.journal.snapshot import dump_journal, restore_journal
+from sleepcast.station.prepared import (
+    GOOD_FOR,
+    ONCE,
+    Draft,
+    Prepared,
+    Terms,
+    validate_address,
+    validate_count,
+    validate_type,
+)
 from sleepcast.station.rest import motion_said
 from sleepcast.station.roster import CommandedTimes, Index, RobotNames, Roster
 from sleepcast.station.sent import Answer, Command, Outcome, SentCommands, answer_from
 from sleepcast.station.serialized import AccountState, ReportState, StationState
 from sleepcast.station.validation import (
     DEADLINE,
-    NO,
-    UNDECIDED,
-    UNKNOWN,
-    YES,
     Audience,
-    DoubtError,
-    Draft,
     FleetNames,
     FleetTelemetry,
-    Forecast,
     ManyMinds,
     Mask,
     Minds,
@@ -59,12 +64,7 @@ from sleepcast.station.validation import (
     TelemetryRows,
     TelemetryTable,
     UnknownNameError,
-    Validated,
     preview,
-    validate_address,
-    validate_count,
-    validate_test,
-    validate_type,
 )
 
 STALE_AFTER = 5.0
@@ -123,6 +123,8 @@ class Station:
         self.caution = SendPolicy() if caution is None else caution
         self.vocabulary, self._outbox = vocabulary, outbox
         self._sequence = 0
+        self._told = 0
+        """How often robots have told of themselves."""
 
     @property
     def journal(self) -> Journal:
@@ -150,6 +152,11 @@ class Station:
     def fleet_size(self) -> int:
         """How many robots there are at least, heard or not; 0 where that is unknown."""
         return self._roster.size
+
+    @property
+    def _size(self) -> int:
+        """How many robots are on the roster or expected."""
+        return len(self._roster) + self._roster.nameless
 
     def state(self) -> bytes:
         """Everything that it knows, except the telemetry of single robots. Raises SerialError for more than
@@ -200,10 +207,10 @@ class Station:
         """The names that the fleet knows, what robots have learned over the air among them."""
         return FleetNames(self.vocabulary, self._minds)
 
-    def preview(self, text: str, *, only: Sequence[str] | None = None, anyway: bool = False) -> Preview:
-        """Who would obey `text` now. only, anyway: as for `check`. Raises ReadError, and CheckError for a text that no
-        robot could run."""
-        return self._preview(self._program(text, only=only, anyway=anyway))
+    def preview(self, text: str | Checked) -> Preview:
+        """Who would obey a text now. Raises ReadError, and CheckError for a text that no robot could run."""
+        checked = self.check(text) if isinstance(text, str) else text
+        return self._preview(checked.required())
 
     def _preview(self, program: Program) -> Preview:
         since = self.commanded.of(len(self._roster))
@@ -231,69 +238,117 @@ class Station:
         found[known], reason, _ = self._table.values(program, fresh)
         return found, RobotNames(self._roster.names, fresh[reason > 0])
 
-    def _program(
-        self, text: str, *, sure: bool = True, only: Sequence[str] | None = None, anyway: bool = False
-    ) -> Program:
-        """The program of a text that may be sent. sure: whether its sender means it although it is doubted. only,
-        anyway: as for `check`."""
-        checked = self.check(text, only=only, anyway=anyway)
+    # ---- sending
+
+    def draft(self, text: str, terms: Terms = ONCE) -> Draft:
+        """Read and check a command. Raises ReadError and CheckError for a text that no robot could run,
+        NotConfirmedError if it would go to everybody and the terms do not say so, CommandTypeError for a standing
+        command that has a test and joins a group (who matches is a matter of the moment) or a deadline, and
+        AudienceError."""
+        with self._refusing(text):
+            return self._draft(text, terms)
+
+    def _draft(self, text: str, terms: Terms) -> Draft:
+        checked = self.check(text, only=terms.audience.only, anyway=terms.anyway)
         program = checked.required()
         if self.caution.strict and checked.findings:
             raise CheckError(checked.findings, text, checked.more)
-        if self.caution.known and checked.unknown:
-            raise UnknownNameError(checked.unknown, self.caution.known)
-        if checked.doubts and not sure:
-            raise DoubtError.of(checked)
-        return program
+        validate_address(program, terms.everybody or terms.audience.named, self._size)
+        seconds = validate_type(program, terms.standing, terms.deadline)
+        terms.audience.body()  # raises AudienceError
+        names = self._names(checked, terms.audience)
+        return Draft(checked, program, terms, seconds, self.vocabulary, self._meanings(program), names)
 
-    # ---- sending
+    def _names(self, checked: Checked, audience: Audience) -> object:
+        """Something that changes when this text would be checked in other names."""
+        return None
 
-    def validate(self, draft: Draft) -> Validated:
-        """Everything that `send` does before it sends, and raises; nothing is sent."""
-        try:
-            sure, only = draft.confirmed or not self.caution.doubts, draft.audience.only
-            program = self._program(draft.text, sure=sure, only=only, anyway=draft.confirmed)
-            there = len(self._roster) + self._roster.nameless
-            validate_address(program, draft.everybody or draft.audience.named, there)
-            seconds = validate_type(program, draft.standing, draft.deadline)
-            codes, places = self._judged(program, draft.audience)
-            if self.caution.doubts and not (draft.confirmed or draft.undecided):
-                validate_test(program, codes)
-            may = int(np.count_nonzero((codes == YES) | (codes == UNKNOWN))) + self._nameless(draft.audience)
-            validate_count(program, may, there, draft.count, self.caution)
-            body = draft.audience.body()
-        except SleepcastError as error:
-            self._refuse(draft.text, error)
-            raise
-        expected = np.flatnonzero(codes == YES)
-        return Validated(draft.standing, seconds, expected if places is None else places[expected], places, body)
+    def _meanings(self, program: Program) -> dict[str, Declared | None]:
+        """What robots have learned under the names in a program."""
+        names = self.learned
+        return {key: names.declared(key) for key in sorted(program.free)}
 
-    def forecast(
-        self,
-        text: str,
-        *,
-        only: Sequence[str] | None = None,
-        but: Sequence[str] | None = None,
-        anyway: bool = False,
-    ) -> Forecast:
-        """Who would obey, of these. anyway: as for `check`. Raises ReadError, CheckError, UnknownRobotError."""
-        audience = Audience.of(only, but)
-        codes, places = self._judged(self._program(text, only=only, anyway=anyway), audience)
-        there = np.arange(len(codes)) if places is None else places
-        sorts = (YES, NO, UNKNOWN, UNDECIDED)
-        yes, no, unknown, undecided = (RobotNames(self._roster.names, there[codes == code]) for code in sorts)
-        return Forecast(yes, no, unknown, self._nameless(audience), undecided)
+    def prepare(self, text: str, terms: Terms = ONCE) -> Prepared:
+        """Read and check a command, and find out who would obey it now. Raises what `draft` and `foresee` raise."""
+        return self.foresee(self.draft(text, terms))
 
-    def _nameless(self, audience: Audience) -> int:
-        """How many of the robots that a message would be for were never heard, so that their obedience is unknown."""
-        return 0 if audience.named else self._roster.nameless
+    def foresee(self, draft: Draft, of: Prepared | None = None) -> Prepared:
+        """Who would obey a command now. of: the same command to others, which was just foreseen. Raises
+        UnknownRobotError."""
+        with self._refusing(draft.text):
+            fresh = of is not None and self._is_fresh(of)
+            return self._foresee(draft, of.preview if of is not None and fresh else None)
 
-    def _judged(self, program: Program, audience: Audience) -> tuple[NDArray[np.uint8], Index | None]:
-        """The codes of a preview, and the places that they are for, None for all."""
-        codes = self._preview(program).codes
+    def _foresee(self, draft: Draft, preview: Preview | None = None) -> Prepared:
+        at, state, audience = self._clock.now(), self._state(), draft.terms.audience
         with self._lock:
             places = audience.places(self._roster)
-        return (codes if places is None else codes[places]), places
+        found = self._preview(draft.program) if preview is None else preview
+        codes = self._decided(found.codes, draft.text)
+        nameless = 0 if audience.named else self._roster.nameless
+        insists = draft.terms.anyway or draft.terms.strange
+        unknown, informed = ([], 0) if insists else self.unknown_names(draft.checked, audience.only)
+        chosen = codes if places is None else codes[places]
+        return Prepared(draft, found, chosen, places, nameless, tuple(unknown), informed, at, state)
+
+    def _decided(self, codes: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
+        """The codes of a preview of a text, with what robots themselves have said of it."""
+        return codes
+
+    def unknown_names(self, checked: Checked, only: Sequence[str] | None = None) -> tuple[list[str], int]:
+        """The names in a text that no robot has, of these or of all, and how many robots have told all of theirs; none
+        where they do not tell, or not all have."""
+        return [], 0
+
+    def _state(self) -> object:
+        """Something that changes with whatever may change who would obey, or whether that matters: telemetry, the
+        roster, learned names and the policy. Minds that are looked into may have learned at any other time."""
+        return self._told, self._size, self.caution, self.commanded.count, self._clock.now()
+
+    def _is_fresh(self, prepared: Prepared) -> bool:
+        """Whether who would obey is still as it was prepared."""
+        return prepared.state == self._state() and 0.0 <= self._clock.now() - prepared.at <= GOOD_FOR
+
+    def accept(self, prepared: Prepared, *, count: int | None = None, confirmed: bool = False) -> Prepared:
+        """What `commit` would send: who would obey is foreseen once more where anything has changed, without reading
+        or checking the text again, unless a name in it means something else by now. Raises what `commit` raises."""
+        with self._refusing(prepared.draft.text):
+            current = prepared if self._is_fresh(prepared) else self._foresee(self._current(prepared.draft))
+            self._settle(current, count, confirmed)
+            return current
+
+    def _current(self, draft: Draft) -> Draft:
+        same = draft.vocabulary is self.vocabulary and draft.meanings == self._meanings(draft.program)
+        return draft if same else self._draft(draft.text, draft.terms)
+
+    def _settle(self, prepared: Prepared, count: int | None, confirmed: bool) -> None:
+        """Raises what is left to ask of the sender."""
+        if self.caution.doubts and not confirmed:
+            self._refuse_doubtful(prepared)
+        validate_count(prepared.draft.program, prepared.may, self._size, count, self.caution)
+
+    def _refuse_doubtful(self, prepared: Prepared) -> None:
+        """Raises DoubtError for what is hardly meant."""
+        prepared.refuse_doubtful()
+
+    def commit(self, prepared: Prepared, *, count: int | None = None, confirmed: bool = False) -> Command:
+        """Broadcast what was prepared, and keep account of it.
+
+        count: how many robots may obey (`Prepared.may`), where the desk asks for that. confirmed: send it although it
+        is doubted. Raises DoubtError for what is hardly meant, where the desk asks about that, CountNeededError for a
+        missing or wrong count, and NobodyHeardError; the same `prepared` may then be committed with the answer.
+        """
+        ready = self.accept(prepared, count=count, confirmed=confirmed)
+        draft = ready.draft
+        return self._broadcast(
+            Kind.COMMAND,
+            draft.text,
+            draft.terms.standing,
+            draft.seconds,
+            ready.expected,
+            ready.places,
+            draft.terms.audience.body(),
+        )
 
     def send(
         self,
@@ -308,25 +363,21 @@ class Station:
         confirmed: bool = False,
         undecided: bool = False,
     ) -> Command:
-        """Broadcast an expression and keep account of it.
+        """Prepare an expression and commit it, for who has nobody to ask.
 
         A one-shot command (the default) is evaluated within `deadline` seconds from now (`DEADLINE` unless given) or
-        never; a standing one is good until it has reached everybody. count: how many robots may obey (see `forecast`),
-        where the desk asks for confirmation. only, but: for these robots, or for all except these. confirmed: send it
-        although it is doubted. undecided: send it although its test is unknown on all robots, which is doubted too; for
-        programs, which may send while a sensor knows nothing. Raises ReadError and CheckError for a text that no robot
-        could run, DoubtError for one that is hardly meant, where the desk asks about that, NotConfirmedError if it
-        would go to everybody and neither `everybody` nor `only` says so, CountNeededError for a missing or wrong count,
-        CommandTypeError for a standing command that has a deadline, or a test and joins a group (who matches is a
-        matter of the moment), UnknownRobotError, AudienceError.
+        never; a standing one is good until it has reached everybody. everybody: it may go to all robots. only, but: for
+        these robots, or for all except these. undecided: send it although its test is unknown on all robots, which is
+        doubted too; for programs, which may send while a sensor knows nothing. count, confirmed: see `commit`. Raises
+        what `draft`, `foresee` and `commit` raise.
         """
         audience = Audience.of(only, but)
-        settled = self.validate(Draft(text, standing, deadline, everybody, count, audience, confirmed, undecided))
-        return self._broadcast(Kind.COMMAND, text, *settled)
+        terms = Terms(standing, deadline, everybody, audience, anyway=confirmed, undecided=undecided)
+        return self.commit(self.prepare(text, terms), count=count, confirmed=confirmed)
 
     def ask(
         self,
-        text: str,
+        text: str | Checked,
         *,
         only: Sequence[str] | None = None,
         but: Sequence[str] | None = None,
@@ -334,17 +385,24 @@ class Station:
     ) -> Command:
         """Ask robots for the value of an expression; nothing changes on them, whatever the expression does.
 
-        Who answers is accounted for as who matched. only, but: as for `send`; anyway: as for `check`. Raises ReadError
-        and CheckError for a text that no robot could run, UnknownRobotError and AudienceError.
+        Who answers is accounted for as who matched. text: may have been checked before. only, but: as for `send`;
+        anyway: as for `check`, and although no robot has a name in it. Raises ReadError and CheckError for a text that
+        no robot could run, UnknownNameError, UnknownRobotError and AudienceError.
         """
-        audience = Audience.of(only, but)
-        try:
-            self._program(text, only=only, anyway=anyway)
+        audience, written = Audience.of(only, but), text if isinstance(text, str) else text.text
+        with self._refusing(written):
+            checked = self.check(text, only=only, anyway=anyway) if isinstance(text, str) else text
+            self._validate_question(checked, audience, anyway)
             places, body = audience.places(self._roster), audience.body()
-        except SleepcastError as error:
-            self._refuse(text, error)
-            raise
-        return self._broadcast(Kind.ASK, text, seconds=DEADLINE, only=places, body=body)
+        return self._broadcast(Kind.ASK, written, seconds=DEADLINE, only=places, body=body)
+
+    def _validate_question(self, checked: Checked, audience: Audience, anyway: bool) -> None:
+        checked.required()
+        if self.caution.strict and checked.findings:
+            raise CheckError(checked.findings, checked.text, checked.more)
+        unknown, informed = ([], 0) if anyway else self.unknown_names(checked, audience.only)
+        if self.caution.doubts and unknown:
+            raise UnknownNameError(unknown, informed)
 
     def stop(self) -> Command:
         """Stop every body at once, whatever it is doing; it stays stopped until `release`."""
@@ -354,8 +412,14 @@ class Station:
         """End STOP on every robot; nothing old resumes by itself."""
         return self._broadcast(Kind.RELEASE)
 
-    def _refuse(self, text: str, error: SleepcastError) -> None:
-        self._note(JournalEvent.REFUSED, text=text, details={"reason": str(error)})
+    @contextmanager
+    def _refusing(self, text: str) -> Iterator[None]:
+        """Write down why a text is refused."""
+        try:
+            yield
+        except SleepcastError as error:
+            self._note(JournalEvent.REFUSED, text=text, details={"reason": str(error)})
+            raise
 
     def attend(self) -> None:
         """Send the last STOP or RELEASE again if robots are not accounted for; call this at every tick or so."""
@@ -490,6 +554,7 @@ class Station:
                     heard.append(place)
                     stopped.append(row.stopped)
             robots = np.array(heard, np.intp)
+            self._told += 1
             self._roster.observe(robots, now)
             self._update_latch(robots, np.array(stopped, np.bool_), now)
 
@@ -498,6 +563,7 @@ class Station:
         if self._fleet_telemetry is None:
             raise MisuseError("these minds tell one by one: give their rows to observe")
         with self._lock:
+            self._told += 1
             self._fleet_telemetry.take(robots)
             self._roster.observe(robots, now)
             if self._sent.latch is not None:

@@ -1,5 +1,5 @@
-"""What is checked before a command is sent: for whom it is, of which type it is, who would obey it by the robots'
-latest telemetry (the preview), and how many are meant to.
+"""Who would obey a command by the robots' latest telemetry (the preview), for whom it is, and what may be refused or
+asked before it is sent; `prepared` does that.
 
 For the preview only the command's top-level test is evaluated, on a copy of each robot's latest telemetry, and nothing
 it could do is done. What the desk cannot know (chance, what a robot's own function would say, news too old) makes a
@@ -17,18 +17,19 @@ from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf, nan
+from math import nan
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.message import FOR, NOT
+from sleepcast.channel.message_batch import NameIndex
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import Checked
 from sleepcast.language.evaluate import Entered
 from sleepcast.language.explain import Explanation
-from sleepcast.language.parts import Part, acts, irreversible, walk
+from sleepcast.language.parts import Part, acts, walk
 from sleepcast.language.program import Program, evaluate
 from sleepcast.language.rehearsal import CHANCE, DEED, asks, does, holds
 from sleepcast.language.symbols import Declared, Operator
@@ -133,14 +134,6 @@ class CountNeededError(MisuseError):
         super().__init__(f"{why}: {may or 'nobody'} may obey, {said}. {right}")
 
 
-class UnknownNameError(MisuseError):
-    """A text with names that no robot that has sent telemetry has. why: the same in a sentence."""
-
-    def __init__(self, names: Sequence[str], robots: int) -> None:
-        self.why = f"none of the {robots} robots that have sent telemetry has {' or '.join(names)}"
-        super().__init__(f"{self.why}, so nothing was sent. Send it as it is with --anyway")
-
-
 class DoubtError(MisuseError):
     """A text that is probably a mistake. why: the first doubt, on one line; shown: the doubts, with carets."""
 
@@ -155,129 +148,25 @@ class DoubtError(MisuseError):
         return cls(checked.doubts[0].message, shown)
 
 
-def validate_test(program: Program, codes: NDArray[np.uint8]) -> None:
-    """A test without a known value on all robots that the command is for is hardly meant. codes: of them in a preview.
-    Raises DoubtError."""
-    test = program.test
-    if test is None or not len(codes) or not (codes == UNDECIDED).all():
-        return
-    unknown = (part for part in walk(test.root) if part.op in ("absent", "missing"))
-    names = list(dict.fromkeys(part.name for part in unknown))
-    because = f", because no robot has {' or '.join(names)}" if names else ""
-    robots = "the robot" if len(codes) == 1 else f"all {len(codes):,} robots"
-    why = f"the test has no known value on {robots}{because}: nobody would obey"
-    raise DoubtError(why, f"warning: {why}")
+class UnknownNameError(DoubtError):
+    """A text with names that no robot that has sent telemetry has."""
+
+    def __init__(self, names: Sequence[str], robots: int) -> None:
+        why = f"none of the {robots} robots that have sent telemetry has {' or '.join(names)}"
+        super().__init__(why, f"warning: {why}")
+        self.args = (f"{why}, so nothing was sent. Send it as it is with --anyway",)
 
 
 @dataclass(frozen=True, slots=True)
 class SendPolicy:
     """When a desk asks how many are meant. above: more than so many that may obey, None for never; irreversible: a form
-    that cannot be undone. strict: whether it refuses what is only doubtful (warnings); known: how many robots have sent
-    all their names, where it refuses other names, 0 where it does not. doubts: whether it asks once more for what is
-    hardly meant (see `Checked.doubts`)."""
+    that cannot be undone. strict: whether it refuses what is only doubtful (warnings). doubts: whether it asks once
+    more for what is hardly meant (see `Prepared.refuse_doubtful`)."""
 
     above: int | None = None
     irreversible: bool = False
     strict: bool = False
-    known: int = 0
     doubts: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Draft:
-    """A command before it is sent: see `Station.send`."""
-
-    text: str
-    standing: bool = False
-    deadline: float | None = None
-    everybody: bool = False
-    count: int | None = None
-    audience: Audience = EVERYBODY
-    confirmed: bool = False
-    undecided: bool = False
-
-
-class Forecast(NamedTuple):
-    """Robots that will obey for certain, that will not, and of which the desk cannot say. nameless: how many others
-    are expected that were never heard, whose decision is unknown. undecided: those that will not obey, as the test has
-    no known value there."""
-
-    yes: Sequence[str]
-    no: Sequence[str]
-    unknown: Sequence[str]
-    nameless: int = 0
-    undecided: Sequence[str] = ()
-
-    @property
-    def may(self) -> int:
-        """How many may obey."""
-        return len(self.yes) + len(self.unknown) + self.nameless
-
-
-class Validated(NamedTuple):
-    """What a command says besides its text. seconds: for which it is good; expected: the places of those who will obey
-    for certain; places: of those for whom it is, None for all."""
-
-    standing: bool
-    seconds: float
-    expected: Index
-    places: Index | None
-    body: dict[str, object]
-
-
-def validate_address(program: Program, everybody: bool, roster: int) -> None:
-    """A command to all robots must be confirmed. Raises NotConfirmedError."""
-    if everybody or not is_for_everybody(program):
-        return
-    which = "has no test" if program.test is None else "has a test that is always true"
-    raise NotConfirmedError(
-        f"this command {which}, so every robot that hears it would obey ({roster} on the roster): confirm that "
-        "you mean all robots (--all), or put a test before it, as in (WHEN (IN bravo) ...)"
-    )
-
-
-def validate_count(program: Program, may: int, roster: int, count: int | None, caution: SendPolicy) -> None:
-    """A command to many robots, or one that cannot be undone, needs their number; so does one with a function that the
-    desk does not know, since some robot may have it. may: robots that might obey, of a roster of so many. Raises
-    CountNeededError, also for a number that was said and is not the right one, and NobodyHeardError where there is
-    nobody to be counted."""
-    why = _for_good(program) if caution.irreversible else ""
-    many = caution.above is not None and may > caution.above
-    if not roster and (why or count is not None):
-        raise NobodyHeardError
-    if count == may or (count is None and not many and not (why and may)):
-        return
-    if not why:
-        why = f"this is for more than {caution.above} robots" if many else "the desk counts otherwise"
-    raise CountNeededError(may, why, count)
-
-
-def _for_good(program: Program) -> str:
-    """Why a command can or may not be undone, "" if it can."""
-    if form := irreversible(program.root):
-        return f"{form} cannot be undone"
-    strange = next((part.name for part in walk(program.root) if part.op == "missing"), "")
-    return f"no robot has told of a function {strange}, which perhaps cannot be undone" if strange else ""
-
-
-def validate_type(program: Program, standing: bool, deadline: float | None) -> float:
-    """The seconds for which a command is good. Raises CommandTypeError."""
-    if not standing:
-        seconds = DEADLINE if deadline is None else deadline
-        if not 0.0 < seconds <= MAX_DEADLINE:
-            raise CommandTypeError(
-                f"a deadline lies more than 0 and at most {MAX_DEADLINE:g} s ahead, not {seconds:g} s"
-            )
-        return seconds
-    if deadline is not None:
-        raise CommandTypeError("a standing command has no deadline: it is sent until every robot has it")
-    joins = any(part.op == "act" and part.name == "join" for part in walk(program.root))
-    if joins and program.test is not None:
-        raise CommandTypeError(
-            "a command with a test and a JOIN cannot be standing, because which robots match changes with time: "
-            "send it as a one-shot command"
-        )
-    return inf
 
 
 # ---- minds, as the desk asks them
@@ -428,7 +317,7 @@ class Preview:
     codes: NDArray[np.uint8]
     reason: NDArray[np.uint8]
     listed: tuple[str, ...]
-    names: Sequence[str]
+    names: NameIndex
     everybody: bool
     oldest: float
     nameless: int = 0

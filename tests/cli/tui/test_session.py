@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 import pytest
 
+from counting import ONCE, counted
 from safety.scene import Scene
 from sleepcast.channel import Kind
 from sleepcast.cli.tui import panes as panes
@@ -124,7 +125,7 @@ def test_what_is_typed_so_far_is_foreseen_and_what_is_wrong_pointed_at(seat: Sea
 def test_unknown_tests_and_failing_rules_are_shown(seat: Seat) -> None:
     assert seat.foreseen("(WHEN (> fuell 1) (ST))").startswith("would obey: yes 0, no 0, unknown 3 (its test has no")
     assert not seat.session.enter("(WHEN (> fuell 1) (DRIVE 1))")
-    assert "no robot has fuell" in seat.session.said
+    assert "none of the 3 robots that have sent telemetry has fuell" in seat.session.said
     seat.run(HELD)
     assert seat.session.enter("(WHEN (> fuell 1) (DRIVE 1))")
     seat.run(1.0)
@@ -153,7 +154,9 @@ def test_what_was_refused_stays_typed(seat: Seat) -> None:
         assert session.wrong
     assert seat.kinds() == [Kind.COMMAND]
     session.address("all")
-    assert session.enter("(DRIVE 1)")
+    with counted() as found:
+        assert session.enter("(DRIVE 1)")
+    assert found == ONCE
     assert not session.said
     seat.run(1.0)
     assert "matched 3" in seat.shown()
@@ -180,8 +183,10 @@ def test_many_are_counted_by_hand() -> None:
     assert session.said, "what is to be typed stays said"
     assert session.enter("10")
     assert session.said == "not sent"
-    session.enter("(DRIVE 1)")
-    assert session.enter("11")
+    with counted() as found:
+        session.enter("(DRIVE 1)")
+        assert session.enter("11")
+    assert found == ONCE | {"validated": 2}
     seat.run(1.0)
     assert "matched 11" in seat.shown()
     session.enter("(DRIVE 1)")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from sleepcast.language import Checked
+from sleepcast.station.prepared import Prepared, Terms
+from sleepcast.station.validation import Audience
 
 
 class CommandType(StrEnum):
@@ -63,7 +65,7 @@ class ForecastText:
 class PendingText:
     """A text that is to be sent. count: how many robots are meant, once its sender has typed that; may: how many may
     obey, where that has to be typed first. confirmed: whether it was entered twice, since the first time it was
-    doubted."""
+    doubted. prepared: the same as the desk has it, once it was checked."""
 
     text: str
     sort: CommandType
@@ -71,6 +73,19 @@ class PendingText:
     count: int | None = None
     may: int | None = None
     confirmed: bool = False
+    prepared: Prepared | None = field(default=None, compare=False)
+
+    @property
+    def wrapped(self) -> str:
+        """The text as it is sent."""
+        return self.to.wrapped(self.text, self.sort)
+
+    @property
+    def terms(self) -> Terms:
+        """How it is meant, as a command."""
+        audience = Audience([self.to.robot] if self.to.robot else None)
+        standing = self.sort is CommandType.STANDING
+        return Terms(standing, everybody=self.to.everybody, audience=audience, anyway=self.confirmed)
 
 
 def marked_finding(checked: Checked) -> Spot | None:

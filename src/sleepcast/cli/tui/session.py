@@ -28,11 +28,11 @@ from sleepcast.cli.tui.commands import (
     marked_finding,
 )
 from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean, printable
-from sleepcast.language import ReadError, read
+from sleepcast.language import Checked, ReadError, read
 from sleepcast.language.vocabulary import Variable
 from sleepcast.station.network import ANSWERS_A_SECOND, NetworkStation
 from sleepcast.station.staging import Stages
-from sleepcast.station.validation import NO, UNKNOWN, YES, CountNeededError, DoubtError, Draft, NotConfirmedError
+from sleepcast.station.validation import NO, UNKNOWN, YES, CountNeededError, DoubtError, NotConfirmedError
 
 if TYPE_CHECKING:
     from sleepcast.station.network import NetworkStation
@@ -196,15 +196,18 @@ class TuiSession:
             checked = self.station.check(text, only=self._only(self.to))
         except ReadError as error:
             return ForecastText(spot=Spot(error.reason, text, error.start, error.end, True))
-        return ForecastText(self._counted(text), marked_finding(checked))
+        return ForecastText(self._counted(text, checked), marked_finding(checked))
 
-    def _counted(self, text: str) -> str:
-        """Who would obey, in a sentence; "" for a text that no robot could run."""
+    def _counted(self, text: str, checked: Checked | None = None) -> str:
+        """Who would obey, in a sentence; "" for a text that no robot could run. checked: the text, if it was."""
         if self.sort is CommandType.ASK:
             count = 1 if self.to.robot else max(self.station.fleet_size, len(self.station.roster))
             return f"a question to {_robots(count)}"
         try:
-            found = self.station.preview(self.to.wrapped(text, self.sort), only=self._only(self.to))
+            wrapped = self.to.wrapped(text, self.sort)
+            if checked is None or checked.text != wrapped:
+                checked = self.station.check(wrapped, only=self._only(self.to))
+            found = self.station.preview(checked)
         except SleepcastError:
             return ""
         codes = found.codes
@@ -229,23 +232,17 @@ class TuiSession:
         text, pending = text.strip(), self.pending
         self.said, self.pending = "", None
         doubted, self._doubted = self._doubted, None
-        request = PendingText(text, self.sort, self.to)
         try:
             if pending is not None:
-                if text == str(pending.may):
-                    self._send(replace(pending, count=pending.may))
-                else:
-                    self.say("not sent")
+                self._answer(pending, text)
             elif text.startswith(":"):
                 self._obey(text)
             elif text:
-                again = doubted is not None and doubted[0] == request and self.station.now - doubted[1] >= HELD
-                self._send(replace(request, confirmed=again))
+                self._send(self._request(text, doubted))
         except NotConfirmedError as error:
             self.complain(f"{error}. Shift-Tab lets it go to all")
             return False
         except DoubtError as error:
-            self._doubted = request, self.station.now
             self.complain(f"{error.why}. Press Enter once more to send it as it stands")
             return False
         except SleepcastError as error:
@@ -253,39 +250,57 @@ class TuiSession:
             return pending is not None
         return True
 
+    def _request(self, text: str, doubted: tuple[PendingText, float] | None) -> PendingText:
+        """What is entered now: if it is what was doubted, that once more, confirmed unless the key is held down."""
+        request = PendingText(text, self.sort, self.to)
+        if doubted is None or doubted[0] != request:
+            return request
+        return replace(doubted[0], confirmed=self.station.now - doubted[1] >= HELD)
+
+    def _answer(self, pending: PendingText, text: str) -> None:
+        """A number of robots was asked for, and something is typed."""
+        if text == str(pending.may):
+            self._send(replace(pending, count=pending.may))
+        else:
+            self.say("not sent")
+
     def _send(self, request: PendingText) -> None:
-        to = request.to
         if self.staging is not None:
             raise MisuseError("a command is still sent in stages: wait until that is over, or stop the robots")
-        only = self._only(to)
-        # places are of what was typed, without what is put before
-        checked = self.station.check(request.text, only=only)
-        checked.required()
-        text = to.wrapped(request.text, request.sort)
-        if request.sort is CommandType.ASK:
-            self.station.ask(text, only=only)
-            return
-        if checked.doubts and not request.confirmed:
-            raise DoubtError.of(checked)
-        standing = request.sort is CommandType.STANDING
         try:
-            if request.sort is CommandType.STAGED and not to.robot:
-                self.staging = StagedCommand(
-                    self.station, Draft(text, everybody=to.everybody, count=request.count, confirmed=request.confirmed)
-                )
-                self.say(self.staging.said)
+            self._check_typed(request)
+            if request.sort is CommandType.ASK:
+                self.station.ask(request.wrapped, only=self._only(request.to), anyway=request.confirmed)
                 return
-            self.station.send(
-                text,
-                standing=standing,
-                everybody=to.everybody,
-                count=request.count,
-                only=only,
-                confirmed=request.confirmed,
+            request = replace(
+                request, prepared=request.prepared or self.station.prepare(request.wrapped, request.terms)
             )
+            self._commit(request)
+        except DoubtError:
+            self._doubted = replace(request, confirmed=False), self.station.now
+            raise
         except CountNeededError as error:
             self.pending = replace(request, may=error.may)
             self.say(f"{error.why}: {_robots(error.may)} may obey. Type {error.may} to send it, anything else not to")
+
+    def _check_typed(self, request: PendingText) -> None:
+        """Places are those of what was typed, without what is put before it."""
+        if not request.to.test or request.prepared is not None:
+            return
+        checked = self.station.check(request.text)
+        checked.required()
+        if checked.doubts and not request.confirmed and request.sort is not CommandType.ASK:
+            raise DoubtError.of(checked)
+
+    def _commit(self, request: PendingText) -> None:
+        prepared = request.prepared
+        assert prepared is not None
+        if request.sort is CommandType.STAGED and not request.to.robot:
+            stages = Stages(self.station, prepared, count=request.count, confirmed=request.confirmed)
+            self.staging = StagedCommand(self.station, stages)
+            self.say(self.staging.said)
+        else:
+            self.station.commit(prepared, count=request.count, confirmed=request.confirmed)
 
     def stop(self) -> None:
         """Stop every robot, now."""
@@ -439,11 +454,10 @@ class HaltedError(SleepcastError):
 
 
 class StagedCommand:
-    """See the module. said: how far it has come, for a person; over: whether all stages went well. Raises what
-    `NetworkStation.send` raises, before anything is sent."""
+    """See the module. said: how far it has come, for a person; over: whether all stages went well."""
 
-    def __init__(self, station: NetworkStation, draft: Draft) -> None:
-        self._station, self._stages = station, Stages(station, draft)
+    def __init__(self, station: NetworkStation, stages: Stages) -> None:
+        self._station, self._stages = station, stages
         self._number, self.over = 0, False
         self._send()
 

@@ -1,0 +1,234 @@
+"""A command on its way out: read and checked once (`Draft`), then with who would obey it now (`Prepared`); what its
+sender still has to say before it goes, and what is refused whoever says so.
+
+Whoever asks a person for a command shows a `Prepared`, and gives the answers to `Station.commit`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.language import Checked
+from sleepcast.language.parts import irreversible, walk
+from sleepcast.language.program import Program
+from sleepcast.language.symbols import Declared
+from sleepcast.language.vocabulary import Vocabulary
+from sleepcast.station.roster import Index, RobotNames
+from sleepcast.station.validation import (
+    DEADLINE,
+    EVERYBODY,
+    MAX_DEADLINE,
+    NO,
+    UNDECIDED,
+    UNKNOWN,
+    YES,
+    Audience,
+    CommandTypeError,
+    CountNeededError,
+    DoubtError,
+    NobodyHeardError,
+    NotConfirmedError,
+    Preview,
+    SendPolicy,
+    UnknownNameError,
+    is_for_everybody,
+)
+
+GOOD_FOR = 1.0
+"""Seconds for which who would obey is taken as it was prepared, if nothing has changed since."""
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """How a command is meant. standing, deadline: see `Station.send`. everybody: all robots, as the sender has said.
+    anyway: the sender insists, so robots' names refuse nothing. undecided: even if its test is unknown on all robots.
+    strange: even if no robot has a name in it."""
+
+    standing: bool = False
+    deadline: float | None = None
+    everybody: bool = False
+    audience: Audience = EVERYBODY
+    anyway: bool = False
+    undecided: bool = False
+    strange: bool = False
+
+
+ONCE = Terms()
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Draft:
+    """A command that was read and checked, and could be sent to somebody.
+
+    program: of the text. seconds: for which it is good. vocabulary: the fleet's names, in whose slots it was checked.
+    meanings: what robots had learned then under the names in it. names: changes when other names count than those in
+    which it was checked.
+    """
+
+    checked: Checked
+    program: Program
+    terms: Terms
+    seconds: float
+    vocabulary: Vocabulary
+    meanings: dict[str, Declared | None]
+    names: object = None
+
+    @property
+    def text(self) -> str:
+        return self.checked.text
+
+    def to(self, audience: Audience) -> Draft:
+        """The same to some of the robots that its sender was asked about: what names and tests come to on these alone
+        is no doubt."""
+        return replace(self, terms=replace(self.terms, audience=audience, undecided=True, strange=True))
+
+
+class Forecast(NamedTuple):
+    """Robots that will obey for certain, that will not, and of which the desk cannot say. nameless: how many others
+    are expected that were never heard, whose decision is unknown. undecided: those that will not obey, as the test has
+    no known value there."""
+
+    yes: Sequence[str]
+    no: Sequence[str]
+    unknown: Sequence[str]
+    nameless: int = 0
+    undecided: Sequence[str] = ()
+
+    @property
+    def may(self) -> int:
+        """How many may obey."""
+        return len(self.yes) + len(self.unknown) + self.nameless
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A command with who would obey it, before its sender has answered what is asked of him.
+
+    preview: of all robots. codes: of those whom it is for, see `Preview`; places: theirs, None for all. nameless: how
+    many it is for that were never heard. unknown: names in it that no robot has, of so many robots that have told all
+    of theirs (`informed`). at: when it was foreseen, s of the desk's clock; state: of the desk then.
+    """
+
+    draft: Draft
+    preview: Preview
+    codes: NDArray[np.uint8]
+    places: Index | None
+    nameless: int
+    unknown: tuple[str, ...]
+    informed: int
+    at: float
+    state: object
+
+    @cached_property
+    def forecast(self) -> Forecast:
+        """Who would obey, of those whom it is for."""
+        yes, no, unknown, undecided = (self._named(code) for code in (YES, NO, UNKNOWN, UNDECIDED))
+        return Forecast(yes, no, unknown, self.nameless, undecided)
+
+    def _named(self, code: int) -> RobotNames:
+        return RobotNames(self.preview.names, self._places(code))
+
+    def _places(self, code: int) -> Index:
+        found = np.flatnonzero(self.codes == code)
+        return found if self.places is None else self.places[found]
+
+    @property
+    def expected(self) -> Index:
+        """The places of those who will obey for certain."""
+        return self._places(YES)
+
+    @property
+    def may(self) -> int:
+        """How many may obey: the number that its sender may have to say."""
+        return int(np.count_nonzero((self.codes == YES) | (self.codes == UNKNOWN))) + self.nameless
+
+    def despite_names(self) -> Prepared:
+        """The same, whose sender insists on names that no robot has."""
+        terms = replace(self.draft.terms, strange=True, undecided=True)
+        return replace(self, draft=replace(self.draft, terms=terms), unknown=())
+
+    def refuse_doubtful(self) -> None:
+        """Raises DoubtError for what is hardly meant: first what the names and the text say, then that a test without a
+        known value on all robots lets nobody obey."""
+        if self.unknown:
+            raise UnknownNameError(self.unknown, self.informed)
+        if self.draft.checked.doubts:
+            raise DoubtError.of(self.draft.checked)
+        if not self.draft.terms.undecided:
+            _refuse_unknown_test(self.draft.program, self.codes)
+
+
+def _refuse_unknown_test(program: Program, codes: NDArray[np.uint8]) -> None:
+    """A test without a known value on all robots that the command is for is hardly meant. codes: of them in a preview.
+    Raises DoubtError."""
+    test = program.test
+    if test is None or not len(codes) or not (codes == UNDECIDED).all():
+        return
+    unknown = (part for part in walk(test.root) if part.op in ("absent", "missing"))
+    names = list(dict.fromkeys(part.name for part in unknown))
+    because = f", because no robot has {' or '.join(names)}" if names else ""
+    robots = "the robot" if len(codes) == 1 else f"all {len(codes):,} robots"
+    why = f"the test has no known value on {robots}{because}: nobody would obey"
+    raise DoubtError(why, f"warning: {why}")
+
+
+def validate_address(program: Program, everybody: bool, roster: int) -> None:
+    """A command to all robots must be confirmed. Raises NotConfirmedError."""
+    if everybody or not is_for_everybody(program):
+        return
+    which = "has no test" if program.test is None else "has a test that is always true"
+    raise NotConfirmedError(
+        f"this command {which}, so every robot that hears it would obey ({roster} on the roster): confirm that "
+        "you mean all robots (--all), or put a test before it, as in (WHEN (IN bravo) ...)"
+    )
+
+
+def validate_count(program: Program, may: int, roster: int, count: int | None, caution: SendPolicy) -> None:
+    """A command to many robots, or one that cannot be undone, needs their number; so does one with a function that the
+    desk does not know, since some robot may have it. may: robots that might obey, of a roster of so many. Raises
+    CountNeededError, also for a number that was said and is not the right one, and NobodyHeardError where there is
+    nobody to be counted."""
+    why = _for_good(program) if caution.irreversible else ""
+    many = caution.above is not None and may > caution.above
+    if not roster and (why or count is not None):
+        raise NobodyHeardError
+    if count == may or (count is None and not many and not (why and may)):
+        return
+    if not why:
+        why = f"this is for more than {caution.above} robots" if many else "the desk counts otherwise"
+    raise CountNeededError(may, why, count)
+
+
+def _for_good(program: Program) -> str:
+    """Why a command can or may not be undone, "" if it can."""
+    if form := irreversible(program.root):
+        return f"{form} cannot be undone"
+    strange = next((part.name for part in walk(program.root) if part.op == "missing"), "")
+    return f"no robot has told of a function {strange}, which perhaps cannot be undone" if strange else ""
+
+
+def validate_type(program: Program, standing: bool, deadline: float | None) -> float:
+    """The seconds for which a command is good. Raises CommandTypeError."""
+    if not standing:
+        seconds = DEADLINE if deadline is None else deadline
+        if not 0.0 < seconds <= MAX_DEADLINE:
+            raise CommandTypeError(
+                f"a deadline lies more than 0 and at most {MAX_DEADLINE:g} s ahead, not {seconds:g} s"
+            )
+        return seconds
+    if deadline is not None:
+        raise CommandTypeError("a standing command has no deadline: it is sent until every robot has it")
+    joins = any(part.op == "act" and part.name == "join" for part in walk(program.root))
+    if joins and program.test is not None:
+        raise CommandTypeError(
+            "a command with a test and a JOIN cannot be standing, because which robots match changes with time: "
+            "send it as a one-shot command"
+        )
+    return inf

@@ -71,6 +71,31 @@ def test_it_leads_where_the_mission_by_itself_leads(folder: Path) -> None:
     assert [text for _, text in played(by_hand)] == [text for _, text in played(by_itself)]
 
 
+LOSSY = """\
+@0.5s (DRIVE 2m/s 10deg/s)
+@1s STOP
+@6s RELEASE
+@7s within 0.15s (WHEN (> battery 0) (JOIN crew))
+"""
+
+
+@pytest.mark.parametrize("radio", ["loss = 0.7", 'delay = "0.1s"'])
+def test_on_every_radio_it_leads_where_the_mission_by_itself_leads(folder: Path, radio: str) -> None:
+    """A STOP was repeated a tick earlier, and a short command was late."""
+    text = (folder / "scenario.toml").read_text(encoding="utf-8").replace('[radio]\ndelay = "0s"', f"[radio]\n{radio}")
+    (folder / "scenario.toml").write_text(text, encoding="utf-8")
+    (folder / "work.sleep").write_text(LOSSY, encoding="utf-8")
+    by_itself, by_hand, viewed = sc.open(folder, mission=True), sc.open(folder), sc.open(folder)
+    viewed._make_desk().desk.mission_wish(incoming.Play(1, True))
+    by_hand.play(wait=0)
+    found = set()
+    for fleet in (by_itself, by_hand, viewed):
+        fleet.run(9 - fleet.time, quiet=True)
+        matched = tuple(command.answers.codes.tobytes() for command in fleet.station.commands())
+        found.add((fleet.hash, str(fleet.groups), str(fleet.swarm.radio.counts), matched))
+    assert len(found) == 1
+
+
 def test_what_was_sent_already_is_not_sent_again(folder: Path) -> None:
     fleet = sc.open(folder)
     fleet.send(fleet.mission[0].text, wait=0)

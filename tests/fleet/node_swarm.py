@@ -42,6 +42,7 @@ class NodeSwarm:
         self.simulator.step()
         for message in self.posted:
             self.radio.send(OPERATOR, message)
+            self.desk.on_air(message)
         self.posted.clear()
         for message, robots in self.radio.receive_all():
             for i in robots.tolist():

@@ -139,6 +139,8 @@ class SimulatedFleet(Fleet):
             self._pass()
 
     def _terms(self, said: Instruction, everybody: bool, sure: bool) -> Terms:
+        if said.within is not None:  # sent before the tick in which it is on the air
+            said = said._replace(within=said.within + self.swarm.simulator.scenario.tick)
         return super()._terms(said, True, sure)
 
     # ---- what is so now

@@ -103,10 +103,11 @@ def orders_of(swarm: Swarm, station: Station, inputs: Inputs, hold: Hold) -> lis
     known = {command.id for command in station.commands()}
     orders, own = list[Order](), is_run_again(inputs, tick)
     for sent, message in _sent_first(inputs):
-        if order_sort(message) is None or (own and _is_missions(sent, message, tick)):
+        by_itself = _is_missions(sent, message, tick)
+        if order_sort(message) is None or (own and by_itself):
             continue
         wanted = tuple(hold(message.id, station.accounting(message.id))) if message.id in known else ()
-        orders.append(Order(_time(sent, tick), _instruction(message).written(), "", wanted))
+        orders.append(Order(_time(sent, tick), _instruction(message, tick if by_itself else 0.0).written(), "", wanted))
     if len(orders) > MAX_ORDERS:
         raise MisuseError(f"{len(orders):,} commands were sent; at most {MAX_ORDERS:,} fit into one test")
     return orders
@@ -139,13 +140,14 @@ def _time(sent: int, tick: float) -> float:
     return short if short <= end else (sent - 0.5) * tick
 
 
-def _instruction(message: Message) -> Instruction:
+def _instruction(message: Message, ahead: float) -> Instruction:
+    """What a message says. ahead: s by which a test sends it before this was sent, so that it has to last longer."""
     sort = order_sort(message)
     assert sort is not None
     lasts = message.deadline - message.issued
     usual = message.kind is not Kind.COMMAND or lasts == inf or abs(lasts - DEADLINE) < 1e-9
     only, but = (named_robots(message, key) for key in (FOR, NOT))
-    return Instruction(sort, message.text.strip(), None if usual else round(lasts, 9), only, but)
+    return Instruction(sort, message.text.strip(), None if usual else round(lasts + ahead, 9), only, but)
 
 
 def source_of(scenario: Scenario, seed: int) -> tuple[str, Changes]:

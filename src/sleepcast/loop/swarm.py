@@ -80,6 +80,9 @@ class Desk(Protocol):
     def release(self) -> SentCommand:
         """End STOP."""
 
+    def on_air(self, message: Message) -> None:
+        """A message of its own goes out now, in this tick: it may have been posted before the tick began."""
+
     def hear(self, message: Message) -> None:
         """Receive a robot's message."""
 
@@ -283,6 +286,8 @@ def _send_posted(swarm: Swarm) -> None:
         message = swarm.posted.popleft()
         swarm.air.send(message)
         sent.append(message)
+        if swarm.desk is not None:
+            swarm.desk.on_air(message)
         for witness in swarm.witnesses:
             witness.posted(message)
     swarm.heed_stops(sent)
@@ -303,9 +308,12 @@ def _give_orders(swarm: Swarm) -> None:
         swarm.given.append((order, sent.id))
 
 
-def give(desk: Desk, order: Order, *, confirmed: bool = False, undecided: bool = True) -> SentCommand:
+def give(
+    desk: Desk, order: Order, *, confirmed: bool = False, undecided: bool = True, ahead: float = 0.0
+) -> SentCommand:
     """Let the desk send an order; gives what it keeps account of it by. confirmed: whatever is doubted. undecided:
-    whether a test that is unknown on all robots is no doubt. Raises MissionError."""
+    whether a test that is unknown on all robots is no doubt. ahead: s by which it is given before its tick, for which
+    it is good as well. Raises MissionError."""
     found = instruction(order)
     try:
         match found.sort:
@@ -318,7 +326,7 @@ def give(desk: Desk, order: Order, *, confirmed: bool = False, undecided: bool =
         return desk.send(
             found.text,
             standing=found.sort == "standing",
-            deadline=found.within,
+            deadline=None if found.within is None else found.within + ahead,
             everybody=True,
             only=found.only,
             but=found.but,

@@ -483,6 +483,13 @@ class Station:
         self._sequence += 1
         return Message(self.operator, self.epoch, self._sequence, kind, now, until, text, standing, body)
 
+    def on_air(self, message: Message) -> None:
+        """A message goes out now that may have been composed before: only from now on robots can answer it."""
+        with self._lock:
+            latest = self._sent.latch
+            if latest is not None and latest.id == message.id and latest.last_sent == message.issued:
+                latest.last_sent = self._clock.now()
+
     # ---- what comes in
 
     def hear(self, message: Message) -> None:

@@ -161,7 +161,8 @@ class SwarmMission:
 
     def _send(self, order: Order, number: int, *, confirmed: bool = False) -> None:
         """number: its place, -1 for one of which the scenario knows nothing."""
-        sent = cast(Command, give(self._station, order, confirmed=confirmed, undecided=False))
+        ahead = self._swarm.simulator.scenario.tick
+        sent = cast(Command, give(self._station, order, confirmed=confirmed, undecided=False, ahead=ahead))
         if number >= 0:
             self._log.note(number, sent.message)
         else:

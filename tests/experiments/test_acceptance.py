@@ -16,6 +16,7 @@ import pytest
 import sleepcast as sc
 from sleepcast.core.errors import MisuseError
 from sleepcast.experiments.acceptance import read_test, run_test
+from sleepcast.experiments.measures import read_measure
 from sleepcast.simulator.world.world import Circle
 from small_worlds import write
 
@@ -82,6 +83,19 @@ def test_a_goal_is_looked_at_on_every_tick(tmp_path: Path, when: str, missed: in
     found = run_test(read_test(saved), threads=1).missed
     assert len(found) == missed
     assert all("but it was 3 at 1.3 s" in each for each in found)
+
+
+def test_what_is_true_is_what_the_language_says(tmp_path: Path) -> None:
+    """Every number but 0; of these, only those above 0 were counted."""
+    with sc.open("bravo", robots=4, threads=1) as fleet:
+        fleet.run(1.5, quiet=True)
+        for text, true in (("(- 0 1)", 4), ("(- id 1)", 3), ("(- 0 id)", 4), ("(- id id)", 0), ("(/ 1 0)", 0)):
+            assert len(fleet.preview(f"(WHEN {text} (MARK))").yes) == true
+            assert read_measure(f"count {text}")(fleet) == true
+            assert read_measure(f"share {text}")(fleet) == true / 4
+        assert read_measure("largest_cluster 200mi (- 0 id)")(fleet) == 1.0
+        saved = fleet.save_test(tmp_path / "again", counts=["(- 0 id)"])
+    assert 'holds = "count (- 0 id) == 4"' in (saved / "test.toml").read_text(encoding="utf-8")
 
 
 def test_a_zip_file_is_read_as_well(tmp_path: Path) -> None:

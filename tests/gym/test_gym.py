@@ -241,6 +241,12 @@ class TestParallel:
         assert env.agents == []
         assert env.fleet.time == pytest.approx(0.7)
 
+    def test_who_is_done_is_what_the_language_says(self) -> None:
+        env = gym.parallel_env("bravo", **RESCUE, done="(- 2 id)")  # all but scout2, of which it is 0
+        env.reset(seed=1)
+        env.step({name: np.zeros(2) for name in env.agents})
+        assert env.agents == ["scout2"]
+
     def test_who_is_done_within_a_step_rests_from_then_on(self) -> None:
         states = []
         for ticks in (10, 1):

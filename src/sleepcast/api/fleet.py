@@ -23,6 +23,7 @@ from sleepcast.api.results import CommandResult
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.given_numbers import in_seconds, read_seconds
 from sleepcast.core.ticks import Every, tick_at
+from sleepcast.core.truth import is_true
 from sleepcast.fleet.asked import MAX_ASKED
 from sleepcast.language import Checked, CheckError, Explanation
 from sleepcast.loop import Swarm, load, save, snapshot
@@ -285,7 +286,7 @@ class SimulatedFleet(Fleet):
             raise MisuseError("a test begins with its scenario: this fleet goes on from a snapshot, or is a fork")
         place = Path(folder)
         counts, goals = ((each,) if isinstance(each, str) else each for each in (counts, goals))
-        found = [f"count {each} == {int(np.count_nonzero(self[each] > 0.0))}" for each in counts]
+        found = [f"count {each} == {int(np.count_nonzero(is_true(self[each])))}" for each in counts]
         with self._turn():
             inputs = self._inputs.inputs
             title, wanted = place.resolve().name, [*found, *goals]

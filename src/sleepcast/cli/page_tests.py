@@ -14,6 +14,7 @@ from sleepcast.console.incoming import HeldCount, HeldGoal
 from sleepcast.console.past import Past
 from sleepcast.console.session_test import DraftCommand
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.truth import is_true
 from sleepcast.loop.rerun import Inputs
 from sleepcast.simulator.scenario.mission import Wanted
 from sleepcast.station import Account
@@ -53,7 +54,7 @@ class PageTests:
 
     def count(self, text: str) -> int:
         """For how many robots an expression is true now."""
-        return int(np.count_nonzero(self._fleet[text] > 0.0))
+        return int(np.count_nonzero(is_true(self._fleet[text])))
 
     def files(
         self, name: str, held: Mapping[str, Sequence[HeldCount]], goals: Sequence[HeldGoal], exact: bool

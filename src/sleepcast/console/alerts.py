@@ -27,6 +27,7 @@ from sleepcast.console.outgoing import Said
 from sleepcast.console.values import Values
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.truth import is_true
 
 MOST_ALERTS = 32
 """Alerts at one desk: more than anybody watches."""
@@ -104,7 +105,7 @@ class Alert:
 
     def look(self, values: NDArray[np.float64], now: float) -> Mask | None:
         """Take what the test comes to now; gives the robots for whom it fires, None if it does not."""
-        known, true = ~np.isnan(values), np.abs(values) > 0.0
+        known, true = ~np.isnan(values), is_true(values)
         if self.true is None:
             if known.any():
                 self.true = true

@@ -17,8 +17,8 @@ from sleepcast.console import incoming, outgoing
 from sleepcast.console.values import Column, Index, Values, in_unit
 from sleepcast.core.columns import column_name
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.truth import is_true
 from sleepcast.core.units import shown_value
-from sleepcast.fleet.state import is_true
 
 BY_NUMBER, BY_GROUP = -1, -2
 """What a table is sorted by, if by none of its columns."""

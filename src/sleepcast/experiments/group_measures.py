@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.errors import MisuseError, decimal_comma
 from sleepcast.core.extras import installing
+from sleepcast.core.truth import is_true
 from sleepcast.core.units import LENGTH, UNITS, to_si
 
 Floats = NDArray[np.float64]
@@ -96,7 +97,7 @@ def read_group_measure(text: str) -> Callable[[SimulatedFleet], float]:
     near, predicate = to_si(float(found[2]), found[3]) if distance else nan, found[4]
 
     def measured(fleet: SimulatedFleet) -> float:
-        which = fleet[predicate] > 0.0 if predicate else slice(None)
+        which = is_true(fleet[predicate]) if predicate else slice(None)
         scenario = fleet.swarm.simulator.scenario
         group = SwarmSample(fleet.x[which], fleet.y[which], fleet.heading[which], (scenario.width, scenario.height))
         return measure(group, near) if group.x.size else nan

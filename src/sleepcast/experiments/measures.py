@@ -30,6 +30,7 @@ from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.angles import deviation, mean_direction, quantile, widest_gap
 from sleepcast.core.errors import MisuseError, decimal_comma, did_you_mean
 from sleepcast.core.extensions import extensions, load_extension
+from sleepcast.core.truth import is_true
 from sleepcast.experiments.group_measures import NAMES, read_group_measure
 from sleepcast.language import CheckError
 from sleepcast.language.functions import BUILT_IN
@@ -101,7 +102,7 @@ def read_measure(text: str, *, own: bool = False) -> Measure:
     if expression and first in OF_KNOWN:
         return lambda fleet: _of_known(fleet, expression, OF_KNOWN[first], OF_ANGLES[first])
     if expression and first in OF_TRUE:
-        return lambda fleet: OF_TRUE[first](fleet[expression] > 0.0)
+        return lambda fleet: OF_TRUE[first](is_true(fleet[expression]))
     if expression and first == "quantile":
         return _quantile(text, expression)
     if expression and first == "stock":

@@ -15,9 +15,10 @@ from math import nan
 
 import numpy as np
 
+from sleepcast.core.truth import is_true
 from sleepcast.fleet import pure
 from sleepcast.fleet.memory import FleetMemory, Found
-from sleepcast.fleet.state import Column, Index, Mask, Rows, is_true
+from sleepcast.fleet.state import Column, Index, Mask, Rows
 from sleepcast.language.evaluate import too_deep
 from sleepcast.language.numerics import normal
 from sleepcast.language.parts import Part, walk

@@ -380,12 +380,6 @@ def spread(values: Column | float, size: int) -> Column:
     return np.full(size, values) if isinstance(values, float) else values
 
 
-def is_true(values: Column | float) -> Mask:
-    """Which values count as true: neither 0 nor unknown."""
-    found: Mask = np.abs(values) > 0.0
-    return found
-
-
 # Random numbers over columns: the same numbers as `language.numerics` gives one robot, for many robots at once.
 
 Words: TypeAlias = NDArray[np.uint64]

@@ -9,6 +9,7 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from sleepcast.core.counter_rng import key
+from sleepcast.core.truth import is_true
 from sleepcast.gym.task import CheckedTask
 from sleepcast.language import check
 from sleepcast.language.learned_names import LearnedNames
@@ -65,7 +66,7 @@ class Episode:
     def _has_ended(self) -> bool:
         """Whether the episode has reached its goal on this tick; notes who is done by now."""
         if self._task.done:
-            self._done |= self._swarm.values_of(self._task.done) > 0.0
+            self._done |= is_true(self._swarm.values_of(self._task.done))
         until = self._checked.until
         return bool(self._done.all()) or (until is not None and until.holds(self.fleet))
 

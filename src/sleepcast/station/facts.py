@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.truth import is_true
 from sleepcast.core.units import LENGTH, UNITS, to_si
 from sleepcast.language import Constant, Variable
 from sleepcast.language.reader import format_literal
@@ -136,7 +137,7 @@ def _properties(source: FactSource) -> Iterator[Property]:
     for test in tests[:MOST_PROPERTIES]:
         values = _values(source, test)
         if values is not None:
-            yield Property(test, np.abs(values) > 0.0)
+            yield Property(test, is_true(values))
             yield Property(f"(NOT {test})", values == 0.0)
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.truth import is_true
 from sleepcast.core.units import UNITS
 from sleepcast.language.functions import MANY
 from sleepcast.language.reader import MAX_TEXT
@@ -165,7 +166,7 @@ def _of_quantity(quantity: Measured, chosen: Mask, others: Mask) -> Iterator[Cri
         return
     if quantity.flag:
         if (mine != 0.0).all():
-            yield Criterion(~(np.abs(values) > 0.0), len(name), rank, name)
+            yield Criterion(~is_true(values), len(name), rank, name)
         elif (mine == 0.0).all():
             yield Criterion(~(values == 0.0), len(name) + 6, rank, f"(NOT {name})")
         return

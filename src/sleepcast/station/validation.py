@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from sleepcast.channel.message import FOR, NOT
 from sleepcast.channel.message_batch import NameIndex
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.truth import is_true
 from sleepcast.language import Checked
 from sleepcast.language.evaluate import Entered
 from sleepcast.language.explain import Explanation
@@ -490,7 +491,7 @@ def preview(
         values, why, reasons = table.values(test, robots)
         known = why == 0
         undecided = known & np.isnan(values)
-        codes[robots] = np.where(known, np.where(undecided, UNDECIDED, (values < 0.0) | (values > 0.0)), UNKNOWN)
+        codes[robots] = np.where(known, np.where(undecided, UNDECIDED, is_true(values)), UNKNOWN)
         listed.append(TEST_UNKNOWN)
         reason[robots] = np.where(undecided, np.uint8(len(listed)), why + np.uint8(len(listed)))
         listed += reasons

@@ -84,6 +84,23 @@ def test_a_lease_that_is_not_renewed_ends_by_itself(scene: Scene) -> None:
     assert drive(scene, scene.desk("bert")).n_matched == 4
 
 
+@pytest.mark.parametrize("deed", [LeaseAction.TAKE, LeaseAction.REQUEST])
+def test_who_holds_a_lease_does_not_shorten_it_by_asking_for_it(scene: Scene, deed: LeaseAction) -> None:
+    lease(scene, "anna", LeaseAction.TAKE, seconds=300.0)
+    assert lease(scene, "anna", deed, seconds=60.0).n_matched == 2
+    scene.run(100.0)
+    assert drive(scene, scene.desk("bert")).n_fault == 2
+
+
+def test_no_lease_is_granted_to_who_may_not_command(scene: Scene) -> None:
+    lease(scene, "anna", LeaseAction.TAKE)
+    anna = scene.desk("anna")
+    with pytest.raises(LeaseError, match=r"^watch is an observer, who commands no robots"):
+        anna.lease(LeaseAction.GRANT, "bravo", 60.0, "watch")
+    for named in ("bert", "chief", "zoe"):  # of zoe nothing is known
+        anna.lease(LeaseAction.GRANT, "bravo", 60.0, named)
+
+
 def test_a_lease_is_given_back(scene: Scene) -> None:
     lease(scene, "anna", LeaseAction.TAKE)
     assert lease(scene, "bert", LeaseAction.GIVE).n_fault == 4, "it is not his to give"

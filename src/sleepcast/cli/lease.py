@@ -41,7 +41,7 @@ def lease(deed: str, group: str, seconds: float, to: str, keep: bool, air: AirOp
     why. Everybody may always send STOP and questions. Leases do not affect commanders' standing commands.
 
     \b
-    take     take or renew it; refused while another operator holds it
+    take     take or renew it, which never shortens it; refused while another operator holds it
     give     give it back
     request  like take, and tell its holder that you ask for it
     grant    hand it to another operator (--to NAME)
@@ -68,19 +68,15 @@ def lease(deed: str, group: str, seconds: float, to: str, keep: bool, air: AirOp
 
 
 def _done(station: NetworkStation, deed: LeaseAction, group: str, seconds: float, to: str, as_json: bool) -> int:
-    from sleepcast.channel import Kind
-    from sleepcast.station.leases import lease_body
-
-    sent = station.post(Kind.COMMAND, body=lease_body(deed, group, seconds, to))
+    sent = station.lease(deed, group, seconds, to)
     status = gathered(station, sent, GRACE, as_json)
     return status if len(sent.answers) else 1
 
 
 def _keep(station: NetworkStation, group: str, seconds: float, as_json: bool) -> None:
     """Renew the lease until Ctrl-C, telling what others say about it; then give it back."""
-    from sleepcast.channel import Kind
     from sleepcast.channel.message import LeaseAction
-    from sleepcast.station.leases import describe_request, lease_body
+    from sleepcast.station.leases import describe_request
 
     complain(f"{group} is yours until Ctrl-C")
     renewed = station.now
@@ -93,7 +89,7 @@ def _keep(station: NetworkStation, group: str, seconds: float, as_json: bool) ->
                     complain(printable(said))
             if station.now - renewed >= seconds / 3.0:
                 renewed = station.now
-                sent = station.post(Kind.COMMAND, body=lease_body(LeaseAction.TAKE, group, seconds))
+                sent = station.lease(LeaseAction.TAKE, group, seconds)
                 station.gather(sent, GRACE)
                 found = station.accounting(sent.id)
                 if found.n_fault:

@@ -136,7 +136,7 @@ class OperatorsDesk:
         """Ask robots about the lease of a group; one that was taken is renewed until it is given back. Gives a doubt
         about the group's name as well, "" for none. Raises LeaseError, and RoleError for what our key may not do."""
         action, key = LeaseAction(deed), group.casefold()
-        sent = self._station.post(Kind.COMMAND, body=lease_body(action, group, seconds, to))
+        sent = self._station.lease(action, group, seconds, to)
         if action in (LeaseAction.GIVE, LeaseAction.GRANT):
             self._leases.pop(key, None)
         else:

@@ -102,7 +102,8 @@ class Leases:
         self._held: dict[str, Lease] = {}
 
     def settle(self, wish: LeaseRequest, message: Message, now: float) -> str:
-        """Carry out a request at `now` (s of the mind's time); returns the reason for a refusal, or ""."""
+        """Carry out a request at `now` (s of the mind's time); returns the reason for a refusal, or "". What its sender
+        holds already is never shortened: who wants that gives it back."""
         refusal = self._refusal(wish, message, now)
         if refusal:
             return refusal
@@ -110,10 +111,11 @@ class Leases:
         self._make_room(wish, now)
         if wish.deed is LeaseAction.GIVE:
             self._held.pop(key, None)
-        elif wish.deed is LeaseAction.GRANT and held is not None:
-            self._held[key] = Lease(wish.to, max(held.until, now + wish.seconds), message.sender)
         else:
-            self._held[key] = Lease(message.sender, now + wish.seconds, message.sender)
+            holder = wish.to if wish.deed is LeaseAction.GRANT else message.sender
+            mine = held is not None and held.holder == message.sender
+            until = max(held.until, now + wish.seconds) if held is not None and mine else now + wish.seconds
+            self._held[key] = Lease(holder, until, message.sender)
         return ""
 
     def _refusal(self, wish: LeaseRequest, message: Message, now: float) -> str:

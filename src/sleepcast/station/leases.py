@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from sleepcast.channel import Message
-from sleepcast.channel.message import DO, GROUP, LEASE, MAX_NAME, SECONDS, TO, LeaseAction
+from sleepcast.channel.message import DO, GROUP, LEASE, MAX_NAME, SECONDS, TO, LeaseAction, Role
 from sleepcast.core.errors import MisuseError, printable, slip_of
 from sleepcast.language import Names, ReadError, Symbol, read
 from sleepcast.language.symbols import known_groups
+
+if TYPE_CHECKING:
+    from sleepcast.channel.keys import Trust
 
 MAX_LEASE = 3_600.0
 """Seconds for which a lease may be had at a time, as robots take it."""
@@ -31,6 +35,17 @@ def lease_body(deed: LeaseAction, group: str, seconds: float, to: str = "") -> d
     if deed is LeaseAction.GRANT and not to:
         raise LeaseError(f"say to whom {group} is granted (--to NAME)")
     return {LEASE: {DO: deed.value, GROUP: group, SECONDS: seconds, TO: to}}
+
+
+def validate_holder(name: str, trust: Trust) -> None:
+    """Raises LeaseError if by the trusted keys nobody of this name may command robots. Of others nothing is known."""
+    roles = {key.role for key in trust.keys if key.owner == name and not key.revoked}
+    if roles and not roles & {Role.OPERATOR, Role.COMMANDER}:
+        role = min(roles)
+        raise LeaseError(
+            f"{name} is {'an' if role is Role.OBSERVER else 'a'} {role}, who commands no robots, so that nobody could "
+            "command the group: grant it to an operator"
+        )
 
 
 def doubt_of(group: str, names: Names) -> str:

@@ -37,6 +37,7 @@ from sleepcast.channel.message import (
     TOOK,
     WITHIN,
     Inspection,
+    LeaseAction,
     Role,
 )
 from sleepcast.channel.message import MATCHED as WOULD
@@ -52,6 +53,7 @@ from sleepcast.language.vocabulary import NEW_FORMS, Vocabulary
 from sleepcast.mind.authority import FORGOTTEN, MAX_MARKS, Life, StopMark, mark_of, marks_and_ages
 from sleepcast.station.account import COUNTED, account
 from sleepcast.station.journal.journal import CONFLICT, Journal, JournalEvent
+from sleepcast.station.leases import lease_body, validate_holder
 from sleepcast.station.prepared import Draft, Prepared, Terms
 from sleepcast.station.remote import RemoteMinds
 from sleepcast.station.rest import LOOK_SELDOM, RestWatch
@@ -335,6 +337,14 @@ class NetworkStation(Station):
             stop.released += 1
         body: dict[str, object] = {ENDS: [stop.mark.named for stop in known[:MAX_MARKS]]} if known else {}
         return self._broadcast(Kind.RELEASE, body=body)
+
+    def lease(self, action: LeaseAction, group: str, seconds: float, to: str = "") -> Command:
+        """Ask robots about the lease of a group, for so many s. to: whom to grant it. Raises LeaseError for what no
+        robot could grant, and for a holder who is known as no operator; RoleError for an observer."""
+        body = lease_body(action, group, seconds, to)
+        if action is LeaseAction.GRANT:
+            validate_holder(to, self.session.delivery.admission.trust)
+        return self.post(Kind.COMMAND, body=body)
 
     def give_up(self, command: str) -> None:
         """Wait no longer for answers to this command. Raises NoSuchCommandError."""

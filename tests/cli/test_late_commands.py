@@ -85,6 +85,15 @@ def test_a_sweep_says_so_before_and_counts_them_after(world: Path) -> None:
     assert json.loads(called("sweep", str(world / "early"), "--json", "--quiet").out)["never_sent"] == {"@4s STOP": 2}
 
 
+def test_a_sweep_says_in_how_many_runs_a_count_came_otherwise(world: Path) -> None:
+    (world / "mission.sleep").write_text("@0.5s (WHEN (> battery 60%) (MARK))\n= matched at least 1, not matched 20\n")
+    sweep = ("sweep", str(world), "--measure", "mean battery", "--seeds", "2", "--quiet", "--workers", "1")
+    done = called(*sweep, "--seconds", "1s", "--out", str(world / "results"))
+    wanted = f"{world / 'mission.sleep'}:1: (WHEN (> battery 60%) (MARK)): wanted not matched 20"
+    assert (done.status, done.err) == (0, f"not as its mission wanted in 2 of 2 runs: {wanted}\n")
+    assert json.loads(called("sweep", str(world / "results"), "--json", "--quiet").out)["missed"] == {wanted: 2}
+
+
 def test_a_sweep_over_times_looks_at_each_of_them(world: Path) -> None:
     text = (world / "scenario.toml").read_text()
     (world / "scenario.toml").write_text(f'{text}\n[constants]\nLATE = "0.1s"\n')

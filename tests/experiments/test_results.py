@@ -43,7 +43,7 @@ def changed(folder: Path, *statements: tuple[str, tuple[object, ...]]) -> None:
 
 
 def insert(run: str, samples: str) -> tuple[str, tuple[object, ...]]:
-    return "INSERT INTO runs VALUES ('a', 0, ?, '', '', 1.0, ?, '[]')", (run, samples)
+    return "INSERT INTO runs VALUES ('a', 0, ?, '', '', 1.0, ?, '[]', '[]')", (run, samples)
 
 
 @pytest.mark.parametrize(
@@ -69,9 +69,10 @@ def test_a_row_that_is_none_is_a_sentence(folder: Path, run: str, samples: str) 
             read(folder)
 
 
-@pytest.mark.parametrize("unsent", ["", "5", "[5]", "[" * 200_000])
-def test_what_was_never_sent_is_a_list_of_texts(folder: Path, unsent: str) -> None:
-    changed(folder, ("INSERT INTO runs VALUES ('a', 0, ?, '', '', 1.0, '[[0.0, 1.0]]', ?)", (RUN, unsent)))
+@pytest.mark.parametrize("texts", ["", "5", "[5]", "[" * 200_000])
+@pytest.mark.parametrize("columns", ["?, '[]'", "'[]', ?"])
+def test_what_was_never_sent_or_came_otherwise_is_a_list_of_texts(folder: Path, texts: str, columns: str) -> None:
+    changed(folder, (f"INSERT INTO runs VALUES ('a', 0, ?, '', '', 1.0, '[[0.0, 1.0]]', {columns})", (RUN, texts)))
     with pytest.raises(ResultsError, match="the results cannot be read"):
         summary_of(folder)
 

@@ -441,7 +441,8 @@ class TestResults:
         with Results(folder, wanted) as results:
             results.keep(do(wanted, each) for each in wanted.runs())
         whole = list(outcomes_in(folder))
-        as_before(folder, "DELETE FROM runs WHERE number = 1; ALTER TABLE runs DROP COLUMN unsent")
+        dropped = "".join(f"; ALTER TABLE runs DROP COLUMN {each}" for each in ("unsent", "missed"))
+        as_before(folder, f"DELETE FROM runs WHERE number = 1{dropped}")
         with Results(folder, wanted) as results:
             results.keep(do(wanted, each) for each in results.missing())
         assert all(each.same_as(before) for each, before in zip(outcomes_in(folder), whole, strict=True))
@@ -505,6 +506,7 @@ class TestCommandLine:
             "results": "out",
             "table": "out.csv",
             "never_sent": {},
+            "missed": {},
         }
         assert main(["sweep", "out", "--verify"]) == 0
         assert "4 of 4 runs came out the same" in capsys.readouterr().out

@@ -75,6 +75,12 @@ def unsent(order: Order, end: float) -> list[str]:
     ]
 
 
+def missed_in(swarm: Swarm, station: Station) -> list[str]:
+    """A sentence for each count that the mission of a run wanted of what was sent, and that is otherwise now."""
+    accounts = ((order, station.accounting(sent)) for order, sent in swarm.given if order.wanted)
+    return [each for order, found in accounts for each in unmet(order, counts_of(found))]
+
+
 def never_sent(orders: Iterable[Order]) -> list[dict[str, object]]:
     """Orders that were never sent, for scripts."""
     return [{"time": each.time, "text": each.text, "place": each.place} for each in orders]

@@ -11,7 +11,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from sleepcast.api.progress import steps
-from sleepcast.api.session_test import counts_of, late_sentence, never_sent, unmet, unsent
+from sleepcast.api.session_test import late_sentence, missed_in, never_sent, unsent
 from sleepcast.cli.interrupts import Interrupts, Terminated
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
@@ -61,9 +61,8 @@ class FinishedRun:
 
     def missed(self) -> list[str]:
         """A sentence for each count that the mission wanted, and that came otherwise."""
-        accounts = ((order, self.station.accounting(sent)) for order, sent in self.swarm.given if order.wanted)
-        missed = [each for order, found in accounts for each in unmet(order, counts_of(found))]
-        return missed + [each for order in self.swarm.mission for each in unsent(order, self.swarm.now())]
+        late = [each for order in self.swarm.mission for each in unsent(order, self.swarm.now())]
+        return missed_in(self.swarm, self.station) + late
 
     def to_text(self) -> str:
         """The outcome for people."""

@@ -286,7 +286,7 @@ def _tell(results: Results, table: Path | None, errors: dict[str, int], *, as_js
     summary = summary_of(folder)
     found = {"runs": summary.runs, "done": summary.done, "failed": summary.failed, "unknown": summary.unknown}
     place: dict[str, object] = {"results": str(folder), "table": None if table is None else str(table)}
-    place["never_sent"] = summary.unsent
+    place |= {"never_sent": summary.unsent, "missed": summary.missed}
     best = best_of(folder)
     if best is not None:
         place["best"] = {"measure": best.measure, "value": best.value, "point": best.point, "runs": best.runs}
@@ -295,6 +295,7 @@ def _tell(results: Results, table: Path | None, errors: dict[str, int], *, as_js
         announce(best.sentence())
     if not as_json:
         _tell_never_sent(summary)
+        _tell_missed(summary)
     for error, count in list(errors.items())[:SHOWN_ERRORS]:
         complain(f"{count:,} {'run' if count == 1 else 'runs'} failed: {error}")
     missing = len(results.missing())
@@ -308,6 +309,13 @@ def _tell_never_sent(summary: Summary) -> None:
         complain(f"never sent in {count:,} of {summary.done:,} runs, which ended before: {command}")
     if (more := len(summary.unsent) - SHOWN_UNSENT) > 0:
         complain(f"and {more:,} more commands were never sent in some runs: see --json")
+
+
+def _tell_missed(summary: Summary) -> None:
+    for wanted, count in list(summary.missed.items())[:SHOWN_UNSENT]:
+        complain(f"not as its mission wanted in {count:,} of {summary.done:,} runs: {wanted}")
+    if (more := len(summary.missed) - SHOWN_UNSENT) > 0:
+        complain(f"and {more:,} more counts came otherwise than the mission wanted in some runs: see --json")
 
 
 def _verify(folder: Path, workers: int | str, most: int | None, *, as_json: bool, quiet: bool) -> int:

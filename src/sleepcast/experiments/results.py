@@ -44,11 +44,12 @@ ABOUT, RUNS, LOCK = "about.json", "runs.sqlite", ".lock"
 SCHEMA = """
 CREATE TABLE IF NOT EXISTS runs (
     key TEXT PRIMARY KEY, number INTEGER NOT NULL, run TEXT NOT NULL, error TEXT NOT NULL, hash TEXT NOT NULL,
-    wall REAL NOT NULL, samples TEXT NOT NULL, unsent TEXT NOT NULL DEFAULT '[]'
+    wall REAL NOT NULL, samples TEXT NOT NULL, unsent TEXT NOT NULL DEFAULT '[]',
+    missed TEXT NOT NULL DEFAULT '[]'
 ) STRICT
 """
-ADDED = "ALTER TABLE runs ADD COLUMN unsent TEXT NOT NULL DEFAULT '[]'"
-"""What format 1 did not have."""
+ADDED = ("unsent", "missed")
+"""Columns that files of earlier versions do not have, each a list of texts."""
 FORMAT = 2
 """Version of the file of runs and of the rules by which they were done, which is its `user_version`; those of a newer
 one are refused. In 1, `until` was looked at only when a sample was due, and samples fell on every so many whole
@@ -72,7 +73,8 @@ class ResultsLostError(SleepcastError):
 class RunResult(msgspec.Struct, frozen=True):
     """What came of a run. samples: for each its time (simulated s), then the measures in their order, None unknown.
     error: why it failed, "" if it did not. hash: of the state at its end. wall: s that it took. unsent: commands that
-    were never sent, since it ended before, each with its time, in short. rules: by which it was done, see FORMAT."""
+    were never sent, since it ended before, each with its time, in short. rules: by which it was done, see FORMAT.
+    missed: sentences about counts that its mission wanted, and that came otherwise."""
 
     run: PlannedRun
     samples: tuple[tuple[float | None, ...], ...] = ()
@@ -81,6 +83,7 @@ class RunResult(msgspec.Struct, frozen=True):
     wall: float = 0.0
     unsent: tuple[str, ...] = ()
     rules: int = 1
+    missed: tuple[str, ...] = ()
 
     def same_as(self, other: RunResult) -> bool:
         """Whether both found the same, to the last bit."""
@@ -122,8 +125,10 @@ class Results:
 
     def _update(self) -> None:
         """Make the file one of the format of now."""
-        if not _has_unsent(self._connection):
-            self._connection.execute(ADDED)
+        there = _columns(self._connection)
+        for added in ADDED:
+            if added not in there:
+                self._connection.execute(f"ALTER TABLE runs ADD COLUMN {added} TEXT NOT NULL DEFAULT '[]'")
         self._connection.execute(f"PRAGMA user_version = {FORMAT}")
 
     def count(self) -> int:
@@ -209,13 +214,13 @@ class Results:
                     msgspec.json.encode(each.run).decode(),
                     each.error[:MOST_ERROR],
                 ),
-                *(each.hash, each.wall, json.dumps(each.samples), json.dumps(each.unsent)),
+                *(each.hash, each.wall, json.dumps(each.samples), json.dumps(each.unsent), json.dumps(each.missed)),
             )
             for each in outcomes
         ]
         try:
             self._connection.execute("BEGIN")
-            self._connection.executemany("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?)", rows)
+            self._connection.executemany("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
             self._connection.execute("COMMIT")
         except sqlite3.Error as error:
             raise _lost(self.folder, error) from error
@@ -270,13 +275,15 @@ def best_of(folder: Path) -> Best | None:
 
 class Summary(msgspec.Struct, frozen=True):
     """runs: wanted, at most; done: finished; failed: of these; unknown: values that no robot could give; unsent: in
-    how many runs each command was never sent, since they ended before."""
+    how many runs each command was never sent, since they ended before; missed: in how many each count came otherwise
+    that the mission wanted."""
 
     runs: int
     done: int
     failed: int
     unknown: int
     unsent: dict[str, int] = {}
+    missed: dict[str, int] = {}
 
     def sentence(self) -> str:
         """For a person."""
@@ -301,8 +308,9 @@ def outcomes_in(folder: Path) -> Iterator[RunResult]:
     experiment = experiment_in(folder)
     with _reading(folder) as connection:
         rules = _check_format(folder, connection)
-        unsent = "unsent" if _has_unsent(connection) else "'[]'"
-        found = connection.execute(f"SELECT run, error, hash, wall, samples, {unsent} FROM runs ORDER BY number")
+        there = _columns(connection)
+        added = ", ".join(each if each in there else "'[]'" for each in ADDED)
+        found = connection.execute(f"SELECT run, error, hash, wall, samples, {added} FROM runs ORDER BY number")
         for row in islice(found, MAX_ROWS):
             yield _outcome(row, experiment, rules)
 
@@ -318,20 +326,20 @@ def _reading(folder: Path) -> Iterator[sqlite3.Connection]:
         raise ResultsError(f"{folder / RUNS}: the results cannot be read: {error}") from error
 
 
-def _has_unsent(connection: sqlite3.Connection) -> bool:
-    """Whether a file of runs says which commands were never sent."""
-    return any(row[1] == "unsent" for row in connection.execute("PRAGMA table_info(runs)"))
+def _columns(connection: sqlite3.Connection) -> set[str]:
+    """The columns of a file of runs."""
+    return {row[1] for row in connection.execute("PRAGMA table_info(runs)")}
 
 
-def _outcome(row: tuple[str, str, str, float, str, str], experiment: Experiment, rules: int) -> RunResult:
+def _outcome(row: tuple[str, str, str, float, str, str, str], experiment: Experiment, rules: int) -> RunResult:
     """What a row says. Raises ValueError for what no run of this experiment has."""
-    run, error, state, wall, samples, late = row
+    run, error, state, wall, samples, *added = row
     decoded = msgspec.json.decode(run, type=PlannedRun)
     taken = _samples(samples, experiment)
     if decoded.point.keys() != experiment.over.keys():
         raise ValueError(f"run {decoded.number} has other measures or settings than its {PLAN}")
-    unsent = msgspec.json.decode(late, type=tuple[str, ...])
-    return RunResult(decoded, taken, error, state, wall, unsent, rules)
+    unsent, missed = (msgspec.json.decode(each, type=tuple[str, ...]) for each in added)
+    return RunResult(decoded, taken, error, state, wall, unsent, rules, missed)
 
 
 def _samples(text: str, experiment: Experiment) -> tuple[tuple[float | None, ...], ...]:
@@ -394,7 +402,14 @@ def summary_of(folder: Path) -> Summary:
     experiment, done = experiment_in(folder), list(outcomes_in(folder))
     unknown = sum(value is None for each in done for sample in each.samples for value in sample)
     unsent = Counter(command for each in done for command in dict.fromkeys(each.unsent))
-    return Summary(len(experiment), len(done), sum(bool(each.error) for each in done), unknown, dict(unsent))
+    missed = Counter(said for each in done for said in dict.fromkeys(map(_wanted_in, each.missed)))
+    failed = sum(bool(each.error) for each in done)
+    return Summary(len(experiment), len(done), failed, unknown, dict(unsent), dict(missed))
+
+
+def _wanted_in(sentence: str) -> str:
+    """What was wanted, of a sentence that also says how it came in one run."""
+    return sentence.rpartition(", but it was ")[0]
 
 
 def table_of(folder: Path) -> DataTable:

@@ -28,6 +28,7 @@ import msgspec
 
 from sleepcast.api.assembly import assemble, warm_up
 from sleepcast.api.fleet import SimulatedFleet
+from sleepcast.api.session_test import missed_in
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.extras import installing
 from sleepcast.core.hosts import is_loopback
@@ -46,7 +47,7 @@ from sleepcast.experiments.results import (
 from sleepcast.language import CheckError
 from sleepcast.simulator import Scenario
 from sleepcast.simulator.scenario.groups import filled
-from sleepcast.simulator.scenario.mission import MAX_ORDERS, Order, after_end
+from sleepcast.simulator.scenario.mission import BOUNDS, COUNTS, MAX_ORDERS, Order, after_end
 
 if TYPE_CHECKING:
     from distributed import Future
@@ -57,6 +58,8 @@ LONGEST_RUN = 3_600.0
 """Seconds that a run may take by the clock, unless something else is wanted."""
 AHEAD = 3
 """Runs that a cluster is given for each of its threads, so that none waits for us."""
+MAX_MISSED = len(COUNTS) * len(BOUNDS) * MAX_ORDERS
+"""Counts that a mission may want, and that came otherwise: each of every command, once in each way."""
 LONGEST_HASH = 128
 """Characters of the hash of a state."""
 NOT_OURS = "the worker of the cluster answered something that is no outcome of this run: has it another sleepcast?"
@@ -74,11 +77,11 @@ def do(experiment: Experiment, run: PlannedRun) -> RunResult:
     """One run. What goes wrong in it is its outcome."""
     began = perf_counter()
     try:
-        samples, state, unsent = _done(experiment, run)
+        samples, state, unsent, missed = _done(experiment, run)
     except (Exception, SystemExit) as error:  # a measure of somebody's own may raise anything
         said = str(error) if isinstance(error, SleepcastError) else f"{type(error).__name__}: {error}"
         return RunResult(run, error=said or type(error).__name__, wall=perf_counter() - began, rules=FORMAT)
-    return RunResult(run, samples, "", state, perf_counter() - began, unsent, FORMAT)
+    return RunResult(run, samples, "", state, perf_counter() - began, unsent, FORMAT, missed)
 
 
 def opened(experiment: Experiment, run: PlannedRun) -> SimulatedFleet:
@@ -110,8 +113,11 @@ def too_late(experiment: Experiment) -> tuple[list[Order], float]:
     return [], 0.0
 
 
-def _done(experiment: Experiment, run: PlannedRun) -> tuple[tuple[tuple[float | None, ...], ...], str, tuple[str, ...]]:
-    """The samples of a run, the hash of its state at the end, and the commands that were never sent."""
+def _done(
+    experiment: Experiment, run: PlannedRun
+) -> tuple[tuple[tuple[float | None, ...], ...], str, tuple[str, ...], tuple[str, ...]]:
+    """The samples of a run, the hash of its state at the end, the commands that were never sent, and what came
+    otherwise than its mission wanted."""
     measures = [read_measure(text, own=True) for text in experiment.measures.values()]
     soon = [if_known(measure) for measure in measures]
     stop = if_known(read_stop(experiment.until, own=True).holds) if experiment.until else None
@@ -129,7 +135,8 @@ def _done(experiment: Experiment, run: PlannedRun) -> tuple[tuple[tuple[float | 
             if due is not None and due.due(ticks) and ticks < last:
                 samples.append(_taken(fleet, soon))
         unsent = tuple(order.in_short() for order in fleet.swarm.mission)
-        return (*samples, _taken(fleet, measures)), fleet.hash, unsent
+        missed = tuple(missed_in(fleet.swarm, fleet.station))
+        return (*samples, _taken(fleet, measures)), fleet.hash, unsent, missed
 
 
 def ticks_of(experiment: Experiment, scenario: Scenario) -> int:
@@ -340,6 +347,7 @@ def outcome_in(answer: object, experiment: Experiment, run: PlannedRun) -> RunRe
     wide = all(len(sample) == 1 + len(experiment.measures) for sample in found.samples)
     fits = found.run == run and wide and len(found.hash) <= LONGEST_HASH and bool(found.samples) != bool(found.error)
     fits = fits and found.rules == FORMAT and len(found.unsent) <= MAX_ORDERS + MAX_COMMANDS
+    fits = fits and len(found.missed) <= MAX_MISSED
     return found if fits else RunResult(run, error=NOT_OURS)
 
 

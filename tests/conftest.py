@@ -55,11 +55,11 @@ def pytest_make_collect_report(
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Begin with the slowest files, so that no process is left alone with one of them in the end: in the same order in
-    every process. Leave out what takes minutes, unless the nightly profile is asked for."""
+    every process. Leave out what is for the night, unless the nightly profile is asked for."""
     items.sort(key=lambda item: (-weight(item.path), item.path))
     if config.getoption("--hypothesis-profile") == "nightly":
         return
-    skip = pytest.mark.skip(reason="takes minutes: --hypothesis-profile nightly runs it")
+    skip = pytest.mark.skip(reason="for the night: --hypothesis-profile nightly runs it")
     for item in items:
         if item.get_closest_marker("nightly"):
             item.add_marker(skip)

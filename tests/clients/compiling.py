@@ -17,6 +17,11 @@ WAYS = {"native": "", "32 bit": "-m32", "watched": "-g -fsanitize=address,undefi
 """Flags of each way: as it comes, for machines whose long has four bytes, and watched at every access to memory."""
 
 
+def in_ways(*ways: str) -> list[object]:
+    """Parameters for these ways; for machines whose long has four bytes only at night."""
+    return [pytest.param(way, marks=[pytest.mark.nightly] * (way == "32 bit")) for way in ways]
+
+
 @dataclass(frozen=True)
 class Workshop:
     """A copy of clients/c with its library built in one way."""

@@ -12,7 +12,7 @@ from threading import Event
 
 import pytest
 
-from clients.compiling import CLIENTS, SOURCES, WAYS, Workshop, workshop
+from clients.compiling import CLIENTS, SOURCES, WAYS, Workshop, in_ways, workshop
 from clients.peer import Behaviour, Farewell, Peer, message
 
 LONGEST = 60.0
@@ -45,7 +45,7 @@ CAPTURED = """
 """What a client of 1998 sent. Behind the text's end it left whatever was there; ours leaves zeros."""
 
 
-@pytest.fixture(scope="module", params=list(WAYS))
+@pytest.fixture(scope="module", params=in_ways(*WAYS))
 def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workshop]:
     folder = tmp_path_factory.mktemp("c")
     yield workshop(folder, request.param)

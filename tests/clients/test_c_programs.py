@@ -14,7 +14,7 @@ from threading import Thread
 
 import pytest
 
-from clients.compiling import SOURCES, Workshop, workshop
+from clients.compiling import SOURCES, Workshop, in_ways, workshop
 from processes import running
 from sleepcast.nomad.client import Nomad, Pose
 
@@ -104,7 +104,7 @@ def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
         yield port
 
 
-@pytest.fixture(scope="module", params=["native", "32 bit"])
+@pytest.fixture(scope="module", params=in_ways("native", "32 bit"))
 def old(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Workshop:
     return workshop(tmp_path_factory.mktemp("old"), request.param)
 

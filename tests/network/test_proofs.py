@@ -1,5 +1,5 @@
-"""What the channel promises, on real processes in networks of their own: small ones in every run, and as large as they
-are meant to be with `python3 go.py test network`.
+"""What the channel promises, on real processes in networks of their own: one small proof in every run, all of them at
+night, and as large as they are meant to be with `python3 go.py test network`.
 
 How fast it goes is for `python -m benchmarks.channel` to say; here a bar in seconds only says that it came about, and a
 share in time may miss its bar a little where other work takes the processor away.
@@ -17,6 +17,8 @@ from benchmarks.channel.lab import why_not
 from benchmarks.channel.proofs import Proof
 from benchmarks.report import Bar
 
+ALWAYS = "stop"
+"""The proof of what nobody may be without for a day."""
 NEARLY = 80.0
 REASON = why_not()
 pytestmark = pytest.mark.skipif(bool(REASON), reason=f"no networks of our own here: {REASON}")
@@ -35,13 +37,18 @@ def broken(proof: Proof) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def small() -> Iterator[dict[str, Future[Proof]]]:
-    """All of them at once, as each waits for its own fleet most of the time."""
-    with ThreadPoolExecutor(len(IN_NETWORKS)) as pool:
-        yield {name: pool.submit(QUICK[name]) for name in sorted(IN_NETWORKS)}
+def small(request: pytest.FixtureRequest) -> Iterator[dict[str, Future[Proof]]]:
+    """Those of this run at once, as each waits for its own fleet most of the time."""
+    nightly = request.config.getoption("--hypothesis-profile") == "nightly"
+    wanted = sorted(IN_NETWORKS) if nightly else [ALWAYS]
+    with ThreadPoolExecutor(len(wanted)) as pool:
+        yield {name: pool.submit(QUICK[name]) for name in wanted}
 
 
-@pytest.mark.parametrize("name", sorted(IN_NETWORKS))
+@pytest.mark.parametrize(
+    "name",
+    [ALWAYS, *(pytest.param(name, marks=pytest.mark.nightly) for name in sorted(IN_NETWORKS - {ALWAYS}))],
+)
 def test_a_small_fleet_keeps_what_was_promised(name: str, small: dict[str, Future[Proof]]) -> None:
     proof = small[name].result()
     print(show(proof))

@@ -10,6 +10,7 @@ import gc
 import os
 import signal
 from collections.abc import Generator, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,8 @@ settings.register_profile("quick", settings.get_profile("ordinary"), max_example
 settings.load_profile("ordinary")
 
 TESTS = Path(__file__).parent
+
+gc.disable()  # until all tests are collected
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -66,11 +69,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_collection_finish() -> None:
-    """Eight thousand collected tests are kept to the end: the collector of garbage need not look at them each time."""
+    """Ten thousand collected tests are kept to the end: the collector of garbage need not look at them each time."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
+@cache
 def weight(path: Path) -> int:
     """Seconds that a test file takes, 0 if it is not slow."""
     return SLOW.get(path.relative_to(TESTS).as_posix(), 0) if path.is_relative_to(TESTS) else 0

@@ -27,8 +27,8 @@ from sleepcast.node.node import Node
 
 pytestmark = pytest.mark.usefixtures("rules_elsewhere")
 
-EXAMPLES = max(1_000, settings().max_examples)
-"""Memories: a thousand, or as many as the chosen hypothesis profile says if that is more."""
+EXAMPLES = max(500, settings().max_examples)
+"""Memories: five hundred, or as many as the chosen hypothesis profile says if that is more."""
 TEXTS = 6
 """Expressions evaluated in each of them."""
 NUMBERS = st.sampled_from([math.nan, 0.0, 0.25, 0.5, 1.0, 3.0, -2.0, 1e300])

@@ -38,17 +38,16 @@ from sleepcast.fleet.memory import FleetMemory, Found, Given
 from sleepcast.fleet.messages import Outbox
 from sleepcast.fleet.schema import TelemetryState
 from sleepcast.fleet.state import Column, FleetState, Index, Mask, Mind, MindNames, Minds, Rows
+from sleepcast.language.acts import ACTS
 from sleepcast.language.explain import Recollection
 from sleepcast.language.numerics import draw
 from sleepcast.language.parts import Part, Storing, acts, host_of, walk, written
 from sleepcast.language.program import Program
 from sleepcast.language.reader import read
-from sleepcast.language.rehearsal import CHANCE, DEED, FLAGS, Rehearsal, asks, does
+from sleepcast.language.rehearsal import CHANCE, DEED, Rehearsal, asks, does
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, TIME_SLOT, Vocabulary
 
-_HARMLESS = frozenset({*FLAGS, "report", "tell", "ping", "join", "leave", "deactivate", "lease"})
-"""Acts that cannot change which programs a robot runs, or which names it knows."""
 _READING = frozenset({"var", "write", "defvar", "set_user"})
 _ANYTHING = "*"
 _NOWHERE = -1
@@ -116,7 +115,7 @@ def _teaches(part: Part) -> bool:
     """Whether evaluating a part may add rules or names; programs that it enters existed before."""
     if part.op == "write":
         return ACTIVE0 < part.slot < ACTIVE0 + BUFFERS
-    return part.op in ("store", "fetch", "call") or (part.op == "act" and part.name not in _HARMLESS)
+    return part.op in ("store", "fetch", "call") or (part.op == "act" and ACTS[part.name].teaches)
 
 
 def reads_of(program: Program, minds: Iterable[Mind]) -> tuple[set[int] | None, set[str]]:

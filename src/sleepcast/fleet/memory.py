@@ -18,11 +18,11 @@ from sleepcast.fleet.evaluation import Evaluation, by_the_living
 from sleepcast.fleet.messages import Outbox
 from sleepcast.fleet.native.kernels import Kernels
 from sleepcast.fleet.state import Column, FleetState, Index, Mask, Minds, Rows, draws
+from sleepcast.language.acts import FLAGS
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.parts import Defining, Label, Part, Storing, Template, host_of, label_of, written
 from sleepcast.language.program import Program
 from sleepcast.language.reader import MAX_TEXT, Form, Number, show
-from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, TIME_SLOT, Variable, VariableKind, buffer_number
 from sleepcast.mind import rules

@@ -21,18 +21,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from sleepcast.core.model import HostFunction
+from sleepcast.language.acts import ACTS
 from sleepcast.language.functions import MAX_PRIORITY, PRIORITY, Function
 from sleepcast.language.reader import Form, List, Number, Symbol, format_literal, replaced, show
 from sleepcast.language.reader import walk as walk_forms
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Variable
 
 ACTING = frozenset({"set_user", "write", "defvar", "store", "act"})
-RULING = frozenset({"activate", "deactivate", "forget", "lease", "defun", "rollback"})
-"""Acts that change which rules and operators a robot has, or which of them run."""
 PRIORITIES = range(-MAX_PRIORITY, MAX_PRIORITY + 1)
 ONLY_PRIORITY = f"what follows it can only be {PRIORITY} and a whole number from -{MAX_PRIORITY} to {MAX_PRIORITY}"
-IRREVERSIBLE = frozenset({"forget", "rollback"})
-"""Acts that lose what nobody may have any more."""
 CHANCY = frozenset({"prob", "dice", "random", "gauss"})
 
 
@@ -151,7 +148,7 @@ def rules(part: Part) -> bool:
 def _is_ruling(part: Part) -> bool:
     if part.op == "write":
         return ACTIVE0 < part.slot < ACTIVE0 + BUFFERS
-    return part.op == "store" or (part.op == "act" and part.name in RULING)
+    return part.op == "store" or (part.op == "act" and ACTS[part.name].rules)
 
 
 def rank_of(behind: Sequence[Form]) -> int | None:
@@ -175,7 +172,7 @@ def irreversible(part: Part) -> str:
     for inside in walk(part):
         if inside.op == "host" and host_of(inside).irreversible:
             return host_of(inside).name
-        if inside.op == "act" and inside.name in IRREVERSIBLE:
+        if inside.op == "act" and ACTS[inside.name].irreversible:
             return inside.name.upper()
     return ""
 

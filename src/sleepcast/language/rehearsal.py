@@ -10,9 +10,10 @@ from collections.abc import Callable, Sequence
 from math import nan
 from typing import NamedTuple
 
+from sleepcast.language.acts import FLAGS
 from sleepcast.language.evaluate import Entered
 from sleepcast.language.parts import Label, Part, Storing
-from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, Variable, buffer_number
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Variable, buffer_number
 
 
 class NotedFault(NamedTuple):
@@ -23,16 +24,6 @@ class NotedFault(NamedTuple):
 
 
 Answer = float | bool | Entered | NotedFault | None
-
-FLAGS: dict[str, tuple[int, float]] = {
-    "sleep": (SLEEPING, 1.0),
-    "wake": (SLEEPING, 0.0),
-    "freeze": (FROZEN, 1.0),
-    "thaw": (FROZEN, 0.0),
-    "mark": (MARKED, 1.0),
-    "unmark": (MARKED, 0.0),
-}
-"""The acts that set a support flag: its slot and what it becomes."""
 
 
 class Rehearsal:

@@ -12,12 +12,13 @@ from math import inf, nan
 from weakref import WeakKeyDictionary
 
 from sleepcast.core.errors import SleepcastError
+from sleepcast.language.acts import FLAGS
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.numerics import draw, stream
 from sleepcast.language.parts import Defining, Label, Part, Storing, Template, host_of, label_of, written
 from sleepcast.language.program import Library, Program
 from sleepcast.language.reader import MAX_TEXT, Form, Number, show
-from sleepcast.language.rehearsal import FLAGS, Answer, NotedFault, Rehearsal
+from sleepcast.language.rehearsal import Answer, NotedFault, Rehearsal
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import (
     ACTIVE0,

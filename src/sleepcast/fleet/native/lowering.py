@@ -11,10 +11,10 @@ from collections.abc import Callable, Sequence
 from sleepcast.fleet.native import formulas
 from sleepcast.fleet.native.assembly import Assembly
 from sleepcast.fleet.native.symbols import Meaning, entered, is_native
+from sleepcast.language.acts import FLAGS
 from sleepcast.language.numerics import GOLDEN, MASK, UNIT
 from sleepcast.language.parts import Part, walk
 from sleepcast.language.program import Program
-from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.vocabulary import Variable, VariableKind
 
 LIGHT = 3

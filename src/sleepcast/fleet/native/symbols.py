@@ -10,10 +10,10 @@ from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
 from sleepcast.fleet.state import Mind
+from sleepcast.language.acts import FLAGS
 from sleepcast.language.evaluate import MAX_DEPTH, MAX_LEVELS
 from sleepcast.language.parts import Part, walk
 from sleepcast.language.program import MAX_STEPS, Program
-from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Variable, VariableKind
 

@@ -118,7 +118,8 @@ FEATURES = {
         },
     ),
     "the request for a spread": Feature(
-        "a request of the page", r"""\bSpread\b|def spread\(self, serial|ask\(.spread"""
+        "a request of the page",
+        r"""\b(?:Get)?Spread\b|def spread\(self, serial|ask\(.spread""",
     ),
     "the key F8": Feature(
         "a keyboard shortcut",

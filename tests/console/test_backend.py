@@ -433,7 +433,7 @@ class TestWatchedRobot:
         for order in orders:
             stand.desk.send(1, order, True)
         stand.run()
-        (robot,) = [each for each in stand.desk.news(4) if type(each).__name__ == "Robot"]
+        (robot,) = [each for each in stand.desk.news(4) if type(each).__name__ == "WatchedRobot"]
         assert (robot.robot, robot.groups, robot.state) == (4, ["Crew"], ["frozen"])
         values = {value.name: value for value in robot.values}
         assert values["battery"].shown == f"{100 * stand.level('rover5'):.4g} %"
@@ -445,7 +445,7 @@ class TestWatchedRobot:
 
     def test_nobody_is_watched_unless_asked_for(self, stand: Stand) -> None:
         for index in (-1, 20):
-            assert not any(type(each).__name__ == "Robot" for each in stand.desk.news(index))
+            assert not any(type(each).__name__ == "WatchedRobot" for each in stand.desk.news(index))
 
 
 def test_what_has_become_of_solid_things_is_news(stand: Stand) -> None:

@@ -172,7 +172,7 @@ def test_a_moment_of_the_past_has_the_field_of_then(tmp_path: Path) -> None:
     assert (now.tick, now.picture.scale[2]) == (8, "1")
 
     async def look() -> None:
-        dialogue.answer(incoming.Look(2 * past.tick))
+        dialogue.answer(incoming.ShowMoment(2 * past.tick))
         asked = dialogue.answer(incoming.Field(2, "grass"))
         assert inspect.isawaitable(asked)
         said = await asked

@@ -29,4 +29,4 @@ def test_it_says_least_median_and_greatest(stand: Stand) -> None:
 
 
 def test_it_can_be_asked_of_any_time() -> None:
-    assert incoming.Glance in QUESTIONS
+    assert incoming.GetGlance in QUESTIONS

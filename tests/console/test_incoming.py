@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sleepcast.console import incoming
-from sleepcast.console.incoming import MessageError, decode, serial_in
+from sleepcast.console.incoming import PageMessageError, decode, serial_in
 
 GOOD = {
     "preview": {"serial": 1, "text": "(MARK)"},
@@ -86,7 +86,7 @@ GOOD = {
 @pytest.mark.parametrize("kind", GOOD)
 def test_every_message_of_the_page_is_read(kind: str) -> None:
     found = decode(json.dumps({"type": kind, **GOOD[kind]}))
-    assert type(found).__name__.lower() == kind
+    assert type(found).__struct_config__.tag == kind
     wanted = GOOD[kind] | ({"marks": b"\x07"} if kind == "pick" else {})
     assert all(
         msgspec.to_builtins(getattr(found, name), builtin_types=(bytes,)) == value for name, value in wanted.items()
@@ -94,7 +94,7 @@ def test_every_message_of_the_page_is_read(kind: str) -> None:
 
 
 def test_no_message_was_forgotten_here() -> None:
-    assert set(GOOD) == {each.__name__.lower() for each in get_args(incoming.Incoming)}
+    assert set(GOOD) == {each.__struct_config__.tag for each in get_args(incoming.Incoming)}
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_no_message_was_forgotten_here() -> None:
     ],
 )
 def test_what_is_no_message_is_refused_with_a_sentence(wrong: str | bytes) -> None:
-    with pytest.raises(MessageError, match="not a message of this page: "):
+    with pytest.raises(PageMessageError, match="not a message of this page: "):
         decode(wrong)
 
 
@@ -170,5 +170,5 @@ shaped = st.builds(
 @given(st.text() | st.binary() | shaped)
 def test_nothing_at_all_raises_anything_else(data: str | bytes) -> None:
     serial_in(data)
-    with suppress(MessageError):
-        assert isinstance(decode(data), incoming.Message)
+    with suppress(PageMessageError):
+        assert isinstance(decode(data), incoming.PageMessage)

@@ -18,7 +18,7 @@ from sleepcast.console.adapters.mission import SwarmMission
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
-from sleepcast.console.mission import Mission, shown_mission
+from sleepcast.console.mission import MissionNews, shown_mission
 from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import MisuseError
 from sleepcast.experiments.acceptance import read_test, run_test
@@ -267,7 +267,7 @@ def test_what_became_of_a_command_is_shown_however_many_came_after_it(tmp_path: 
     backend = desk_of(stand)
     stand.mission.play()
     stand.run(2)
-    (shown,) = (each for each in backend.news(-1) if isinstance(each, Mission))
+    (shown,) = (each for each in backend.news(-1) if isinstance(each, MissionNews))
     assert len(stand.sent) == MOST_ROWS + 1
     assert [(each.met, each.number) for each in shown.lines[0].wanted] == [(True, 20)]
 

@@ -56,7 +56,9 @@ def run() -> Iterator[Run]:
         found.poses[view.tick] = view.poses()
         for robot in (0, 7):
             news = found.desk.news(robot)
-            found.robots[view.tick, robot] = next(encode(each) for each in news if isinstance(each, outgoing.Robot))
+            found.robots[view.tick, robot] = next(
+                encode(each) for each in news if isinstance(each, outgoing.WatchedRobot)
+            )
     for command in station.commands():
         for robot in range(ROBOTS):
             try:
@@ -71,7 +73,7 @@ def run() -> Iterator[Run]:
 
 def values(robot: bytes) -> object:
     """What is known of a robot but for its reports, which the station keeps."""
-    return msgspec.structs.replace(msgspec.json.decode(robot, type=outgoing.Robot), said=[])
+    return msgspec.structs.replace(msgspec.json.decode(robot, type=outgoing.WatchedRobot), said=[])
 
 
 def test_every_moment_is_as_it_was(run: Run) -> None:
@@ -132,7 +134,7 @@ def test_a_command_of_later_was_not_evaluated_yet(run: Run) -> None:
 
 def test_what_would_have_obeyed_then_is_told(run: Run) -> None:
     async def ask() -> outgoing.Previewed:
-        found = await run.past.answer(40, incoming.Preview(1, "(WHEN (IN chosen_ones) (ST))"))
+        found = await run.past.answer(40, incoming.GetPreview(1, "(WHEN (IN chosen_ones) (ST))"))
         return msgspec.json.decode(bytes(found), type=outgoing.Previewed)
 
     found = asyncio.run(ask())

@@ -20,7 +20,7 @@ from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.alerts import LOOK_EVERY
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
-from sleepcast.console.incoming import Renew, Setup
+from sleepcast.console.incoming import GetSetup, Renew
 from sleepcast.console.outgoing import Refused
 from sleepcast.console.renewal import Note, Renewed, RunRequest, RunSwitcher, SetUp, ShownRun
 from sleepcast.console.swarm_dialogue import SwarmDialogue
@@ -115,7 +115,7 @@ class TestRenewing:
             assert runs.desk.driver.waiting
             assert runs.desk.hello().scene.commands[0].text == "(WHEN (> battery 35%) (MARK))"
             assert any("another world" in said.text for said in runs.desk.news(-1) if isinstance(said, Note))
-            found = asyncio.run(runs.desk.renewal(Setup(2, maker.current.scenario)))
+            found = asyncio.run(runs.desk.renewal(GetSetup(2, maker.current.scenario)))
             assert isinstance(found, SetUp)
             assert found.choices.seed == "12"
 

@@ -132,7 +132,7 @@ def test_second_groups_and_colours_are_recorded(tmp_path: Path) -> None:
     assert [desk.members(1, code).members[:3] for code in (1, 2, 3)] == [b"\1\1\0", b"\1\0\0", b"\0\0\0"]
     told = {type(said).__name__: said for said in desk.news(0)}
     assert told["Groups"] == Groups([ShownGroup("a", 2, 1), ShownGroup("b", 1, 1)])
-    assert told["Robot"].groups == ["a", "b"]  # type: ignore[attr-defined]
+    assert told["WatchedRobot"].groups == ["a", "b"]  # type: ignore[attr-defined]
 
 
 def test_rules_that_fail_are_recorded_once_for_each_change(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from sleepcast.api.assembly import assemble
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
-from sleepcast.console.outgoing import Compiling, Robot
+from sleepcast.console.outgoing import Compiling, WatchedRobot
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import Pace, Swarm
@@ -119,5 +119,5 @@ def test_robots_with_nothing_left_to_drive_with_are_marked(tmp_path: Path) -> No
     flags = np.frombuffer(desk.driver.flags(), np.uint8)
     assert flags.tolist() == [EXHAUSTED] * 10 + [0] * 10
     assert desk.swarm.simulator.bodies.speed[:10].tolist() == [0.0] * 10
-    states = [news.state for robot in (0, 19) for news in desk.backend.news(robot) if isinstance(news, Robot)]
+    states = [news.state for robot in (0, 19) for news in desk.backend.news(robot) if isinstance(news, WatchedRobot)]
     assert states == [["no battery left"], []]

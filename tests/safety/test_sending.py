@@ -7,7 +7,7 @@ import pytest
 from safety.scene import Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import FOR, NOT
-from sleepcast.console.adapters.channel import AskedWhy
+from sleepcast.console.network import PendingExplanation
 from sleepcast.language import CheckError
 from sleepcast.station import (
     CommandTypeError,
@@ -416,7 +416,7 @@ def test_a_page_waits_for_an_explanation_until_it_has_heard_what_came_in_time() 
     desk.listeners.append(telemetry.hear)
     desk.send("(JOIN bravo)", everybody=True)
     scene.run(0.5)
-    asked = AskedWhy(desk, telemetry, telemetry.ask_why("r0", None), "r0")
+    asked = PendingExplanation(desk, telemetry, telemetry.ask_why("r0", None), "r0")
     scene.run(5.0, busy=("chief",))
     assert (asked.answer(), asked.waited(3.0)) == (None, False)
     desk.pump()

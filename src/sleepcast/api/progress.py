@@ -78,8 +78,8 @@ def counting_column(title: str, count: Callable[[], int], most: int) -> Progress
     from rich.progress import ProgressColumn, Task
     from rich.text import Text
 
-    class Counted(ProgressColumn):
+    class CountColumn(ProgressColumn):
         def render(self, task: Task) -> Text:
             return Text(f"{title} {min(count(), most)} of {most}")
 
-    return Counted()
+    return CountColumn()

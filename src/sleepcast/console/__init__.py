@@ -18,18 +18,18 @@ from sleepcast.console.server import (
     serve_nomads,
     serve_runs,
 )
-from sleepcast.console.view import MapLabel, MindView, NamedOutline, Outline, PaceControl, RuleView, Scene, SwarmView
+from sleepcast.console.view import KeptRule, MapLabel, MindView, NamedOutline, Outline, PaceControl, Scene, SwarmView
 
 __all__ = [
     "DEFAULT_PORT",
     "Address",
+    "KeptRule",
     "MapLabel",
     "MindView",
     "NamedOutline",
     "Outline",
     "PaceControl",
     "PortError",
-    "RuleView",
     "SafetyOrder",
     "Scene",
     "SwarmView",

@@ -26,7 +26,7 @@ from sleepcast.console.incoming import AlertMessage, Sort
 from sleepcast.console.mission import (
     NO_MISSION,
     STOPPED,
-    Mission,
+    MissionNews,
     MissionPlayer,
     Played,
     counted_commands,
@@ -37,7 +37,7 @@ from sleepcast.console.picking import Picked, picked
 from sleepcast.console.plots import Plots, ScenarioMeasure
 from sleepcast.console.sentences import Interpreter, Phrased, Understood
 from sleepcast.console.values import TelemetryValues, Values
-from sleepcast.console.view import MindView, ObstacleEditor, RuleView, SwarmView
+from sleepcast.console.view import KeptRule, MindView, ObstacleEditor, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, and_more
 from sleepcast.core.tasks import together
@@ -247,7 +247,7 @@ class Backend:
         self._held = True
         self.driver.hold()
 
-    def mission(self, rows: Mapping[str, CommandRow] | None = None, time: float = inf) -> Iterator[Mission]:
+    def mission(self, rows: Mapping[str, CommandRow] | None = None, time: float = inf) -> Iterator[MissionNews]:
         """The mission, if there is one. rows: accounts of its commands by their ids, None for those of now. time: as of
         then, s of the page's time."""
         if self._mission is None:
@@ -416,11 +416,11 @@ class Backend:
             return outgoing.Safety(False, "")
         return outgoing.Safety(True, self._ledger.stop_sentence(stop, self.driver.held_up))
 
-    def _robot(self, index: int) -> outgoing.Robot:
+    def _robot(self, index: int) -> outgoing.WatchedRobot:
         mind = self._swarm.minds[self._name(index)]
         declared = ((mind.declared(key), key) for key in sorted(mind.groups))
         values = [self._show_value(name, value) for name, value in mind.variables() if name not in _LEFT_OUT]
-        return outgoing.Robot(
+        return outgoing.WatchedRobot(
             index,
             [found.name if found is not None else key for found, key in declared],
             [*self._states(mind), *self._lacks(index)],
@@ -445,7 +445,7 @@ class Backend:
         there = exhausted is not None and bool(exhausted[index])
         return [f"no {' or '.join(self._swarm.scene.supplies)} left"] * there
 
-    def _show_rule(self, rule: RuleView) -> outgoing.ShownRule:
+    def _show_rule(self, rule: KeptRule) -> outgoing.ShownRule:
         value = "never ran" if isnan(rule.last_value) else format_value(rule.last_value)
         return outgoing.ShownRule(rule.name, rule.text, rule.active, value, rule.last_fault, rule.priority)
 

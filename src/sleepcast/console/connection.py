@@ -32,7 +32,7 @@ TOO_MUCH = 1008
 BEAT = 2.0
 """Seconds between two words to a page that there is nothing new: it takes a longer silence for a loss of the line."""
 
-M = TypeVar("M", bound=incoming.Message)
+M = TypeVar("M", bound=incoming.PageMessage)
 
 encode = msgspec.json.Encoder().encode
 
@@ -65,7 +65,7 @@ class PageConnection(Generic[M]):
     async def _take(self, data: str | bytes, take: Callable[[M], Awaitable[None]]) -> None:
         try:
             message = self._decode(data)
-        except incoming.MessageError as error:
+        except incoming.PageMessageError as error:
             self._malformed += 1
             await self.say(Refused(str(error), incoming.serial_in(data)))
             return

@@ -102,13 +102,13 @@ class Dialogue(ABC, Generic[D]):
                 desk.stop()
             case incoming.Release():
                 desk.release()
-            case incoming.Pace(running, factor):
+            case incoming.SetPace(running, factor):
                 desk.driver.set_pace(running, factor)
-            case incoming.Step():
+            case incoming.SingleStep():
                 desk.driver.step()
             case incoming.Watch(robot):
                 self._watched = robot
-                self._sent.pop(outgoing.Robot.__name__, None)  # the page has forgotten what it was sent of it
+                self._sent.pop(outgoing.WatchedRobot.__name__, None)  # the page has forgotten what it was sent of it
             case incoming.Build(serial, corners):
                 return desk.build(serial, corners)
             case incoming.Shift(serial, version, place, across, up):

@@ -159,18 +159,18 @@ def rows_at(film: Timeline, time: float) -> dict[str, CommandRow]:
     return {row.id: row for row in rows.values[: rows.before(time)]}
 
 
-def _robot(film: Timeline, time: float, index: int, found: Found | None) -> outgoing.Robot:
+def _robot(film: Timeline, time: float, index: int, found: Found | None) -> outgoing.WatchedRobot:
     name, marks = film.scene.names[index], film.marks_at(time)
     said = film.said.get(name)
     lines = _lines(said, time) if said is not None else []
     if found is not None and found.said:
-        robot = msgspec.json.decode(found.said, type=outgoing.Robot)
+        robot = msgspec.json.decode(found.said, type=outgoing.WatchedRobot)
         if robot.robot == index:
             return msgspec.structs.replace(robot, said=lines or robot.said)
     codes = [each[index] for each in (marks.second, marks.groups) if each]
     states = [word for bit, word in enumerate(STATES) if marks.flags[index] & 1 << bit]
     rules = film.rules.get(name)
-    return outgoing.Robot(
+    return outgoing.WatchedRobot(
         index,
         [marks.names[each - 1] for each in codes if 0 < each <= len(marks.names)],
         states,

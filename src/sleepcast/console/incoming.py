@@ -1,6 +1,7 @@
 """Messages from the page, each a bounded, exact shape: what does not fit is refused with a sentence.
 
-`serial` numbers a question; the answer carries it back. Messages without one get no answer.
+`type` is the class's name in lower case, unless the class says otherwise. `serial` numbers a question; the answer
+carries it back. Messages without one get no answer.
 """
 
 from __future__ import annotations
@@ -71,18 +72,18 @@ TestName = Annotated[str, Meta(pattern=r"\A[A-Za-z0-9][A-Za-z0-9_-]{0,59}\Z")]
 Place = Annotated[int, Meta(ge=0, le=2**31 - 1)]
 
 
-class Message(msgspec.Struct, forbid_unknown_fields=True, tag_field="type", tag=str.lower):
+class PageMessage(msgspec.Struct, forbid_unknown_fields=True, tag_field="type", tag=str.lower):
     """Anything that the page says."""
 
 
-class Preview(Message):
+class GetPreview(PageMessage, tag="preview"):
     """Check a text and say who would obey it now."""
 
     serial: Serial
     text: Text
 
 
-class Send(Message):
+class Send(PageMessage):
     """Broadcast a text. everybody: the sender has said that all robots are meant. sort: to be done once and soon,
     without a deadline, a question, to which each robot answers with the value, or in stages: to one robot, to a tenth,
     to all. count: how many robots may obey.
@@ -96,11 +97,11 @@ class Send(Message):
     confirmed: bool = False
 
 
-class Halt(Message):
+class Halt(PageMessage):
     """Send no further stage of what goes out in stages."""
 
 
-class Lease(Message):
+class ChangeLease(PageMessage, tag="lease"):
     """Ask robots that a group (by its name) obeys one operator only, for so many s. to: the operator for a grant."""
 
     serial: Serial
@@ -110,33 +111,33 @@ class Lease(Message):
     to: Annotated[str, Meta(max_length=64)] = ""
 
 
-class Names(Message):
+class GetNames(PageMessage, tag="names"):
     """The names that a text may use, with the ranges of their values now."""
 
     serial: Serial
 
 
-class Glance(Message):
+class GetGlance(PageMessage, tag="glance"):
     """What the fleet is like now: quantities over all robots."""
 
     serial: Serial
 
 
-class Phrase(Message):
+class Phrase(PageMessage):
     """What an expression says, as a sentence."""
 
     serial: Serial
     text: Text
 
 
-class Understand(Message):
+class Understand(PageMessage):
     """The expression that a sentence means."""
 
     serial: Serial
     text: Text
 
 
-class Why(Message):
+class Why(PageMessage):
     """How a robot (by its index) evaluated a command (by its id)."""
 
     serial: Serial
@@ -144,7 +145,7 @@ class Why(Message):
     command: Id
 
 
-class Spread(Message):
+class GetSpread(PageMessage, tag="spread"):
     """How what a number is compared with is spread over the robots; at: where the number begins in the text."""
 
     serial: Serial
@@ -152,14 +153,14 @@ class Spread(Message):
     at: Annotated[int, Meta(ge=0, le=16_384)]
 
 
-class Pick(Message):
+class Pick(PageMessage):
     """Find the test that holds for exactly the marked robots. marks: a bit for each robot."""
 
     serial: Serial
     marks: Annotated[bytes, Meta(max_length=MAX_BYTES)]
 
 
-class AddAlert(Message):
+class AddAlert(PageMessage):
     """Watch a test, and tell when it becomes true for anybody, or for more than so many robots."""
 
     serial: Serial
@@ -167,7 +168,7 @@ class AddAlert(Message):
     above: Annotated[int, Meta(ge=0, le=10_000_000)] = 0
 
 
-class MuteAlert(Message):
+class MuteAlert(PageMessage):
     """Let an alert fire without a word, or no longer."""
 
     serial: Serial
@@ -175,35 +176,35 @@ class MuteAlert(Message):
     muted: bool
 
 
-class RemoveAlert(Message):
+class RemoveAlert(PageMessage):
     """Watch a test no longer."""
 
     serial: Serial
     alert: Number
 
 
-class Fired(Message):
+class Fired(PageMessage):
     """For which robots an alert has fired."""
 
     serial: Serial
     firing: Number
 
 
-class Wink(Message):
+class Wink(PageMessage):
     """Let a robot blink, so that it is found."""
 
     serial: Serial
     robot: Index
 
 
-class Outcomes(Message):
+class Outcomes(PageMessage):
     """What became of a command on each robot."""
 
     serial: Serial
     command: Id
 
 
-class Replies(Message):
+class Replies(PageMessage):
     """What each of these robots (by their indices) answered to a question."""
 
     serial: Serial
@@ -211,21 +212,21 @@ class Replies(Message):
     robots: Annotated[list[Annotated[int, Meta(ge=0, le=10_000_000)]], Meta(max_length=MOST_REPLIES)]
 
 
-class Members(Message):
+class Members(PageMessage):
     """Who is in a group, by its code in a frame."""
 
     serial: Serial
     group: Annotated[int, Meta(ge=1, le=255)]
 
 
-class Build(Message):
+class Build(PageMessage):
     """Put up an obstacle with these corners, m."""
 
     serial: Serial
     corners: Annotated[list[tuple[Metres, Metres]], Meta(min_length=3, max_length=MOST_CORNERS)]
 
 
-class Shift(Message):
+class Shift(PageMessage):
     """Move the obstacle at this place among those of this version of the world by so many m."""
 
     serial: Serial
@@ -235,7 +236,7 @@ class Shift(Message):
     up: Metres
 
 
-class Clear(Message):
+class Clear(PageMessage):
     """Take an obstacle away; see `Shift`."""
 
     serial: Serial
@@ -243,7 +244,7 @@ class Clear(Message):
     place: Annotated[int, Meta(ge=0, le=1_000_000)]
 
 
-class Undo(Message):
+class Undo(PageMessage):
     """Undo a change of the obstacles by its number, or (again) do once more what was undone."""
 
     serial: Serial
@@ -251,40 +252,40 @@ class Undo(Message):
     again: bool = False
 
 
-class Picture(Message):
+class GetPicture(PageMessage, tag="picture"):
     """The picture of the map that the scene tells the place of."""
 
     serial: Serial
 
 
-class Sense(Message):
+class Sense(PageMessage):
     """What the body of a robot (by its index) senses now."""
 
     serial: Serial
     robot: Index
 
 
-class Field(Message):
+class Field(PageMessage):
     """A map of a field, by its name."""
 
     serial: Serial
     name: Annotated[str, Meta(max_length=64)]
 
 
-class Failed(Message):
+class Failed(PageMessage):
     """On which robots a rule fails now; "": any rule."""
 
     serial: Serial
     rule: Id
 
 
-class Commands(Message):
+class GetCommands(PageMessage, tag="commands"):
     """The account of every command, at once."""
 
     serial: Serial
 
 
-class Rows(Message):
+class GetRows(PageMessage, tag="rows"):
     """Rows of the table of robots, `count` from place `first` on. columns: expressions, none for those that the desk
     suggests. sort: the column by which it is sorted, -1 for the robots' own order, -2 for their groups. where: a test
     that the robots pass, "" for all of them. again: sort anew; else the order stays that of the last rows, if nothing
@@ -300,7 +301,7 @@ class Rows(Message):
     again: bool = False
 
 
-class Range(Message):
+class GetRange(PageMessage, tag="range"):
     """Which robots are in these rows of the table, in the order of the last rows."""
 
     serial: Serial
@@ -308,7 +309,7 @@ class Range(Message):
     count: Place
 
 
-class Csv(Message):
+class GetCsv(PageMessage, tag="csv"):
     """The table as CSV, piece by piece; all are of the moment of the first one. robots: only these (by index), none for
     all rows; they are given with the first piece."""
 
@@ -317,7 +318,7 @@ class Csv(Message):
     robots: Annotated[list[Index], Meta(max_length=MAX_PICKED)] = []
 
 
-class Plot(Message):
+class AddPlot(PageMessage, tag="plot"):
     """Draw something as long as the desk runs: see `plots.PlotSpec`."""
 
     serial: Serial
@@ -328,14 +329,14 @@ class Plot(Message):
     what: Literal["range", "quantiles", "mean", "median", "min", "max", "sum", "std", "count", "share"] = "range"
 
 
-class Unplot(Message):
+class RemovePlot(PageMessage, tag="unplot"):
     """Draw the plot with this number no more."""
 
     serial: Serial
     number: Place
 
 
-class Plotted(Message):
+class GetPlot(PageMessage, tag="plotted"):
     """What is to be drawn of a plot now. after: only what is later (s), if the plot has been thinned this often; -1 for
     everything."""
 
@@ -345,76 +346,76 @@ class Plotted(Message):
     thinned: Place = 0
 
 
-class Stop(Message):
+class Stop(PageMessage):
     """Stop every body."""
 
 
-class Release(Message):
+class Release(PageMessage):
     """End STOP."""
 
 
-class Pace(Message):
+class SetPace(PageMessage, tag="pace"):
     """How time is to run; what is None stays as it is. factor: simulated seconds in a second."""
 
     running: bool | None = None
     factor: Annotated[float, Meta(ge=MIN_FACTOR, le=MAX_FACTOR)] | None = None
 
 
-class Seek(Message):
+class Seek(PageMessage):
     """Go to this time (s) of a recording."""
 
     time: Annotated[float, Meta(ge=0.0, le=1e9)]
 
 
-class Look(Message):
+class ShowMoment(PageMessage, tag="look"):
     """Show this page how everything was at this time (s) of the run; None: how it is now."""
 
     time: Annotated[float, Meta(ge=0.0, le=1e9)] | None = None
 
 
-class Fork(Message):
+class Fork(PageMessage):
     """Let the run go on from how it was at this time (s); what came after that becomes another future."""
 
     serial: Serial
     time: Annotated[float, Meta(ge=0.0, le=1e9)]
 
 
-class Ghosts(Message):
+class Ghosts(PageMessage):
     """Whether to show this page where the robots were in the other future."""
 
     on: bool
 
 
-class Step(Message):
+class SingleStep(PageMessage, tag="step"):
     """One tick, then stand still."""
 
 
-class Watch(Message):
+class Watch(PageMessage):
     """Tell me of this robot (by its index; -1: of none)."""
 
     robot: Index
 
 
-class Drawn(Message):
+class Drawn(PageMessage):
     """The frame with this number is on the screen."""
 
     number: Annotated[int, Meta(ge=0, le=2**32 - 1)]
 
 
-class Scenarios(Message):
+class Scenarios(PageMessage):
     """Which scenarios there are, and what the run on the page was made of."""
 
     serial: Serial
 
 
-class Setup(Message):
+class GetSetup(PageMessage, tag="setup"):
     """What may be changed of a scenario."""
 
     serial: Serial
     scenario: ScenarioName
 
 
-class Renew(Message):
+class Renew(PageMessage):
     """Start another run. scenario: "" for the run on the page as it was at its start; the rest is left out then. seed,
     robots: None for the scenario's own. values: by the names of sliders, each in the slider's unit."""
 
@@ -425,7 +426,7 @@ class Renew(Message):
     values: Annotated[dict[SliderName, float], Meta(max_length=MOST_VALUES)] = {}
 
 
-class Perform(Message):
+class Perform(PageMessage):
     """An order to a Nomad, as a program would give it; `text` goes with `tk` alone."""
 
     serial: Serial
@@ -435,14 +436,14 @@ class Perform(Message):
     text: Annotated[str, Meta(max_length=MOST_SAID)] = ""
 
 
-class Drive(Message):
+class Drive(PageMessage):
     """Speeds of a Nomad's axes, from a hand at the keys: to be said again and again, or the robot rests."""
 
     robot: NomadIndex
     numbers: Annotated[list[NomadNumber], Meta(min_length=3, max_length=3)]
 
 
-class Click(Message):
+class Click(PageMessage):
     """A place in a Nomad's own window, m: the answer to a program that asks for one."""
 
     serial: Serial
@@ -451,7 +452,7 @@ class Click(Message):
     y: Annotated[float, Meta(ge=-FARTHEST, le=FARTHEST)]
 
 
-class Load(Message):
+class Load(PageMessage):
     """The obstacles of a file, in place of those that there are. name: of the file."""
 
     serial: Serial
@@ -459,19 +460,19 @@ class Load(Message):
     text: Annotated[str, Meta(max_length=MOST_WORLD)]
 
 
-class Save(Message):
+class Save(PageMessage):
     """All obstacles as the text of a file."""
 
     serial: Serial
 
 
-class DraftTest(Message):
+class DraftTest(PageMessage):
     """Let time stand still, and tell what a test of the session up to now would hold."""
 
     serial: Serial
 
 
-class CountTrue(Message):
+class CountTrue(PageMessage):
     """For how many robots an expression is true now, by what they themselves know."""
 
     serial: Serial
@@ -494,7 +495,7 @@ class HeldGoal(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     number: Annotated[int, Meta(ge=0, le=10_000_000)]
 
 
-class SaveTest(Message):
+class SaveTest(PageMessage):
     """Make the files of a test. tick: at which it was drafted. held: by the ids of commands. exact: the whole state
     shall be the same at the end."""
 
@@ -506,14 +507,14 @@ class SaveTest(Message):
     exact: bool = False
 
 
-class Play(Message):
+class Play(PageMessage):
     """Send the commands of the run's mission at their times, or (not on) do so no longer."""
 
     serial: Serial
     on: bool = True
 
 
-class SendLine(Message):
+class SendLine(PageMessage):
     """Send a command of the mission now, by its place in it. again: although it was sent; confirmed: it is meant as it
     stands, whatever is doubted."""
 
@@ -523,7 +524,7 @@ class SendLine(Message):
     confirmed: bool = False
 
 
-class SkipLine(Message):
+class SkipLine(PageMessage):
     """Play the mission without this command."""
 
     serial: Serial
@@ -532,8 +533,8 @@ class SkipLine(Message):
 
 AlertMessage = AddAlert | MuteAlert | RemoveAlert | Fired
 Incoming = (
-    Preview
-    | Spread
+    GetPreview
+    | GetSpread
     | Pick
     | AlertMessage
     | Wink
@@ -542,9 +543,9 @@ Incoming = (
     | SendLine
     | SkipLine
     | Halt
-    | Lease
-    | Names
-    | Glance
+    | ChangeLease
+    | GetNames
+    | GetGlance
     | Why
     | Outcomes
     | Failed
@@ -556,28 +557,28 @@ Incoming = (
     | Shift
     | Clear
     | Undo
-    | Picture
-    | Commands
+    | GetPicture
+    | GetCommands
     | Field
     | Replies
-    | Rows
-    | Range
-    | Csv
-    | Plot
-    | Unplot
-    | Plotted
+    | GetRows
+    | GetRange
+    | GetCsv
+    | AddPlot
+    | RemovePlot
+    | GetPlot
     | Stop
     | Release
-    | Pace
+    | SetPace
     | Seek
-    | Look
+    | ShowMoment
     | Fork
     | Ghosts
-    | Step
+    | SingleStep
     | Watch
     | Drawn
     | Scenarios
-    | Setup
+    | GetSetup
     | Renew
     | DraftTest
     | CountTrue
@@ -592,21 +593,21 @@ Incoming = (
 _DECODER: msgspec.json.Decoder[Incoming] = msgspec.json.Decoder(Incoming)
 
 
-class MessageError(MisuseError):
+class PageMessageError(MisuseError):
     """Something from the page that is no message."""
 
 
 def decode(data: str | bytes) -> Incoming:
-    """The message in `data`. Raises MessageError."""
+    """The message in `data`. Raises PageMessageError."""
     return read(_DECODER, data)
 
 
 def read(decoder: msgspec.json.Decoder[T], data: str | bytes) -> T:
-    """The message in `data` as `decoder` knows it. Raises MessageError."""
+    """The message in `data` as `decoder` knows it. Raises PageMessageError."""
     try:
         return decoder.decode(data)
     except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
-        raise MessageError(f"not a message of this page: {error}") from None
+        raise PageMessageError(f"not a message of this page: {error}") from None
 
 
 def serial_in(data: str | bytes) -> int | None:

@@ -45,7 +45,7 @@ class ShownLine(msgspec.Struct, frozen=True):
     left_out: bool = False
 
 
-class Mission(Said):
+class MissionNews(Said, tag="mission"):
     """The mission of the run. playing: whether the rest goes out at its times. problem: the place of the line that was
     not sent, -1 for none; said: why, or why it is not played any more; doubt: whether it may be sent as it stands."""
 
@@ -77,7 +77,7 @@ class MissionPlayer(Protocol):
     def left_out(self) -> frozenset[int]: ...
     @property
     def problem(self) -> int:
-        """See `Mission`."""
+        """See `MissionNews`."""
 
     @property
     def said(self) -> str: ...
@@ -107,7 +107,7 @@ def counted_commands(player: MissionPlayer) -> set[str]:
 
 def shown_mission(
     player: MissionPlayer, rows: Mapping[str, CommandRow], time: float = inf, began: float = 0.0
-) -> Mission:
+) -> MissionNews:
     """The mission as a page shows it. rows: the accounts of commands, by id. time: of what was sent, only what was sent
     by then, s of the page's time. began: when that began, s of the desk's clock."""
     sent = {number: each for number, each in player.sent().items() if each.issued - began <= time}
@@ -128,7 +128,7 @@ def shown_mission(
                 number in player.left_out,
             )
         )
-    return Mission(lines, player.playing, player.problem, player.said, player.doubt)
+    return MissionNews(lines, player.playing, player.problem, player.said, player.doubt)
 
 
 def _words(found: Instruction) -> str:

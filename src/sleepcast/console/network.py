@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Iterator
+from dataclasses import dataclass
 from typing import NamedTuple, NoReturn, Protocol
 
 import numpy as np
@@ -15,7 +16,7 @@ from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver
 from sleepcast.console.frames import SILENT
 from sleepcast.console.operators import OperatorsDesk
-from sleepcast.console.view import MindView, RuleView, SwarmView
+from sleepcast.console.view import KeptRule, MindView, SwarmView
 from sleepcast.core.ages import ago
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError, printable
@@ -23,6 +24,7 @@ from sleepcast.language import Explanation
 from sleepcast.station import Command
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.prepared import Prepared
+from sleepcast.station.remote import TelemetryClient
 from sleepcast.station.roster import of_robots
 
 LISTEN = 0.02
@@ -37,14 +39,22 @@ NOT_SENT = "not reported"
 """The last value of a rule on a robot, which is not in its telemetry."""
 
 
-class AskedWhy(Protocol):
+@dataclass(frozen=True, slots=True)
+class PendingExplanation:
     """A question to a robot why it did what it did."""
+
+    station: NetworkStation
+    telemetry: TelemetryClient
+    asked: Command
+    robot: str
 
     def answer(self) -> Explanation | None:
         """What it said, None while it has said nothing. Raises SleepcastError for what it cannot say."""
+        return self.telemetry.explanation(self.asked, self.robot)
 
     def waited(self, seconds: float) -> bool:
         """Whether everything has been heard that came within so many seconds."""
+        return self.station.listened >= self.asked.message.issued + seconds
 
 
 class SafetyOrder(NamedTuple):
@@ -55,7 +65,7 @@ class SafetyOrder(NamedTuple):
     issued: float
 
 
-class Fleet(SwarmView, Protocol):
+class FleetOnAir(SwarmView, Protocol):
     """A swarm on the air. asking: whether robots are asked of themselves time and again."""
 
     asking: bool
@@ -87,7 +97,7 @@ class Fleet(SwarmView, Protocol):
     def age(self, robot: str) -> float | None:
         """Age of a robot's telemetry in s, None if there is none."""
 
-    def ask_why(self, robot: str, command: str) -> AskedWhy:
+    def ask_why(self, robot: str, command: str) -> PendingExplanation:
         """Ask a robot how it evaluated a command."""
 
 
@@ -99,9 +109,9 @@ SENSES = (
 
 
 class RealPace:
-    """Time on the wall (a `Pace`), which nobody holds: a pause only means that robots are asked no more."""
+    """Time on the wall (a `PaceControl`), which nobody holds: a pause only means that robots are asked no more."""
 
-    def __init__(self, fleet: Fleet) -> None:
+    def __init__(self, fleet: FleetOnAir) -> None:
         self._fleet = fleet
         self.factor = 1.0
 
@@ -126,7 +136,7 @@ class RealPace:
 class NetworkDriver(Driver):
     """Listens to the air, and draws what robots tell. attend: called time and again."""
 
-    def __init__(self, fleet: Fleet, clock: Clock, attend: Callable[[], None]) -> None:
+    def __init__(self, fleet: FleetOnAir, clock: Clock, attend: Callable[[], None]) -> None:
         super().__init__(fleet, RealPace(fleet), clock)
         self._fleet, self._attend = fleet, attend
 
@@ -171,7 +181,7 @@ class NetworkDriver(Driver):
 class NetworkBackend(Backend):
     """See the module. Its times are those of the fleet, which begin with the page."""
 
-    def __init__(self, fleet: Fleet, station: NetworkStation, clock: Clock, began: float) -> None:
+    def __init__(self, fleet: FleetOnAir, station: NetworkStation, clock: Clock, began: float) -> None:
         self._operators = OperatorsDesk(station, began)
         super().__init__(fleet, station, NetworkDriver(fleet, clock, self._operators.attend), clock, began=began)
         self._fleet = fleet
@@ -214,7 +224,7 @@ class NetworkBackend(Backend):
         """The robot is asked."""
         return self._why(serial, robot, command, self._fleet.ask_why(self._name(robot), command))
 
-    async def _why(self, serial: int, robot: int, command: str, asked: AskedWhy) -> outgoing.Explained:
+    async def _why(self, serial: int, robot: int, command: str, asked: PendingExplanation) -> outgoing.Explained:
         while (found := asked.answer()) is None:
             if asked.waited(LONGEST_WHY):
                 raise SleepcastError("The robot has not answered the question why.")
@@ -249,5 +259,5 @@ class NetworkBackend(Backend):
         old = [f"last telemetry {ago(age)}"] if age > self._station.stale_after else []
         return super()._states(mind) + self._fleet.states(mind.name) + old
 
-    def _show_rule(self, rule: RuleView) -> outgoing.ShownRule:
+    def _show_rule(self, rule: KeptRule) -> outgoing.ShownRule:
         return outgoing.ShownRule(rule.name, rule.text, rule.active, NOT_SENT, rule.last_fault, rule.priority)

@@ -1,4 +1,5 @@
-"""What the desk says to a page, each as the JSON object that the page reads; `type` is the class's name in lower case.
+"""What the desk says to a page, each as the JSON object that the page reads; `type` is the class's name in lower
+case, unless the class says otherwise.
 
 An answer carries the `serial` of its question back; the rest is news. Every text is for people as it stands.
 """
@@ -174,7 +175,7 @@ class Fielded(Said):
     picture: FieldPicture
 
 
-class World(Said):
+class WorldText(Said, tag="world"):
     """All obstacles as the text of a file."""
 
     serial: int
@@ -291,7 +292,7 @@ class ShownReport(msgspec.Struct, frozen=True):
     text: str
 
 
-class Robot(Said):
+class WatchedRobot(Said, tag="robot"):
     """News of the watched robot. groups: the names of all of them. state: stopped, frozen and the like, in words.
 
     said: its latest reports, the youngest first. told: what programs told it lately, where it is a Nomad.
@@ -322,7 +323,7 @@ class ShownRow(msgspec.Struct, frozen=True, array_like=True):
     cells: list[str]
 
 
-class Rows(Said):
+class TableRows(Said, tag="rows"):
     """Rows of the table from place `first` on. total: rows that pass the test. problem: what is wrong with the test.
     source: where the values come from, in words; "" for telemetry."""
 
@@ -335,7 +336,7 @@ class Rows(Said):
     source: str = ""
 
 
-class Range(Said):
+class RowRobots(Said, tag="range"):
     """The robots in rows of the table by their indices, four bytes each, little endian."""
 
     serial: int
@@ -366,20 +367,20 @@ class ShownPlot(msgspec.Struct, frozen=True):
     problem: str = ""
 
 
-class Plots(Said):
+class AllPlots(Said, tag="plots"):
     """Every plot that there is."""
 
     plots: list[ShownPlot]
 
 
-class Plot(Said):
+class PlotAdded(Said, tag="plot"):
     """A plot was added under this number."""
 
     serial: int
     number: int
 
 
-class Unplot(Said):
+class PlotRemoved(Said, tag="unplot"):
     """A plot was removed."""
 
     serial: int

@@ -112,11 +112,11 @@ class Past:
         """The state at a tick, from which a run can go on. Raises RerunError."""
         return (await self._ask("state", tick)).state
 
-    async def answer(self, tick: int, message: incoming.Message) -> msgspec.Raw:
+    async def answer(self, tick: int, message: incoming.PageMessage) -> msgspec.Raw:
         """What the desk would have answered at a tick. Raises RerunError."""
         return _said(await self._ask("answer", tick, message))
 
-    async def sample(self, tick: int, plot: incoming.Plot) -> Sampled:
+    async def sample(self, tick: int, plot: incoming.AddPlot) -> Sampled:
         """What a plot over time shows of a tick. Raises RerunError."""
         return msgspec.json.decode((await self._ask("sample", tick, plot)).said, type=Sampled)
 
@@ -150,7 +150,7 @@ class Past:
         self,
         deed: Deed,
         tick: int,
-        message: incoming.Message | None = None,
+        message: incoming.PageMessage | None = None,
         *,
         robot: int = -1,
         since: int | None = None,

@@ -107,20 +107,20 @@ class Plots:
             earlier = old.series.since(time) if old.kind == "time" else []
             self._plots[number] = replace(old, read=read, series=old.series.until(time), earlier=earlier)
 
-    def add(self, asked: incoming.Plot) -> outgoing.Plot | Awaitable[outgoing.Plot]:
+    def add(self, asked: incoming.AddPlot) -> outgoing.PlotAdded | Awaitable[outgoing.PlotAdded]:
         """Add a plot. Raises MisuseError if there are too many, and what is wrong with its texts."""
         self._refuse(asked)
         self._validate(asked)
         return self._added(asked)
 
-    def _refuse(self, asked: incoming.Plot) -> None:
+    def _refuse(self, asked: incoming.AddPlot) -> None:
         """Raise MisuseError for a plot that there cannot be, whatever its texts say."""
         if len(self._plots) >= MOST_PLOTS:
             raise MisuseError(f"There are {len(self._plots)} plots, and at most {MOST_PLOTS} fit: remove one first.")
         if not asked.x.strip() or (asked.kind == "scatter" and not asked.y.strip()):
             raise MisuseError("A plot needs an expression, such as fuel; a scatter plot needs two.")
 
-    def _validate(self, asked: incoming.Plot) -> None:
+    def _validate(self, asked: incoming.AddPlot) -> None:
         """Raise MisuseError where something is wrong in a text."""
         texts = {"the expression": asked.x, "the second expression": asked.y, "the test": asked.where}
         for name, text in texts.items():
@@ -130,22 +130,22 @@ class Plots:
                 except SleepcastError as error:
                     raise MisuseError(f"{name[0].upper()}{name[1:]} is not right. {error}") from None
 
-    def _added(self, asked: incoming.Plot) -> outgoing.Plot:
+    def _added(self, asked: incoming.AddPlot) -> outgoing.PlotAdded:
         what = asked.what if asked.kind == "time" else ""
         y = asked.y.strip() if asked.kind == "scatter" else ""
         plot = self._put(asked.kind, asked.x.strip(), y=y, where=asked.where.strip(), what=what)
         self._rest_until = self._clock.now()
         self.sample()
-        return outgoing.Plot(asked.serial, plot.number)
+        return outgoing.PlotAdded(asked.serial, plot.number)
 
-    def remove(self, asked: incoming.Unplot) -> outgoing.Unplot:
+    def remove(self, asked: incoming.RemovePlot) -> outgoing.PlotRemoved:
         """Remove a plot; one that is gone already stays gone."""
         self._plots.pop(asked.number, None)
-        return outgoing.Unplot(asked.serial)
+        return outgoing.PlotRemoved(asked.serial)
 
-    def shown(self) -> outgoing.Plots:
+    def shown(self) -> outgoing.AllPlots:
         """Every plot."""
-        return outgoing.Plots([self._shown(plot) for plot in self._plots.values()])
+        return outgoing.AllPlots([self._shown(plot) for plot in self._plots.values()])
 
     def _shown(self, plot: PlotSpec) -> outgoing.ShownPlot:
         x = self._unit(plot.x, plot)
@@ -187,7 +187,7 @@ class Plots:
 
     # ---- what is drawn
 
-    def drawn(self, asked: incoming.Plotted) -> outgoing.Plotted | Awaitable[outgoing.Plotted]:
+    def drawn(self, asked: incoming.GetPlot) -> outgoing.Plotted | Awaitable[outgoing.Plotted]:
         """What is to be drawn of a plot now. Raises MisuseError for one that is not there."""
         plot = self._plots.get(asked.number)
         if plot is None:
@@ -201,7 +201,7 @@ class Plots:
         told = ", ".join(filter(None, (robots, self._values.source)))
         return outgoing.Plotted(asked.serial, columns, told=told)
 
-    def _over_time(self, plot: PlotSpec, asked: incoming.Plotted) -> outgoing.Plotted | Awaitable[outgoing.Plotted]:
+    def _over_time(self, plot: PlotSpec, asked: incoming.GetPlot) -> outgoing.Plotted | Awaitable[outgoing.Plotted]:
         series = plot.series
         added = asked.after >= 0.0 and asked.thinned == series.thinned
         columns = series.after(asked.after if added else -1.0)

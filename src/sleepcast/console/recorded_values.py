@@ -175,14 +175,14 @@ class RecordedPlots(Plots):
     ) -> None:
         super().__init__(RecordedValues(film, now), clock, measures)
         self._film, self._past = film, past
-        self._again: dict[int, incoming.Plot] = {}
+        self._again: dict[int, incoming.AddPlot] = {}
         """The plots for which it is run again, by their numbers."""
         self._at = film.began
         self._moving = RecordedValues(film, lambda: self._at)
         self._samples: dict[int, dict[float, Sample]] = {}
         """Of each plot, by time."""
 
-    def add(self, asked: incoming.Plot) -> outgoing.Plot | Awaitable[outgoing.Plot]:
+    def add(self, asked: incoming.AddPlot) -> outgoing.PlotAdded | Awaitable[outgoing.PlotAdded]:
         """As everywhere; what was not recorded is plotted over time by running again."""
         self._refuse(asked)
         try:
@@ -193,7 +193,7 @@ class RecordedPlots(Plots):
             return self._added_again(asked, self._past, error)
         return self._added(asked)
 
-    async def _added_again(self, asked: incoming.Plot, past: Past, unrecorded: MisuseError) -> outgoing.Plot:
+    async def _added_again(self, asked: incoming.AddPlot, past: Past, unrecorded: MisuseError) -> outgoing.PlotAdded:
         try:
             found = await past.sample(past.tick_of(self._film.seconds), asked)
         except RerunError as error:
@@ -208,10 +208,10 @@ class RecordedPlots(Plots):
     def sample(self) -> None:
         """Nothing: what was is known already."""
 
-    def _over_time(self, plot: PlotSpec, asked: incoming.Plotted) -> Awaitable[outgoing.Plotted]:
+    def _over_time(self, plot: PlotSpec, asked: incoming.GetPlot) -> Awaitable[outgoing.Plotted]:
         return self._sampled(plot, asked)
 
-    async def _sampled(self, plot: PlotSpec, asked: incoming.Plotted) -> outgoing.Plotted:
+    async def _sampled(self, plot: PlotSpec, asked: incoming.GetPlot) -> outgoing.Plotted:
         found = self._samples.setdefault(plot.number, {})
         until, more = self._clock.now() + AT_ONCE, False
         again = self._again.get(plot.number)
@@ -239,7 +239,7 @@ class RecordedPlots(Plots):
         told = f"{len(times)} moments, {'as recorded' if again is None else 'run again'}"
         return outgoing.Plotted(asked.serial, columns, told=told, problem=plot.problem, more=more)
 
-    def remove(self, asked: incoming.Unplot) -> outgoing.Unplot:
+    def remove(self, asked: incoming.RemovePlot) -> outgoing.PlotRemoved:
         self._samples.pop(asked.number, None)
         self._again.pop(asked.number, None)
         return super().remove(asked)

@@ -21,7 +21,7 @@ import numpy as np
 
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver, aside
-from sleepcast.console.incoming import CountTrue, DraftTest, Fork, Renew, SaveTest, Scenarios, Setup
+from sleepcast.console.incoming import CountTrue, DraftTest, Fork, GetSetup, Renew, SaveTest, Scenarios
 from sleepcast.console.marks import clock_time
 from sleepcast.console.mission import MissionPlayer
 from sleepcast.console.outgoing import Hello, Said
@@ -66,7 +66,7 @@ class Choices(msgspec.Struct, frozen=True):
 
 
 class SetUp(Said):
-    """The answer to `Setup`."""
+    """The answer to `GetSetup`."""
 
     serial: int
     choices: Choices
@@ -274,12 +274,12 @@ class RenewableBackend(Backend):
         super().stop()
         self._runs.give_up("STOP was pressed: the new run was not started, and STOP holds in this one.")
 
-    async def renewal(self, message: Scenarios | Setup | Renew | Fork) -> Said:
+    async def renewal(self, message: Scenarios | GetSetup | Renew | Fork) -> Said:
         """The answer to what a page asks about other runs. Raises SleepcastError."""
         match message:
             case Scenarios(serial):
                 return await self._runs.scenarios(serial)
-            case Setup(serial, scenario):
+            case GetSetup(serial, scenario):
                 return await self._runs.choices(serial, scenario)
         self._refuse_doubt()
         if isinstance(message, Fork):

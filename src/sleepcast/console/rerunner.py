@@ -57,7 +57,7 @@ class Question:
 @dataclass(frozen=True, slots=True)
 class Found:
     """An answer. tick: the moment's. poses: as in a frame; marks: groups, flags, the names of the groups, second groups
-    and colours, as in `replay.Marks`; counts, shown: of the groups.
+    and colours, as in `film.RobotMarks`; counts, shown: of the groups.
     said: what the page is to be told, as JSON. state: one that is to be kept, and how long that took, s.
     differs: the first tick whose poses are not those that were seen, None if there is none. error: why there is no
     answer. ended: whether it was given up, for the time that it took."""

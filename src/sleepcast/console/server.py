@@ -38,7 +38,7 @@ from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
 from sleepcast.console.incoming import MAX_BYTES
 from sleepcast.console.lobby import Greeter, Lobby, LobbyServer, Quiet, protocol_in
-from sleepcast.console.network import Fleet, NetworkBackend
+from sleepcast.console.network import FleetOnAir, NetworkBackend
 from sleepcast.console.nomads.backend import NomadsBackend
 from sleepcast.console.nomads.dialogue import NomadDialogue
 from sleepcast.console.nomads.view import Nomads
@@ -118,7 +118,7 @@ def serve_runs(runs: RunSwitcher, clock: Clock, *, address: Address, say: Callab
 
 
 def serve_fleet(
-    fleet: Fleet,
+    fleet: FleetOnAir,
     station: NetworkStation,
     clock: Clock,
     began: float,

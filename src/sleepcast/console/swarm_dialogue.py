@@ -19,7 +19,7 @@ from sleepcast.console.frames import ghosts
 from sleepcast.console.glance import glance
 from sleepcast.console.look import PastView
 from sleepcast.console.marks import clock_time
-from sleepcast.console.mission import NO_MISSION, Mission
+from sleepcast.console.mission import NO_MISSION, MissionNews
 from sleepcast.console.past import Past
 from sleepcast.console.renewal import NOT_HERE, RenewableBackend
 from sleepcast.console.replay import ReplayBackend
@@ -27,7 +27,7 @@ from sleepcast.console.session_test import NO_TEST, OF_RECORDING
 from sleepcast.console.table import RobotTable
 from sleepcast.core.errors import MisuseError
 
-OF_THEN = (Mission, outgoing.Commands, outgoing.Failing, outgoing.Groups, outgoing.Obstacles, outgoing.Robot)
+OF_THEN = (MissionNews, outgoing.Commands, outgoing.Failing, outgoing.Groups, outgoing.Obstacles, outgoing.WatchedRobot)
 """News that are those of the time at which a page looks; all other news are of now."""
 ACTS = (
     *(incoming.Send, incoming.Wink, incoming.Build, incoming.Shift, incoming.Clear, incoming.Undo),
@@ -35,8 +35,8 @@ ACTS = (
 )
 """What changes the run, which can be done only now."""
 QUESTIONS = (
-    *(incoming.Preview, incoming.Spread, incoming.Pick, incoming.Names, incoming.Glance, incoming.Members),
-    *(incoming.Sense, incoming.Rows, incoming.Range, incoming.Csv),
+    *(incoming.GetPreview, incoming.GetSpread, incoming.Pick, incoming.GetNames, incoming.GetGlance, incoming.Members),
+    *(incoming.Sense, incoming.GetRows, incoming.GetRange, incoming.GetCsv),
 )
 """What can be asked of any time of a run."""
 
@@ -71,13 +71,13 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
             if found is not None:
                 return found
         match message:
-            case incoming.Look(time):
+            case incoming.ShowMoment(time):
                 self._look_at(time)
             case incoming.Ghosts(on):
                 self._ghosts, self._ghost_tick = on, -1
             case incoming.Halt():
                 desk.halt()
-            case incoming.Lease(serial, deed, group, seconds, to):
+            case incoming.ChangeLease(serial, deed, group, seconds, to):
                 return desk.lease(serial, deed, group, seconds, to)
             case incoming.Watch(robot):
                 if self._look is not None:
@@ -85,9 +85,9 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
                 return super()._answer(message)
             case incoming.Seek(time):
                 desk.seek(time)
-            case incoming.Preview(serial, text):
+            case incoming.GetPreview(serial, text):
                 return desk.preview(serial, text)
-            case incoming.Spread(serial, text, at):
+            case incoming.GetSpread(serial, text, at):
                 return desk.spread(serial, text, at)
             case incoming.Pick(serial, marks):
                 return desk.pick(serial, marks)
@@ -101,9 +101,9 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
                 if not isinstance(desk, Backend):
                     raise MisuseError(NO_MISSION)
                 return desk.mission_wish(message)
-            case incoming.Names(serial):
+            case incoming.GetNames(serial):
                 return desk.names(serial)
-            case incoming.Glance(serial):
+            case incoming.GetGlance(serial):
                 return glance(desk.values, serial)
             case incoming.Phrase(serial, text):
                 return desk.phrase(serial, text)
@@ -121,29 +121,29 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
                 return desk.failed(serial, rule)
             case incoming.Members(serial, group):
                 return desk.members(serial, group)
-            case incoming.Picture(serial):
+            case incoming.GetPicture(serial):
                 return desk.picture(serial)
-            case incoming.Commands(serial):
+            case incoming.GetCommands(serial):
                 return desk.commands(serial)
             case incoming.DraftTest() | incoming.CountTrue() | incoming.SaveTest():
                 if not isinstance(desk, RenewableBackend):
                     raise MisuseError(OF_RECORDING if isinstance(desk, ReplayBackend) else NO_TEST)
                 return desk.session_test(message)
-            case incoming.Scenarios() | incoming.Setup() | incoming.Renew() | incoming.Fork():
+            case incoming.Scenarios() | incoming.GetSetup() | incoming.Renew() | incoming.Fork():
                 if not isinstance(desk, RenewableBackend):
                     raise MisuseError(NOT_HERE)
                 return desk.renewal(message)
-            case incoming.Rows():
+            case incoming.GetRows():
                 return self._table.rows(message)
-            case incoming.Range():
+            case incoming.GetRange():
                 return self._table.range(message)
-            case incoming.Csv():
+            case incoming.GetCsv():
                 return self._table.csv(message)
-            case incoming.Plot():
+            case incoming.AddPlot():
                 return desk.plots.add(message)
-            case incoming.Unplot():
+            case incoming.RemovePlot():
                 return desk.plots.remove(message)
-            case incoming.Plotted():
+            case incoming.GetPlot():
                 return desk.plots.drawn(message)
             case _:
                 return super()._answer(message)
@@ -198,7 +198,7 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
                 return past.answer(look.tick, message) if field_of(past.film.scene, name).grows else None
             case incoming.Why():
                 return past.why(look.tick, message)
-            case incoming.Commands(serial):
+            case incoming.GetCommands(serial):
                 return commands_of(past.film, look.time, serial)
             case incoming.Outcomes(serial, command) if isinstance(self._desk, Backend):
                 return self._desk.outcomes(serial, command, look.time)

@@ -55,7 +55,7 @@ class RobotTable:
         self._order = RowOrder((), np.arange(0), "")
         self._csv: CsvTable | None = None
 
-    def rows(self, asked: incoming.Rows) -> outgoing.Rows:
+    def rows(self, asked: incoming.GetRows) -> outgoing.TableRows:
         """The rows that the page asks for."""
         texts = asked.columns or self._values.suggested()
         order = self._ordered(asked, texts)
@@ -72,14 +72,14 @@ class RobotTable:
         ]
         shown = [column for column, _ in found]
         total = len(order.robots)
-        return outgoing.Rows(asked.serial, shown, total, asked.first, rows, order.problem, self._values.source)
+        return outgoing.TableRows(asked.serial, shown, total, asked.first, rows, order.problem, self._values.source)
 
-    def range(self, asked: incoming.Range) -> outgoing.Range:
+    def range(self, asked: incoming.GetRange) -> outgoing.RowRobots:
         """The robots in these rows, as they were sorted last."""
         robots = self._order.robots[asked.first : asked.first + asked.count]
-        return outgoing.Range(asked.serial, robots.astype("<i4").tobytes())
+        return outgoing.RowRobots(asked.serial, robots.astype("<i4").tobytes())
 
-    def csv(self, asked: incoming.Csv) -> outgoing.Csv:
+    def csv(self, asked: incoming.GetCsv) -> outgoing.Csv:
         """A piece of the table as CSV. Raises MisuseError for a piece of a table that was not begun."""
         if asked.piece == 0:
             self._csv = self._whole(asked.robots)
@@ -95,7 +95,7 @@ class RobotTable:
 
     # ---- which robots, in which order
 
-    def _ordered(self, asked: incoming.Rows, texts: list[str]) -> RowOrder:
+    def _ordered(self, asked: incoming.GetRows, texts: list[str]) -> RowOrder:
         by = texts[asked.sort] if 0 <= asked.sort < len(texts) else min(asked.sort, BY_NUMBER)
         key = (by, asked.descending, asked.where.strip(), len(self._values.names))
         if asked.again or key != self._order.key:

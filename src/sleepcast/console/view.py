@@ -17,7 +17,7 @@ from sleepcast.core.model import ReadyCommand, RestState
 from sleepcast.fleet.failing import FailingRule
 from sleepcast.fleet.marks import FleetMarks
 from sleepcast.language import Vocabulary
-from sleepcast.station import Mind
+from sleepcast.station import ObservedMind
 
 
 class MapLabel(msgspec.Struct, frozen=True):
@@ -117,7 +117,7 @@ class Scene(msgspec.Struct, frozen=True):
     fields: tuple[ShownField, ...] = ()
 
 
-class RuleView(Protocol):
+class KeptRule(Protocol):
     """One expression that a robot keeps: its last value is NaN, its last fault "" where there is none."""
 
     @property
@@ -134,7 +134,7 @@ class RuleView(Protocol):
     def priority(self) -> int: ...
 
 
-class MindView(Mind, Protocol):
+class MindView(ObservedMind, Protocol):
     """A mind that can be looked into from here."""
 
     def rest_state(self) -> RestState | None:
@@ -143,7 +143,7 @@ class MindView(Mind, Protocol):
     def variables(self) -> Iterable[tuple[str, float]]:
         """Every variable by name with its value in SI, NaN for unknown."""
 
-    def rules(self) -> Iterable[RuleView]:
+    def rules(self) -> Iterable[KeptRule]:
         """Every kept expression."""
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from sleepcast.console.incoming import Message, Serial, read
+from sleepcast.console.incoming import PageMessage, Serial, read
 from sleepcast.console.outgoing import Said
 from sleepcast.experiments.findings import Curves, ListedRun, Progress
 
@@ -17,7 +17,7 @@ MOST_NAME = 4_000
 Name = Annotated[str, Meta(max_length=MOST_NAME)]
 
 
-class Look(Message):
+class ChooseCurves(PageMessage, tag="look"):
     """Show the measure `y` over `x`, with a curve for each value of `by`, from now on."""
 
     x: Name
@@ -25,7 +25,7 @@ class Look(Message):
     by: Name = ""
 
 
-class Runs(Message):
+class Runs(PageMessage):
     """Which runs are behind the mark at the value `x` of the curve `name`?"""
 
     serial: Serial
@@ -33,7 +33,7 @@ class Runs(Message):
     name: Name = ""
 
 
-Incoming = Look | Runs
+Incoming = ChooseCurves | Runs
 _DECODER: msgspec.json.Decoder[Incoming] = msgspec.json.Decoder(Incoming)
 
 
@@ -42,7 +42,7 @@ def decode(data: str | bytes) -> Incoming:
     return read(_DECODER, data)
 
 
-class Hello(Said):
+class ExperimentHello(Said, tag="hello"):
     """The first words. scenario: its name; folder: of the results; x, y, by: what can be chosen; measures: what each
     name means; goal: of a search, in words; notes: what else is to be known of it, each a sentence."""
 
@@ -56,13 +56,13 @@ class Hello(Said):
     notes: tuple[str, ...] = ()
 
 
-class Come(Said):
+class ProgressNews(Said, tag="come"):
     """How far the sweep has come."""
 
     progress: Progress
 
 
-class Drawing(Said):
+class DrawnCurves(Said, tag="drawing"):
     """The curves of the view that this page has chosen."""
 
     x: str

@@ -44,10 +44,10 @@ class ExperimentSession:
                 task.cancel()
             await asyncio.gather(*others, return_exceptions=True)
 
-    def _hello(self) -> messages.Hello:
+    def _hello(self) -> messages.ExperimentHello:
         experiment, views = self._findings.experiment, self._findings.views()
         goal = experiment.goal
-        return messages.Hello(
+        return messages.ExperimentHello(
             experiment.scenario,
             self._folder,
             views["x"],
@@ -61,12 +61,12 @@ class ExperimentSession:
     async def _answer(self, message: messages.Incoming) -> None:
         views = self._findings.views()
         match message:
-            case messages.Look(x, y, by):
+            case messages.ChooseCurves(x, y, by):
                 if x not in views["x"] or y not in views["y"] or by not in views["by"]:
                     await self._line.say(Refused(f"there is nothing to draw as {y:.80} over {x:.80}"))
                     return
                 self._view = CurveAxes(x, y, "" if by == x else by)
-                self._sent.pop(messages.Drawing.__name__, None)
+                self._sent.pop(messages.DrawnCurves.__name__, None)
                 self._changed.set()
             case messages.Runs(serial, x, name):
                 await self._line.say(messages.Listed(serial, self._findings.runs_at(self._view, x, name)))
@@ -75,17 +75,17 @@ class ExperimentSession:
         while True:
             self._changed.clear()
             began, view = self._clock.now(), self._view
-            await self._tell(messages.Come(self._findings.progress()))
+            await self._tell(messages.ProgressNews(self._findings.progress()))
             found = await asyncio.to_thread(self._findings.curves, view)
             if view == self._view:
-                await self._tell(messages.Drawing(view.x, view.y, view.by, found))
+                await self._tell(messages.DrawnCurves(view.x, view.y, view.by, found))
             pause = max(PERIOD, SHARE * (self._clock.now() - began))
             try:
                 await asyncio.wait_for(self._changed.wait(), pause)
             except TimeoutError:
                 continue
 
-    async def _tell(self, message: messages.Come | messages.Drawing) -> None:
+    async def _tell(self, message: messages.ProgressNews | messages.DrawnCurves) -> None:
         """Send it, unless the page knows it already."""
         data, kind = encode(message), type(message).__name__
         if self._sent.get(kind) != data:

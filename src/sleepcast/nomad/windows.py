@@ -44,7 +44,7 @@ def _trace() -> deque[Point]:
     return deque(maxlen=MAX_TRACE)
 
 
-class Look(NamedTuple):
+class SensorScan(NamedTuple):
     """What some sensors measured at `time`, simulated s. ranges: m, NaN for nothing; touched: as in `Condition`."""
 
     time: float
@@ -52,7 +52,7 @@ class Look(NamedTuple):
     touched: tuple[float, ...] = ()
 
 
-def _history() -> deque[Look]:
+def _history() -> deque[SensorScan]:
     return deque(maxlen=MAX_HISTORY)
 
 
@@ -95,8 +95,8 @@ class RobotWindow:
     commands: deque[tuple[float, str]] = field(default_factory=_lines)
     said: deque[tuple[float, str]] = field(default_factory=_lines)
     echoes: deque[Point] = field(default_factory=lambda: deque(maxlen=MAX_ECHOES))
-    far: deque[Look] = field(default_factory=_history)
-    near: deque[Look] = field(default_factory=_history)
+    far: deque[SensorScan] = field(default_factory=_history)
+    near: deque[SensorScan] = field(default_factory=_history)
     condition: Condition | None = None
     waiting: int = 0
     client: str = ""
@@ -108,10 +108,10 @@ class RobotWindow:
         """The robot's body, of `radius` m, is now like this."""
         before, self.condition = self.condition, condition
         if not self.far or condition.time - self.far[-1].time >= HISTORY_STEP:
-            self.far.append(Look(condition.time, condition.sonars))
+            self.far.append(SensorScan(condition.time, condition.sonars))
         bumped = condition.touched and self.near and not self.near[-1].touched  # which may be over in less than a step
         if bumped or not self.near or condition.time - self.near[-1].time >= HISTORY_STEP:
-            self.near.append(Look(condition.time, condition.infrared, condition.touched))
+            self.near.append(SensorScan(condition.time, condition.infrared, condition.touched))
         _trail(self.actual, (condition.real.x, condition.real.y))
         _trail(self.encoder, (condition.believed.x, condition.believed.y))
         heard = before.sonars if before is not None else ()

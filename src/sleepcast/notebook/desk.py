@@ -133,7 +133,7 @@ class DeskView:
             return
         try:
             message = incoming.decode(text)
-        except incoming.MessageError as error:
+        except incoming.PageMessageError as error:
             self._say(Refused(str(error), incoming.serial_in(text)))
             return
         with self._desk.turn():
@@ -181,7 +181,7 @@ class DeskView:
 
 
 CHANGING = (
-    *(incoming.Stop, incoming.Release, incoming.Pace, incoming.Step, incoming.Send, incoming.Watch),
+    *(incoming.Stop, incoming.Release, incoming.SetPace, incoming.SingleStep, incoming.Send, incoming.Watch),
     *(incoming.Play, incoming.SendLine, incoming.SkipLine),
 )
 """Messages after which there may be something new to see."""

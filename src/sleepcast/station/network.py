@@ -60,7 +60,7 @@ from sleepcast.station.rest import LOOK_SELDOM, RestWatch
 from sleepcast.station.retransmission import LATCHING, SETTLE, Retransmission
 from sleepcast.station.roster import NOBODY_SAID, Expectation, Index, RobotNames
 from sleepcast.station.sent import MATCHED, Answer, Command
-from sleepcast.station.shared_names import SHARED, SharedNames
+from sleepcast.station.shared_names import SHARED, ContestedNames
 from sleepcast.station.station import STALE_AFTER, Station
 from sleepcast.station.validation import (
     DEADLINE,
@@ -194,7 +194,7 @@ class NetworkStation(Station):
         """Of the robots."""
         self.conflicts = delivery.admission.conflicts
         """Names that several robots have."""
-        self._shared = SharedNames(self.conflicts, self._sent, self._roster)
+        self._shared = ContestedNames(self.conflicts, self._sent, self._roster)
         self._stops = FairTable[Life, KnownStop, str](MAX_STOPS)
         """The latest STOP that is known of each other sender."""
         for name, time in (heard or {}).items():

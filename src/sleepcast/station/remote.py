@@ -103,7 +103,7 @@ class RemoteRule:
 
 
 class RemoteMind:
-    """One robot as its telemetry describes it (a `Mind`). reported_at: its time, s of the desk's clock."""
+    """One robot as its telemetry describes it (an `ObservedMind`). reported_at: its time, s of the desk's clock."""
 
     def __init__(self, name: str, minds: RemoteMinds, telemetry: TelemetryRecord, now: float) -> None:
         self.name, self.telemetry, self.reported_at = name, telemetry, now

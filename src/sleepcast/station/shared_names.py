@@ -42,7 +42,7 @@ class HolderAnswers:
     needed: dict[int, Holder] = field(default_factory=dict)
 
 
-class SharedNames:
+class ContestedNames:
     """The answers of names with several robots, at one desk. conflicts: who has which name; sent, roster: the desk's
     own. Times are s of the desk's clock."""
 

@@ -34,7 +34,7 @@ from sleepcast.language.symbols import Declared
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.account import Account, account
 from sleepcast.station.failures import RuleFailures
-from sleepcast.station.journal.journal import Journal, JournalEvent, MemoryJournal, PendingEntry, Report, WriteBatch
+from sleepcast.station.journal.journal import Journal, JournalEvent, JournalWriter, MemoryJournal, PendingEntry, Report
 from sleepcast.station.journal.snapshot import dump_journal, restore_journal
 from sleepcast.station.prepared import (
     GOOD_FOR,
@@ -53,8 +53,8 @@ from sleepcast.station.serialized import AccountState, ReportState, StationState
 from sleepcast.station.validation import (
     DEADLINE,
     Audience,
+    BulkTelemetry,
     FleetNames,
-    FleetTelemetry,
     ManyMinds,
     Mask,
     Minds,
@@ -104,7 +104,7 @@ class Station:
         caution: SendPolicy | None = None,
     ) -> None:
         self.operator = operator
-        self.notes = WriteBatch(MemoryJournal() if journal is None else journal)
+        self.notes = JournalWriter(MemoryJournal() if journal is None else journal)
         self.failures = RuleFailures()
         """What robots reported of rules that they have deactivated."""
         self.reports: deque[Report] = deque(maxlen=MAX_REPORTS)
@@ -114,7 +114,7 @@ class Station:
         self._minds, self._clock = minds, clock
         self._roster = Roster(minds.names if isinstance(minds, ManyMinds) else minds, len(minds))
         self._rows = TelemetryRows(minds)
-        self._fleet_telemetry: FleetTelemetry | None = minds.telemetry if isinstance(minds, ManyMinds) else None
+        self._fleet_telemetry: BulkTelemetry | None = minds.telemetry if isinstance(minds, ManyMinds) else None
         self._sent = SentCommands()
         self._lock = RLock()
         self.epoch, self.stale_after = epoch, stale_after

@@ -191,7 +191,7 @@ class Telemetry(Protocol):
     def stopped(self) -> bool: ...
 
 
-class Mind(Telemetry, Protocol):
+class ObservedMind(Telemetry, Protocol):
     """One robot's mind, as far as the desk is concerned."""
 
     def declared(self, key: str) -> Declared | None:
@@ -210,7 +210,7 @@ class Mind(Telemetry, Protocol):
         """How the robot evaluated a command (by its id; None: the last one)."""
 
 
-Minds = Mapping[str, Mind]
+Minds = Mapping[str, ObservedMind]
 """The minds of a fleet by the robots' names."""
 
 
@@ -226,7 +226,7 @@ class TelemetryTable(Protocol):
         """What a program that does nothing comes to on these robots, all of which have sent telemetry."""
 
 
-class FleetTelemetry(TelemetryTable, Protocol):
+class BulkTelemetry(TelemetryTable, Protocol):
     """Telemetry of minds that answer for many robots at once."""
 
     def take(self, robots: Index) -> None:
@@ -240,7 +240,7 @@ class FleetTelemetry(TelemetryTable, Protocol):
 
 
 @runtime_checkable
-class SharedNames(Protocol):
+class NamesOfAll(Protocol):
     """Minds of which one can ask at once what any of them has learned."""
 
     def declared(self, key: str) -> Declared | None:
@@ -251,14 +251,14 @@ class SharedNames(Protocol):
 
 
 @runtime_checkable
-class ManyMinds(SharedNames, Protocol):
+class ManyMinds(NamesOfAll, Protocol):
     """Minds, in the order of the roster, that answer for many robots at once."""
 
     @property
     def names(self) -> Iterable[str]: ...
 
     @property
-    def telemetry(self) -> FleetTelemetry: ...
+    def telemetry(self) -> BulkTelemetry: ...
 
 
 class FleetNames:
@@ -275,7 +275,7 @@ class FleetNames:
 
     def declared(self, key: str) -> Declared | None:
         """What the first mind that knows `key` has learned under it, or None."""
-        if isinstance(self._minds, SharedNames):
+        if isinstance(self._minds, NamesOfAll):
             return self._minds.declared(key)
         for mind in self._minds.values():
             found = mind.declared(key)
@@ -285,7 +285,7 @@ class FleetNames:
 
     def heard(self) -> Iterable[str]:
         """Every name that some mind has learned, each once."""
-        if isinstance(self._minds, SharedNames):
+        if isinstance(self._minds, NamesOfAll):
             return self._minds.heard()
         return {name: None for mind in self._minds.values() for name in mind.heard()}
 
@@ -376,7 +376,7 @@ class PreviewMemory:
         self.groups: frozenset[str] = frozenset()
         self.steps = self.depth = self.levels = 0
         self.matched = self.undecided = False
-        self.mind: Mind | None = None
+        self.mind: ObservedMind | None = None
 
     def fault(self, part: Part, reason: str) -> float:
         """On the robot this would be a fault, and a fault never matches."""
@@ -405,7 +405,7 @@ class PreviewMemory:
             return None
         return self._quiet(program, part)
 
-    def _asked(self, part: Part) -> Mind:
+    def _asked(self, part: Part) -> ObservedMind:
         if self.mind is None:
             raise Undecided(holds(part.name))
         return self.mind

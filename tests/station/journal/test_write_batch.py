@@ -9,7 +9,7 @@ import pytest
 
 from sleepcast.channel import Kind
 from sleepcast.station import JournalEvent, MemoryJournal, Station
-from sleepcast.station.journal.journal import AGAIN, MAX_KEPT, JournalError, PendingEntry, WriteBatch
+from sleepcast.station.journal.journal import AGAIN, MAX_KEPT, JournalError, JournalWriter, PendingEntry
 from station.fleet import Fleet, vocabulary
 
 
@@ -37,7 +37,7 @@ def note(text: str, time: float = 0.0, details: Mapping[str, object] | None = No
 
 def test_what_could_not_be_written_is_written_later_in_its_order() -> None:
     journal = FailingJournal()
-    notes = WriteBatch(journal)
+    notes = JournalWriter(journal)
     notes.write(note("a"))
     journal.full = True
     for text in "bcd":
@@ -54,7 +54,7 @@ def test_what_could_not_be_written_is_written_later_in_its_order() -> None:
 
 def test_what_must_be_written_first_is_refused() -> None:
     journal = FailingJournal()
-    notes = WriteBatch(journal)
+    notes = JournalWriter(journal)
     journal.full = True
     with pytest.raises(JournalError, match="full"):
         notes.write_first(note("a"))
@@ -65,7 +65,7 @@ def test_what_must_be_written_first_is_refused() -> None:
 
 def test_much_is_written_at_once() -> None:
     journal = FailingJournal()
-    notes = WriteBatch(journal)
+    notes = JournalWriter(journal)
     with notes.together(0.0):
         for text in "abc":
             notes.write(note(text))
@@ -78,7 +78,7 @@ def test_much_is_written_at_once() -> None:
 
 def test_what_does_not_fit_is_lost_and_told() -> None:
     journal = FailingJournal()
-    notes = WriteBatch(journal)
+    notes = JournalWriter(journal)
     journal.full = True
     for number in range(MAX_KEPT + 3):
         notes.write(note(str(number)))

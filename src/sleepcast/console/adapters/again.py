@@ -90,7 +90,7 @@ class _Again:
             self.differs = self.rerun.tick
 
 
-class Past:
+class ReplayWorker:
     """See the module. given_up: whether nobody waits for the answer any more."""
 
     def __init__(self, given_up: Callable[[], bool]) -> None:
@@ -136,7 +136,7 @@ class Past:
         codes, flags = groups.look(view.minds), again.backend.driver.flags()
         marks = (codes, flags, tuple(groups.names), groups.second, view.colours())
         news = again.backend.news(robot) if robot >= 0 else ()
-        said = next((encode(each) for each in news if isinstance(each, outgoing.Robot)), b"")
+        said = next((encode(each) for each in news if isinstance(each, outgoing.WatchedRobot)), b"")
         counts, shown = tuple(groups.counts), tuple(groups.shown)
         return Found(view.tick, view.poses(), marks, counts, shown, said, differs=again.differs)
 
@@ -225,7 +225,7 @@ class Past:
     def _sample(self, question: Question) -> Found:
         """What a plot over time shows. It does not move the swarm at which somebody looks."""
         asked = incoming.decode(question.message)
-        if not isinstance(asked, incoming.Plot):
+        if not isinstance(asked, incoming.AddPlot):
             raise RerunError("This is no plot.")
         again = self._at("ahead", question)
         try:
@@ -318,7 +318,7 @@ def serve_past(pipe: connection.Connection) -> None:
             given_up = max(given_up, pipe.recv())
         return given_up >= current
 
-    past = Past(ended)
+    past = ReplayWorker(ended)
     try:
         while True:
             message = pipe.recv()

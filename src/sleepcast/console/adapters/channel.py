@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from math import inf, nan, pi
 
 import numpy as np
@@ -16,7 +15,8 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.console import Outline, RuleView, SafetyOrder, Scene
+from sleepcast.console import KeptRule, Outline, SafetyOrder, Scene
+from sleepcast.console.network import PendingExplanation
 from sleepcast.console.sensing import BodyView
 from sleepcast.console.view import FieldPicture, Picture
 from sleepcast.core.errors import MisuseError, SleepcastError, printable
@@ -29,7 +29,6 @@ from sleepcast.language.program import Program
 from sleepcast.language.symbols import Declared
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import RemoteMind, RemoteMinds, TelemetryClient
-from sleepcast.station.sent import Command
 
 X, Y, HEADING = "x", "y", "heading"
 """The variables in which a robot says where it is (m, m, rad)."""
@@ -90,7 +89,7 @@ class SilentRobot:
         """None is known."""
         return ()
 
-    def rules(self) -> Iterable[RuleView]:
+    def rules(self) -> Iterable[KeptRule]:
         """None is known."""
         return ()
 
@@ -154,28 +153,10 @@ class FleetMinds:
         return self._minds.heard()
 
 
-@dataclass(frozen=True, slots=True)
-class AskedWhy:
-    """A question to a robot why it did what it did."""
-
-    station: NetworkStation
-    telemetry: TelemetryClient
-    asked: Command
-    robot: str
-
-    def answer(self) -> Explanation | None:
-        """What it said, None while it has said nothing. Raises SleepcastError for what it cannot say."""
-        return self.telemetry.explanation(self.asked, self.robot)
-
-    def waited(self, seconds: float) -> bool:
-        """Whether everything has been heard that came within so many seconds."""
-        return self.station.listened >= self.asked.message.issued + seconds
-
-
 class FleetAdapter:
-    """Robots on the air as the page wants to see them (its `Fleet`). ground: what is drawn under them, with no names
-    and no sizes of its own. every: s between two questions to all of them, at least. began: when the page's time began,
-    s of the station's clock."""
+    """Robots on the air as the page wants to see them (its `FleetOnAir`). ground: what is drawn under them, with no
+    names and no sizes of its own. every: s between two questions to all of them, at least. began: when the page's time
+    began, s of the station's clock."""
 
     def __init__(
         self,
@@ -348,9 +329,9 @@ class FleetAdapter:
         age = self._station.now - self._told(robot)
         return age if age < inf else None
 
-    def ask_why(self, robot: str, command: str) -> AskedWhy:
+    def ask_why(self, robot: str, command: str) -> PendingExplanation:
         """Ask a robot how it evaluated a command."""
-        return AskedWhy(self._station, self._telemetry, self._telemetry.ask_why(robot, command), robot)
+        return PendingExplanation(self._station, self._telemetry, self._telemetry.ask_why(robot, command), robot)
 
     def _look(self) -> None:
         """Bring the columns up to date, and the scene if robots are new or have left the map."""

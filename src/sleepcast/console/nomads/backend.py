@@ -20,14 +20,14 @@ from sleepcast.console.outgoing import (
     Hello,
     NomadKinds,
     Obstacles,
-    Robot,
     Safety,
     Said,
     Sensed,
     ShownReport,
     ShownValue,
     Undone,
-    World,
+    WatchedRobot,
+    WorldText,
 )
 from sleepcast.console.view import Scene
 from sleepcast.core.clock import Clock
@@ -151,9 +151,9 @@ class NomadsBackend:
         self._editor.load(name, text)
         return Done(serial)
 
-    def save(self, serial: int) -> World:
+    def save(self, serial: int) -> WorldText:
         """All obstacles as the text of a file."""
-        return World(serial, self.nomads.written())
+        return WorldText(serial, self.nomads.written())
 
     def _obstacles(self) -> Obstacles:
         outlines = self._editor.outlines()
@@ -169,12 +169,12 @@ class NomadsBackend:
         if 0 <= watched < self.nomads.count:
             yield self._robot(watched)
 
-    def _robot(self, robot: int) -> Robot:
+    def _robot(self, robot: int) -> WatchedRobot:
         window = self.nomads.window(robot)
         state = [f"held by {window.held}"] if window.held else []
         state.append(f"driven by {window.client}" if window.client else "no program drives it")
         values = [] if window.condition is None else list(self._values(robot, window.condition))
-        return Robot(robot, [], state, values, [], _lines(window.said), _lines(window.commands))
+        return WatchedRobot(robot, [], state, values, [], _lines(window.said), _lines(window.commands))
 
     def _values(self, robot: int, condition: Condition) -> Iterator[ShownValue]:
         """What it knows of itself, in the Nomad's units."""

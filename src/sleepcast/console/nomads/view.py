@@ -1,77 +1,20 @@
 """What the page shows of Nomads, and what it asks.
 
 The console knows no wire and no simulator. The roof gives it something with these few members: simulated robots, by
-their index from 0, with what their windows show. SI units in the world's frame, but for the numbers of an order, which
-are the Nomad's own.
+their index from 0, with what their windows show (see `nomad.windows`). SI units in the world's frame, but for the
+numbers of an order, which are the Nomad's own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Literal, Protocol
+from collections.abc import Sequence
+from typing import Protocol
 
-from sleepcast.robot import Condition, Corners
+from sleepcast.nomad import RobotWindow, Sketch
+from sleepcast.robot import Corners
 
-Point = tuple[float, float]
-"""x and y in m."""
-Layer = Literal["actual", "encoder", "bumper", "infrared", "sonar", "laser", "graphics"]
-"""What can be erased by itself."""
 Saying = tuple[float, str]
 """When, in simulated seconds, and what."""
-
-Looked = tuple[float, tuple[float, ...], tuple[float, ...]]
-"""When, in simulated seconds; what each sensor measured, m, NaN for nothing; and contacts, rad from the heading."""
-
-
-class Sketch(Protocol):
-    """Something that a program has drawn. kind and numbers: "robot", x, y, heading, turret; "line", x and y of both
-    ends; "arc", x and y of the upper left corner of the ellipse's box, width, height, first and last angle. m and rad.
-    mode: a colour, 1 to 3 for the pen's own."""
-
-    @property
-    def kind(self) -> str: ...
-    @property
-    def numbers(self) -> Sequence[float]: ...
-    @property
-    def mode(self) -> int: ...
-
-
-class RobotWindow(Protocol):
-    """What there is to see of one robot. Each of the rows forgets its oldest entries.
-
-    actual, encoder: where it was, and where it believed to be; a point of NaN is a gap. echoes: what its sonars saw.
-    far, near: what its sonars, and its infrared sensors and bumper, measured lately. commands: what it was asked. said:
-    text that its program has sent. condition: the latest, None before the first. waiting: how many programs wait until
-    somebody points at a place. client: who is connected to it, "" for nobody. rivals: those who drive it together, ""
-    while one alone does. held: who keeps it at rest, "" for nobody. erased: how often each layer has been erased.
-    """
-
-    @property
-    def actual(self) -> Sequence[Point]: ...
-    @property
-    def encoder(self) -> Sequence[Point]: ...
-    @property
-    def echoes(self) -> Sequence[Point]: ...
-    @property
-    def commands(self) -> Sequence[Saying]: ...
-    @property
-    def said(self) -> Sequence[Saying]: ...
-    @property
-    def condition(self) -> Condition | None: ...
-    @property
-    def waiting(self) -> int: ...
-    @property
-    def client(self) -> str: ...
-    @property
-    def rivals(self) -> str: ...
-    @property
-    def held(self) -> str: ...
-    @property
-    def far(self) -> Sequence[Looked]: ...
-    @property
-    def near(self) -> Sequence[Looked]: ...
-    @property
-    def erased(self) -> Mapping[Layer, int]: ...
 
 
 class Nomads(Protocol):

@@ -14,9 +14,11 @@ from typing import Generic, TypeVar
 
 import msgspec
 
-from sleepcast.console.nomads.view import Layer, Looked, Nomads, Point, RobotWindow, Sketch
+from sleepcast.console.nomads.view import Nomads
 from sleepcast.console.outgoing import Said
 from sleepcast.console.sensing import BodyView, measured
+from sleepcast.nomad import RobotWindow, Sketch
+from sleepcast.nomad.windows import Layer, Point, SensorScan
 from sleepcast.robot import Pose
 
 NOTHING = 254.5
@@ -66,7 +68,7 @@ class ShownSketch(msgspec.Struct, array_like=True):
     mode: int
 
 
-class Look(msgspec.Struct, array_like=True):
+class ShownScan(msgspec.Struct, array_like=True):
     """What sensors measured, s of simulated time. ranges: m, None for nothing. touched: rad."""
 
     time: float
@@ -81,11 +83,11 @@ class Chosen(msgspec.Struct):
     body: BodyView
     erased: Mapping[Layer, int]
     echoes: Added[Point]
-    far: Added[Look]
-    near: Added[Look]
+    far: Added[ShownScan]
+    near: Added[ShownScan]
 
 
-class Windows(Said):
+class WindowsNews(Said, tag="windows"):
     """What the windows of the Nomads show beside a frame."""
 
     robots: list[ShownRobot]
@@ -129,11 +131,11 @@ class PageWindows:
         if robot != self._chosen:
             self._chosen, self._rows = robot, _Rows()
 
-    def take(self) -> Windows:
+    def take(self) -> WindowsNews:
         """What the page lacks now."""
         nomads = self._nomads
         sketches = self._sketches.take(nomads.sketches())
-        return Windows(
+        return WindowsNews(
             [_shown(nomads.window(robot)) for robot in range(nomads.count)],
             list(self._traced()),
             Added(sketches.anew, [ShownSketch(each.kind, each.numbers, each.mode) for each in sketches.items]),
@@ -157,8 +159,8 @@ class _Rows:
 
     def __init__(self) -> None:
         self._echoes: Tail[Point] = Tail()
-        self._far: Tail[Looked] = Tail()
-        self._near: Tail[Looked] = Tail()
+        self._far: Tail[SensorScan] = Tail()
+        self._near: Tail[SensorScan] = Tail()
 
     def show(self, nomads: Nomads, robot: int) -> Chosen | None:
         window, body = nomads.window(robot), body_of(nomads, robot)
@@ -196,8 +198,10 @@ def body_of(nomads: Nomads, robot: int) -> BodyView | None:
     )
 
 
-def _looks(added: Added[Looked]) -> Added[Look]:
-    return Added(added.anew, [Look(time, list(measured(ranges)), touched) for time, ranges, touched in added.items])
+def _looks(added: Added[SensorScan]) -> Added[ShownScan]:
+    return Added(
+        added.anew, [ShownScan(time, list(measured(ranges)), touched) for time, ranges, touched in added.items]
+    )
 
 
 def _shown(window: RobotWindow) -> ShownRobot:

@@ -155,7 +155,7 @@ AGAIN = 1.0
 """Seconds after which the journal is tried again; a desk that has robots to stop does not wait for a disk."""
 
 
-class WriteBatch:
+class JournalWriter:
     """See the module. trouble: what is wrong with the journal, for a person; "" while nothing is. It is not safe for
     several threads at once."""
 

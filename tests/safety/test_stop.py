@@ -3,12 +3,16 @@ decided later."""
 
 from __future__ import annotations
 
+from typing import NoReturn
+
 import pytest
 
 from safety.scene import KEYS, START, Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import look
+from sleepcast.station import CountNeededError, SendPolicy
 from sleepcast.station.network import NetworkStation, RoleError
+from sleepcast.station.prepared import Terms
 
 
 def silent(desk: NetworkStation, command: str) -> tuple[str, ...]:
@@ -95,6 +99,27 @@ def test_stop_bypasses_the_order_of_commands() -> None:
     desk.stop()
     scene.run(0.05)
     assert scene.fleet["r0"].node.stopped
+
+
+def test_stop_passes_by_all_that_is_asked_about_a_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Must 2: no check, preview, doubt or number stands between a person and STOP, whatever waits for an answer."""
+    scene = Scene(caution=SendPolicy(above=0, irreversible=True, strict=True, doubts=True))
+    desk = scene.desk()
+    prepared = desk.prepare("(DRIVE 1)", Terms(everybody=True))
+    with pytest.raises(CountNeededError):
+        desk.commit(prepared)
+
+    def broken(*_: object, **__: object) -> NoReturn:
+        raise AssertionError("STOP was taken for a command")
+
+    for name in ("check", "draft", "_draft", "foresee", "_foresee", "accept", "commit", "_settle"):
+        monkeypatch.setattr(NetworkStation, name, broken)
+    desk.stop()
+    scene.run(0.05)
+    assert all(robot.node.stopped for robot in scene.fleet.values())
+    desk.release()
+    scene.run(0.5)
+    assert not any(robot.node.stopped for robot in scene.fleet.values())
 
 
 def test_stop_holds_until_an_explicit_release() -> None:

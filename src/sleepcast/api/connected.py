@@ -21,7 +21,7 @@ from sleepcast.api.results import CommandResult
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.given_numbers import in_seconds, read_seconds
 from sleepcast.language import Explanation
-from sleepcast.station import Command, Preview
+from sleepcast.station import Command, Preview, asking
 from sleepcast.station.asking import AHEAD, ask_why, look_around, may_be_known_to_robots, prepare_with_robots
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.prepared import Prepared, Terms
@@ -139,9 +139,7 @@ class ConnectedFleet(Fleet):
     def release(self, *, wait: float | str = WAIT) -> CommandResult:
         wait = in_seconds(wait, "wait")
         with self._turn():
-            decided = self.station.now
-            look_around(self.station, self.telemetry, patience=AHEAD)  # whose STOPs hold, which a RELEASE has to name
-            sent = self.station.release(decided)
+            sent = asking.release(self.station, self.telemetry)
         return self._until(sent, wait)
 
     def why(self, robot: str, sent: CommandResult | None = None) -> Explanation:

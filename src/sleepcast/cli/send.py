@@ -251,12 +251,10 @@ def release(air: AirOptions, as_json: bool) -> int:
     Examples:
       sleepcast release
     """
-    from sleepcast.station.asking import AHEAD, look_around
+    from sleepcast.station import asking
 
     with observing_station(air, complain) as (station, telemetry):
-        decided = station.now
-        look_around(station, telemetry, patience=AHEAD)  # whose STOPs hold, which a RELEASE has to name
-        return gathered(station, station.release(decided), PATIENCE, as_json)
+        return gathered(station, asking.release(station, telemetry), PATIENCE, as_json)
 
 
 def gathered(station: NetworkStation, sent: Command, patience: float, as_json: bool) -> int:

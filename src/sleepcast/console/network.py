@@ -22,6 +22,7 @@ from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError, printable
 from sleepcast.language import Explanation
 from sleepcast.station import Command
+from sleepcast.station.asking import AwaitedRelease
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.prepared import Prepared
 from sleepcast.station.remote import TelemetryClient
@@ -99,6 +100,9 @@ class FleetOnAir(SwarmView, Protocol):
 
     def ask_why(self, robot: str, command: str) -> PendingExplanation:
         """Ask a robot how it evaluated a command."""
+
+    def awaited_release(self) -> AwaitedRelease:
+        """A RELEASE, once robots have told whose STOPs hold."""
 
 
 COLOURS = "On the air, robots do not report what they show with COLOUR."
@@ -183,7 +187,8 @@ class NetworkBackend(Backend):
 
     def __init__(self, fleet: FleetOnAir, station: NetworkStation, clock: Clock, began: float) -> None:
         self._operators = OperatorsDesk(station, began)
-        super().__init__(fleet, station, NetworkDriver(fleet, clock, self._operators.attend), clock, began=began)
+        self._releasing: AwaitedRelease | None = None
+        super().__init__(fleet, station, NetworkDriver(fleet, clock, self._attend), clock, began=began)
         self._fleet = fleet
         self._greeting: outgoing.Hello | None = None
 
@@ -214,6 +219,22 @@ class NetworkBackend(Backend):
     def halt(self) -> None:
         """Send no further stage."""
         self._operators.halt()
+
+    def _attend(self) -> None:
+        """Go on with what takes more than a moment."""
+        self._operators.attend()
+        if self._releasing is not None and self._releasing.attend():
+            self._releasing = None
+            self._latch(False)
+
+    def stop(self) -> None:
+        """Stop every body. A RELEASE that has not gone out yet does not."""
+        self._releasing = None
+        super().stop()
+
+    def release(self) -> None:
+        """End STOP, once robots have told whose STOPs hold."""
+        self._releasing = self._fleet.awaited_release()
 
     def lease(self, serial: int, deed: str, group: str, seconds: float, to: str) -> outgoing.Sent:
         """Ask robots about the lease of a group."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from sleepcast.channel.message import Kind
 from sleepcast.core.errors import SleepcastError
 from sleepcast.language import Checked, Explanation
 from sleepcast.language.parts import walk
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from sleepcast.station.network import NetworkStation
     from sleepcast.station.prepared import Draft, Prepared, Terms
     from sleepcast.station.remote import TelemetryClient
+    from sleepcast.station.sent import Command
 
 PATIENCE = 1.0
 """Seconds after the time for answers for which they are still taken: they are asked for again where they were lost."""
@@ -50,6 +52,38 @@ def prepare_with_robots(
         return prepared
     station.poll(text, AHEAD, only=asked if len(asked) <= MAX_LISTED else None)
     return station.foresee(station.renewed(draft))
+
+
+class AwaitedRelease:
+    """A RELEASE that goes out once robots have told whose STOPs hold them, which it has to name. It ends those that
+    were there when it was decided, which is now. Raises RoleError for an observer."""
+
+    def __init__(self, station: NetworkStation, telemetry: TelemetryClient) -> None:
+        station.require(Kind.RELEASE)
+        self._station, self._decided, self.asked = station, station.now, telemetry.look()
+
+    @property
+    def until(self) -> float:
+        """When it goes out at the latest, s of Unix time."""
+        return self._station.answered(self.asked) + AHEAD
+
+    def attend(self) -> bool:
+        """Send it if it is time, and say whether it was."""
+        if self._station.awaits(self.asked) and self._station.listened < self.until:
+            return False
+        self.send()
+        return True
+
+    def send(self) -> Command:
+        """Send it now."""
+        return self._station.release(self._decided)
+
+
+def release(station: NetworkStation, telemetry: TelemetryClient) -> Command:
+    """The same for who waits for it."""
+    awaited = AwaitedRelease(station, telemetry)
+    station.gather(awaited.asked, AHEAD)
+    return awaited.send()
 
 
 def may_be_known_to_robots(station: NetworkStation, checked: Checked) -> bool:

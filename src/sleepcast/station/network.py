@@ -258,8 +258,7 @@ class NetworkStation(Station):
         """Send a message with a body of the caller's, and keep account of it; what robots say to it is among what
         `pump` gives. seconds: for which it is good, unless it stands. Raises UnknownRobotError, AudienceError, and
         RoleError for a kind that our key may not send."""
-        with self._refusing(text):
-            self._validate_role(kind)
+        self.require(kind, text)
         audience = Audience.of(only)
         said = {**audience.body(), **(body or {})}
         good, places = inf if standing else seconds, audience.places(self._roster)
@@ -329,8 +328,7 @@ class NetworkStation(Station):
     def release(self, decided: float | None = None) -> Command:
         """As every station; it ends the STOPs of others, too, of which the desk knows that they were there when this
         was decided (s of Unix time, None: now). Raises RoleError for an observer."""
-        with self._refusing(""):
-            self._validate_role(Kind.RELEASE)
+        self.require(Kind.RELEASE)
         known = [stop for stop in self._stops.values() if decided is None or stop.since <= decided]
         known.sort(key=lambda stop: (stop.mark.sender != FORGOTTEN, stop.released, not stop.holds, -stop.since))
         for stop in known[:MAX_MARKS]:
@@ -350,6 +348,11 @@ class NetworkStation(Station):
         """Wait no longer for answers to this command. Raises NoSuchCommandError."""
         self._sent.get(command)
         self._retransmission.give_up(command)
+
+    def require(self, kind: Kind, text: str = "") -> None:
+        """Raises RoleError for a kind of message that our key may not send."""
+        with self._refusing(text):
+            self._validate_role(kind)
 
     def _validate_role(self, kind: Kind, rules_change: bool = False) -> None:
         role, why = self.session.delivery.role, ""

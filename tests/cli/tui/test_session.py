@@ -308,10 +308,39 @@ def test_release_wants_its_key_twice_in_a_moment(seat: Seat) -> None:
     assert Kind.RELEASE not in seat.kinds()
     seat.run(0.2)
     session.release()
+    assert Kind.RELEASE not in seat.kinds(), "robots are asked first whose STOPs hold"
+    seat.run(0.5)
     assert seat.kinds()[-1] is Kind.RELEASE
     seat.run(1.0)
     assert "RELEASE" in seat.shown()
     assert not any(robot.node.stopped for robot in seat.scene.fleet.values())
+
+
+def test_a_release_names_the_stops_that_robots_tell_of(seat: Seat) -> None:
+    """The terminal desk did not ask, so that it named none where it looks only when it is told to."""
+    other = seat.scene.desk("anna")
+    other.stop()
+    seat.run(1.0)
+    session = seat.session
+    session.look_every = 0.0
+    seat.station._stops = type(seat.station._stops)(10)  # as at a desk that was opened after that STOP
+    seat.run(AGAIN_WITHIN + 1.0)
+    session.release()
+    seat.run(HELD)
+    session.release()
+    seat.run(1.0)
+    assert not any(robot.node.stopped for robot in seat.scene.fleet.values())
+
+
+def test_stop_ends_a_release_that_has_not_gone_out(seat: Seat) -> None:
+    session = seat.session
+    session.release()
+    seat.run(HELD)
+    session.release()
+    session.stop()
+    seat.run(2.0)
+    assert Kind.RELEASE not in seat.kinds()
+    assert all(robot.node.stopped for robot in seat.scene.fleet.values())
 
 
 def test_who_leaves_while_robots_are_not_stopped_is_asked_once(seat: Seat) -> None:

@@ -30,6 +30,7 @@ from sleepcast.cli.tui.commands import (
 from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean, printable
 from sleepcast.language import Checked, ReadError, read
 from sleepcast.language.vocabulary import Variable
+from sleepcast.station.asking import AwaitedRelease
 from sleepcast.station.network import ANSWERS_A_SECOND, NetworkStation
 from sleepcast.station.staging import Stages
 from sleepcast.station.validation import NO, UNKNOWN, YES, CountNeededError, DoubtError, NotConfirmedError
@@ -83,6 +84,7 @@ class TuiSession:
         self._doubted: tuple[PendingText, float] | None = None
         """What waits to be entered once more, and when it was entered last."""
         self._pressed: tuple[str, float] = ("", -inf)
+        self._releasing: AwaitedRelease | None = None
         self._foreseen: tuple[tuple[str, Addressee, CommandType, int] | None, ForecastText] = (None, ForecastText())
         self._rested = -inf
 
@@ -96,6 +98,8 @@ class TuiSession:
                 self.look()
             self._hear_why()
             self._go_on()
+            if self._releasing is not None and self._releasing.attend():
+                self._releasing = None
         except SleepcastError as error:
             self.complain(str(error))
 
@@ -116,7 +120,8 @@ class TuiSession:
 
     def due(self) -> float:
         """Seconds until `tick` has something to do, unless something comes in before."""
-        return min(self.station.due(), self.station.session.delivery.due()) - self.station.now
+        releasing = inf if self._releasing is None else self._releasing.until
+        return min(self.station.due(), self.station.session.delivery.due(), releasing) - self.station.now
 
     @property
     def period(self) -> float:
@@ -304,7 +309,7 @@ class TuiSession:
 
     def stop(self) -> None:
         """Stop every robot, now."""
-        self.pending, self.staging, self.said = None, None, ""
+        self.pending, self.staging, self._releasing, self.said = None, None, None, ""
         latch = self.latch
         if latch is not None and latch.kind is Kind.STOP and self.station.now - latch.message.issued < STOP_AGAIN:
             return  # a key that is held down: the one that was just sent is sent again by itself
@@ -318,7 +323,7 @@ class TuiSession:
         if not self._twice("release", "press it once more to release every robot from STOP", HELD):
             return
         try:
-            self.station.release()
+            self._releasing = AwaitedRelease(self.station, self.telemetry)
         except SleepcastError as error:
             self.complain(str(error))
 

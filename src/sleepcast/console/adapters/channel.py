@@ -27,6 +27,7 @@ from sleepcast.language import Explanation, Variable, Vocabulary
 from sleepcast.language.parts import Part
 from sleepcast.language.program import Program
 from sleepcast.language.symbols import Declared
+from sleepcast.station.asking import AwaitedRelease
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import RemoteMind, RemoteMinds, TelemetryClient
 
@@ -328,6 +329,10 @@ class FleetAdapter:
         """Age of a robot's telemetry in s, None if there is none."""
         age = self._station.now - self._told(robot)
         return age if age < inf else None
+
+    def awaited_release(self) -> AwaitedRelease:
+        """A RELEASE, once robots have told whose STOPs hold."""
+        return AwaitedRelease(self._station, self._telemetry)
 
     def ask_why(self, robot: str, command: str) -> PendingExplanation:
         """Ask a robot how it evaluated a command."""

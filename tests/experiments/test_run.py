@@ -39,6 +39,7 @@ from sleepcast.experiments.results import (
     table_of,
 )
 from sleepcast.experiments.run import ENDED, ClusterError, checked_cluster, do, outcome_in, run_all, verify
+from small_worlds import write
 
 FEW = ("robots.count=10",)
 THOUSAND = ",".join(f"0.{number:03d}" for number in range(1000))
@@ -448,6 +449,13 @@ class TestResults:
         assert all(each.same_as(before) for each, before in zip(outcomes_in(folder), whole, strict=True))
         with sqlite3.connect(folder / "runs.sqlite") as connection:
             assert connection.execute("PRAGMA user_version").fetchone() == (2,)
+
+    def test_a_scenario_of_another_name_is_no_plan(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        write(tmp_path).rename(tmp_path / "yard.toml")
+        options = ("--seeds", "1", "--seconds", "100ms", "--quiet", "--workers", "1")
+        assert main(["sweep", "yard.toml", "--measure", "mean x", *options, "--out", "out"]) == 0
+        assert summary_of(tmp_path / "out").done == 1
 
     def test_the_folder_says_what_made_the_results(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)

@@ -48,7 +48,7 @@ from sleepcast.core.toml_text import toml_key, toml_value
 from sleepcast.core.units import TIME, UNITS, Dimension
 from sleepcast.experiments.measures import name_of, read_measure, read_stop
 from sleepcast.simulator import Changes, Scenario, find_scenario, scenario_names
-from sleepcast.simulator.scenario.scenario import GALLERY
+from sleepcast.simulator.scenario.scenario import GALLERY, is_scenario_file
 
 PLAN, SCENARIO = "experiment.toml", "scenario.toml"
 SEARCH = "search"
@@ -433,7 +433,7 @@ def experiment_file(scenario: str) -> Path | None:
 
 def is_written(path: Path) -> bool:
     """Whether this is a plan by itself: results of an experiment, or a TOML file that is no scenario."""
-    return is_results(path) or (path.suffix == ".toml" and path.name != SCENARIO)
+    return is_results(path) or (path.suffix == ".toml" and not is_scenario_file(path))
 
 
 def is_results(folder: Path) -> bool:

@@ -15,7 +15,7 @@ from sleepcast.channel.simulated_radio import RadioModel
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.given_numbers import MAX_SEED
 from sleepcast.core.model import NamedArea, ReadyCommand
-from sleepcast.core.settings import Table, checked_name, toml_document
+from sleepcast.core.settings import SettingsError, Table, checked_name, toml_document
 from sleepcast.core.units import LENGTH, SPEED, TIME
 from sleepcast.robot import BodyConstant
 from sleepcast.simulator.scenario.areas import read_areas
@@ -388,6 +388,17 @@ def find_scenario(name: str, changes: Changes = Changes()) -> Scenario:  # noqa:
     Raises MisuseError if there is none, and what `load` raises for errors in it.
     """
     return replace(load(_place(name), changes), origin=written_origin(name, changes))
+
+
+def is_scenario_file(file: Path) -> bool:
+    """Whether a TOML file is a scenario, whatever its name: it has robots, and names no scenario as plans do."""
+    if file.name == FILE:
+        return True
+    try:
+        values = toml_document(file).values
+    except SettingsError:
+        return False  # whoever needs the file says it
+    return "robots" in values and "scenario" not in values
 
 
 def _place(name: str) -> Path:

@@ -100,6 +100,7 @@ def test_in_files(tmp_path: Path) -> None:
         (("send", "(ST)", "--deadline", "2,5"), "2.5"),
         (("watch", "--every", "0,5"), "0.5"),
         (("eval", "(+ 1,5 2)"), "1.5"),
+        (("sweep", "crowd", "--over", "radio.loss=0,5", "--measure", "mean x", "--out", "never"), "0.5"),
     ],
 )
 def test_on_the_command_line(arguments: tuple[str, ...], number: str) -> None:

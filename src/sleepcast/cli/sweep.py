@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from threading import Event
@@ -13,7 +13,7 @@ import click
 
 from sleepcast.cli.options import QuantityType
 from sleepcast.cli.streams import announce, complain, put, somebody_there
-from sleepcast.core.errors import MisuseError, printable
+from sleepcast.core.errors import MisuseError, decimal_comma, printable
 
 if TYPE_CHECKING:
     from sleepcast.experiments.findings import SweepFindings
@@ -100,7 +100,8 @@ def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_jso
 
     limit = how["timeout"] or LONGEST_RUN
     runs_programs = let_programs_run(experiment, written_in(what), trusted=how["trust"])
-    try_out(experiment, limit)
+    with _comma_named(how["over"]):
+        try_out(experiment, limit)
     for sentence in experiment.repeats():
         complain(sentence)
     _tell_too_late(experiment)
@@ -118,6 +119,19 @@ def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_jso
             with suppress(KeyboardInterrupt):
                 Event().wait()
     return status
+
+
+@contextmanager
+def _comma_named(over: Sequence[str]) -> Iterator[None]:
+    """Name a decimal comma where what stands before or after one is refused as a value of its own."""
+    try:
+        yield
+    except MisuseError as error:
+        for each in over:
+            key, _, values = each.partition("=")
+            if f"over {key.strip()}:" in str(error) and (comma := decimal_comma(values.strip())):
+                raise MisuseError(f"{error}{comma}") from error
+        raise
 
 
 def _tell_too_late(experiment: Experiment) -> None:

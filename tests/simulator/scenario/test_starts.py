@@ -67,6 +67,17 @@ class TestPoses:
         assert tuple(of_file.names) == tuple(listed.names)
         assert of_file.state_hash() == listed.state_hash()
 
+    @pytest.mark.parametrize(
+        "text",
+        [
+            "# from a spreadsheet\nx,y,heading,name\n# first\n1,2,90°,ada\n3,2\n5,2,-90 °,bob\n",
+            "x,y,heading [°],name\n1,2,90,ada\n3,2,,\n #,last\n5,2,-90,bob\n",
+        ],
+    )
+    def test_a_csv_file_may_have_comments_and_degrees_as_tables_write_them(self, tmp_path: Path, text: str) -> None:
+        of_file = Simulator(load(write(tmp_path, 'starts = "poses.csv"\n', csv=text.replace("3,2\n", "3,2,,\n"))))
+        assert of_file.state_hash() == Simulator(load(write(tmp_path, POSES))).state_hash()
+
     def test_a_run_may_have_fewer_robots_than_poses_and_no_more(self, tmp_path: Path) -> None:
         write(tmp_path, POSES)
         for fewer in (Changes(robots=2), Changes(over=(("robots.count", 2),))):
@@ -127,6 +138,7 @@ class TestPoses:
             ("x,z\n1,2\n", '1: "z" is no column: wanted x, y, and perhaps heading and name'),
             ("x,x,y\n1,2\n", '1: "x" is there twice'),
             ("x [miles],y\n1,2\n", '1: unknown unit in "x [miles]"'),
+            ("90°,1,2\n", '1: "90°" is no column: wanted x, y, and perhaps heading and name. The first line names '),
             ("x,heading\n1,2\n", "1: there is no column y"),
             ("x;y\n1;2\n", '1: "x;y": wanted commas between the columns, not semicolons'),
             ("x,y\n1,2\n1,2,3\n", "3: 3 values in 2 columns: one for each. Decimals have a point, not a comma"),
@@ -142,7 +154,7 @@ class TestPoses:
             ('x,y,name\n1,2,"a\nb"\n', "3: name: 'a\\nb': wanted 1 to 64 characters"),
             ("x,y,name\n1,2,a\u2028b\n", "2: name: "),
         ],
-        ids=range(19),
+        ids=range(20),
     )
     def test_a_bad_line_of_a_file_is_told_by_its_number(self, tmp_path: Path, text: str | bytes, said: str) -> None:
         assert refusal(write(tmp_path, 'starts = "poses.csv"\n', csv=text)).startswith(f"poses.csv:{said}")

@@ -39,6 +39,8 @@ TURN = 2.0 * pi
 COLUMNS = ("x", "y", "heading", "name")
 """What a pose consists of, in the order of a list."""
 SHAPES = ("line", "circle", "grid")
+DEGREES = "°"
+"""How tables write what is `deg` here."""
 OUTWARD, INWARD = "outward", "inward"
 
 Floats = NDArray[np.float64]
@@ -102,14 +104,14 @@ def _row(robots: Table, number: int, pose: object) -> Table:
 
 
 def _rows_of_file(file: Path) -> list[Table]:
-    """The poses of a CSV file, whose first line names its columns."""
+    """The poses of a CSV file, whose first line names its columns. Lines that begin with # are comments."""
     text = read_text(file, MAX_CSV, "a file of starts")
     lines = csv.reader(StringIO(text, newline=""), strict=True)
     units: dict[str, str] = {}
     found: list[Table] = []
     try:
         for values in lines:
-            if not any(map(str.strip, values)):
+            if not any(map(str.strip, values)) or values[0].lstrip().startswith("#"):
                 continue
             if not units:
                 units = _columns(file, lines.line_num, values)
@@ -129,13 +131,16 @@ def _columns(file: Path, line: int, header: Sequence[str]) -> dict[str, str]:
     found: dict[str, str] = {}
     for title in header:
         name, _, unit = (part.strip(" )]") for part in title.replace("[", "(").partition("("))
-        name = name.casefold()
+        name, unit = name.casefold(), unit.replace(DEGREES, "deg")
         if ";" in title:
             raise SettingsError(f'{file}:{line}: "{title:.40}": wanted commas between the columns, not semicolons')
         if name not in COLUMNS or name in found:
             near = did_you_mean(name, COLUMNS)
             what = "is there twice" if name in found else f"is no column{near}"
-            raise SettingsError(f'{file}:{line}: "{title:.40}" {what}: wanted x, y, and perhaps heading and name')
+            first = ". The first line names the columns, as in x,y,heading" if _is_value(title) else ""
+            raise SettingsError(
+                f'{file}:{line}: "{title:.40}" {what}: wanted x, y, and perhaps heading and name{first}'
+            )
         if unit and (name == "name" or unit not in UNITS):
             raise SettingsError(f'{file}:{line}: unknown unit in "{title:.40}"{did_you_mean(unit, UNITS)}')
         found[name] = unit
@@ -145,6 +150,11 @@ def _columns(file: Path, line: int, header: Sequence[str]) -> dict[str, str]:
     return found
 
 
+def _is_value(title: str) -> bool:
+    """Whether this is a value rather than the name of a column."""
+    return title.strip().lstrip("+-.")[:1].isdigit()
+
+
 def _line(file: Path, line: int, values: Sequence[str], units: dict[str, str]) -> Table:
     """The pose in one line. units: of each column, for the values that have none."""
     if len(values) != len(units):
@@ -152,6 +162,8 @@ def _line(file: Path, line: int, values: Sequence[str], units: dict[str, str]) -
         raise SettingsError(f"{file}:{line}: {len(values)} values in {len(units)} columns: one for each{comma}")
     row: dict[str, object] = {}
     for (name, unit), value in zip(units.items(), map(str.strip, values), strict=True):
+        if value and name == "heading":
+            value = value.replace(DEGREES, "deg")
         if value:
             row[name] = value + unit if value[-1:].isdigit() or value[-1:] == "." else value
     return Table(Document(file, row, dict.fromkeys(((name,) for name in COLUMNS), line)), row, ())

@@ -186,6 +186,19 @@ class TestActions:
             env.step(np.array([0, 1, 0, 1, 0, 2]))
 
 
+def test_a_mask_that_leaves_robots_out_is_refused() -> None:
+    """It was ignored, and all robots began anew."""
+    env = gym.vector_env("bravo", **RESCUE)
+    first, _ = env.reset(seed=1)
+    env.step(np.zeros((6, 2)))
+    some, all_of_them = np.arange(6) < 2, np.ones(6, np.bool_)
+    for mask, said in ((some, "4 of 6 robots are left out"), (all_of_them[:3], "wanted an array of 6 bools")):
+        with pytest.raises(MisuseError, match=said):
+            env.reset(seed=1, options={"reset_mask": mask})
+    assert env.fleet.time > 0.0, "nothing was reset"
+    assert np.array_equal(env.reset(seed=1, options={"reset_mask": all_of_them})[0], first)
+
+
 class TestParallel:
     @pytest.mark.parametrize("actions", [["drive_speed", "drive_turn"], ["(DRIVE 5kn 0deg/s)", "(TUMBLE)", "(ST)"]])
     def test_pettingzoo_accepts_it(self, actions: list[str]) -> None:

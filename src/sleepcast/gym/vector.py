@@ -11,6 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from sleepcast.core.errors import MisuseError
 from sleepcast.core.given_numbers import read_seed
 from sleepcast.gym.episode import Flags, Singles
 from sleepcast.gym.episodes import EpisodeKey, Episodes
@@ -42,7 +43,9 @@ class RobotVector(VectorEnv[Singles, NDArray[np.generic], NDArray[np.generic]]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Singles, dict[str, Any]]:
         """Begin the first episode of a seed, the next one of the same seed (None), or number n of it
-        (options={"episode": n}). Equal seeds and numbers give equal episodes, bit for bit. Raises MisuseError."""
+        (options={"episode": n}). Equal seeds and numbers give equal episodes, bit for bit. Raises MisuseError, also for
+        a "reset_mask" that leaves out robots: all of them live in one world, which begins anew as a whole."""
+        self._check_mask((options or {}).get("reset_mask"))
         super().reset(seed=None if seed is None else read_seed(seed))
         observed = self._episodes.begin(seed, options).observe()
         self.closed = False
@@ -60,6 +63,18 @@ class RobotVector(VectorEnv[Singles, NDArray[np.generic], NDArray[np.generic]]):
 
     def close_extras(self, **kwargs: Any) -> None:
         self._episodes.close()
+
+    def _check_mask(self, mask: object) -> None:
+        """Raises MisuseError for a mask of Gymnasium's that is not for all robots."""
+        if mask is None:
+            return
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
+            raise MisuseError(f"reset_mask {mask!r:.40}: wanted an array of {self.num_envs} bools, one for each robot")
+        if not mask.all():
+            raise MisuseError(
+                f"reset_mask: {np.count_nonzero(~mask):,} of {self.num_envs:,} robots are left out, and all of them "
+                "live in one world, which begins anew as a whole: leave the mask out, or use an environment for each"
+            )
 
     def _all(self, flag: bool) -> Flags:
         return np.full(self.num_envs, flag)

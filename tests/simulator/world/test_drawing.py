@@ -540,6 +540,18 @@ class TestHostileFiles:
             drawing(tmp_path, f'<g transform="scale(1e6)"><path d="M0 0{arcs}"/></g>')
         assert time.process_time() - start < 20.0
 
+    def test_shapes_that_would_be_compared_for_a_minute_are_refused(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """8 MB have room for 500 shapes whose 2,000 sides cross each other anywhere."""
+        monkeypatch.setattr(drawing_module, "MAX_COMPARED", 50_000)
+        shape = f'<path d="M0 0L{" ".join(f"{7 * i % 10} {3 * i % 10}" for i in range(1, 100))}z"/>'
+        assert drawing(tmp_path, shape * 2).shapes
+        with pytest.raises(SettingsError, match=r"room.svg:2: with it more than 50,000 pairs of sides have to be"):
+            drawing(tmp_path, shape * 3)
+        triangle = '<path d="M0 0h5v5z"/>'  # of which nothing has to be compared
+        assert len(drawing(tmp_path, triangle * 3_000).shapes) == 3_000
+
     def test_many_curves_of_one_path_stop_where_there_is_no_room(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:

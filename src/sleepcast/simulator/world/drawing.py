@@ -18,7 +18,7 @@ from pathlib import Path
 from xml.parsers import expat
 
 from sleepcast.core.settings import SettingsError, read_text
-from sleepcast.simulator.world.fill import encloses, filled
+from sleepcast.simulator.world.fill import encloses, filled, pairs_compared
 from sleepcast.simulator.world.svg import (
     MAX_CURVES,
     MAX_NUMBER,
@@ -48,6 +48,9 @@ MAX_BYTES = 8_388_608
 """Bytes of a drawing: floor plans of large buildings have a tenth of it."""
 MAX_ELEMENTS = 100_000
 """Elements of a drawing: each is converted by itself."""
+MAX_COMPARED = 400_000_000
+"""Pairs of sides of all shapes that are compared for where they cross: some ten seconds of them. A plan of 2,000 shapes
+with 300 sides each has as many."""
 MAX_DEPTH = 128
 """Depth of nested groups."""
 TOO_MANY = f"more than {MAX_SOLIDS} lines: leave some out"
@@ -134,10 +137,10 @@ def read_drawing(path: Path, metre: float | None, at: Point = (0.0, 0.0), *, wal
         )
     low, top = complex(page.x, page.y), page.y + page.height
     upright = Matrix(scale, 0.0, 0.0, -scale, at[0] - low.real * scale, at[1] + top * scale)
-    shapes, sides = [], 0
+    shapes, sides, compared = list[Shape](), 0, ComparisonBudget()
     for drawn in reader.drawn:
         try:
-            for shape in _shapes(drawn, upright, MAX_SOLIDS - sides):
+            for shape in _shapes(drawn, upright, MAX_SOLIDS - sides, compared):
                 sides += _sides(shape)
                 shapes.append(shape)
         except PathError as error:
@@ -147,7 +150,23 @@ def read_drawing(path: Path, metre: float | None, at: Point = (0.0, 0.0), *, wal
     return Drawing(tuple(shapes), at, (at[0] + page.width * scale, at[1] + page.height * scale))
 
 
-def _shapes(drawn: _Drawn, upright: Matrix, room: int) -> Iterator[Shape]:
+@dataclass(slots=True)
+class ComparisonBudget:
+    """How many pairs of sides of a drawing have been compared for where they cross."""
+
+    used: int = 0
+
+    def spend(self, outlines: tuple[tuple[Point, ...], ...]) -> None:
+        """Let these outlines be compared. Raises PathError if that takes too long."""
+        self.used += pairs_compared(outlines)
+        if self.used > MAX_COMPARED:
+            raise PathError(
+                f"with it more than {MAX_COMPARED:,} pairs of sides have to be compared for where they cross: simplify "
+                "shapes of many sides, or leave some out"
+            )
+
+
+def _shapes(drawn: _Drawn, upright: Matrix, room: int, compared: ComparisonBudget) -> Iterator[Shape]:
     """The shapes that an element becomes in the world. room: for so many lines. Raises PathError for more."""
     around = drawn.around
     whole = upright.after(around.matrix)
@@ -155,12 +174,10 @@ def _shapes(drawn: _Drawn, upright: Matrix, room: int) -> Iterator[Shape]:
         centre = whole.of(drawn.disc[0])
         yield Circle(centre.real, centre.imag, drawn.disc[1] * whole.grows, around.name)
         return
-    outlines, walls = list[tuple[Point, ...]](), list[tuple[Point, ...]]()
-    for line in drawn.lines:
-        points = _points(line.moved(whole.of), room)
-        room -= len(points) - 1
-        if room < 0:
-            raise PathError(TOO_MANY)
+    flat, outlines, walls = _flat(drawn, whole, room), list[tuple[Point, ...]](), list[tuple[Point, ...]]()
+    if drawn.solid:
+        compared.spend(flat)
+    for line, points in zip(drawn.lines, flat, strict=True):
         if drawn.solid and encloses(_open(points)):
             outlines.append(_open(points))
         elif len(points) > 1:
@@ -168,6 +185,17 @@ def _shapes(drawn: _Drawn, upright: Matrix, room: int) -> Iterator[Shape]:
     if area := filled(tuple(outlines), around.fill_rule) if outlines else ():
         yield Area(area, around.name)
     yield from (Wall(points, around.name) for points in walls)
+
+
+def _flat(drawn: _Drawn, whole: Matrix, room: int) -> tuple[tuple[Point, ...], ...]:
+    """Points along each line of an element. room: for so many lines. Raises PathError for more."""
+    found = list[tuple[Point, ...]]()
+    for line in drawn.lines:
+        found.append(_points(line.moved(whole.of), room))
+        room -= len(found[-1]) - 1
+        if room < 0:
+            raise PathError(TOO_MANY)
+    return tuple(found)
 
 
 def _points(line: Subpath, room: int) -> tuple[Point, ...]:

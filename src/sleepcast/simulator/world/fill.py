@@ -21,6 +21,8 @@ MAX_SIDES = 2_000
 """Sides of one shape that are compared with each other."""
 MAX_CONTACTS = 5_000
 """Places of one shape where a side meets another one: a drawing that somebody has drawn has a few."""
+PLAIN = 4
+"""Sides of an outline that is looked at without comparing them."""
 MAX_LOOPS = 2_000
 """Outlines of one shape that are compared with each other."""
 AT_ONCE = 1 << 18
@@ -43,6 +45,12 @@ def filled(outlines: tuple[Outline, ...], rule: str) -> tuple[Outline, ...]:
     return _nested(outlines) if parted is None else parted
 
 
+def pairs_compared(outlines: tuple[Outline, ...]) -> int:
+    """How many pairs of sides are compared to fill these outlines, at most: those of each by itself, and of all."""
+    counts = [len(outline) for outline in outlines]
+    return sum(count**2 for count in (*counts, sum(counts)) if PLAIN < count <= MAX_SIDES)
+
+
 def encloses(outline: Outline) -> bool:
     """Whether an outline goes around anything, and not only to and fro."""
     if len(outline) < 3:
@@ -53,7 +61,7 @@ def encloses(outline: Outline) -> bool:
 
 def _is_plain(outline: Outline) -> bool:
     """Whether this is a triangle or a quadrangle without a dent, as most shapes of a plan are."""
-    if len(outline) > 4:
+    if len(outline) > PLAIN:
         return False
     corners = zip(outline, (*outline[1:], outline[0]), (*outline[2:], *outline[:2]), strict=True)
     turns = [(bx - ax) * (cy - by) - (by - ay) * (cx - bx) for (ax, ay), (bx, by), (cx, cy) in corners]

@@ -296,6 +296,40 @@ def test_a_place_that_is_said_as_soon_as_it_is_free_is_taken(
     assert desk.seen["COMMAND_ACK"].result == (2 if held else 0)
 
 
+def test_arming_under_a_stop_of_somebody_else_is_refused_with_the_reason(ground: GroundStation, desk: Desk) -> None:
+    """It was acknowledged, and the robot stayed stopped."""
+    ground.tell({}, stopped=True, held=True)
+    desk.order(400, 1.0)
+    assert ground.wishes() == [PilotRequest("release")], "of its own, which ends"
+    assert desk.seen["COMMAND_ACK"].result == 2
+    assert desk.seen["STATUSTEXT"].text == "it stays stopped: a STOP of somebody else holds"
+    ground.tell({}, stopped=False)
+    desk.order(400, 1.0)
+    ground.wishes()
+    assert desk.seen["COMMAND_ACK"].result == 0
+
+
+@pytest.mark.parametrize("batch", [[(185, 1.0), (400, 1.0)], [(176, 1.0, 4.0), (176, 1.0, 15.0)]])
+@pytest.mark.parametrize("early", [False, True])
+def test_a_stop_is_ended_by_what_comes_with_it_in_one_batch(
+    ground: GroundStation, desk: Desk, batch: list[tuple[float, ...]], early: bool
+) -> None:
+    robot = open_robot("sim", Opening(False, UNLIMITED, 1, 0))
+    life = NodeProcess(
+        "r1", robot, None, None, None, nomad=False, number=1, seed=0, lease=inf, ground=ground, typed=False
+    )
+    life.begin(StartScript(), StartScript())
+    mind = life.mind(in_step=True)
+    for each in batch:
+        desk.order(int(each[0]), *each[1:])
+    if early:  # while a mind thinks
+        mind.hear_stops()
+        assert life.node.stopped
+    mind.deliver()
+    assert not life.node.stopped
+    robot.close()
+
+
 def test_it_is_free_between_two_ticks_in_which_it_is_armed(ground: GroundStation, desk: Desk) -> None:
     """Arming that comes while a mind thinks is acknowledged, and ends the STOP in the next tick: before that, the
     ground station is told once more how the robot is."""

@@ -3,9 +3,9 @@
 To the ground station it is a rover of ArduPilot's with two modes: HOLD while it is stopped, and GUIDED. What is asked
 there becomes a `PilotRequest`, which the node brings to its mind like a command that is typed: so limits, STOP and
 rules hold for it as for everybody. HOLD, and disarming, is STOP; GUIDED, and arming, is RELEASE, which ends only the
-STOP that the ground station itself has sent. A STOP by disarming is ended by arming alone: programs choose GUIDED on
-their way to anything, also after they have switched off the motors. Which it was is not known any more after a restart:
-a robot that begins under a STOP counts as disarmed.
+STOP that the ground station itself has sent; arming is refused while another one holds. A STOP by disarming is ended by
+arming alone: programs choose GUIDED on their way to anything, also after they have switched off the motors. Which it
+was is not known any more after a restart: a robot that begins under a STOP counts as disarmed.
 
 A ground station that drives must go on doing so: `QUIET` s after its last setpoint the robot is to come to rest. What
 the robot cannot do is refused with a text to the ground station.
@@ -163,6 +163,9 @@ class GroundStation:
             result = ACCEPTED if found or (self._disarmed and message.param2 == GUIDED) else DENIED
         elif message.command == ARM_DISARM:
             found = self._arm() if message.param1 == 1.0 else self._disarm()
+            if message.param1 == 1.0 and self._held:
+                result = DENIED
+                self._say("it stays stopped: a STOP of somebody else holds")
         elif message.command == TERMINATE:
             found = self._disarm() if message.param1 == 1.0 else []
             result = ACCEPTED if found else DENIED

@@ -106,7 +106,7 @@ def test_what_is_wrong_is_shown_where_it_is(alone: Terminal) -> None:
     (typed,) = [number for number, line in enumerate(lines) if line.startswith("sleep> (VM 1 1) x")]
     assert lines[typed + 1] == " " * len("sleep> (VM 1 1) ") + "^"
     desk.type("\b\b" + ENTER)
-    desk.wait_to_see("every robot that hears it would obey", "Shift-Tab lets it go to all", "sleep> (VM 1 1)")
+    desk.wait_to_see("every robot that hears it would obey", "press Shift-Tab and then Enter", "sleep> (VM 1 1)")
     desk.type(CTRL_C)
     desk.wait_to_see("no command sent yet")
     desk.type(":fly" + ENTER)

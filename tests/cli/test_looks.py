@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -72,6 +73,16 @@ def test_who_would_obey_is_said_before_anything_is_sent(taught: str) -> None:
     lost = called("why", "r5", "nothing", "--channel", taught)
     assert (lost.status, lost.out) == (1, "")
     assert "r5 remembers no command or rule nothing" in lost.err
+
+
+def test_values_are_read_in_their_units(taught: str) -> None:
+    asked = called("ask", "(- 1 fuel)", "--channel", taught)
+    assert re.search(r"know it: min [\d.]+ %, mean [\d.]+ %, max [\d.]+ %$", asked.out, re.MULTILINE), asked
+    sent = told(taught, "send", "(WHEN (AND (> fuel -1) (< (DIST x y 0 0) -1)) (JOIN nobody))")
+    why = called("why", "r1", str(sent["id"]), "--channel", taught)
+    assert re.search(r"^ *[\d.]+ % +fuel$", why.out, re.MULTILINE), why
+    assert re.search(r"^ *[\d.]+ mi +x$", why.out, re.MULTILINE), why
+    assert re.search(r"\(DIST x y 0 0\) = [\d.]+ mi, needed < -0.0006214 mi$", why.out), why
 
 
 def test_a_table_of_robots(taught: str) -> None:

@@ -13,6 +13,7 @@ from sleepcast.console.alerts import LOOK_EVERY, MOST_ALERTS, MOST_FIRINGS, TOGE
 from sleepcast.console.values import Column, Index, Mask
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.language import Checked
 from station.fleet import Fleet
 
 LOW = "(< fuel 30%)"
@@ -36,8 +37,8 @@ class Told:
         values, asked = self.fleet.station.values(text, robots)
         return values, len(asked)
 
-    def unit(self, text: str) -> str:
-        return ""
+    def checked(self, text: str) -> Checked:
+        return self.fleet.station.check(text)
 
     def groups(self) -> Iterable[tuple[str, Mask]]:
         return ()

@@ -17,7 +17,7 @@ from sleepcast.console.explanation import ShownStep
 from sleepcast.console.outgoing import Explained, Failing, Obstacles
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.core.units import shown_value
+from sleepcast.core.units import value_in_words
 from sleepcast.language.vocabulary import MARKED
 from sleepcast.loop import Pace, Swarm
 from sleepcast.simulator import Wall
@@ -441,7 +441,7 @@ class TestWatchedRobot:
         assert not {"active1", "time", "tick"} & set(values)
         (rule,) = robot.rules
         assert (rule.name, rule.active, rule.fault, rule.priority) == ("careful", True, "", 2)
-        assert robot.said[0].text.startswith("level 0.")
+        assert robot.said[0].text.startswith("level: 0.")
 
     def test_nobody_is_watched_unless_asked_for(self, stand: Stand) -> None:
         for index in (-1, 20):
@@ -467,7 +467,7 @@ def test_each_robot_s_own_answer_is_told_in_its_unit(stand: Stand) -> None:
     assert stand.desk.replies(1, sent.id, [0, 3]).texts == ["", ""]
     stand.run()
     found = stand.desk.replies(1, sent.id, [3, 0]).texts
-    assert found == [shown_value(stand.level(f"rover{number}"), "%") for number in (4, 1)]
+    assert found == [value_in_words(stand.level(f"rover{number}"), "%") for number in (4, 1)]
     assert stand.desk.replies(1, sent.id, [3], before).texts == [""]
     other = stand.station.ask("(/ id (- id 1))")
     stand.run()

@@ -389,12 +389,14 @@ def test_enter_twice_sends_to_everybody_but_a_held_key_does_not(rovers: Page) ->
     box = rovers.get_by_label("This applies to all 20 robots. Send anyway?")
     expect(box).to_be_visible()
     rovers.locator("#text").focus()
+    expect(rovers.locator("#everybody-text")).to_contain_text("(Enter twice)")
     for _ in range(4):  # without the key let go, as a keyboard repeats it
         rovers.keyboard.down("Enter")
     expect(box).to_be_focused()
     expect(box).not_to_be_checked()
     assert rovers.locator("#commands tr").count() == before
     rovers.keyboard.up("Enter")
+    expect(rovers.locator("#everybody-text")).to_contain_text("(Enter once more)")
     rovers.keyboard.press("Enter")
     expect(rovers.locator("#commands tr")).to_have_count(before + 1)
     expect(rovers.locator("#text")).to_have_value("")

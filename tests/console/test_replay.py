@@ -110,7 +110,7 @@ def test_groups_accounts_and_a_robot_are_as_they_were_then(page: Page) -> None:
     told = page.wait_for("robot", lambda found: bool(found["rules"]))
     assert told["groups"] == ["full"]
     assert told["rules"][0]["text"] == "(IF (> x 600m) (ST))"
-    assert told["said"][-1]["text"].startswith("left with ")
+    assert told["said"][-1]["text"].startswith("left with: ")
     assert {value["name"] for value in told["values"]} >= {"x", "y", "battery"}
     at(page, 3.0)
     page.wait_for("robot", lambda found: found["groups"] == [] and found["rules"] == [] and found["said"] == [])

@@ -10,6 +10,8 @@ import pytest
 
 from sleepcast.console.series import LEAST_EVERY, MOST_SAMPLES, QUANTILES, STATISTICS, Series, lines_of, sample_of
 from sleepcast.console.values import Column
+from sleepcast.language import Checked, Vocabulary, check
+from sleepcast.language.learned_names import LearnedNames
 
 
 def filled(seconds: float, step: float) -> Series:
@@ -73,8 +75,9 @@ class Given:
     def of(self, text: str, robots: object = None) -> tuple[Column, int]:
         return np.array(self._columns[text]), 0
 
-    def unit(self, text: str) -> str:
-        return "deg" if 3.0 in self._columns[text] and pi in self._columns[text] else ""
+    def checked(self, text: str) -> Checked:
+        angles = 3.0 in self._columns[text] and pi in self._columns[text]
+        return check("(WRAP 0)" if angles else "0", LearnedNames(Vocabulary()))
 
 
 def sampled(what: str, *, where: str = "", unit: str = "", **columns: list[float]) -> list[float]:

@@ -11,6 +11,7 @@ from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import Quantity
 from sleepcast.language import HostFunction, Vocabulary
 from sleepcast.mind.limits import MAX_FAULTS_IN_ROW, MAX_QUEUE, REPORTS_A_SECOND, TICK_STEPS
+from sleepcast.mind.telemetry import read_why, why_text
 from sleepcast.node.linking import VariableTable, actuator, sensor
 from sleepcast.node.node import MAX_RECOLLECTIONS, Node
 
@@ -363,6 +364,37 @@ def test_why_explains_commands_and_rules_and_forgets_the_oldest() -> None:
         robot.evaluate("1")
     with pytest.raises(SleepcastError, match="remembers no command or rule"):
         robot.why(first.id)
+
+
+def test_why_writes_values_as_people_read_them() -> None:
+    robot = node()
+    robot.evaluate("(WHEN (AND (> fuel 0.9) (< x 5km)) (JOIN bravo))")
+    assert robot.why().render().splitlines() == [
+        "     0  (WHEN (AND (> fuel 0.9) (< x 5km)) (JOIN bravo))",
+        "     0    (AND (> fuel 0.9) (< x 5km))",
+        "     0      (> fuel 0.9)   <- fuel = 43.1 %, needed > 90 %",
+        "43.1 %        fuel",
+        "  90 %        0.9",
+        "     .      (< x 5km)",
+        "     .        x",
+        "     .    (JOIN bravo)",
+        "not for this robot: fuel = 43.1 %, needed > 90 %",
+    ]
+    robot.evaluate("(- fuel 1%)")
+    assert robot.why().render() == "42.1 %  (- fuel 1%)\n43.1 %    fuel"
+    assert robot.why().to_dict()["value"] == pytest.approx(0.421)
+    robot.evaluate("(WHEN (> fuel 50%) x)")
+    assert robot.why().render().startswith("     0  (WHEN (> fuel 50%) x)"), "no distance, but nothing done"
+
+
+def test_why_says_what_the_priority_of_a_rule_means() -> None:
+    robot = node()
+    obey(robot, "(RULE high (SETQ throttle 1) :priority 5)")
+    obey(robot, "(RULE plain (SETQ throttle 1))")
+    said = "priority 5: rules of a lower one run before it, and its assignments win over theirs"
+    assert said in robot.why("high").render().splitlines()
+    assert read_why(why_text(robot.why("high"))).precedence == said
+    assert "priority" not in robot.why("plain").render()
 
 
 def test_why_looks_into_operators() -> None:

@@ -11,6 +11,7 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import MATCHED, TELEMETRY
 from sleepcast.core.errors import printable
 from sleepcast.language import format_value
+from sleepcast.language.reading_units import report_in_words
 from sleepcast.station import Outcome
 from sleepcast.station.sent import answer_from
 
@@ -43,7 +44,7 @@ class EventQueue:
         """Take in messages of robots. Telemetry, and answers to the desk's own questions, are no events."""
         for message in messages:
             if message.kind is Kind.REPORT:
-                self._events.append(FleetEvent(self._now(), "say", message.sender, printable(in_words(message))))
+                self._events.append(FleetEvent(self._now(), "say", message.sender, printable(_exactly(message))))
             elif message.kind is Kind.ANSWER and not message.body.keys() & {TELEMETRY, MATCHED}:
                 self._answered(message)
 
@@ -68,9 +69,14 @@ class EventQueue:
 
 
 def in_words(message: Message) -> str:
-    """What a robot says: a report as its label and values, anything else as its kind and text."""
+    """What a robot says, for people: a report as its label and values, anything else as its kind and text."""
     if message.kind is not Kind.REPORT:
         return f"{message.kind.value} {message.text}"
+    return report_in_words(message.body.get("label"), message.body.get("values"))
+
+
+def _exactly(message: Message) -> str:
+    """A report for a program: its label and the very numbers."""
     values = message.body.get("values")
     shown = [format_value(each) for each in values if isinstance(each, float)] if isinstance(values, list) else []
     return " ".join([str(message.body.get("label", "")), *shown])

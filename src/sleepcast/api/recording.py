@@ -170,7 +170,7 @@ class RecordingWitness:
     def _account(self, command: Command, now: float) -> None:
         account = self._station.accounting(command.id)
         counts = (account.n_matched, account.n_not_matched, account.n_fault, account.n_silent)
-        values = values_in_words(command, account, self._swarm.vocabulary)
+        values = values_in_words(command, account)
         also = (account.n_unknown, account.n_held)
         body = AccountBody(command.id, account.text, *counts, len(command.expected), values, *also)
         self._recorder.note(ACCOUNTING, now, body)

@@ -104,7 +104,7 @@ def forecast_text(found: Forecast) -> str:
 
 def account_lines(command: Command, found: Account, vocabulary: Vocabulary | None = None) -> Iterator[str]:
     """The account, for a person. vocabulary: says in which units speeds and places are read."""
-    from sleepcast.language import format_value
+    from sleepcast.station.account import spread_in_words
 
     if not found.total:
         asked = "is a node up on this channel, with these keys?"
@@ -114,8 +114,7 @@ def account_lines(command: Command, found: Account, vocabulary: Vocabulary | Non
     verb = "granted in the group by" if leasing else WORDS.get(str(command.kind), "matched")
     yield f"{command.id}: {listed(verb, found.matched)}"
     if command.kind == ASK and found.values is not None:
-        least, mean, greatest = map(format_value, (found.values.least, found.values.mean, found.values.greatest))
-        yield f"  {found.values.count} know it: min {least}, mean {mean}, max {greatest}"
+        yield f"  {found.values.count} know it: {spread_in_words(found.values, found.unit)}"
     elif command.kind == ASK and len(found.matched):
         yield "  none of them knows the value: it is unknown there"
     elif found.rest is not None and found.n_matched and vocabulary is not None:

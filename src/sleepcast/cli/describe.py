@@ -10,10 +10,10 @@ from sleepcast.channel.admission import Admission
 from sleepcast.channel.clock_sync import differs
 from sleepcast.channel.drops import NoticeLog
 from sleepcast.channel.message import TOOK, outcome_of
-from sleepcast.cli.standard_memory import reported_body
 from sleepcast.core.clock import UnixClock, WallClock
 from sleepcast.core.errors import printable
-from sleepcast.language import format_value
+from sleepcast.core.units import value_in_words
+from sleepcast.language.reading_units import report_in_words
 from sleepcast.station.journal.journal import CONFLICT, JournalEntry, JournalEvent
 
 SHOWN = 5
@@ -44,14 +44,14 @@ def answer_text(body: Mapping[str, object]) -> str:
         case str() as whose, [float() as behind]:
             return f"took its time from {printable(whose)}: its clock was {differs(-behind)}"
     if "label" in body:
-        return reported_body(body)
+        return report_in_words(body["label"], body.get("values"))
     outcomes = body.get("outcomes")
     if isinstance(outcomes, dict):
         return ", ".join(f"{outcome} {count}" for outcome, count in outcomes.items())
     outcome, value, fault = outcome_of(body), body.get("value"), body.get("fault")
     if not isinstance(outcome, str):
         return json.dumps({key: value for key, value in body.items() if key not in ("kind", "command")})
-    known = f" {format_value(value)}" if isinstance(value, float) and value == value else ""
+    known = f" {value_in_words(value, '')}" if isinstance(value, float) and value == value else ""
     return f"{outcome}{known}{f': {fault}' if fault else ''}"
 
 

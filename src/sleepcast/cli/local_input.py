@@ -16,11 +16,11 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import ENDS, MAX_TEXT
 from sleepcast.channel.plain_datagrams import Datagrams, Numbers
 from sleepcast.channel.session import ChannelSession
-from sleepcast.cli.standard_memory import reported_body
 from sleepcast.cli.streams import announce, complain, still_open
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import printable
-from sleepcast.language import format_value
+from sleepcast.core.units import value_in_words
+from sleepcast.language.reading_units import report_in_words
 from sleepcast.simulator.scenario.mission import Order
 
 OPERATOR, SENDER, GROUND = "terminal", "datagram", "ground-station"
@@ -111,7 +111,7 @@ class LocalInput:
     datagrams, of which one is delivered in each tick. session: the radio, if there is one. They are polled in this
     order. epoch: of the messages that are made of typed lines and datagrams. stops: the marks of those that hold
     the robot; a RELEASE that is typed here ends them, one of the ground station its own. actuators: names of speed and
-    turn rate.
+    turn rate. unit_of: gives the unit in which people read the value of a command, by its id.
     """
 
     def __init__(
@@ -126,8 +126,9 @@ class LocalInput:
         stops: Callable[[], Sequence[Sequence[object]]] = tuple,
         ground: GroundStation | None = None,
         actuators: Sequence[str] = (),
+        unit_of: Callable[[str], str] = lambda command: "",
     ) -> None:
-        self._ground, self._actuators = ground, actuators
+        self._ground, self._actuators, self._unit_of = ground, actuators, unit_of
         self._name, self._clock, self._start = name, clock, clock.now()
         self._orders, self._typed, self._listener, self._session = deque(orders), typed, listener, session
         self._waiting: deque[Numbers] = deque()
@@ -197,7 +198,7 @@ class LocalInput:
             if message.kind is not Kind.REPORT:
                 return
         if message.kind is Kind.REPORT:
-            said = printable(reported_body(body))
+            said = printable(report_in_words(body.get("label"), body.get("values")))
             announce(f"{self._name}: {said}")
             if self._ground is not None:
                 self._ground.say(said)
@@ -206,7 +207,8 @@ class LocalInput:
             outcome, whose = str(body.get("outcome")), str(body.get("command"))
             if whose.startswith((f"{SENDER}-", f"{GROUND}-")) and not fault and outcome not in SAFETY:
                 return  # nobody waits for the answer to a datagram, nor to a setpoint
-            said = SAFETY.get(outcome) or format_value(value if isinstance(value, float) else nan)
+            known = value if isinstance(value, float) else nan
+            said = SAFETY.get(outcome) or value_in_words(known, self._unit_of(whose))
             announce(f"{self._name}: {outcome}, {said}")
             if fault:
                 complain(printable(f"{self._name}: {fault}"))

@@ -149,6 +149,13 @@ class NodeProcess:
         if self.store is not None and (standing := self.store.standing()):
             complain(standing)
 
+    def _unit_of(self, command: str) -> str:
+        """The unit in which people read the value of a command, by its id."""
+        try:
+            return self.node.why(command).root.unit
+        except SleepcastError:  # it could not be read, say
+            return ""
+
     def mind(self, *, in_step: bool = False) -> EmbodiedMind:
         """What is to run, once it has begun. in_step: whether the body's time is the mind's, too."""
         clock: Clock = self.robot if in_step else MindClock(self.node)
@@ -165,6 +172,7 @@ class NodeProcess:
             lambda: [mark.named for mark in authority.latch.holding],
             self.ground,
             [actuator.name for actuator in self.robot.model.actuators],
+            self._unit_of,
         )
         start = clock.now() if in_step else 0.0
         session = self.session

@@ -19,8 +19,10 @@ from prompt_toolkit.layout.processors import HighlightMatchingBracketProcessor
 
 from sleepcast.cli.streams import complain, still_open
 from sleepcast.core.files import data_folder
-from sleepcast.language import Variable, format_value
+from sleepcast.core.units import value_in_words
+from sleepcast.language import Variable
 from sleepcast.language.functions import BUILT_IN
+from sleepcast.language.vocabulary import unit_of
 
 if TYPE_CHECKING:
     from sleepcast.node.node import Node
@@ -113,7 +115,7 @@ class NameCompleter(WordCompleter):
             return usage
         binding = self._node.vocabulary.bindings.get(name.casefold())
         if isinstance(binding, Variable):
-            return format_value(self._node.values[binding.slot])
+            return value_in_words(self._node.values[binding.slot], unit_of(name, self._node.vocabulary))
         return ""
 
 

@@ -117,18 +117,20 @@ class Conversation:
         yield self.node.why(about or None).render()
 
     def vars(self, _: str) -> Iterator[str]:
-        from sleepcast.language import format_value
+        from sleepcast.core.units import value_in_words
+        from sleepcast.language.vocabulary import unit_of
 
         known = [
             (name, value) for name, value in self.node.variables() if not (name.startswith("active") and not value)
         ]
         width = max(len(name) for name, _ in known)
-        yield from (f"{name:<{width}}  {format_value(value)}" for name, value in known)
+        units = self.node.vocabulary
+        yield from (f"{name:<{width}}  {value_in_words(value, unit_of(name, units))}" for name, value in known)
         if self.node.groups:
             yield f"in {', '.join(sorted(self.node.groups))}"
 
     def rules(self, _: str) -> Iterator[str]:
-        from sleepcast.language import format_value
+        from sleepcast.core.units import value_in_words
 
         found = self.node.rules()
         if not found:
@@ -136,20 +138,22 @@ class Conversation:
         for rule in found:
             state = "active" if rule.active else "idle"
             state += f"  priority {rule.priority}" if rule.priority else ""
-            yield f"{rule.name}  {state}  last {format_value(rule.last_value)}  fired {rule.firings}  {rule.text}"
+            last = value_in_words(rule.last_value, rule.unit)
+            yield f"{rule.name}  {state}  last {last}  fired {rule.firings}  {rule.text}"
             if rule.last_fault:
                 yield f"  fault: {rule.last_fault}"
 
     def tick(self, count: str) -> Iterator[str]:
         from sleepcast.channel import Kind
-        from sleepcast.cli.standard_memory import reported_body
+        from sleepcast.language.reading_units import report_in_words
 
         if count and not (count.isascii() and count.isdecimal() and 1 <= int(count[:9]) <= MAX_TICKS):
             raise MisuseError(f":tick takes a number from 1 to {MAX_TICKS}, not {count[:40]}")
         for _ in range(int(count or 1)):
             self._tick += 1
             self.node.think(self._tick, self._tick * TICK_SECONDS)
-            yield from (reported_body(m.body) for m in self.node.outbox if m.kind is Kind.REPORT)
+            reports = [message.body for message in self.node.outbox if message.kind is Kind.REPORT]
+            yield from (report_in_words(body.get("label"), body.get("values")) for body in reports)
             yield from (f"told to other robots: {text}" for text in self.memory.told())
         yield f"tick {self._tick}, {self._tick * TICK_SECONDS:g} s"
 

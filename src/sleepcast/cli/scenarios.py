@@ -55,6 +55,8 @@ def _page(scenario: Scenario, name: str) -> str:
     """The page of a scenario, as text. name: how it was asked for, which is how it can be run."""
     import textwrap
 
+    from sleepcast.core.units import value_in_words
+
     robots = scenario.robots
     lines = [f"{scenario.name}: {scenario.title}", "", *textwrap.wrap(" ".join(scenario.about.split()), WIDTH), ""]
     lines.append(f"{robots.count} {robots.type}s; seed {scenario.seed}; a headless run lasts {scenario.seconds:g} s,")
@@ -63,7 +65,7 @@ def _page(scenario: Scenario, name: str) -> str:
         lines.append(f"{place.title}: {place.name}_x, {place.name}_y{f' ({place.about})' if place.about else ''}")
     lines += [f"{light.title}: a light, seen as sFlag, sRange, sBearing" for light in scenario.lights]
     for group in robots.groups:
-        values = ", ".join(f"{name} {value.value:g}" for name, value in group.values.items())
+        values = ", ".join(f"{name} {value_in_words(*value)}" for name, value in group.values.items())
         lines.append(f"{group.name}: {group.count} of them{f', with {values}' if values else ''}")
     for store in robots.stores:
         lines.append(f"{store.name}{f': {store.about}' if store.about else ''}")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from math import isnan, nan
+from collections.abc import Iterator
+from math import isnan
 
 from sleepcast.channel import Kind as Spoken
 from sleepcast.cli.memories import EVALUATED, REFUSED, UNKNOWN, UNREADABLE, EvalOutcome
@@ -29,6 +29,7 @@ from sleepcast.language.checker import Findings
 from sleepcast.language.functions import FUNCTIONS
 from sleepcast.language.parts import Part, walk
 from sleepcast.language.reader import is_name
+from sleepcast.language.reading_units import report_in_words
 from sleepcast.language.vocabulary import buffer_number, describe
 from sleepcast.mind.views import Result
 from sleepcast.node.node import Node
@@ -124,7 +125,7 @@ class StandardMemory:
 
     def _outcome(self, checked: Checked, result: Result) -> EvalOutcome:
         said = [_line(finding, checked.text) for finding in checked.warnings]
-        said += [reported(label, values) for label, values in result.printed]
+        said += [report_in_words(label, values) for label, values in result.printed]
         told = self.told()
         said += [f"told to other robots: {text}" for text in told]
         said += [f"fault: {fault}" for fault in result.faults]
@@ -175,16 +176,3 @@ def _finding(finding: Finding) -> dict[str, object]:
 
 def _line(finding: Finding, text: str) -> str:
     return f"{finding.severity}: {finding.render(text)}"
-
-
-def reported(label: str, values: Iterable[float]) -> str:
-    """What REPORT and PRINT say, as a line."""
-    shown = " ".join(map(format_value, values))
-    return f"{label}: {shown}" if label and shown else label or shown
-
-
-def reported_body(body: Mapping[str, object]) -> str:
-    """The same for the body of a REPORT message."""
-    label, values = body.get("label"), body.get("values")
-    numbers = values if isinstance(values, list) else []
-    return reported(str(label), [nan if value is None else value for value in numbers])

@@ -214,10 +214,10 @@ class Window:
         return unit_of(name, self.telemetry.minds.vocabulary)
 
     def _shown(self, name: str, value: float) -> str:
-        from sleepcast.core.units import shown
+        from sleepcast.core.units import value_in_words
 
         unit = self._unit(name)
-        return "?" if value != value else shown(value, unit).removesuffix(f" {unit}")
+        return "?" if value != value else value_in_words(value, unit).removesuffix(f" {unit}")
 
 
 def _print(window: Window) -> None:
@@ -250,12 +250,12 @@ def _flags(mind: RemoteMind) -> list[str]:
 
 def _stopped(mind: RemoteMind, unit: str) -> str:
     """Whether a stopped robot is at rest, still moves, or does not tell; in few letters."""
-    from sleepcast.core.units import shown
+    from sleepcast.core.units import value_in_words
 
     rest = mind.rest_state()
     if rest is None or rest.at_rest:
         return "STOPPED" if rest is None else "AT REST"
-    return f"STOPPING {shown(rest.speed, unit, 3)}"
+    return f"STOPPING {value_in_words(rest.speed, unit, 3)}"
 
 
 def _age(seconds: float) -> str:

@@ -107,7 +107,7 @@ class AccountTable:
             found.n_silent,
             len(command.expected),
             command.message.standing,
-            values_in_words(command, found, self._swarm.vocabulary),
+            values_in_words(command, found),
             found.scope,
             found.n_unknown,
             found.n_held,

@@ -18,7 +18,7 @@ from sleepcast.console.account_table import AccountTable, CommandRow
 from sleepcast.console.alerts import AlertBoard, Alerted
 from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver
-from sleepcast.console.explanation import ShownWhy, show_why
+from sleepcast.console.explanation import show_why
 from sleepcast.console.fields import FieldMaps, field_of
 from sleepcast.console.ground import pictured
 from sleepcast.console.histogram import Spread, spread
@@ -41,8 +41,9 @@ from sleepcast.console.view import KeptRule, MindView, ObstacleEditor, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, and_more
 from sleepcast.core.tasks import together
-from sleepcast.core.units import shown_value
-from sleepcast.language import Checked, Explanation, Finding, ReadError, Variable, format_value
+from sleepcast.core.units import value_in_words
+from sleepcast.language import Checked, Finding, ReadError, Variable
+from sleepcast.language.reading_units import report_in_words
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, SUPPORT, TIME_SLOT, unit_of
 from sleepcast.simulator import KERNELS, kernel_count
 from sleepcast.station import NO, UNKNOWN, YES, Command, NoExplanationError, Preview, Report, Station
@@ -307,10 +308,7 @@ class Backend:
                 raise
             sent = (each.message.issued for each in self._station.commands() if each.id == command)
             return self.past.why_now(next(sent, 0.0), incoming.Why(serial, robot, command))
-        return outgoing.Explained(serial, self._shown_why(explanation))
-
-    def _shown_why(self, explanation: Explanation) -> ShownWhy:
-        return show_why(explanation, self._swarm.vocabulary)
+        return outgoing.Explained(serial, show_why(explanation))
 
     def outcomes(self, serial: int, command: str, time: float = inf) -> outgoing.Answered:
         """What had become of a command at a time (s of the page's time) on each robot."""
@@ -323,8 +321,8 @@ class Backend:
         asked = next((each for each in self._station.commands() if each.id == command), None)
         if asked is not None and asked.kind != "ask":
             raise MisuseError(f"{command} was no question, so robots did not answer it with a value.")
-        unit = "" if asked is None else unit_of(asked.text.strip(), self._swarm.vocabulary)
         found = self._station.answers(command, names, self._began + time)
+        unit = self._station.accounting(command).unit
         return outgoing.Replied(serial, [answer_in_words(answer, unit) for answer in found])
 
     def failed(self, serial: int, rule: str) -> outgoing.Answered:
@@ -446,14 +444,14 @@ class Backend:
         return [f"no {' or '.join(self._swarm.scene.supplies)} left"] * there
 
     def _show_rule(self, rule: KeptRule) -> outgoing.ShownRule:
-        value = "never ran" if isnan(rule.last_value) else format_value(rule.last_value)
+        value = "never ran" if isnan(rule.last_value) else value_in_words(rule.last_value, rule.unit)
         return outgoing.ShownRule(rule.name, rule.text, rule.active, value, rule.last_fault, rule.priority)
 
     def _show_value(self, name: str, value: float) -> outgoing.ShownValue:
         vocabulary = self._swarm.vocabulary
         binding = vocabulary.bindings.get(name.casefold())
         kind = binding.kind.value if isinstance(binding, Variable) else "user"
-        return outgoing.ShownValue(name, shown_value(value, unit_of(name, vocabulary)), kind)
+        return outgoing.ShownValue(name, value_in_words(value, unit_of(name, vocabulary)), kind)
 
 
 def _show_finding(finding: Finding, text: str) -> outgoing.ShownFinding:
@@ -462,7 +460,5 @@ def _show_finding(finding: Finding, text: str) -> outgoing.ShownFinding:
 
 def _show_report(report: Report, began: float) -> outgoing.ShownReport:
     """A report's body is what a robot sent: any of it may be missing or of another kind."""
-    values = report.body.get("values")
-    listed = values if isinstance(values, list) else []
-    shown = [format_value(value) if isinstance(value, float | int) else "unknown" for value in listed]
-    return outgoing.ShownReport(report.heard - began, " ".join([str(report.body.get("label", "")), *shown]))
+    said = report_in_words(report.body.get("label"), report.body.get("values"))
+    return outgoing.ShownReport(report.heard - began, said)

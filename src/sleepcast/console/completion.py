@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.console.view import MindsView, SwarmView
-from sleepcast.core.units import shown_value
+from sleepcast.core.units import value_in_words
 from sleepcast.language import Constant, HostFunction, Variable
 from sleepcast.language.functions import BUILT_IN
+from sleepcast.language.reading_units import unit_of_dimension
 from sleepcast.language.symbols import Group, Operator, UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Vocabulary
 
@@ -40,7 +41,8 @@ def names_in(vocabulary: Vocabulary, column: Callable[[Variable], NDArray[np.flo
         if isinstance(binding, HostFunction):
             found.append(ShownName(binding.name, "robot", binding.doc, usage=binding.usage))
         elif isinstance(binding, Constant):
-            found.append(ShownName(binding.name, "constant", binding.doc, shown_value(binding.value, "")))
+            value = value_in_words(binding.value, unit_of_dimension(binding.dimension, vocabulary))
+            found.append(ShownName(binding.name, "constant", binding.doc, value))
         elif not ACTIVE0 < binding.slot < ACTIVE0 + BUFFERS:  # sixty-three flags would bury the other names
             quantity = binding.quantity
             values = _range(column(binding), quantity.shown_as or quantity.unit)
@@ -68,4 +70,4 @@ def _range(values: NDArray[np.float64], unit: str) -> str:
     if not known.size:
         return "unknown"
     low, high = float(known.min()), float(known.max())
-    return shown_value(low, unit) if low == high else f"{shown_value(low, unit)} … {shown_value(high, unit)}"
+    return value_in_words(low, unit) if low == high else f"{value_in_words(low, unit)} … {value_in_words(high, unit)}"

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from sleepcast.core.units import shown_value
+from sleepcast.core.units import value_in_words
 from sleepcast.fleet.state import Column, Mask
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Variable, VariableKind, unit_of
@@ -37,14 +37,15 @@ def first_difference(one: Swarm, other: Swarm) -> str | None:
             apart = np.flatnonzero((here != there) & ~(np.isnan(here) & np.isnan(there)) & counts)
             if apart.size:
                 robot = int(apart[0])
-                now, then = (shown_value(float(each[robot]), unit) for each in (here, there))
+                now, then = (value_in_words(float(each[robot]), unit) for each in (here, there))
                 return f"{name} of {names[robot]} is {now}, and was {then} before{_more(apart.size)}"
     for name in ("x", "y", "heading"):
         here, there = (getattr(swarm.simulator.bodies, name) for swarm in (one, other))
         apart = np.flatnonzero(here != there)
         if apart.size:
             robot = int(apart[0])
-            now, then = f"{here[robot]:g}", f"{there[robot]:g}"
+            unit = unit_of(name, one.vocabulary)
+            now, then = (value_in_words(float(each[robot]), unit) for each in (here, there))
             return f"the true {name} of {names[robot]} is {now}, and was {then} before{_more(apart.size)}"
     return None
 

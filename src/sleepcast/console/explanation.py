@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from math import isnan
 
 import msgspec
 
-from sleepcast.core.units import UNITS, shown_value
-from sleepcast.language import Explanation, Step, Vocabulary
+from sleepcast.core.units import value_in_words
+from sleepcast.language import Explanation, Step
 from sleepcast.language.functions import BUILT_IN
-from sleepcast.language.vocabulary import unit_of
 
-_LITERAL = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?(%|[a-z]+(?:/[a-z]+)?\d?)?\Z", re.IGNORECASE)
 _TRUTHS = frozenset({"compare", "truth"})
 
 
@@ -31,7 +28,7 @@ class ShownStep(msgspec.Struct, frozen=True):
 
 
 class ShownWhy(msgspec.Struct, frozen=True):
-    """Why a robot obeyed a command or did not, see `Explanation`."""
+    """Why a robot obeyed a command or did not, see `Explanation`. precedence: what a rule's priority means."""
 
     text: str
     matched: bool
@@ -39,24 +36,19 @@ class ShownWhy(msgspec.Struct, frozen=True):
     faults: tuple[str, ...]
     root: ShownStep
     held: bool = False
+    precedence: str = ""
 
 
-def show_why(explanation: Explanation, vocabulary: Vocabulary) -> ShownWhy:
-    """`explanation` for the page; the vocabulary says in which units values are read."""
-    root = _show(explanation.root, "", vocabulary)
+def show_why(explanation: Explanation) -> ShownWhy:
+    """`explanation` for the page."""
     about = (explanation.text, explanation.matched, explanation.reason, explanation.faults)
-    return ShownWhy(*about, root, explanation.held)
+    return ShownWhy(*about, _show(explanation.root), explanation.held, explanation.precedence)
 
 
-def _show(step: Step, unit: str, vocabulary: Vocabulary) -> ShownStep:
-    """unit: of what the part is compared with, which reads better than its own."""
-    rule = _rule(step)
-    inside = _unit_inside(step, vocabulary) if rule == "compare" else ""
-    parts = tuple(_show(part, inside, vocabulary) for part in step.children if not _LITERAL.match(part.text))
-    state = _state(step, rule)
-    value = (
-        "" if state in ("skipped", "true", "false") else shown_value(step.value, unit or unit_of(step.text, vocabulary))
-    )
+def _show(step: Step) -> ShownStep:
+    state = _state(step, _rule(step))
+    value = "" if state in ("skipped", "true", "false") else value_in_words(step.value, step.unit)
+    parts = tuple(_show(part) for part in step.children if not part.is_literal)
     return ShownStep(step.text, value, state, step.note, step.fault or "", parts)
 
 
@@ -76,10 +68,3 @@ def _state(step: Step, rule: str) -> str:
     if rule in _TRUTHS:
         return "true" if step.value else "false"
     return "value"
-
-
-def _unit_inside(step: Step, vocabulary: Vocabulary) -> str:
-    """The unit in which the operands of a comparison are read: a literal's as written, else a variable's."""
-    units = [match[1] or "" for part in step.children if (match := _LITERAL.match(part.text))]
-    units += [unit_of(part.text, vocabulary) for part in step.children]
-    return next((unit.casefold() for unit in units if unit.casefold() in UNITS), "")

@@ -21,7 +21,7 @@ from sleepcast.console.frames import pack
 from sleepcast.console.rerunner import Found
 from sleepcast.console.sensing import BodyKind
 from sleepcast.console.view import FieldPicture, Outline, Picture, Scene
-from sleepcast.core.units import shown_value
+from sleepcast.core.units import value_in_words
 from sleepcast.fleet.failing import RECENT
 from sleepcast.language import Vocabulary
 
@@ -184,7 +184,7 @@ def _values(film: Timeline, time: float, index: int) -> list[outgoing.ShownValue
     data = film.values.at(time)
     known = {} if data is None else values_of(data)
     return [
-        outgoing.ShownValue(name, "unknown" if values[index] is None else shown_value(values[index], unit), "sensor")
+        outgoing.ShownValue(name, "unknown" if values[index] is None else value_in_words(values[index], unit), "sensor")
         for name, values in known.items()
         if (unit := film.units.get(name)) is not None and index < len(values)
     ]

@@ -8,7 +8,8 @@ import numpy as np
 from sleepcast.console.outgoing import Said
 from sleepcast.console.values import Column, Values
 from sleepcast.core.angles import quantile
-from sleepcast.core.units import is_angle, shown_value
+from sleepcast.core.units import value_in_words
+from sleepcast.language import Checked
 
 POSE = ("x", "y", "heading")
 """The map shows these better than any number,"""
@@ -40,15 +41,15 @@ def glance(values: Values, serial: int) -> Glance:
 
 def _over(values: Values, name: str) -> ShownQuantity:
     found, _ = values.of(name)
-    return ShownQuantity(name, _shown(found, values.unit(name)), int(np.count_nonzero(np.isnan(found))))
+    return ShownQuantity(name, _shown(found, values.checked(name)), int(np.count_nonzero(np.isnan(found))))
 
 
-def _shown(found: Column, unit: str) -> list[str]:
+def _shown(found: Column, quantity: Checked) -> list[str]:
     known = found[~np.isnan(found)]
     if not known.size:
         return []
-    if is_angle(unit):
+    if quantity.is_angle:
         numbers = [quantile(known, share) for share in (0.0, 0.5, 1.0)]
     else:
         numbers = [float(known.min()), float(np.median(known)), float(known.max())]
-    return [shown_value(number, unit) for number in numbers]
+    return [value_in_words(number, quantity.unit) for number in numbers]

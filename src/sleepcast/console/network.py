@@ -14,6 +14,7 @@ from sleepcast.console import outgoing
 from sleepcast.console.backend import Backend
 from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver
+from sleepcast.console.explanation import show_why
 from sleepcast.console.frames import SILENT
 from sleepcast.console.operators import OperatorsDesk
 from sleepcast.console.view import KeptRule, MindView, SwarmView
@@ -250,7 +251,7 @@ class NetworkBackend(Backend):
             if asked.waited(LONGEST_WHY):
                 raise SleepcastError("The robot has not answered the question why.")
             await asyncio.sleep(LISTEN)
-        return outgoing.Explained(serial, self._shown_why(found))
+        return outgoing.Explained(serial, show_why(found))
 
     def _safety(self) -> outgoing.Safety:
         """The account of our own STOP; for a STOP of other operators, the telemetry since."""

@@ -156,7 +156,7 @@ class Plots:
         if not text or plot.read is not None or plot.what in OF_TRUE:
             return ""
         try:
-            return self._values.unit(text)
+            return self._values.checked(text).unit
         except SleepcastError:
             return ""
 

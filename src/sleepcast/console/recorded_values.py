@@ -21,16 +21,16 @@ from sleepcast.console.past import Past
 from sleepcast.console.plots import Plots, PlotSpec, ScenarioMeasure
 from sleepcast.console.rerunner import RerunError
 from sleepcast.console.series import Sample, columns_of
-from sleepcast.console.values import Column, Index, Mask, suggested_of, unit_for
+from sleepcast.console.values import Column, Index, Mask, suggested_of
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.fleet.inspection import QuietMemory
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.state import FleetState, Minds, Rows
-from sleepcast.language import CheckError, Variable, check
+from sleepcast.language import Checked, CheckError, Variable, check
 from sleepcast.language.parts import acts
 from sleepcast.language.symbols import Declared, FreshNames, Group
-from sleepcast.language.vocabulary import FROZEN, MARKED, SLEEPING, TIME_SLOT, Vocabulary, unit_of
+from sleepcast.language.vocabulary import FROZEN, MARKED, SLEEPING, TIME_SLOT, Vocabulary
 
 MOST_TIMES = 256
 """Times at which a plot of a recording is drawn."""
@@ -101,7 +101,7 @@ class RecordedValues:
 
     def of(self, text: str, robots: Index | None = None) -> tuple[Column, int]:
         rows = Rows.run(0, len(self.names)) if robots is None else Rows.of(robots)
-        checked = check(text, self._known())
+        checked = self.checked(text)
         program = checked.required()
         if checked.unknown:
             raise MisuseError(f"{CheckError(checked.findings, text, checked.more)}\n{HOLDS}")
@@ -113,9 +113,8 @@ class RecordedValues:
         reason = memory.reason[rows.index]
         return np.where(reason == 0, values, nan), 0
 
-    def unit(self, text: str) -> str:
-        variable = unit_of(text.strip(), self._film.vocabulary)
-        return variable or unit_for(check(text, self._known()), self._film.scene.unit)
+    def checked(self, text: str) -> Checked:
+        return check(text, self._known())
 
     def groups(self) -> Iterator[tuple[str, Mask]]:
         marks = self._film.marks_at(self._now())

@@ -13,7 +13,6 @@ import numpy as np
 from sleepcast.console.values import Column, Values, in_unit
 from sleepcast.core.angles import around_mean, deviation, mean_direction, quantile
 from sleepcast.core.truth import is_true
-from sleepcast.core.units import is_angle
 
 MOST_SAMPLES = 1_000
 """Of one series: as many as a plot has pixels."""
@@ -133,7 +132,7 @@ def sample_of(values: Values, what: str, x: str, where: str, unit: str) -> Sampl
         true = is_true(found)
         return [float(true.sum()) if what == "count" else float(true.mean()) if true.size else nan]
     names, of_numbers, of_angles = STATISTICS[what]
-    statistic = of_angles if is_angle(values.unit(x)) else of_numbers
+    statistic = of_angles if values.checked(x).is_angle else of_numbers
     known = found[np.isfinite(found)]
     if not known.size:
         return [nan] * len(names)

@@ -18,7 +18,7 @@ from sleepcast.console.values import Column, Index, Values, in_unit
 from sleepcast.core.columns import column_name
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.truth import is_true
-from sleepcast.core.units import shown_value
+from sleepcast.core.units import value_in_words
 
 BY_NUMBER, BY_GROUP = -1, -2
 """What a table is sorted by, if by none of its columns."""
@@ -139,12 +139,12 @@ class RobotTable:
         values, column = self._read(text, robots)
         if column.problem and column.problem != ASK:
             return column, [""] * len(robots)
-        return column, [shown_value(value, column.unit) for value in values.tolist()]
+        return column, [value_in_words(value, column.unit) for value in values.tolist()]
 
     def _read(self, text: str, robots: Index) -> tuple[Column, outgoing.ShownColumn]:
         """A column on these robots (ascending) in SI, unknown where something is wrong with it."""
         try:
-            unit = self._values.unit(text)
+            unit = self._values.checked(text).unit
             values, asked = self._values.of(text, robots)
         except SleepcastError as error:
             return np.full(len(robots), np.nan), outgoing.ShownColumn(text, "", str(error))

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.console.view import SwarmView
-from sleepcast.core.units import ACCELERATION, LENGTH, MASS, SPEED, TIME, UNITS
+from sleepcast.core.units import UNITS
 from sleepcast.language import Checked, Variable
-from sleepcast.language.vocabulary import VariableKind, Vocabulary, unit_of
+from sleepcast.language.vocabulary import VariableKind, Vocabulary
 from sleepcast.station import Station
 
 Column: TypeAlias = NDArray[np.float64]
@@ -21,7 +21,6 @@ Mask: TypeAlias = NDArray[np.bool_]
 
 MOST_SUGGESTED = 6
 """Columns of a table that nobody has chosen yet: they fit a small screen."""
-_UNITS = {TIME: "s", SPEED: "m/s", ACCELERATION: "m/s2", MASS: "kg"}
 
 
 class Values(Protocol):
@@ -42,8 +41,9 @@ class Values(Protocol):
         """The values on these robots (ascending; None stands for all) in SI, NaN for unknown; and on how many of them
         only a question to the robot itself could tell. Raises SleepcastError with what is wrong in the text."""
 
-    def unit(self, text: str) -> str:
-        """The unit in which people read the values, "" for plain numbers. Raises what `of` raises."""
+    def checked(self, text: str) -> Checked:
+        """The expression, which says what its values are: in which unit people read them, and whether they are angles.
+        Raises ReadError."""
 
     def groups(self) -> Iterable[tuple[str, Mask]]:
         """The groups, the newest last, with their members."""
@@ -75,9 +75,8 @@ class TelemetryValues:
         values, asked = self._station.values(text, places)
         return values, len(asked)
 
-    def unit(self, text: str) -> str:
-        variable = unit_of(text.strip(), self._swarm.vocabulary)
-        return variable or unit_for(self._station.check(text), self._swarm.scene.unit)
+    def checked(self, text: str) -> Checked:
+        return self._station.check(text)
 
     def groups(self) -> Iterable[tuple[str, Mask]]:
         minds = self._swarm.minds
@@ -87,14 +86,6 @@ class TelemetryValues:
 
     def suggested(self) -> list[str]:
         return suggested_of(self._swarm.vocabulary)
-
-
-def unit_for(found: Checked, length: str) -> str:
-    """A unit for the values of a text. length: the one in which people read the map."""
-    dimension = found.dimension
-    if found.is_angle:
-        return "deg"
-    return length if dimension == LENGTH else "" if dimension is None else _UNITS.get(dimension, "")
 
 
 def suggested_of(vocabulary: Vocabulary) -> list[str]:

@@ -118,7 +118,8 @@ class Scene(msgspec.Struct, frozen=True):
 
 
 class KeptRule(Protocol):
-    """One expression that a robot keeps: its last value is NaN, its last fault "" where there is none."""
+    """One expression that a robot keeps: its last value (SI, people read it in `unit`) is NaN, its last fault "" where
+    there is none."""
 
     @property
     def name(self) -> str: ...
@@ -132,6 +133,8 @@ class KeptRule(Protocol):
     def last_fault(self) -> str: ...
     @property
     def priority(self) -> int: ...
+    @property
+    def unit(self) -> str: ...
 
 
 class MindView(ObservedMind, Protocol):

@@ -100,19 +100,18 @@ def to_si(number: float, suffix: str) -> float:
     return number * UNITS[suffix].factor
 
 
-def shown(value: float, suffix: str, digits: int = 4) -> str:
-    """`value` (SI) in the unit `suffix` for a person, with its unit: `43.1 %`, `2.13 mi`; unknown is UNKNOWN."""
-    if math.isnan(value):
-        return "UNKNOWN"
-    if not suffix:
-        return f"{value:.{digits}g}"
-    return f"{value / UNITS[suffix].factor:.{digits}g} {suffix}"
+def value_in_words(value: float | None, unit: str, digits: int | None = None) -> str:
+    """`value` (SI) as people read it, rounded, with its unit ("" for a plain number): `43.1 %`, `2.13 mi`.
 
-
-def shown_value(value: float | None, unit: str) -> str:
-    """A value with its unit, in as many digits as people read: `43.1 %`; large plain numbers without an exponent."""
+    NaN is "unknown", None is "". digits: significant ones; by default 4 with a unit and 6 without. No digit before the
+    point is lost, and nothing below 1e15 has an exponent.
+    """
     if value is None:
         return ""
     if math.isnan(value):
         return "unknown"
-    return shown(value, unit) if unit else f"{value:.6g}"
+    number = value / UNITS[unit].factor if unit else value
+    text = f"{number + 0.0:.{digits or (4 if unit else 6)}g}"  # no -0
+    if "e+" in text and abs(number) < 1e15:
+        text = f"{number:.0f}"
+    return f"{text} {unit}" if unit else text

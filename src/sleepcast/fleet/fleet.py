@@ -39,7 +39,7 @@ from sleepcast.fleet.scheduler import BatchScheduler, expired
 from sleepcast.fleet.state import Column, FleetState, Index, Mask, Mind, MindNames, Minds, Rows
 from sleepcast.language.explain import Explanation, Recollection, explain, foretell, rehearse
 from sleepcast.language.functions import MAX_HOPS
-from sleepcast.language.lint import Checked, check
+from sleepcast.language.lint import Checked, check, unit_of_program
 from sleepcast.language.parts import Part
 from sleepcast.language.program import Program
 from sleepcast.language.reader import read, show
@@ -179,6 +179,7 @@ class RobotView:
                     inf if leases is None else float(leases[self.place]),
                     kept.shown_priority,
                     kept.protected,
+                    unit_of_program(kept.program),
                 )
             )
         return found
@@ -254,7 +255,7 @@ class RobotView:
         kept = self._mind.rules.get((command or "").casefold())
         if kept is not None:
             memory, stopped = rehearsal(self._fleet.memory, self.place), self.stopped
-            return rehearse(kept.program, memory, command=kept.name, stopped=stopped)
+            return rehearse(kept.program, memory, command=kept.name, stopped=stopped, priority=kept.shown_priority)
         what = "no command" if command is None else f"no command or rule {command}"
         raise SleepcastError(f"{self.name} remembers {what}: {self._fleet.evaluation_log.limits()}")
 

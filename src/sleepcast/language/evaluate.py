@@ -14,6 +14,7 @@ from typing import Protocol
 
 from sleepcast.language.numerics import normal
 from sleepcast.language.parts import Part
+from sleepcast.language.vocabulary import Vocabulary
 
 MAX_DEPTH = 32
 """Buffers and operators entered inside one another."""
@@ -23,7 +24,8 @@ of which Python grants a thousand."""
 
 
 class Entered(Protocol):
-    """Something that can be entered from inside an evaluation: a program. slots: the length of values it needs."""
+    """Something that can be entered from inside an evaluation: a program. slots: the length of values it needs.
+    vocabulary: what its names mean."""
 
     root: Part
     text: str
@@ -31,6 +33,7 @@ class Entered(Protocol):
     height: int
     locals: int
     slots: int
+    vocabulary: Vocabulary
 
     def run(self, memory: Memory, *arguments: float) -> float: ...
 

@@ -6,18 +6,22 @@ ran (a `Recollection`). The course is walked again when somebody asks, which giv
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import isnan, nan
 
-from sleepcast.core.units import shown
+from sleepcast.core.units import value_in_words
 from sleepcast.language.evaluate import Entered, Memory, Walker, is_true, too_deep
+from sleepcast.language.lint import units_in
 from sleepcast.language.parts import Part, deciding, host_of, walk
 from sleepcast.language.program import MAX_STEPS, OutOfSteps, Program
-from sleepcast.language.reader import List, Number, format_value, show
+from sleepcast.language.reader import List, show
+from sleepcast.language.reading_units import COMPARING, compared_unit
 from sleepcast.language.rehearsal import Answer, Rehearsal, Replay
 from sleepcast.language.vocabulary import Variable, VariableKind
 
+_BEGINS_NUMBER = frozenset("0123456789.+-")
 HELD_VERDICT = "held by STOP, so it did not move"
 """What a robot did about a command that matched and would have moved it, while STOP held it."""
 
@@ -39,7 +43,8 @@ class Recollection:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One part of an explained expression. value None: it was not evaluated. note: what a person should look at."""
+    """One part of an explained expression. value: SI, None: it was not evaluated. note: what a person should look at.
+    unit: in which people read the value."""
 
     text: str
     value: float | None
@@ -48,10 +53,18 @@ class Step:
     fault: str | None = None
     note: str = ""
     children: tuple[Step, ...] = ()
+    unit: str = ""
 
     @property
     def evaluated(self) -> bool:
         return self.value is not None
+
+    @property
+    def is_literal(self) -> bool:
+        """Whether it is a number that is read as it was written, or was not looked at."""
+        if self.value is None:
+            return self.text[:1] in _BEGINS_NUMBER
+        return not self.children and value_in_words(self.value, self.unit).replace(" ", "") == self.text
 
     def to_dict(self) -> dict[str, object]:
         """The step for JSON: unknown is the string "UNKNOWN", not evaluated is null."""
@@ -70,7 +83,7 @@ class Step:
 @dataclass(frozen=True, slots=True)
 class Explanation:
     """Why an evaluation gave what it gave. reason: the first test that did not hold and by how much, "" if all did.
-    held: the robot obeyed and was to move, and STOP held it."""
+    held: the robot obeyed and was to move, and STOP held it. priority: of the rule that it tells of."""
 
     text: str
     value: float
@@ -81,11 +94,19 @@ class Explanation:
     command: str = ""
     time: float = 0.0
     held: bool = False
+    priority: int = 0
 
     @property
     def verdict(self) -> str:
         """What the robot did about it, in words."""
         return (HELD_VERDICT if self.held else "obeyed") if self.matched else "did not obey"
+
+    @property
+    def precedence(self) -> str:
+        """What its priority means, in words; "" for a rule without one, and for a command."""
+        if not self.priority:
+            return ""
+        return f"priority {self.priority}: rules of a lower one run before it, and its assignments win over theirs"
 
     def to_dict(self) -> dict[str, object]:
         """The explanation for JSON."""
@@ -109,17 +130,19 @@ class Explanation:
         shown_lines = [f"{value:>{width}}  {text}{note}" for value, text, note in lines]
         if self.reason:
             shown_lines.append(f"not for this robot: {self.reason}")
+        if self.precedence:
+            shown_lines.append(self.precedence)
         if self.held:
             shown_lines.append(HELD_VERDICT)
         return "\n".join(shown_lines)
 
 
 def _lines(step: Step, depth: int) -> Iterator[tuple[str, str, str]]:
-    value = "." if step.value is None else format_value(step.value)
+    value = value_in_words(step.value, step.unit) or "."
     note = step.fault or step.note
     yield value, "  " * depth + step.text, f"   <- {note}" if note else ""
     for child in step.children:
-        if child.children or child.text != (value if child.value is not None else ""):
+        if not child.is_literal:
             yield from _lines(child, depth + 1)
 
 
@@ -128,11 +151,24 @@ def explain(recollection: Recollection) -> Explanation:
     return _explained(recollection, Replay(recollection.values, recollection.groups, recollection.answers))
 
 
-def rehearse(program: Program, memory: Rehearsal, *, command: str = "", stopped: bool = False) -> Explanation:
+def rehearse(
+    program: Program, memory: Rehearsal, *, command: str = "", stopped: bool = False, priority: int = 0
+) -> Explanation:
     """What `program` would do now: walked with nothing done, nothing said and nothing kept. stopped: whether STOP holds
-    the body."""
+    the body. priority: of the rule that it is."""
     recollection = Recollection(program, list(memory.values), memory.groups, [], command=command, stopped=stopped)
-    return _explained(recollection, memory)
+    return replace(_explained(recollection, memory), priority=priority)
+
+
+def with_units(step: Step, program_of: Callable[[str], Program | None], beside: str = "") -> Step:
+    """The same step with its units, which another robot does not send. program_of: gives the program of a text, None if
+    it has none; beside: the unit of what the step is compared with."""
+    program, own, compared = program_of(step.text), "", ""
+    if program is not None:
+        unit = units_in(program)
+        own, compared = _unit(program.root, step.value, unit), _compared_unit(program.root, unit)
+    children = tuple(with_units(child, program_of, compared) for child in step.children)
+    return replace(step, children=children, unit=beside or own)
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,19 +227,22 @@ def _explained(recollection: Recollection, memory: Rehearsal) -> Explanation:
     )
 
 
-def _step(part: Part, text: str, course: _Course, tracer: Tracer, wanting: Part | None) -> Step:
+def _step(part: Part, text: str, course: _Course, tracer: Tracer, wanting: Part | None, beside: str = "") -> Step:
+    """beside: the unit of what the part is compared with."""
     children: list[Step] = []
+    compared = _compared_unit(part, tracer.unit)
     for inside in part.parts:
         # A WHEN is a COND of one clause with the same text: its pieces are shown as its own.
         pieces = inside.parts if inside.op == "clause" and inside.form is part.form else (inside,)
-        children += [_step(piece, text, course, tracer, wanting) for piece in pieces]
+        children += [_step(piece, text, course, tracer, wanting, compared) for piece in pieces]
     inner = tracer.inner.get(part.index)
     if inner is not None:
         children.append(_step(inner.program.root, inner.program.text, course, inner, None))
     note = shortfall(part, tracer) if part is wanting else ""
     value = tracer.found.get(part.index)
     fault = course.faults.get((id(part), 0))
-    return Step(show(part.form), value, part.form.start, part.form.end, fault, note, tuple(children))
+    unit = beside or _unit(part, value, tracer.unit)
+    return Step(show(part.form), value, part.form.start, part.form.end, fault, note, tuple(children), unit)
 
 
 # ---- the tracer: remembers the value of every part
@@ -216,6 +255,11 @@ class Tracer(Walker):
         super().__init__(memory, program, arguments)
         self.found: dict[int, float] = {}
         self.inner: dict[int, Tracer] = {}
+
+    @cached_property
+    def unit(self) -> Callable[[Part], str]:
+        """Gives the unit in which people read the value of a part."""
+        return units_in(self.program)
 
     def value(self, part: Part) -> float:
         value = super().value(part)
@@ -299,17 +343,19 @@ def refusal(program: Program, tracer: Tracer) -> str:
 
 def shortfall(part: Part, tracer: Tracer) -> str:
     """How far `part` is from true, in a sentence's half: `fuel = 43.1 %, needed > 50 %`."""
-    if part.op == "pure" and part.name in ("<", "<=", ">", ">=", "=", "EQ", "/=") and len(part.parts) == 2:
+    if _compares(part) and len(part.parts) == 2:
         left, right = part.parts
         if left.op == "const" and right.op != "const":
             left, right = right, left
             operator = {"<": ">", ">": "<", "<=": ">=", ">=": "<="}.get(part.name, part.name)
         else:
             operator = part.name
-        unit = _unit(left, right)
+        unit = _compared_unit(part, tracer.unit)
         have, want = (tracer.found.get(p.index, nan) for p in (left, right))
-        needed = shown(want, unit) if right.op == "const" else f"{show(right.form)} ({shown(want, unit)})"
-        known = f"{show(left.form)} = {shown(have, unit)}" if have == have else f"{show(left.form)} is unknown"
+        needed = (
+            value_in_words(want, unit) if right.op == "const" else f"{show(right.form)} ({value_in_words(want, unit)})"
+        )
+        known = f"{show(left.form)} = {value_in_words(have, unit)}" if have == have else f"{show(left.form)} is unknown"
         return f"{known}, needed {'=' if operator == 'EQ' else operator} {needed}"
     value = tracer.found.get(part.index, nan)
     if part.op == "in":
@@ -318,16 +364,18 @@ def shortfall(part: Part, tracer: Tracer) -> str:
         return f"none of {len(part.parts)} alternatives holds in {show(part.form)}"
     if value != value:
         return f"{show(part.form)} is unknown"
-    return f"{show(part.form)} = {format_value(value)}, needed true"
+    return f"{show(part.form)} = {value_in_words(value, tracer.unit(part))}, needed true"
 
 
-def _unit(left: Part, right: Part) -> str:
-    """The unit to show two compared values in: of the literal as it was written, else of the variable."""
-    for part in (right, left):
-        if isinstance(part.form, Number) and part.form.unit:
-            return part.form.unit
-    for part in (left, right):
-        if isinstance(part.data, Variable):
-            quantity = part.data.quantity
-            return quantity.shown_as or quantity.unit
-    return ""
+def _compares(part: Part) -> bool:
+    return part.op == "pure" and part.name in COMPARING
+
+
+def _unit(part: Part, value: float | None, unit: Callable[[Part], str]) -> str:
+    """The unit in which a part's value is read. The 0 of a WHEN or COND of which no test held measures nothing."""
+    return "" if part.op == "cond" and value == 0.0 else unit(part)
+
+
+def _compared_unit(part: Part, unit: Callable[[Part], str]) -> str:
+    """The unit in which the operands of a comparison are read; "" for any other part."""
+    return compared_unit(part.parts, map(unit, part.parts)) if _compares(part) else ""

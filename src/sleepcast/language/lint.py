@@ -8,31 +8,33 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from math import inf, isfinite
 
 from sleepcast.core.model import Constant, HostFunction, Quantity
-from sleepcast.core.units import LENGTH, NONE, Dimension, shown, to_si
-from sleepcast.language.angles import is_angle
+from sleepcast.core.units import LENGTH, NONE, Dimension, to_si, value_in_words
 from sleepcast.language.checker import Checker, CheckError, Finding, Findings
+from sleepcast.language.evaluate import Entered
 from sleepcast.language.parts import ACTING, Part, host_of, walk
 from sleepcast.language.program import Program, build
 from sleepcast.language.reader import Form, List, Number, brief, format_literal, read
+from sleepcast.language.reading_units import is_angle, unit_to_read
 from sleepcast.language.symbols import Names
-from sleepcast.language.vocabulary import Variable, VariableKind
+from sleepcast.language.vocabulary import Variable, VariableKind, Vocabulary
 
 
 @dataclass(frozen=True, slots=True)
 class Checked:
     """A text that was checked. found: what is wrong or doubtful in it. program: None if there is any error. cost: its
-    static bound in steps. dimension: of its value, None where that is not known. by: whose names make it wrong, in a
-    sentence; or, where they do not count, who they are; "" where it is the same for all."""
+    static bound in steps. unit: in which people read its value, "" for a plain number. by: whose names make it wrong,
+    in a sentence; or, where they do not count, who they are; "" where it is the same for all."""
 
     text: str
     found: Findings
     program: Program | None
     cost: int
-    dimension: Dimension | None = None
+    unit: str = ""
     by: str = ""
 
     @property
@@ -84,17 +86,30 @@ def check(text: str, names: Names) -> Checked:
     """Read and check one expression. Raises ReadError for text that cannot be read; everything else is a finding."""
     form = read(text)
     program, checker = build(text, [form], names)
-    advice = _Advice(text, names, checker.findings)
+    advice = _Advice(text, names.vocabulary, checker.findings)
     advice.on(program, checker)
     sound = None if checker.findings.counts["error"] else program
-    return Checked(text, checker.findings, sound, program.cost, advice.dimensions.get(program.root))
+    return Checked(text, checker.findings, sound, program.cost, advice.unit(program.root))
+
+
+def units_in(program: Entered) -> Callable[[Part], str]:
+    """Gives the unit in which people read the value of a part of this program."""
+    advice = _Advice(program.text, program.vocabulary, Findings(program.text))
+    advice.dimension(program.root)
+    return advice.unit
+
+
+@lru_cache(maxsize=512)
+def unit_of_program(program: Entered) -> str:
+    """The unit in which people read the value of a program; the same ones are asked again and again."""
+    return units_in(program)(program.root)
 
 
 class _Advice:
     """One pass over the parts, from the inside out, carrying dimensions; None is a dimension that anything fits."""
 
-    def __init__(self, text: str, names: Names, findings: Findings) -> None:
-        self.text, self.names, self.findings = text, names, findings
+    def __init__(self, text: str, vocabulary: Vocabulary, findings: Findings) -> None:
+        self.text, self.vocabulary, self.findings = text, vocabulary, findings
         self.dimensions: dict[Part, Dimension | None] = {}
 
     def on(self, program: Program, checker: Checker) -> None:
@@ -111,6 +126,10 @@ class _Advice:
 
     def warn(self, message: str, form: Form) -> None:
         self.findings.note("warning", message, form.start, form.end)
+
+    def unit(self, part: Part) -> str:
+        """The unit in which people read the value of a part that was looked at."""
+        return unit_to_read(part, self.dimensions.get(part), self.vocabulary)
 
     def dimension(self, part: Part) -> Dimension | None:
         """The dimension of `part`'s value; what is doubtful inside it is noted on the way."""
@@ -143,7 +162,7 @@ class _Advice:
         return None
 
     def _constant(self, part: Part) -> Dimension | None:
-        found = self.names.vocabulary.bindings.get(part.name)
+        found = self.vocabulary.bindings.get(part.name)
         return found.dimension if isinstance(found, Constant) else None
 
     def _same(self, part: Part, inside: list[Dimension | None]) -> Dimension | None:
@@ -286,12 +305,12 @@ _TURNED = {"<": ">", ">": "<", "<=": ">=", ">=": "<="}
 
 def _runs(quantity: Quantity) -> str:
     """Where a variable lies, as declared: `fuel runs from 0 % to 100 %`."""
-    unit = quantity.shown_as or quantity.unit
+    low, high = (value_in_words(end, quantity.shown_as or quantity.unit) for end in (quantity.low, quantity.high))
     if isfinite(quantity.low) and isfinite(quantity.high):
-        return f"{quantity.name} runs from {shown(quantity.low, unit)} to {shown(quantity.high, unit)}"
+        return f"{quantity.name} runs from {low} to {high}"
     if isfinite(quantity.low):
-        return f"{quantity.name} is never below {shown(quantity.low, unit)}"
-    return f"{quantity.name} is never above {shown(quantity.high, unit)}"
+        return f"{quantity.name} is never below {low}"
+    return f"{quantity.name} is never above {high}"
 
 
 def _range_hint(quantity: Quantity, limit: Part) -> str:

@@ -48,7 +48,7 @@ class Program:
     and operators it names. free: keys of learned names it depends on; meanings: what they were when it was checked, as
     far as they had been learned. declares: rules and groups that the text itself makes. stores: keys that it stores
     expressions under, with what those use. test: the top-level test as a program of its own, None if everybody
-    matches. acts, chancy: of the whole program. slots: the length of values it needs.
+    matches. acts, chancy: of the whole program. slots: the length of values it needs. vocabulary: what its names mean.
     """
 
     def __init__(self, forms: Sequence[Form], root: Part, parameters: int, checker: Checker, steps: int) -> None:
@@ -59,7 +59,7 @@ class Program:
         self.meanings = {key: found for key, found in learned.items() if found is not None}
         self.stores = dict(checker.pending_uses)
         self.declares = {key: _DECLARES[sort] for key, sort in checker.pending.items() if sort in _DECLARES}
-        self.locals, self.cost = checker.locals, steps
+        self.locals, self.cost, self.vocabulary = checker.locals, steps, checker.names.vocabulary
         parts = walk(root)
         for index, part in enumerate(parts):
             part.index = index

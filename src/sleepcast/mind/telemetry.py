@@ -285,6 +285,7 @@ class ExplanationRecord(msgspec.Struct, omit_defaults=True):
     time: float
     root: StepRecord
     held: bool = False
+    priority: int = 0
 
     @classmethod
     def of(cls, found: Explanation, most: int) -> ExplanationRecord:
@@ -299,10 +300,11 @@ class ExplanationRecord(msgspec.Struct, omit_defaults=True):
             found.time,
             StepRecord.of(found.root, most),
             found.held,
+            found.priority,
         )
 
     def made(self) -> Explanation:
-        about = (tuple(self.faults), self.command, self.time, self.held)
+        about = (tuple(self.faults), self.command, self.time, self.held, self.priority)
         return Explanation(self.text, _value(self.value), self.matched, self.reason, self.root.made(), *about)
 
 

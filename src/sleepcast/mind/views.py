@@ -26,7 +26,7 @@ class RuleView:
 
     lease: time (s) at which it is deactivated, inf for never. last_value, last_fault, steps: of its last evaluation.
     firings: evaluations in which its test held. priority: rules with a higher one are evaluated later; of its
-    host, or the `:priority` of its RULE. protected: built in.
+    host, or the `:priority` of its RULE. protected: built in. unit: in which people read the last value.
     """
 
     name: str
@@ -39,6 +39,7 @@ class RuleView:
     lease: float
     priority: int
     protected: bool
+    unit: str = ""
 
 
 @dataclass(frozen=True, slots=True)

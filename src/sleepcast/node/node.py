@@ -38,7 +38,7 @@ from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import RestState
 from sleepcast.language.explain import Explanation, Recollection, explain, foretell, rehearse
 from sleepcast.language.functions import MAX_HOPS
-from sleepcast.language.lint import Checked, check
+from sleepcast.language.lint import Checked, check, unit_of_program
 from sleepcast.language.parts import Part
 from sleepcast.language.program import Program, decide, evaluate
 from sleepcast.language.reader import read, show
@@ -216,7 +216,8 @@ class Node:
         for rule in in_order(self._memory.base.rules):
             r = self._memory.records[rule.key]
             done = r.last_value, r.last_fault, r.steps, r.firings, r.lease
-            found.append(RuleView(rule.name, rule.text, rule.active, *done, rule.shown_priority, rule.protected))
+            rank, unit = (rule.shown_priority, rule.protected), unit_of_program(rule.program)
+            found.append(RuleView(rule.name, rule.text, rule.active, *done, *rank, unit))
         return found
 
     def variables(self) -> list[tuple[str, float]]:
@@ -363,7 +364,8 @@ class Node:
                 return explain(recollection)
         rule = self._memory.base.rules.get((command or "").casefold())
         if rule is not None:
-            return rehearse(rule.program, self._memory.rehearsal(), command=rule.name, stopped=self.stopped)
+            memory, priority = self._memory.rehearsal(), rule.shown_priority
+            return rehearse(rule.program, memory, command=rule.name, stopped=self.stopped, priority=priority)
         what = "no command" if command is None else f"no command or rule {command}"
         raise SleepcastError(f"{self.name} remembers {what}: it keeps the last {MAX_RECOLLECTIONS} commands")
 

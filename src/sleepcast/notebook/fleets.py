@@ -11,6 +11,7 @@ from sleepcast.console.adapters.mission import SwarmMission
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
+from sleepcast.console.explanation import show_why
 from sleepcast.console.network import NetworkBackend
 from sleepcast.console.view import Scene
 from sleepcast.core.clock import WallClock
@@ -65,7 +66,7 @@ class PatientBackend(NetworkBackend):
 
     def why(self, serial: int, robot: int, command: str) -> outgoing.Explained:
         found = ask_why(self._asked, self._telemetry, self._name(robot), command)
-        return outgoing.Explained(serial, self._shown_why(found))
+        return outgoing.Explained(serial, show_why(found))
 
 
 def connected_desk(

@@ -20,8 +20,8 @@ from sleepcast.channel.message_batch import natural_order
 from sleepcast.core.ages import ago
 from sleepcast.core.angles import mean_direction, quantile
 from sleepcast.core.errors import printable
-from sleepcast.core.units import shown_value
-from sleepcast.language.vocabulary import Vocabulary, unit_of
+from sleepcast.core.units import value_in_words
+from sleepcast.language import Checked
 from sleepcast.station.rest import RestAccount
 from sleepcast.station.roster import Index, Seconds, of_robots
 from sleepcast.station.sent import (
@@ -80,7 +80,7 @@ class Account:
 
     codes: by place, as in `Answers.codes`; addressed: so many of them, from the first on, count as silent.
     heard: when each was last heard (s of the desk's clock, -inf: never). only, size, conflicts: see `Command`.
-    angles: whether what was asked for is an angle.
+    unit, angles: of what was asked for: in which people read it, and whether it is an angle.
     """
 
     command: str
@@ -94,6 +94,7 @@ class Account:
     size: int = 0
     rest: RestAccount | None = None
     conflicts: Mapping[str, str] = field(default_factory=dict)
+    unit: str = ""
     angles: bool = False
 
     @cached_property
@@ -290,14 +291,15 @@ class Account:
         return "never heard" if heard is None else f"last heard {ago(self.now - heard)}"
 
 
-def account(command: Command, now: float, heard: Seconds, *, angles: bool = False) -> Account:
-    """The account of `command` at `now`. heard: when each robot was last heard (-inf: never), by place; angles: whether
-    it asks for an angle."""
+def account(command: Command, now: float, heard: Seconds, asked: Checked | None = None) -> Account:
+    """The account of `command` at `now`. heard: when each robot was last heard (-inf: never), by place; asked: what it
+    asks for, None for what is no question."""
     answers = command.answers
     codes = answers.codes.copy()
     rest = command.resting if command.kind is Kind.STOP else None
-    asked = command.only, command.size, rest, dict(command.conflicts)
-    return Account(command.id, command.text, now, codes, command.addressed, heard.copy(), answers, *asked, angles)
+    about = command.only, command.size, rest, dict(command.conflicts)
+    quantity = ("", False) if asked is None else (asked.unit, asked.is_angle)
+    return Account(command.id, command.text, now, codes, command.addressed, heard.copy(), answers, *about, *quantity)
 
 
 def rest_counts(found: RestAccount) -> dict[str, object]:
@@ -311,15 +313,18 @@ def answer_in_words(answer: Answer | None, unit: str) -> str:
         return ""
     if answer.outcome is Outcome.FAULT:
         return "fault"
-    return "unknown" if answer.value is None else shown_value(answer.value, unit)
+    return "unknown" if answer.value is None else value_in_words(answer.value, unit)
 
 
-def values_in_words(command: Command, account: Account, vocabulary: Vocabulary) -> str:
+def values_in_words(command: Command, account: Account) -> str:
     """The answer to a question as people read it; "" for none."""
     if command.kind != "ask":
         return ""
-    found, unit = account.values, unit_of(command.text.strip(), vocabulary) or ("deg" if account.angles else "")
-    if found is None:
-        return "no value yet"
-    least, mean, greatest = (shown_value(each, unit) for each in (found.least, found.mean, found.greatest))
-    return f"{found.count:,} values: min {least}, mean {mean}, max {greatest}"
+    found = account.values
+    return "no value yet" if found is None else f"{found.count:,} values: {spread_in_words(found, account.unit)}"
+
+
+def spread_in_words(found: ValueSummary, unit: str) -> str:
+    """`min 4.2 %, mean 50.1 %, max 97.3 %`."""
+    least, mean, greatest = (value_in_words(each, unit) for each in (found.least, found.mean, found.greatest))
+    return f"min {least}, mean {mean}, max {greatest}"

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from math import inf, nan
 from typing import NamedTuple, Protocol
@@ -27,7 +28,8 @@ from sleepcast.channel.name_conflicts import NameConflicts
 from sleepcast.core.backoff import Backoff
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.core.model import RestState
-from sleepcast.language.explain import Explanation
+from sleepcast.language import Checked
+from sleepcast.language.explain import Explanation, with_units
 from sleepcast.language.functions import FUNCTIONS
 from sleepcast.language.parts import Part
 from sleepcast.language.program import Library, Program
@@ -100,6 +102,7 @@ class RemoteRule:
     priority: int = 0
     last_value: float = nan
     last_fault: str = ""
+    unit: str = ""
 
 
 class RemoteMind:
@@ -558,6 +561,8 @@ class Requester(Protocol):
 
     def is_held(self, robot: str, command: str) -> bool: ...
 
+    def check(self, text: str, *, only: Sequence[str] | None = None) -> Checked: ...
+
 
 class TelemetryClient:
     """Requests telemetry from robots on the air. minds: where it is stored."""
@@ -596,14 +601,23 @@ class TelemetryClient:
         return found
 
     def explanation(self, asked: Command, robot: str) -> Explanation | None:
-        """What the robot said to that question; None while nothing has come. Raises SleepcastError for what it said it
-        cannot tell. One of version 0.2.0 does not say here that STOP held it; its answer to the command did."""
+        """What the robot said to that question, with the units in which people here read its values; None while nothing
+        has come. Raises SleepcastError for what it said it cannot tell. One of version 0.2.0 does not say here that
+        STOP held it; its answer to the command did."""
         found = self._whys.get((asked.id, robot))
         if isinstance(found, SleepcastError):
             raise found
-        if found is not None and not found.held and self._station.is_held(robot, found.command):
-            found = replace(found, held=True)
-        return found
+        if found is None:
+            return None
+        held = found.held or self._station.is_held(robot, found.command)
+        return replace(found, held=held, root=with_units(found.root, partial(self._program, robot)))
+
+    def _program(self, robot: str, text: str) -> Program | None:
+        """The program of a text that this robot sent, None for one that cannot be read: a long one has lost its end."""
+        try:
+            return self._station.check(text, only=[robot]).program
+        except SleepcastError:
+            return None
 
     def hear(self, heard: Iterable[Message]) -> None:
         """Take in answers, and request what is missing then."""

@@ -21,7 +21,7 @@ from sleepcast.channel.message_batch import NameIndex, natural_order
 from sleepcast.core.errors import printable
 from sleepcast.core.model import RestState
 from sleepcast.core.serial import Array, SerialError
-from sleepcast.core.units import UNITS, shown
+from sleepcast.core.units import UNITS, value_in_words
 from sleepcast.language.vocabulary import Vocabulary, unit_of
 from sleepcast.mind.telemetry import read_motion
 from sleepcast.station.roster import Index, Seconds, longer
@@ -181,8 +181,8 @@ def state_in_words(state: RestState, speed_unit: str, length_unit: str) -> str:
     if isnan(state.speed):
         return "speed unknown"
     unit = SMALLER.get(length_unit, length_unit) if state.distance < 0.1 * UNITS[length_unit].factor else length_unit
-    way = "" if isnan(state.distance) else f", {shown(state.distance, unit, DIGITS)} to go"
-    return f"{shown(state.speed, speed_unit, DIGITS)}{way}"
+    way = "" if isnan(state.distance) else f", {value_in_words(state.distance, unit, DIGITS)} to go"
+    return f"{value_in_words(state.speed, speed_unit, DIGITS)}{way}"
 
 
 def stopped_in_words(state: RestState | None, vocabulary: Vocabulary) -> str:

@@ -19,6 +19,7 @@ import numpy as np
 from sleepcast.channel import Kind
 from sleepcast.channel.message import Message
 from sleepcast.channel.name_conflicts import Holder, NameConflicts, sentences
+from sleepcast.core.units import value_in_words
 from sleepcast.station.roster import Index, Roster
 from sleepcast.station.sent import Answer, Command, Outcome, SentCommands
 from sleepcast.station.validation import DoubtError, Mask
@@ -187,7 +188,7 @@ def _merged(command: Command, answers: dict[int, Answer], needed: dict[int, Hold
 
 
 def _value(answer: Answer) -> str:
-    return "unknown" if answer.value is None else f"{answer.value:g}"
+    return "unknown" if answer.value is None else value_in_words(answer.value, "")
 
 
 def _told(name: str, found: HolderAnswers) -> str:

@@ -630,14 +630,14 @@ class Station:
         """The account of the command with this id. Raises NoSuchCommandError."""
         with self._lock:
             sent = self._sent.get(command)
-            angles = sent.kind is Kind.ASK and self._is_angle(sent.text)
-            return account(sent, self._clock.now(), self._roster.heard, angles=angles)
+            return account(sent, self._clock.now(), self._roster.heard, self._asked(sent))
 
-    def _is_angle(self, text: str) -> bool:
+    def _asked(self, sent: Command) -> Checked | None:
+        """What a question asks for; None for a command, and for a look at robots, which has no text."""
         try:
-            return self.check(text).is_angle
-        except SleepcastError:  # a look at robots, which has no text, say
-            return False
+            return self.check(sent.text) if sent.kind is Kind.ASK else None
+        except SleepcastError:
+            return None
 
     def is_held(self, robot: str, command: str) -> bool:
         """Whether this robot has answered a command by saying that STOP held it."""

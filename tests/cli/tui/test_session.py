@@ -170,7 +170,7 @@ def test_a_question_to_some_counts_only_them(seat: Seat) -> None:
         seat.session.next_sort()
     assert seat.session.enter("(+ id 1)")
     seat.run(1.0)
-    assert "answered 3, mean 3 (3 to 3), silent 0" in seat.shown()
+    assert "answered 3, min 3, mean 3, max 3, silent 0" in seat.shown()
 
 
 def test_many_are_counted_by_hand() -> None:

@@ -6,10 +6,10 @@ from collections.abc import Iterable
 
 from sleepcast.cli.prompt import WordCompleter, usage_of
 from sleepcast.cli.tui.commands import QUESTIONS
-from sleepcast.cli.tui.panes import span
 from sleepcast.cli.tui.session import TuiSession
+from sleepcast.core.units import value_in_words
 from sleepcast.language.symbols import Group
-from sleepcast.language.vocabulary import Variable
+from sleepcast.language.vocabulary import Variable, unit_of
 from sleepcast.station.remote import RemoteMinds
 
 
@@ -33,7 +33,8 @@ class SessionNames(WordCompleter):
             return usage
         if members is not None:
             return f"group of {members}"
-        return span(values) if values is not None else ""
+        unit = unit_of(name, minds.vocabulary)
+        return " to ".join(value_in_words(value, unit) for value in values or ())
 
 
 def names_of(minds: RemoteMinds) -> list[str]:

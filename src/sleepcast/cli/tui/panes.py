@@ -18,9 +18,10 @@ from sleepcast.cli.account import FEW
 from sleepcast.cli.describe import answer_text
 from sleepcast.core.ages import ago
 from sleepcast.core.errors import printable
-from sleepcast.core.units import shown
+from sleepcast.core.units import value_in_words
 from sleepcast.language import Variable
-from sleepcast.station.account import Account
+from sleepcast.language.vocabulary import unit_of
+from sleepcast.station.account import Account, spread_in_words
 from sleepcast.station.roster import of_robots
 from sleepcast.station.sent import Command
 
@@ -147,7 +148,8 @@ def _value(session: TuiSession, robot: str, name: str) -> str:
     mind, binding = session.mind(robot), session.telemetry.minds.vocabulary.bindings.get(name.casefold())
     if mind is None or not isinstance(binding, Variable):
         return "?"
-    return shown(mind.values[binding.slot], binding.quantity.shown_as or binding.quantity.unit).replace(" ", "")
+    value = mind.values[binding.slot]
+    return value_in_words(value, unit_of(name, session.telemetry.minds.vocabulary)).replace(" ", "")
 
 
 def _age(seconds: float) -> str:
@@ -192,8 +194,8 @@ def _became(command: Command, found: Account) -> str:
         return found.sentence()
     if command.kind is Kind.ASK:
         values = found.values
-        mean = f" mean {values.mean:.4g} ({span((values.least, values.greatest))})," if values is not None else ""
-        return f"answered {found.n_matched},{mean} {_silence(found)}"
+        spread = f" {spread_in_words(values, found.unit)}," if values is not None else ""
+        return f"answered {found.n_matched},{spread} {_silence(found)}"
     return f"released {found.n_matched}, {_silence(found)}"
 
 
@@ -278,11 +280,6 @@ def keys(width: int) -> Line:
 
 
 # ---- fitting
-
-
-def span(values: tuple[float, float]) -> str:
-    """`0.1 to 0.9`."""
-    return " to ".join(f"{value:.4g}" for value in values)
 
 
 def clipped(text: str, width: int) -> str:

@@ -245,7 +245,7 @@ class TuiSession:
             elif text:
                 self._send(self._request(text, doubted))
         except NotConfirmedError as error:
-            self.complain(f"{error}. Shift-Tab lets it go to all")
+            self.complain(f"{error}. To send it to all, press Shift-Tab and then Enter")
             return False
         except DoubtError as error:
             self.complain(f"{error.why}. Press Enter once more to send it as it stands")

@@ -262,7 +262,7 @@ class ReplayWorker:
             if again.differs is None:
                 raise RerunError(f"{fleet.names[asked.robot]} {_why_unexplained(again, sent, answered=answer.heard)}")
             return Found(again.rerun.tick, differs=again.differs)
-        why = show_why(fleet.at(asked.robot).why(asked.command), again.swarm.vocabulary)
+        why = show_why(fleet.at(asked.robot).why(asked.command))
         return Found(again.rerun.tick, said=encode(outgoing.Explained(asked.serial, why)), differs=again.differs)
 
     def _forgot(self, again: _Again, asked: incoming.Why) -> bool:

@@ -7,7 +7,7 @@ from math import floor, log10, pi
 import numpy as np
 
 from sleepcast.console.view import FieldPicture, ShownField
-from sleepcast.core.units import shown
+from sleepcast.core.units import value_in_words
 from sleepcast.simulator import Scenario, Simulator
 from sleepcast.simulator.bodies.field_map import FieldMap, coarse, still_map
 from sleepcast.simulator.scenario.fields import Field, ScalarField
@@ -74,7 +74,7 @@ def _shown(value: float, low: float, high: float, unit: str) -> str:
         size = floor(log10(span))
         value = round(value, 2 - size) + 0.0  # no -0
         digits = min(MOST_DIGITS, max(digits, 3 + floor(log10(max(abs(low), abs(high)))) - size))
-    return shown(value, unit, digits)
+    return value_in_words(value, unit, digits)
 
 
 def round_above(value: float) -> float:

@@ -61,6 +61,7 @@ export class Prompt extends EventTarget {
     this.find("send").addEventListener("click", () => this.send());
     const everybody = this.find("everybody-yes");
     everybody.addEventListener("change", () => this.showSend());
+    for (const moved of ["focus", "blur"]) everybody.addEventListener(moved, () => this.showEverybody());
     onceMore(everybody, () => {
       everybody.checked = true;
       this.send();
@@ -267,9 +268,16 @@ export class Prompt extends EventTarget {
       this.find("everybody-yes").checked = this.trusting && this.readyMade(this.editor.text) !== undefined;
     }
     if (everybody) {
-      const count = (answer.yes + answer.no + answer.unknown).toLocaleString("en");
-      this.find("everybody-text").textContent = `This applies to all ${count} robots. Send anyway? (Enter twice)`;
+      this.everybodys = (answer.yes + answer.no + answer.unknown).toLocaleString("en");
+      this.showEverybody();
     }
+  }
+
+  // How many robots a command to all is for, and what is to be pressed: after the first Enter the box has the focus.
+  showEverybody() {
+    const asked = document.activeElement === this.find("everybody-yes");
+    const press = asked ? "Enter once more" : "Enter twice";
+    write(this.find("everybody-text"), `This applies to all ${this.everybodys} robots. Send anyway? (${press})`);
   }
 
   // What is wrong with the text: why it was refused, which no later preview takes away, and what checking found.

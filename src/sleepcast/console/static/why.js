@@ -22,7 +22,10 @@ export function drawWhy(pane, why, row) {
   tree.setAttribute("role", "tree");
   tree.setAttribute("aria-label", "The expression with its values");
   tree.append(branch(why.root, 1));
-  pane.replaceChildren(verdict, reason, tree);
+  const precedence = document.createElement("p");
+  precedence.textContent = why.precedence;
+  precedence.hidden = !why.precedence;
+  pane.replaceChildren(verdict, reason, precedence, tree);
 }
 
 function verdictOf(why) {

@@ -1,6 +1,8 @@
-"""Which expressions are angles."""
+"""In which units people read expressions, and which of them are angles."""
 
 from __future__ import annotations
+
+from math import nan
 
 import pytest
 
@@ -9,6 +11,7 @@ from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.model import HostFunction, Quantity
 from sleepcast.language import Vocabulary, check
 from sleepcast.language.learned_names import LearnedNames
+from sleepcast.language.reading_units import report_in_words
 
 
 @pytest.fixture(scope="module")
@@ -69,3 +72,49 @@ def test_the_unit_that_is_shown_counts_too() -> None:
     host = HostFunction("WIND", lambda body: 0.0, acts=False, unit="deg")
     vocabulary = Vocabulary("boat", (Quantity("roll", "", shown_as="deg"),), functions=(host,))
     assert all(check(text, LearnedNames(vocabulary)).is_angle for text in ("roll", "(WIND)"))
+
+
+UNITS = {
+    "fuel": "%",
+    "(- 1 fuel)": "%",
+    "(MIN fuel 50%)": "%",
+    "(IF (> id 2) fuel 0)": "%",
+    "(ROUND fuel)": "%",
+    "(* 2 fuel)": "",
+    "(IF (> id 2) fuel heading)": "deg",
+    "x": "mi",
+    "(DIST x y 0 0)": "mi",
+    "(* 2 x)": "mi",
+    "(* speed 10s)": "mi",
+    "(* x y)": "",
+    "3ft": "ft",
+    "(- x 3ft)": "mi",
+    "speed": "kn",
+    "(/ x 2s)": "kn",
+    "(/ speed 2s)": "m/s2",
+    "time": "s",
+    "heading": "deg",
+    "(ABS (- heading 90deg))": "deg",
+    "(> fuel 50%)": "",
+    "id": "",
+    "3": "",
+    "mine": "",
+}
+
+
+def test_a_value_is_read_in_the_unit_of_what_it_is_made_of() -> None:
+    station = sc.open("bravo", robots=2).station
+    assert {text: station.check(text).unit for text in UNITS} == UNITS
+
+
+def test_lengths_are_read_as_positions_are_and_without_them_in_metres() -> None:
+    inches, nothing = Vocabulary("a", (Quantity("x", "m", shown_as="in"),)), Vocabulary("b")
+    assert check("(* 2 3m)", LearnedNames(inches)).unit == "in"
+    assert check("(* 2 3m)", LearnedNames(nothing)).unit == "m"
+
+
+def test_what_is_reported_is_a_label_and_plain_numbers() -> None:
+    assert report_in_words("low", [0.4312345678, nan, None]) == "low: 0.431235 unknown unknown"
+    assert report_in_words("", [2.0]) == "2"
+    assert report_in_words("here", []) == "here"
+    assert report_in_words(None, "no list") == ""

@@ -612,7 +612,7 @@ def test_a_robot_shows_its_values_rules_and_reports(rovers: Page) -> None:
     rovers.keyboard.press("ArrowRight")
     expect(rovers.locator("#pane-rules tr", has_text="careful (priority 2)")).to_contain_text("● yes")
     rovers.keyboard.press("ArrowRight")
-    expect(rovers.locator("#pane-said")).to_contain_text("level 0.")
+    expect(rovers.locator("#pane-said")).to_contain_text("level: 0.")
 
 
 def test_a_click_on_a_command_lights_those_that_it_matched(rovers: Page) -> None:

@@ -325,7 +325,7 @@ class TestStop:
         view, clock = SwarmAdapter(swarm), ManualClock()
         driver = Driver(view, Pace(clock, swarm, 1.0), clock, waits=True)
         waiting = Stand(swarm, station, clock, Backend(view, station, driver, clock))
-        waiting.swarm.introduce()
+        waiting.swarm.send_initial_telemetry()
         waiting.desk.stop()
         assert safety(waiting) == (
             True,

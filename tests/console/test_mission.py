@@ -52,7 +52,7 @@ class Stand:
 
     def __init__(self, swarm: Swarm, station: Station) -> None:
         self.swarm, self.station = swarm, station
-        self.swarm.introduce()
+        self.swarm.send_initial_telemetry()
         self.mission = SwarmMission(swarm, station)
         self.held = 0
         self.mission.hold = self._hold

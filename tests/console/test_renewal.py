@@ -126,7 +126,7 @@ class TestRenewing:
             for again in (True, False):
                 swarm = maker.swarm
                 assert swarm is not None
-                swarm.introduce()
+                swarm.send_initial_telemetry()
                 swarm.run(5.0)
                 hashes.append(swarm.simulator.state_hash())
                 if again:
@@ -142,7 +142,7 @@ class TestRenewing:
             (alert,) = runs.desk.alerts.shown().alerts
             assert (alert.text, alert.count, alert.fired) == ("marked", -1, 0)
             assert maker.swarm is not None
-            maker.swarm.introduce()
+            maker.swarm.send_initial_telemetry()
             runs.desk.alerts.look()
             runs.desk.send(1, "(WHEN (< id 3) (MARK))", False)
             maker.swarm.run(5.0)

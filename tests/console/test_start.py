@@ -86,7 +86,7 @@ def test_stop_starts_nothing(desk: Desk) -> None:
 
 def test_the_start_picture_has_a_preview_and_looking_at_it_changes_no_run(desk: Desk, tmp_path: Path) -> None:
     assert desk.backend.preview(1, "(WHEN (> battery 60%) (MARK))").unknown == 20
-    desk.driver.swarm.introduce()
+    desk.driver.swarm.send_initial_telemetry()
     found = desk.backend.preview(2, "(WHEN (> battery 60%) (MARK))")
     assert found.unknown == 0
     assert 0 < found.yes < 20

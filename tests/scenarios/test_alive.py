@@ -38,7 +38,7 @@ def shown(swarm: Swarm) -> tuple[bytes, bytes, bytes, int]:
 def test_the_first_press_brings_it_to_life(name: str) -> None:
     scenario = few_of(name)
     swarm, station = assemble(scenario, None, mission=False, threads=1)
-    swarm.introduce()
+    swarm.send_initial_telemetry()
     together = [command for command in scenario.commands if command.together]
     assert len(together) != 1, "one alone is not together with anything"
     for command in scenario.repeats * together or scenario.commands[:1]:

@@ -98,7 +98,7 @@ class Driver(FrameSource):
         if self._prepare is not None:
             await aside(self._prepare)
             self._ready = True
-        self.swarm.introduce()
+        self.swarm.send_initial_telemetry()
         self.draw()
         while True:
             if self.pace.paused:

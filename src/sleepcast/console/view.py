@@ -216,7 +216,7 @@ class SwarmView(Protocol):
     def now(self) -> float:
         """Simulated seconds since the start."""
 
-    def introduce(self) -> None:
+    def send_initial_telemetry(self) -> None:
         """Let the station know how robots are, if there has been no tick that would have."""
 
     def step(self) -> None:

@@ -195,7 +195,7 @@ def run_test(test: SavedTest, *, threads: int | None = None, ticks: Iterable[int
     warm_up(test.scenario, threads)
     fleet = SimulatedFleet(*assemble(test.scenario, test.seed, mission=test.own_mission, threads=threads))
     swarm, station, tick = fleet.swarm, fleet.station, test.scenario.tick
-    swarm.introduce()
+    swarm.send_initial_telemetry()
     judge, waiting, sent = GoalJudge(test.goals, test.name), list(reversed(test.orders)), list[str]()
     with fleet:
         for done in range(test.ticks) if ticks is None else ticks:

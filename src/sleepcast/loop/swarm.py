@@ -226,7 +226,7 @@ class Swarm:
         """The rows of these slots in the simulator's table."""
         return [slot - self.vocabulary.first_sensor for slot in sonars]
 
-    def introduce(self) -> None:
+    def send_initial_telemetry(self) -> None:
         """Sample telemetry now: before the first tick, the desk has heard of nobody. Changes nothing that a run depends
         on."""
         if self.desk is not None:

@@ -50,7 +50,7 @@ def simulated_desk(
     pace = Pace(clock, swarm, swarm.simulator.scenario.speed_up, step)
     pace.paused = True
     seen = SteppedSwarm(swarm, step)
-    seen.introduce()
+    seen.send_initial_telemetry()
     driver = Driver(seen, pace, clock, waits=seen.tick == 0)
     mission = SwarmMission(swarm, station, log) if swarm.simulator.scenario.mission else None
     return NotebookDesk(Backend(seen, station, driver, clock, mission=mission), clock, turn)

@@ -184,7 +184,7 @@ class ReplayWorker:
             swarm = Swarm(Simulator(scenario_of(data), seed))
         swarm.desk = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm)
         if not swarm.simulator.tick:
-            swarm.introduce()
+            swarm.send_initial_telemetry()
         return Found(swarm.simulator.tick, state=copy_of(swarm).packed())
 
     def _advance(self, question: Question) -> Found:

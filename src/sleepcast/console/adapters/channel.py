@@ -39,7 +39,7 @@ LEAST_SIDE = 2.0
 """m: a map of one robot has a size, too."""
 ROW = 0.05
 """Of the map's height: from the map to the row of robots without a position, and to the next such row."""
-A_ROW = 40
+ROBOTS_PER_ROW = 40
 """Robots in one such row."""
 RADIUS = 0.2
 """m: a robot of unknown size; the page draws it large enough to be seen."""
@@ -208,7 +208,7 @@ class FleetAdapter:
         """What is solid stays as in the scene."""
         return None
 
-    def introduce(self) -> None:
+    def send_initial_telemetry(self) -> None:
         """Robots tell of themselves when they are asked."""
 
     def exhausted(self) -> None:
@@ -267,8 +267,8 @@ class FleetAdapter:
     def _aside(self, number: int) -> tuple[float, float]:
         """Where a robot without a position is drawn."""
         left, low, right, high = self.scene.area
-        row, column = divmod(number, A_ROW)
-        return left + (column + 0.5) * (right - left) / A_ROW, low - (row + 0.6) * ROW * (high - low)
+        row, column = divmod(number, ROBOTS_PER_ROW)
+        return left + (column + 0.5) * (right - left) / ROBOTS_PER_ROW, low - (row + 0.6) * ROW * (high - low)
 
     # ---- what goes on
 

@@ -58,10 +58,10 @@ class SwarmAdapter:
         """Simulated seconds since the start."""
         return self._swarm.now()
 
-    def introduce(self) -> None:
+    def send_initial_telemetry(self) -> None:
         """Let the station know how robots are at the start."""
         if self.tick == 0:
-            self._swarm.introduce()
+            self._swarm.send_initial_telemetry()
 
     def step(self) -> None:
         """One tick of everything."""

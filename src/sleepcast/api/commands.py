@@ -24,7 +24,7 @@ from sleepcast.language import Checked, Explanation, check
 from sleepcast.language.learned_names import LearnedNames
 from sleepcast.station import Command, Preview, Station
 from sleepcast.station.prepared import Prepared, Terms
-from sleepcast.station.validation import Audience, is_mere_test, robot_names
+from sleepcast.station.validation import Audience, is_predicate_only, robot_names
 
 if TYPE_CHECKING:
     from sleepcast.api.mission import Mission
@@ -34,13 +34,13 @@ if TYPE_CHECKING:
 WAIT = 2.0
 """Seconds for which a command waits for answers: robots answer at once, and a lossy radio asks them again."""
 
-_GONE: ContextVar[Event | None] = ContextVar("gone", default=None)
+_CANCELLED: ContextVar[Event | None] = ContextVar("cancelled", default=None)
 """Set on a thread whose caller has been cancelled: it takes no further turn."""
 
 
 def _refuse_cancelled() -> None:
     """Raises MisuseError on a thread whose caller has been cancelled."""
-    if (gone := _GONE.get()) is not None and gone.is_set():
+    if (cancelled := _CANCELLED.get()) is not None and cancelled.is_set():
         raise MisuseError("this was cancelled")
 
 
@@ -49,7 +49,7 @@ Result = TypeVar("Result")
 Arguments = ParamSpec("Arguments")
 
 
-def beside(
+def to_async(
     method: Callable[Concatenate[Fleet, Arguments], Result],
 ) -> Callable[Concatenate[Fleet, Arguments], Awaitable[Result]]:
     """The same method for a program with asyncio: it waits on a thread of its own."""
@@ -57,18 +57,18 @@ def beside(
     async def awaited(fleet: Fleet, /, *given: Arguments.args, **named: Arguments.kwargs) -> Result:
         from asyncio import CancelledError, to_thread  # loading it takes longer than the rest of this module
 
-        gone = Event()
-        before = _GONE.set(gone)  # the thread has it from here
+        cancelled = Event()
+        before = _CANCELLED.set(cancelled)  # the thread has it from here
         try:
             found: Result = await to_thread(getattr(fleet, method.__name__), *given, **named)
         except CancelledError:
-            gone.set()
+            cancelled.set()
             raise
         finally:
-            _GONE.reset(before)
+            _CANCELLED.reset(before)
         return found
 
-    awaited.__doc__ = beside.__doc__
+    awaited.__doc__ = to_async.__doc__
     return awaited
 
 
@@ -175,7 +175,7 @@ class Fleet(ABC):
         the reasons. Nothing is done. For a test alone, as `(> fuel 50%)`, it is for which robots it holds. Raises
         ReadError and CheckError for a text that no robot could run."""
         checked = self.station.check(text)
-        return self.station.preview(f"(WHEN {text} 1)" if is_mere_test(checked.required()) else checked)
+        return self.station.preview(f"(WHEN {text} 1)" if is_predicate_only(checked.required()) else checked)
 
     @overload
     def send(
@@ -524,14 +524,14 @@ class Fleet(ABC):
 
     # ---- for programs with asyncio: each waits on a thread of its own
 
-    arun = beside(run)
-    aplay = beside(play)
-    apreview = beside(preview)
-    asend = beside(send)
-    aask = beside(ask)
-    astop = beside(stop)
-    arelease = beside(release)
-    awhy = beside(why)
+    arun = to_async(run)
+    aplay = to_async(play)
+    apreview = to_async(preview)
+    asend = to_async(send)
+    aask = to_async(ask)
+    astop = to_async(stop)
+    arelease = to_async(release)
+    awhy = to_async(why)
 
 
 @contextmanager

@@ -92,13 +92,13 @@ def who(text: str, poll: bool, told: bool, air: AirOptions, as_json: bool) -> in
       sleepcast who --poll '(WHEN (< (SONAR 0) 1m) (ST))'
     """
     from sleepcast.station.asking import look_around
-    from sleepcast.station.validation import is_mere_test
+    from sleepcast.station.validation import is_predicate_only
 
     with observing_station(air, complain) as (station, telemetry):
         if not (poll or told):
             look_around(station, telemetry)
         checked = station.check(text)
-        asked = f"(WHEN {text} 1)" if is_mere_test(checked.required()) else text
+        asked = f"(WHEN {text} 1)" if is_predicate_only(checked.required()) else text
         found = _polled(station, asked) if poll else _foreseen(station, asked)
         found.standing = telemetry.minds.standing()
         found.expected = station.fleet_size > 0

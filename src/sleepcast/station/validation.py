@@ -214,7 +214,7 @@ Minds = Mapping[str, ObservedMind]
 """The minds of a fleet by the robots' names."""
 
 
-Judged = tuple[NDArray[np.float64], NDArray[np.uint8], list[str]]
+PreviewResult = tuple[NDArray[np.float64], NDArray[np.uint8], list[str]]
 """What a program comes to on some robots, NaN for unknown; where that cannot be said, which of the reasons, listed
 last, is why (from 1; 0 where it can be said)."""
 
@@ -222,7 +222,7 @@ last, is why (from 1; 0 where it can be said)."""
 class TelemetryTable(Protocol):
     """The latest telemetry of robots, by their places."""
 
-    def values(self, program: Program, robots: Index) -> Judged:
+    def values(self, program: Program, robots: Index) -> PreviewResult:
         """What a program that does nothing comes to on these robots, all of which have sent telemetry."""
 
 
@@ -448,7 +448,7 @@ class TelemetryRows:
         """What the robot at a place tells now; its numbers are copied."""
         self._rows[place] = (news.name, list(news.values), news.groups)
 
-    def values(self, program: Program, robots: Index) -> Judged:
+    def values(self, program: Program, robots: Index) -> PreviewResult:
         memory = PreviewMemory()
         nameless = [part.name.casefold() for part in walk(program.root) if part.op in ("absent", "missing")]
         values, reason = np.full(len(robots), nan), np.zeros(len(robots), np.uint8)
@@ -526,7 +526,7 @@ _TESTS = frozenset({"or", "known", "in", "prob"})
 """Special forms that are no more than tests."""
 
 
-def is_mere_test(program: Program) -> bool:
+def is_predicate_only(program: Program) -> bool:
     """Whether this is a test and nothing else. Sent as it is, all robots would evaluate it and do nothing; a desk that
     is asked about it asks for which robots it holds."""
     root = program.root

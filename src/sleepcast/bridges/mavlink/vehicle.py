@@ -60,7 +60,7 @@ SETTINGS = {
     "ceiling": "30",
 }
 """What can be set in a URI, and what holds otherwise. Speeds in m/s and rad/s; ceiling: m above where it started."""
-WE, OUR_COMPONENT = 255, 190
+GCS_SYSTEM_ID, GCS_COMPONENT_ID = 255, 190
 """How we call ourselves: the usual numbers of a ground station."""
 SILENT = 2.0
 """Seconds without a message after which the vehicle is out of reach: two of its heartbeats."""
@@ -504,7 +504,7 @@ class MavlinkVehicle(BridgedBody):
                 seen = message.satellites_visible
                 self._state = (*self._state[:2], float(message.fix_type), nan if seen == 255 else float(seen))
             case "COMMAND_ACK":
-                if message.target_system in (0, WE) and message.target_component in (0, OUR_COMPONENT):
+                if message.target_system in (0, GCS_SYSTEM_ID) and message.target_component in (0, GCS_COMPONENT_ID):
                     self._hear_answer(message.command, message.result)
             case "STATUSTEXT" if message.severity <= 4:  # a warning, or worse
                 text = printable(message.text.strip("\0 "))[:MAX_SAID]
@@ -623,7 +623,7 @@ def open_body(uri: str, opening: Opening) -> MavlinkVehicle:
     speed, turn, acceleration = (address.number(name, most=100.0) for name in ("speed", "turn_rate", "acceleration"))
     limits = Limits(speed, turn, acceleration)
     ceiling = address.number("ceiling", most=10_000.0, unit="m")
-    link = open_link(address, PORT, WE, OUR_COMPONENT)
+    link = open_link(address, PORT, GCS_SYSTEM_ID, GCS_COMPONENT_ID)
     try:
         heartbeat = _meet(link, system, f"{address.host}:{address.port or PORT}")
         modes = MODES[heartbeat.type]

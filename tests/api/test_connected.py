@@ -186,7 +186,7 @@ class TestReading:
 
     @pytest.mark.parametrize(
         ("text", "complaint"),
-        [("idd", "did you mean id"), ("(", "is not closed"), ("(JOIN a)", "without doing it"), ("(FOO)", "FOO")],
+        [("idd", "did you mean id"), ("(", "is not closed"), ("(JOIN a)", "cannot be previewed"), ("(FOO)", "FOO")],
     )
     def test_what_cannot_be_read_is_refused(self, fleet: sc.ConnectedFleet, text: str, complaint: str) -> None:
         with pytest.raises(sc.errors.SleepcastError, match=complaint):
@@ -208,7 +208,7 @@ class TestRefused:
         assert set(fleet.ask("feul", sure=True, wait=PATIENT).values.values()) == {None}
         with pytest.raises(UnknownRobotError):
             fleet.why("nobody")
-        with pytest.raises(CountNeededError, match="4 was said"):
+        with pytest.raises(CountNeededError, match="you gave 4"):
             fleet.send("(WHEN (> id 0) (MARK))", count=4)
         assert len(fleet.send("(WHEN (> feul 50%) (MARK))", sure=True, wait=PATIENT).unknown) == 6
 

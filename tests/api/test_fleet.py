@@ -169,8 +169,8 @@ class TestReading:
         [
             ("fule", "fuel"),
             ("(", "is not closed"),
-            ("(JOIN a)", "without doing it"),
-            ("(RANDOM 0 1)", "without doing it"),
+            ("(JOIN a)", "cannot be previewed"),
+            ("(RANDOM 0 1)", "cannot be previewed"),
         ],
     )
     def test_what_cannot_be_read_is_refused(self, text: str, complaint: str) -> None:

@@ -232,7 +232,7 @@ def test_a_robot_that_lacks_a_topic_says_so_at_the_desk(channel: str) -> None:
         said.until(lambda lines: count(lines, "is up, with 0 rules; 1 robot") == 1)
         with desk(channel) as told:
             told.until("nobody publishes /scout1/battery_state: battery and volts are unknown")
-        said.until(partial(any_has, "map is no robot of this mapping, and gets no mind: nobody publishes /map/scan"))
+        said.until(partial(any_has, "skipped map, which is no robot of this mapping: nobody publishes /map/scan"))
         process.terminate()
         assert process.wait(LONGEST) == 143
     del kept

@@ -118,7 +118,7 @@ def test_a_key_that_is_in_use_is_taken_where_no_other_is_named(tmp_path: Path, m
     asked = AirOptions("udp://127.0.0.1:1", "lab", None, None, None)
     taken = called("keys", "use", "chief")
     assert "take the key of chief (commander) from now on" in taken.out
-    assert "node and swarm take the development key as yet" in taken.err
+    assert "node and swarm still use the development key" in taken.err
     assert called("keys", "use", "r*").err == ""
     said: list[str] = []
     pair, trust = keys_of(asked, False, said.append)

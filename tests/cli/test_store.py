@@ -153,7 +153,7 @@ def test_robots_with_a_damaged_store_stand_and_every_desk_says_so(channel: str, 
         assert exchange(session, "heading", Kind.ASK) == before, "STOP holds"
         robots = json.loads(called("watch", "--once", "--json", "--channel", channel).out)["robots"]
         assert [robot["doubt"] for robot in robots if robot["stopped"]] == ["its store was damaged"] * 3
-        told = "until RELEASE stand r1, r2, r3: its store was damaged"
+        told = "stopped until RELEASE: r1, r2, r3 (its store was damaged)"
         assert told in called("who", turn, "--told", "--channel", channel).out
         assert told in " ".join(called("watch", "--once", "--channel", channel).out.split())
         assert exchange(session, "", Kind.RELEASE) == dict.fromkeys(NAMES, "released")

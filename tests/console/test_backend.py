@@ -329,7 +329,7 @@ class TestStop:
         waiting.desk.stop()
         assert safety(waiting) == (
             True,
-            "STOP holds: time has not begun, so no robot moves. All robots are sent STOP with the first tick.",
+            "STOP holds: the run has not started, so no robot moves. All robots are sent STOP with the first tick.",
         )
         assert [row.waiting for row in waiting.desk.commands().rows] == ["for the start"]
         assert driver.waiting, "STOP does not let time begin"

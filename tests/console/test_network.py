@@ -104,7 +104,7 @@ def test_robots_that_stand_because_of_their_store_are_told(tmp_path: Path, monke
         Program("console", "--channel", uri, "--every", "0.3") as started,
         open_page(started) as page,
     ):
-        page.until("safety", lambda news: "Until RELEASE stand r1, r2: its store was empty." in news["sentence"])
+        page.until("safety", lambda news: "Stopped until RELEASE: r1, r2 (its store was empty)." in news["sentence"])
         assert page.news["safety"]["latched"]
         assert called("release", "--channel", uri).status == 0
         page.until("safety", lambda news: "its store" not in news["sentence"])

@@ -85,7 +85,7 @@ def test_what_is_wrong_is_said_where_it_is(table: RobotTable) -> None:
     wrong = rows(table, "x", where="(> batery 1)")
     assert (wrong.rows, wrong.total) == ([], 0)
     assert "did you mean battery?" in wrong.problem
-    assert "without doing it" in rows(table, "(MARK)").columns[0].problem
+    assert "cannot be previewed" in rows(table, "(MARK)").columns[0].problem
 
 
 def test_what_only_robots_know_is_unknown(table: RobotTable) -> None:

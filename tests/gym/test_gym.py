@@ -352,7 +352,7 @@ class TestVector:
         ({"observations": ["fule"]}, "fule"),
         ({"actions": ["drive_sped"]}, "did you mean drive_speed"),
         ({"actions": ["(DRIVE 5"]}, "parenthesis|closed|missing"),
-        ({"reward": "(ST)"}, "without doing it"),
+        ({"reward": "(ST)"}, "cannot be previewed"),
         ({"until": "share"}, "wanted a measure and a bound"),
         ({"seconds": -1.0}, "seconds -1.0: wanted from"),
         ({"ticks": 0}, "ticks 0: wanted"),

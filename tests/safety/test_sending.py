@@ -154,7 +154,7 @@ def test_who_certainly_does_not_obey_needs_no_count() -> None:
     desk = scene.desk()
     desk.observe(scene.clock.now(), [robot.node for robot in scene.fleet.values()])
     desk.send("(WHEN (> x 50) (DROP))")
-    with pytest.raises(CountNeededError, match=r"nobody may obey, 2 was said\. Nothing was sent"):
+    with pytest.raises(CountNeededError, match=r"nobody may obey, you gave 2\. Nothing was sent"):
         desk.send("(WHEN (> x 50) (DROP))", count=2)
 
 

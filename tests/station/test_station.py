@@ -69,7 +69,7 @@ def test_values_that_only_the_robots_know_must_be_asked_for(fleet: Fleet) -> Non
 
 
 def test_values_of_what_acts_or_is_unknown_are_refused(fleet: Fleet) -> None:
-    with pytest.raises(MisuseError, match="without doing it"):
+    with pytest.raises(MisuseError, match="cannot be previewed"):
         fleet.station.values("(MARK)")
     with pytest.raises(CheckError, match="did you mean fuel"):
         fleet.station.values("(> feul 1)")

@@ -329,7 +329,7 @@ def operator_store(fleet: str, owner: str, say: Callable[[str], None]) -> Store 
         except InUseError:
             continue
         except StoreError as error:
-            say(f"{error}. Until then what is sent begins a new life, as if nothing had been sent before")
+            say(f"{error}. Until then what is sent starts a new epoch: old commands are forgotten")
             return None
         if store.lasts:
             return store

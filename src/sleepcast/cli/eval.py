@@ -36,7 +36,7 @@ class NegativeNumbersAllowed(click.Command):
     type=click.Choice(["standard", "classic", "faithful", "appendix-a"]),
     default="standard",
     show_default=True,
-    help="Classic is the original program with its faults repaired, faithful is the original as it was, "
+    help="Classic is the original program with its bugs fixed, faithful is the original as it was, "
     "appendix-a the thesis's other listing, where SETQ does not set.",
 )
 @click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="Set a variable first.")

@@ -163,7 +163,7 @@ class FleetProcess:
         if member is not None:
             member.node.say("; ".join(lacks))
         elif not robot.is_robot and not self._named:
-            complain(f"{name} is no robot of this mapping, and gets no mind: {'; '.join(lacks)}")
+            complain(f"skipped {name}, which is no robot of this mapping: {'; '.join(lacks)}")
 
     def _join(self, namespace: str) -> None:
         """Give the robot in this namespace a mind, if it has none."""
@@ -179,7 +179,7 @@ class FleetProcess:
             if not self._members and not isinstance(error, StoreError | NoMindError | OutOfReachError):
                 raise  # options that will not do for any robot
             if str(error) != why:
-                complain(f"{name} gets no mind: {error}")
+                complain(f"skipped {name}: {error}")
             self._refused[namespace] = str(error), now + TRY_AGAIN
             return
         self._members[name] = member

@@ -252,8 +252,8 @@ def use(owner: str | None, development: bool, folder: Path | None) -> int:
     who = "node and swarm take" if robot else "the commands of a desk take"
     put(f"{who} the key of {key.owner} ({key.role}) from now on ({folder / USED_FILE})")
     if used.of(robot=not robot) is None:
-        others = "desks take" if robot else "node and swarm take"
-        complain(f"{others} the development key as yet, and do not know this one: keys use gives them another, too")
+        others = "desks" if robot else "node and swarm"
+        complain(f"{others} still use the development key, and do not know this one; keys use switches them")
     return 0
 
 

@@ -39,7 +39,7 @@ QUICK = 3.0
 """Times real time beyond which ticks are worth compiling."""
 
 
-@click.command("nserver", short_help="Simulated Nomads for programs that speak their wire.")
+@click.command("nserver", short_help="Nomad server for Nclient programs.")
 @click.argument("world", required=False, metavar="[WORLD]", type=click.Path(path_type=Path))
 @click.option(
     "--setup",
@@ -56,7 +56,9 @@ QUICK = 3.0
     "--crosstalk/--no-crosstalk", default=None, help="Sonars hear each other's echoes (default: as in ROBOT)."
 )
 @click.option(
-    "--port", type=click.IntRange(0, 65_535), help=f"For programs; 0 is any (default: the world's, or {PORT})."
+    "--port",
+    type=click.IntRange(0, 65_535),
+    help=f"Port for programs; 0: any free one (default: the world's, or {PORT}).",
 )
 @click.option(
     "--host", "hosts", metavar="ADDRESS", multiple=True, help="Also listen here (default: this machine only)."
@@ -83,7 +85,9 @@ QUICK = 3.0
 )
 @click.option("--may-quit", is_flag=True, help="Let programs end the server with quit_server().")
 @click.option("--headless", is_flag=True, help="Without a page: get_robot_conf() is answered at once.")
-@click.option("--page-port", type=click.IntRange(0, 65_535), default=PAGE_PORT, show_default=True, help="0 is any.")
+@click.option(
+    "--page-port", type=click.IntRange(0, 65_535), default=PAGE_PORT, show_default=True, help="0: any free one."
+)
 @click.option("--no-browser", is_flag=True, help="Print the page's address, but open no browser.")
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON where the server listens.")
 def nserver(

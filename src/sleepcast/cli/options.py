@@ -110,7 +110,7 @@ allow_host_option = click.option(
     "allow",
     metavar="NAME",
     multiple=True,
-    help="Page: a name, as robots.local or robots.local:80, by which others may ask for it; may be repeated.",
+    help="Page: an extra allowed Host name, as robots.local or robots.local:80; may be repeated.",
 )
 
 
@@ -122,7 +122,7 @@ alert_option = click.option(
     "alerts",
     metavar="TEST",
     multiple=True,
-    help='Page: tell when this becomes true for a robot, as "(< fuel 20%)"; may be repeated.',
+    help='Page: raise an alert when this becomes true for a robot, as "(< fuel 20%)"; may be repeated.',
 )
 
 

@@ -36,7 +36,7 @@ SHOWN_ERRORS = 3
     "--measure", "measures", metavar="[NAME=]M", multiple=True, help="What is measured: mean fuel; may be repeated."
 )
 @click.option("--seconds", metavar="TIME", type=QuantityType(), help="Length of a run (default: the scenario's).")
-@click.option("--every", metavar="TIME", type=QuantityType(), help="Measure all along, not only at the end.")
+@click.option("--every", metavar="TIME", type=QuantityType(), help="Sample during the run, not only at its end.")
 @click.option("--until", metavar="M>=V", help="End a run early, as soon as this holds.")
 @click.option("--no-mission", is_flag=True, help="Leave out the scenario's own commands.")
 @click.option("--out", metavar="RESULTS", type=click.Path(path_type=Path), help="Folder, or table beside its folder.")
@@ -44,7 +44,7 @@ SHOWN_ERRORS = 3
 @click.option("--timeout", metavar="TIME", type=QuantityType(), help="Longest time for a run (default: 1h).")
 @click.option("--cluster", metavar="ADDRESS", help="Instead: the workers of a dask cluster, as tcp://host:8786.")
 @click.option("--insecure", is_flag=True, help="Allow a cluster on other machines, unencrypted: trust its network.")
-@click.option("--retry", is_flag=True, help="Do runs again that failed.")
+@click.option("--retry", is_flag=True, help="Re-run failed runs.")
 @click.option("--verify", is_flag=True, help="Do finished runs again, and compare.")
 @click.option("--runs", metavar="N", type=click.IntRange(min=1), help="With --verify: only the first N.")
 @click.option("--trust", is_flag=True, help="Run the Python files that the plan names, now and in future.")
@@ -355,8 +355,10 @@ def _verify(folder: Path, workers: int | str, most: int | None, *, as_json: bool
 
 @click.command("plot", short_help="Draw a figure of what a sweep has found.")
 @click.argument("results", type=click.Path(path_type=Path))
-@click.option("--x", required=True, metavar="COLUMN", help="What goes across: a varied key, or time.")
-@click.option("--y", required=True, multiple=True, metavar="COLUMN", help="What goes up: a measure; may be repeated.")
+@click.option("--x", required=True, metavar="COLUMN", help="Column for the x axis: a varied key, or time.")
+@click.option(
+    "--y", required=True, multiple=True, metavar="COLUMN", help="Column for the y axis: a measure; may be repeated."
+)
 @click.option("--by", metavar="COLUMN", help="A line or box for each of its values; in a heat map, the other axis.")
 @click.option("--kind", type=click.Choice(["line", "box", "heat"]), default="line", show_default=True)
 @click.option("--title", default="", help="Above the figure.")

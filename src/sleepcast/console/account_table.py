@@ -137,7 +137,9 @@ class AccountTable:
         found = self._station.accounting(stop.id)
         total = found.n_matched + found.n_silent
         if held_up == AT_START:
-            return "STOP holds: time has not begun, so no robot moves. All robots are sent STOP with the first tick."
+            return (
+                "STOP holds: the run has not started, so no robot moves. All robots are sent STOP with the first tick."
+            )
         if not total:
             return "STOP was sent, but no robot has been heard yet: none has confirmed it."
         came = f"{_still(found, self._swarm.vocabulary)}{_not_stored(found)}"

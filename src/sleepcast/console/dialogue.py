@@ -120,7 +120,7 @@ class Dialogue(ABC, Generic[D]):
             case incoming.Sense(serial, robot):
                 return desk.sense(serial, robot)
             case _:
-                raise MisuseError("These robots cannot do that, and there is nothing here that knows it.")
+                raise MisuseError("This is not supported for these robots.")
         return None
 
     def leave(self) -> None:

@@ -106,7 +106,7 @@ class RecordedValues:
         if checked.unknown:
             raise MisuseError(f"{CheckError(checked.findings, text, checked.more)}\n{HOLDS}")
         if acts(program.root):
-            raise MisuseError(f"cannot say what {text} comes to without doing it")
+            raise MisuseError(f"{text} has side effects and cannot be previewed")
         self._look()
         memory = QuietMemory(self._state, self._minds)
         values = evaluate(memory, program, rows)

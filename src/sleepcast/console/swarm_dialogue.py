@@ -158,7 +158,7 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
             self.leave()
             return
         if not past.film.poses.times:
-            raise MisuseError("Nothing is kept yet: time has not begun.")
+            raise MisuseError("Nothing is kept yet: the run has not started.")
         if self._look is None:
             self._look = PastView(past, self._desk.driver)
             self._look.watched = self._watched
@@ -190,7 +190,7 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
         """The answer of the time at which the page looks; None for what is a matter of now."""
         if isinstance(message, ACTS):
             raise MisuseError(
-                f"This page looks at {clock_time(look.time)}, and whatever is done acts on now. "
+                f"This page looks at {clock_time(look.time)}, and commands act on the live run. "
                 "Go back to live (F8), then do it."
             )
         match message:

@@ -254,7 +254,7 @@ class _Worker:
         """End the process, whose run takes too long."""
         assert self._run is not None
         self.end()
-        return RunResult(self._run, error=f"it took longer than {limit:g} s: does a measure never come to its end?")
+        return RunResult(self._run, error=f"it took longer than {limit:g} s: is a measure hanging?")
 
     def outcome(self) -> RunResult:
         """Wait for the outcome of its run."""
@@ -384,7 +384,7 @@ def try_out(experiment: Experiment, limit: float = LONGEST_RUN) -> None:
     trial.start()
     trial.join(limit)
     if trial.is_alive():
-        raise MisuseError(f"the trial of the measures took longer than {limit:g} s: does one never come to its end?")
+        raise MisuseError(f"the trial of the measures took longer than {limit:g} s: is one hanging?")
     if errors:
         raise errors[0]
 

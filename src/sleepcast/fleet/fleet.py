@@ -574,7 +574,7 @@ class Fleet(Mapping[str, RobotView]):
         self.state.assign(TIME_SLOT, asked.rows, float(now))  # idle robots have not looked at their clocks
         found, reason = asked.values()
         if reason:
-            raise FleetError(f"cannot say what {text} comes to without doing it: {reason}")
+            raise FleetError(f"{text} cannot be previewed: {reason}")
         return found
 
     def run(self, program: Program, rows: Rows, command: str = "", *, answered: bool = False) -> Evaluated:

@@ -202,7 +202,7 @@ def validate_count(program: Program, may: int, roster: int, count: int | None, c
     if count == may or (count is None and not many and not (why and may)):
         return
     if not why:
-        why = f"this is for more than {caution.above} robots" if many else "the desk counts otherwise"
+        why = f"this is for more than {caution.above} robots" if many else "the count does not match"
     raise CountNeededError(may, why, count)
 
 

@@ -304,10 +304,10 @@ class RemoteMinds(Mapping[str, RemoteMind]):
             if doubt := self._minds[name].doubt:
                 found.setdefault(doubt, []).append(printable(name))
         reasons = (
-            f"{', '.join(names[:FEW])}{f' and {len(names) - FEW} more' if len(names) > FEW else ''}: {doubt}"
+            f"{', '.join(names[:FEW])}{f' and {len(names) - FEW} more' if len(names) > FEW else ''} ({doubt})"
             for doubt, names in islice(found.items(), FEW)
         )
-        return f"until RELEASE stand {'; '.join(reasons)}" if found else ""
+        return f"stopped until RELEASE: {'; '.join(reasons)}" if found else ""
 
     def texts(self) -> list[str]:
         """The texts of types and minds, those of types first."""

@@ -229,7 +229,7 @@ class Station:
         if checked.unknown:
             raise CheckError(checked.findings, text, checked.more)
         if acts(program.root):
-            raise MisuseError(f"cannot say what {text} comes to without doing it")
+            raise MisuseError(f"{text} has side effects and cannot be previewed")
         times = self._roster.reported[: len(self._roster)]
         told = self._clock.now() - times <= self.stale_after
         known = np.flatnonzero(told if places is None else told[places])

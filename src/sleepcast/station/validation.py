@@ -130,7 +130,7 @@ class CountNeededError(MisuseError):
 
     def __init__(self, may: int, why: str, count: int | None) -> None:
         self.may, self.why = may, why
-        said = "say how many are meant" if count is None else f"{count} was said"
+        said = "say how many are meant" if count is None else f"you gave {count}"
         right = f"Send it with that number if it is right (--count {may})" if may else "Nothing was sent"
         super().__init__(f"{why}: {may or 'nobody'} may obey, {said}. {right}")
 

@@ -359,7 +359,7 @@ def test_who_leaves_while_robots_are_not_stopped_is_asked_once(seat: Seat) -> No
 def test_a_robot_that_stands_because_of_its_store_is_told(seat: Seat) -> None:
     seat.scene.fleet["r1"].node.halt("its store was damaged")
     seat.run(5.0)
-    assert " report stopped; until RELEASE stand r1: its store was damaged" in seat.shown(120)
+    assert " report stopped; stopped until RELEASE: r1 (its store was damaged)" in seat.shown(120)
 
 
 def test_a_full_disk_stops_commands_but_no_stop(seat: Seat) -> None:

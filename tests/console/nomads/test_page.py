@@ -611,7 +611,7 @@ def test_what_is_no_message_of_the_page_is_refused(nomads: Program) -> None:
             ("build", {"corners": [[0, 0], [1, 1]]}, "not a message of this page"),
             ("build", {"corners": [[0, 0], [1, 1], [2, 2]]}, "This cannot be put up"),
             ("clear", {"version": 1, "place": 400}, "The obstacles have changed meanwhile"),
-            ("preview", {"text": "(MARK)"}, "These robots cannot do that"),
+            ("preview", {"text": "(MARK)"}, "This is not supported for these robots"),
             ("clack", {}, "not a message of this page"),
         ):
             answer = page.ask(kind, **fields)

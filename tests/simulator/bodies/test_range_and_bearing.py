@@ -244,7 +244,7 @@ class TestInExpressions:
             counted = fleet["(COUNT 80m)"]
             assert counted.max() > 0
             assert counted[0] == np.sum(np.hypot(fleet.x - fleet.x[0], fleet.y - fleet.y[0]) <= 80.0) - 1
-            with pytest.raises(sc.errors.SleepcastError, match="without doing it"):
+            with pytest.raises(sc.errors.SleepcastError, match="cannot be previewed"):
                 fleet["(SHARE_OPINION 3)"]
 
     def test_without_the_sense_the_functions_fail(self, tmp_path: Path) -> None:

@@ -254,7 +254,7 @@ class TestInExpressions:
             assert left == pytest.approx([4.0, 4.0, 10.0, 2.0])
             with pytest.raises(MeasureError, match=r'no stock "or" \(did you mean ore\?\)'):
                 read_measure("stock or")(fleet)
-            with pytest.raises(sc.errors.SleepcastError, match="without doing it"):
+            with pytest.raises(sc.errors.SleepcastError, match="cannot be previewed"):
                 fleet["(TAKE_ORE 1kg)"]
 
     def test_a_stopped_robot_takes_nothing(self, tmp_path: Path) -> None:

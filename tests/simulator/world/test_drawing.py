@@ -516,7 +516,7 @@ MISTAKES = [
     (OUTSIDE, "&a;", 'room.svg:1: it declares an entity "a"'),
     ("<html>%s</html>", "", "room.svg:1: <html>: is no drawing: wanted an svg"),
     ("%s", "", "room.svg:1: not XML: no element found"),
-    ("<svg>%s</svg>", "", "room.svg:1: <svg>: how large its page is it does not say"),
+    ("<svg>%s</svg>", "", "room.svg:1: <svg>: it has neither viewBox nor width and height"),
     ('<svg viewBox="0 0 0 5">%s</svg>', "", "room.svg:1: <svg>: its page is empty"),
     ('<svg viewBox="0 0 5">%s</svg>', "", 'room.svg:1: <svg>: viewBox: wanted 4 numbers, not "0 0 5"'),
 ]

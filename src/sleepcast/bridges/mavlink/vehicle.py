@@ -617,7 +617,7 @@ def open_body(uri: str, opening: Opening) -> MavlinkVehicle:
     address = read_body_address(uri, EXAMPLE, SETTINGS)
     system = system_of(address)
     if opening.in_step:
-        raise BodyError(f"{uri!r:.100}: a vehicle's time waits for nobody: no --lockstep")
+        raise BodyError(f"{uri!r:.100}: real vehicles cannot run in lockstep: no --lockstep")
     failsafe = address.choice("failsafe", FAILSAFES).upper()
     origin = Origin.read(address.settings["origin"]) if address.settings["origin"] else None
     speed, turn, acceleration = (address.number(name, most=100.0) for name in ("speed", "turn_rate", "acceleration"))

@@ -127,7 +127,7 @@ class ReplayWorker:
         if question.deed == "answer":
             said = again.dialogue.answer(incoming.decode(question.message))
             if not isinstance(said, msgspec.Struct):
-                raise RerunError("This cannot be told of the past.")
+                raise RerunError("This is not available for moments in the past.")
             return Found(again.rerun.tick, said=encode(said), differs=again.differs)
         return self._look(again, question.robot)
 

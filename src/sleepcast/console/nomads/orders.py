@@ -107,7 +107,7 @@ ORDERS: dict[str, NomadOrder] = {
         NomadOrder("zr", "Zero: stand at the origin with heading 0.", shown=True),
         NomadOrder("dp", "Say where the robot is; it does not move.", _PLACE[:2], shown=True),
         NomadOrder("da", "Say which way the robot looks; it does not turn.", _PLACE[2:], shown=True),
-        NomadOrder("place_robot", "Put the robot there, body and belief.", _PLACE, shown=True),
+        NomadOrder("place_robot", "Move the robot there, and its odometry.", _PLACE, shown=True),
         NomadOrder("sp", "How fast pr goes.", _axes(EITHER, 0, QUICK), shown=True),
         NomadOrder("ac", "How fast speeds change.", _axes(EITHER, 1, QUICK), shown=True),
         NomadOrder(

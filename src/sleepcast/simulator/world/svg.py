@@ -298,7 +298,7 @@ def page_of(attributes: Mapping[str, str]) -> Page:
         real = all(size is not None and size[1] not in ON_SCREEN for size in sizes)
         page = Page(0.0, 0.0, sizes[0][0], sizes[1][0], PIXEL if real else None)
     else:
-        raise PathError("how large its page is it does not say: wanted a viewBox, or width and height")
+        raise PathError("it has neither viewBox nor width and height")
     if not (page.width > 0.0 and page.height > 0.0):
         raise PathError("its page is empty: wanted a width and a height above 0")
     return page

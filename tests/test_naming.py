@@ -6,7 +6,7 @@ import ast
 import builtins
 import re
 from collections import defaultdict
-from collections.abc import Iterator
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
@@ -23,60 +23,49 @@ should find one thing."""
 MOST_SHARED = 20
 
 
+@dataclass
+class Written:
+    """What the package says. classes: where those of each name are, nested ones included. named: names that it imports,
+    or asks of something. docstrings: with their places, those of attributes too."""
+
+    classes: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
+    named: set[str] = field(default_factory=set)
+    docstrings: list[tuple[str, str]] = field(default_factory=list)
+
+    def take(self, path: str, node: ast.AST) -> None:
+        match node:
+            case ast.ClassDef(name=name):
+                self.classes[name].append(f"{path}:{node.lineno}")
+            case ast.ImportFrom():
+                self.named.update(alias.name for alias in node.names)
+            case ast.Attribute(attr=name):
+                self.named.add(name)
+            case ast.Expr(value=ast.Constant(value=str(text))):
+                self.docstrings.append((f"{path}:{node.lineno}", text))
+
+
 @cache
-def syntax() -> dict[str, ast.Module]:
-    """Every module of the package, by its path."""
-    paths = sorted(SOURCE.rglob("*.py"))
-    return {str(path.relative_to(ROOT)): ast.parse(path.read_text(encoding="utf-8")) for path in paths}
-
-
-def nodes() -> Iterator[tuple[str, ast.AST]]:
-    for path, tree in syntax().items():
-        yield from ((path, node) for node in ast.walk(tree))
-
-
-def classes() -> dict[str, list[str]]:
-    """Where classes of each name are, nested ones included."""
-    places = defaultdict(list)
-    for path, node in nodes():
-        if isinstance(node, ast.ClassDef):
-            places[node.name].append(f"{path}:{node.lineno}")
-    return places
+def written() -> Written:
+    found = Written()
+    for path in sorted(SOURCE.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            found.take(str(path.relative_to(ROOT)), node)
+    return found
 
 
 def test_no_two_classes_share_a_name() -> None:
-    shared = {name: places for name, places in classes().items() if len(places) > 1}
+    shared = {name: places for name, places in written().classes.items() if len(places) > 1}
     wrong = [f"{name}: {', '.join(places)}" for name, places in shared.items() if name not in SHARED]
     assert not wrong, "find another word, or make one of the two:\n" + "\n".join(wrong)
     assert not SHARED.keys() - shared, "these are names of one class by now; take them from the list"
     assert len(SHARED) <= MOST_SHARED
 
 
-def known_exceptions() -> set[str]:
-    """Exceptions of Python, of sleepcast, and those of libraries that it names in its code."""
-    known = set(vars(builtins)) | classes().keys()
-    for _, node in nodes():
-        match node:
-            case ast.ImportFrom():
-                known.update(alias.name for alias in node.names)
-            case ast.Attribute():
-                known.add(node.attr)
-    return known
-
-
-def docstrings() -> Iterator[tuple[str, str]]:
-    """Every docstring, those of attributes too, and its place."""
-    for path, node in nodes():
-        match node:
-            case ast.Expr(value=ast.Constant(value=str(text))):
-                yield f"{path}:{node.lineno}", text
-
-
 def test_docstrings_name_exceptions_that_there_are() -> None:
-    known = known_exceptions()
+    known = vars(builtins).keys() | written().classes.keys() | written().named
     wrong = [
         f"{place}: there is no {name}"
-        for place, text in docstrings()
+        for place, text in written().docstrings
         for name in re.findall(r"\b\w+Error\b", text)
         if name not in known
     ]

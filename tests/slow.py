@@ -41,7 +41,7 @@ SLOW = {
     "console/nomads/test_page.py": 21,
     "scenarios/test_stop.py": 21,
     "test_repo.py": 20,
-    "language/test_fuzz_language.py": 20,
+    "language/test_fuzz_language.py": 6,
     "console/test_network.py": 18,
     "cli/test_rotation.py": 18,
     "scenarios/test_stop_three_ways.py": 17,

@@ -1,20 +1,20 @@
-"""The fuzzer runs: for some seconds here, for longer where the environment says CI, or for as long as it is told."""
+"""The fuzzer runs: for seconds with the same texts as ever, at night for minutes with new ones, or as it is told."""
 
 from __future__ import annotations
 
 import os
+import time
 
 import pytest
 
 from language.fuzz_language import TEXTS, fuzz
 
-SECONDS = float(os.environ.get("SLEEPCAST_FUZZ_SECONDS", "20" if os.environ.get("CI") else "5"))
-SEED = int(os.environ.get("SLEEPCAST_FUZZ_SEED", "0"))
-
 
 @pytest.mark.slow
-def test_no_text_crashes_hangs_or_grows() -> None:
-    report = fuzz(SECONDS, SEED)
+def test_no_text_crashes_hangs_or_grows(request: pytest.FixtureRequest) -> None:
+    nightly = request.config.getoption("--hypothesis-profile") == "nightly"
+    seconds = float(os.environ.get("SLEEPCAST_FUZZ_SECONDS", "300" if nightly else "5"))
+    report = fuzz(seconds, int(os.environ.get("SLEEPCAST_FUZZ_SEED", time.time_ns() if nightly else 0)))
     print(report)
     assert report.robots >= 3
     assert report.texts == report.robots * TEXTS

@@ -1,4 +1,5 @@
-"""Calling the command as a shell does: a process of its own, its two streams and its exit status."""
+"""Calling the command as a shell does: a process of its own, its two streams and its exit status; or, for one of many
+calls that differ in a word, the same command in this process."""
 
 from __future__ import annotations
 
@@ -9,6 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
+
+import pytest
+
+from sleepcast.cli import main
 
 Found = TypeVar("Found")
 
@@ -36,6 +41,14 @@ def called(*arguments: str | bytes, typed: str | bytes = b"", folder: Path | Non
         check=False,
     )
     return Called(done.returncode, done.stdout.decode(), done.stderr.decode())
+
+
+def called_here(capsys: pytest.CaptureFixture[str], *arguments: str) -> Called:
+    """The same without a process of its own, which takes half a second of the processor to load its libraries. For what
+    is refused: an exception that the command lets out is the test's."""
+    status = main(arguments)
+    said = capsys.readouterr()
+    return Called(status, said.out, said.err)
 
 
 def again_until(wanted: Callable[[Found], object], call: Callable[[], Found]) -> Found:

@@ -1,4 +1,5 @@
-"""The benchmarks run and compare like with like; how fast things are is for the benchmarks themselves to say."""
+"""The benchmarks run and compare like with like, most of them at night; how fast things are is for the benchmarks
+themselves to say."""
 
 from __future__ import annotations
 
@@ -16,6 +17,7 @@ PATHS = {"swarm": 46, "air": 60}
 """Modules that the round trip of one command enters at most. Lower it when the way has become shorter."""
 
 
+@pytest.mark.nightly
 def test_the_recording_benchmark_reports_every_rate() -> None:
     command = [sys.executable, "-m", "benchmarks.recording", "--quick", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
@@ -33,6 +35,7 @@ def test_the_recording_benchmark_reports_every_rate() -> None:
     assert report["met"] is (report["value"] <= report["limit"])
 
 
+@pytest.mark.nightly
 def test_the_language_benchmark_reports_every_rival_and_every_bar() -> None:
     command = [sys.executable, "-m", "benchmarks.language", "--quick", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
@@ -49,6 +52,7 @@ def test_the_language_benchmark_reports_every_rival_and_every_bar() -> None:
     assert all(isinstance(bar["met"], bool) and bar["value"] > 0 for bar in report["bars"])
 
 
+@pytest.mark.nightly
 def test_the_simulator_benchmark_times_every_machine() -> None:
     command = [sys.executable, "-m", "benchmarks.simulator", "--quick", "--json", "--no-walls"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
@@ -59,6 +63,7 @@ def test_the_simulator_benchmark_times_every_machine() -> None:
     assert report["bars"][0]["name"] == "1,000 Scouts without numba"
 
 
+@pytest.mark.nightly
 def test_the_fleet_benchmark_finds_the_same_robots_as_every_rival() -> None:
     command = [sys.executable, "-m", "benchmarks.fleet", "--quick", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
@@ -120,6 +125,7 @@ def test_the_start_benchmark_times_a_whole_run() -> None:
     assert (done.stdout, done.stderr) == ("[('run crowd --robots 100, whole, warm', 0.5)]\n", "")
 
 
+@pytest.mark.nightly
 def test_the_rivals_benchmark_names_everybody() -> None:
     command = [sys.executable, "-m", "benchmarks.rivals", "--quick", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
@@ -131,6 +137,7 @@ def test_the_rivals_benchmark_names_everybody() -> None:
     assert all(row["note"] or row["realtime"] > 0 for row in rows.values())
 
 
+@pytest.mark.nightly
 def test_the_nomad_benchmark_asks_every_client_s_robot() -> None:
     command = [sys.executable, "-m", "benchmarks.nomad", "--quick", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
@@ -186,6 +193,7 @@ def test_the_sweep_benchmark_times_argos_where_it_is_installed(tmp_path: Path) -
     assert (tmp_path / "asked").read_text().splitlines() == ["-c x/100.argos"] * 3
 
 
+@pytest.mark.nightly
 def test_the_gym_benchmark_counts_steps() -> None:
     command = [sys.executable, "-m", "benchmarks.gym", "--robots", "20", "--quick", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
@@ -195,6 +203,7 @@ def test_the_gym_benchmark_counts_steps() -> None:
     assert all(rate > 20.0 for rate in rates.values())
 
 
+@pytest.mark.nightly
 def test_the_neighbours_benchmark_times_every_function_and_has_its_bar() -> None:
     command = [sys.executable, "-m", "benchmarks.neighbours", "--robots", "100", "--quick", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
@@ -204,6 +213,7 @@ def test_the_neighbours_benchmark_times_every_function_and_has_its_bar() -> None
     assert found["bar"]["value"] is None  # it is about ten thousand robots
 
 
+@pytest.mark.nightly
 def test_the_past_benchmark_answers_every_question_and_has_its_bar() -> None:
     command = [sys.executable, "-m", "benchmarks.past", "--robots", "60", "1000", "--quick", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from channel.test_udp import free_port
-from cli.calling import LONGEST, Called, called
+from cli.calling import LONGEST, Called, called, called_here
 from cli.test_swarm import account
 from nomad.serving import Served, serving
 from processes import SLEEPCAST, live_in, running
@@ -101,18 +101,19 @@ def test_keys_decide_who_is_obeyed(home: Path, served: Served, channel: str) -> 
         (("send", "(WHEN (> x 1) (ST))", "--trust", "none.json"), "cannot read none.json"),
     ],
 )
-def test_what_is_not_sent(home: Path, channel: str, arguments: tuple[str, ...], complaint: str) -> None:
-    refused = on_air(channel, *arguments)
+def test_what_is_not_sent(
+    home: Path, channel: str, arguments: tuple[str, ...], complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    refused = called_here(capsys, *arguments, "--channel", channel)
     assert (refused.status, refused.out) == (2, "")
     assert complaint in refused.err
 
 
 @pytest.mark.parametrize("uri", ["", "udp://", "udp://1.2.3.4:5?interfac=lo", "zmq://a"])
-def test_a_channel_that_means_nothing_is_refused(home: Path, uri: str) -> None:
-    refused = on_air(uri, "stop")
+def test_a_channel_that_means_nothing_is_refused(home: Path, uri: str, capsys: pytest.CaptureFixture[str]) -> None:
+    refused = called_here(capsys, "stop", "--channel", uri)
     assert refused.status == 2
     assert "wanted" in refused.err
-    assert "Traceback" not in refused.err
 
 
 def test_nobody_there_is_told_as_nobody(home: Path, channel: str) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from cli.calling import called
+from cli.calling import called_here
 from sleepcast.channel.transports.address import number_option
 from sleepcast.core.errors import MisuseError, decimal_comma
 from sleepcast.experiments.measures import read_measure, read_stop
@@ -103,7 +103,7 @@ def test_in_files(tmp_path: Path) -> None:
         (("sweep", "crowd", "--over", "radio.loss=0,5", "--measure", "mean x", "--out", "never"), "0.5"),
     ],
 )
-def test_on_the_command_line(arguments: tuple[str, ...], number: str) -> None:
-    found = called(*arguments)
+def test_on_the_command_line(arguments: tuple[str, ...], number: str, capsys: pytest.CaptureFixture[str]) -> None:
+    found = called_here(capsys, *arguments)
     assert found.status in (1, 2)
     assert POINT + number in " ".join(found.err.split())

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from cli.calling import LONGEST, called
+from cli.calling import LONGEST, called, called_here
 from cli.test_swarm import account, channel, swarm
 from sleepcast.api.connection import FLEET, AirOptions, keeper_for, session_for
 from sleepcast.channel.keyring import KeyFileLostError, add_trust, key_file, load_trust, save_key, save_trust
@@ -123,11 +123,11 @@ def test_a_change_that_no_robot_took_is_told_and_the_old_key_stays(channel: str,
     ],
 )
 def test_what_is_refused_changes_nothing(
-    channel: str, tmp_path: Path, arguments: tuple[str, ...], complaint: str
+    channel: str, tmp_path: Path, arguments: tuple[str, ...], complaint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = keys(tmp_path)
     before = {file.name: file.read_bytes() for file in folder.iterdir()}
-    refused = called("keys", *arguments, "--channel", channel)
+    refused = called_here(capsys, "keys", *arguments, "--channel", channel)
     assert (refused.status, refused.out) == (2, "")
     assert complaint in refused.err
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from functools import cache
 
 import pytest
 
@@ -30,6 +31,7 @@ WRAPPERS = [
 ]  # fmt: skip
 
 
+@cache
 def wrapped(text: str, wrapper: str, levels: int) -> str:
     """`text` in as many wrappers as keep to `levels` lists inside one another, the last place of each filled."""
     first, _, last = wrapper.rpartition("{}")

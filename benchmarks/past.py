@@ -19,9 +19,9 @@ import time
 
 from benchmarks.report import Bar, Json, described, machine, middle, number, table
 from sleepcast.api.assembly import assemble, warm_up
-from sleepcast.console import incoming
 from sleepcast.console.adapters.live_past import LivePast
 from sleepcast.console.adapters.swarm import SwarmAdapter
+from sleepcast.console.features.why import Why
 from sleepcast.core.clock import WallClock
 from sleepcast.simulator import Changes, find_scenario
 
@@ -82,7 +82,7 @@ async def answers(past: LivePast, robots: int, questions: int) -> dict[str, list
         if sent:
             command = chance.choice(sent).id
             began = time.perf_counter()
-            await past.why(tick, incoming.Why(1, robot, command))
+            await past.why(tick, Why(1, robot, command))
             took["why"].append(time.perf_counter() - began)
     return took
 

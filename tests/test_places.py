@@ -119,14 +119,14 @@ FEATURES = {
     ),
     "the request for a spread": Feature(
         "a request of the page",
-        r"""\b(?:Get)?Spread\b|def spread\(self, serial|ask\(.spread""",
+        r"""\b(?:Get)?Spread\b|def spread\(source|ask\(.spread""",
     ),
     "the key F8": Feature(
         "a keyboard shortcut",
         r"\bF8\b",
         {
             "console/past.py": "a sentence that names the key",
-            "console/swarm_dialogue.py": "the same",
+            "console/feature.py": "the same",
         },
     ),
     "the layer of density": Feature(

@@ -11,7 +11,8 @@ import pytest
 
 import sleepcast as sc
 from sleepcast.api.fleet import SimulatedFleet
-from sleepcast.console import incoming
+from sleepcast.console import registry
+from sleepcast.console.features.mission import Play
 from sleepcast.experiments.acceptance import read_test, run_test
 from sleepcast.simulator import MissionError
 from small_worlds import write
@@ -86,7 +87,7 @@ def test_on_every_radio_it_leads_where_the_mission_by_itself_leads(folder: Path,
     (folder / "scenario.toml").write_text(text, encoding="utf-8")
     (folder / "work.sleep").write_text(LOSSY, encoding="utf-8")
     by_itself, by_hand, viewed = sc.open(folder, mission=True), sc.open(folder), sc.open(folder)
-    viewed._make_desk().desk.mission_wish(incoming.Play(1, True))
+    registry.answer(Play(1, True), viewed._make_desk().desk)
     by_hand.play(wait=0)
     found = set()
     for fleet in (by_itself, by_hand, viewed):
@@ -215,7 +216,7 @@ def test_a_snapshot_knows_which_late_stop_was_the_missions(folder: Path, tmp_pat
 def test_a_view_and_a_program_know_the_same_of_it(folder: Path) -> None:
     fleet = sc.open(folder)
     fleet.run(5, quiet=True)
-    fleet._make_desk().desk.mission_wish(incoming.Play(1, True))  # as if somebody pressed its button
+    registry.answer(Play(1, True), fleet._make_desk().desk)  # as if somebody pressed its button
     fleet.run(1, quiet=True)
     assert not fleet.mission.rest  # STOP and RELEASE, too, though they came late
 

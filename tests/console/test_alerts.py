@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from sleepcast.console import alerts
-from sleepcast.console.alerts import LOOK_EVERY, MOST_ALERTS, MOST_FIRINGS, TOGETHER, AlertBoard
+from sleepcast.console.features import alerts
+from sleepcast.console.features.alerts import LOOK_EVERY, MOST_ALERTS, MOST_FIRINGS, TOGETHER, AlertBoard
 from sleepcast.console.values import Column, Index, Mask
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from console.asking import put
 from counting import ONCE, counted
 from sleepcast.channel.message import Kind, Message
 from sleepcast.console.account_table import MOST_ROWS, AccountTable
@@ -14,7 +15,14 @@ from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import ShownStep
-from sleepcast.console.outgoing import Explained, Failing, Obstacles
+from sleepcast.console.features.accounts import Outcomes, Replies
+from sleepcast.console.features.failing import Failed
+from sleepcast.console.features.names import GetNames
+from sleepcast.console.features.preview import GetPreview
+from sleepcast.console.features.send import Send
+from sleepcast.console.features.why import Explained, Why
+from sleepcast.console.features.wink import Wink
+from sleepcast.console.outgoing import Failing, Obstacles
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.units import value_in_words
@@ -65,7 +73,7 @@ def steps(step: ShownStep) -> list[ShownStep]:
 
 class TestPreview:
     def test_counts_and_marks_who_would_obey(self, stand: Stand) -> None:
-        found = stand.desk.preview(3, FULL)
+        found = put(stand.desk, GetPreview, 3, FULL)
         expected = [YES if stand.level(name) > 0.6 else NO for name in stand.swarm.minds]
         assert list(found.lit) == expected
         assert (found.serial, found.counted, found.findings, found.everybody) == (3, True, [], False)
@@ -74,34 +82,34 @@ class TestPreview:
         assert found.cost > 0
 
     def test_says_why_nothing_can_be_said(self, stand: Stand) -> None:
-        found = stand.desk.preview(1, "(WHEN (PROB 0.5) (MARK))")
+        found = put(stand.desk, GetPreview, 1, "(WHEN (PROB 0.5) (MARK))")
         assert (found.unknown, set(found.lit)) == (20, {UNKNOWN})
         assert found.reasons == [("its test depends on chance", 20)]
 
     def test_shows_what_cannot_be_read_with_a_caret(self, stand: Stand) -> None:
-        (finding,) = stand.desk.preview(1, "(MARK))").findings
+        (finding,) = put(stand.desk, GetPreview, 1, "(MARK))").findings
         assert (finding.severity, finding.start, finding.end) == ("error", 6, 7)
         assert finding.shown == f"{finding.message}\n  (MARK))\n        ^"
-        assert not stand.desk.preview(1, "(MARK))").counted
+        assert not put(stand.desk, GetPreview, 1, "(MARK))").counted
 
     def test_shows_every_error_and_warning(self, stand: Stand) -> None:
-        found = stand.desk.preview(1, "(WHEN (> batery 60) (SETQ x 5))")
+        found = put(stand.desk, GetPreview, 1, "(WHEN (> batery 60) (SETQ x 5))")
         assert [each.severity for each in found.findings] == ["warning", "error"]
         assert "did you mean battery?" in found.findings[0].message
         assert not found.counted
 
     def test_marks_what_is_for_everybody(self, stand: Stand) -> None:
-        found = stand.desk.preview(1, "(MARK)")
+        found = put(stand.desk, GetPreview, 1, "(MARK)")
         assert (found.everybody, found.yes) == (True, 20)
 
 
 class TestWink:
     def test_the_robot_blinks_by_its_mark_which_is_then_as_it_was(self, stand: Stand) -> None:
-        stand.desk.send(1, "(WHEN (< id 3) (MARK))", False)
+        put(stand.desk, Send, 1, "(WHEN (< id 3) (MARK))", False)
         stand.run()
         robots = [stand.swarm.minds[name] for name in list(stand.swarm.minds)[:4]]
-        stand.desk.wink(1, 0)
-        stand.desk.wink(2, 3)
+        put(stand.desk, Wink, 1, 0)
+        put(stand.desk, Wink, 2, 3)
         seen = []
         for _ in range(70):
             stand.run(0.1)
@@ -118,15 +126,15 @@ class TestWink:
         assert (row.matched, row.silent) == (1, 0)
 
     def test_one_that_blinks_already_is_left_alone(self, stand: Stand) -> None:
-        stand.desk.wink(1, 0)
+        put(stand.desk, Wink, 1, 0)
         with pytest.raises(MisuseError, match="blinks already"):
-            stand.desk.wink(2, 0)
+            put(stand.desk, Wink, 2, 0)
         stand.run(7.0)
-        stand.desk.wink(3, 0)
+        put(stand.desk, Wink, 3, 0)
 
     def test_a_robot_that_is_not_there_is_refused(self, stand: Stand) -> None:
         with pytest.raises(MisuseError, match="there is no robot number 20"):
-            stand.desk.wink(1, 20)
+            put(stand.desk, Wink, 1, 20)
 
 
 class TestSending:
@@ -134,64 +142,65 @@ class TestSending:
         self, stand: Stand
     ) -> None:
         with counted() as found:
-            stand.desk.send(1, FULL, False)
+            put(stand.desk, Send, 1, FULL, False)
         assert found == ONCE
         doubted = "(WHEN (> battery 60%) (> battery 20%) (MARK))"
         with counted() as found:
             with pytest.raises(DoubtError):
-                stand.desk.send(1, doubted, False)
-            stand.desk.send(1, doubted, False, confirmed=True)
+                put(stand.desk, Send, 1, doubted, False)
+            put(stand.desk, Send, 1, doubted, False, confirmed=True)
         assert found == ONCE | {"validated": 2}
 
     def test_an_account_grows_with_the_answers(self, stand: Stand) -> None:
-        sent = stand.desk.send(1, FULL, False).command
+        sent = put(stand.desk, Send, 1, FULL, False).command
         (row,) = stand.desk.commands().rows
         assert (row.id, row.kind, row.text) == (sent, "command", FULL)
         assert (row.matched, row.not_matched, row.fault, row.silent) == (0, 0, 0, 20)
-        assert set(stand.desk.outcomes(1, sent).outcomes) == {SILENT}
+        assert set(put(stand.desk, Outcomes, 1, sent).outcomes) == {SILENT}
         stand.run()
         (row,) = stand.desk.commands().rows
         assert row.matched + row.not_matched == 20
         assert row.matched == row.predicted > 0
         codes = [MATCHED if stand.level(name) > 0.6 else NOT_MATCHED for name in stand.swarm.minds]
-        assert list(stand.desk.outcomes(1, sent).outcomes) == codes
+        assert list(put(stand.desk, Outcomes, 1, sent).outcomes) == codes
 
     def test_a_fault_is_counted_as_one(self, stand: Stand) -> None:
-        sent = stand.desk.send(1, "(WHEN (> (/ 1 0) 2) (MARK))", False, confirmed=True).command
+        sent = put(stand.desk, Send, 1, "(WHEN (> (/ 1 0) 2) (MARK))", False, confirmed=True).command
         stand.run()
         assert stand.desk.commands().rows[-1].fault == 20
-        assert set(stand.desk.outcomes(1, sent).outcomes) == {FAULT}
+        assert set(put(stand.desk, Outcomes, 1, sent).outcomes) == {FAULT}
 
     def test_a_misspelt_name_is_counted_as_unknown_and_sent_when_it_is_confirmed(self, stand: Stand) -> None:
         misspelt = "(WHEN (> batery 60%) (MARK))"
-        found = stand.desk.preview(1, misspelt)
+        found = put(stand.desk, GetPreview, 1, misspelt)
         assert (found.yes, found.no, found.unknown) == (0, 0, 20)
         assert found.reasons == [(TEST_UNKNOWN, 20)]
         with pytest.raises(DoubtError, match="no robot has batery"):
-            stand.desk.send(1, misspelt, False)
-        sent = stand.desk.send(1, misspelt, False, confirmed=True).command
+            put(stand.desk, Send, 1, misspelt, False)
+        sent = put(stand.desk, Send, 1, misspelt, False, confirmed=True).command
         stand.run()
         row = stand.desk.commands().rows[-1]
         assert (row.matched, row.not_matched, row.unknown, row.fault, row.silent) == (0, 0, 20, 0, 0)
-        why = stand.desk.why(2, 0, sent)
+        why = put(stand.desk, Why, 2, 0, sent)
         assert isinstance(why, Explained)
         assert (why.why.matched, why.why.held, why.why.reason) == (False, False, "batery is unknown, needed > 60 %")
 
     def test_what_is_sent_under_stop_is_held(self, stand: Stand) -> None:
         stand.desk.stop()
         stand.run()
-        sent = stand.desk.send(1, "(WHEN (> battery 60%) (SETQ drive_speed 1))", False).command
+        sent = put(stand.desk, Send, 1, "(WHEN (> battery 60%) (SETQ drive_speed 1))", False).command
         stand.run()
         row = stand.desk.commands().rows[-1]
         assert row.held == row.matched > 0
-        codes = stand.desk.outcomes(1, sent).outcomes
+        codes = put(stand.desk, Outcomes, 1, sent).outcomes
         held = codes.index(HELD_BY_STOP)
-        why = stand.desk.why(2, held, sent)
+        why = put(stand.desk, Why, 2, held, sent)
         assert isinstance(why, Explained)
         assert (why.why.matched, why.why.held) == (True, True)
 
     def test_a_rule_that_fails_is_counted_with_the_command_that_brought_it(self, stand: Stand) -> None:
-        first = stand.desk.send(1, "(WHEN (> battery 60%) (RULE guard (SETQ drive_speed (/ 1 0))))", False).command
+        text = "(WHEN (> battery 60%) (RULE guard (SETQ drive_speed (/ 1 0))))"
+        first = put(stand.desk, Send, 1, text, False).command
         stand.run(0.3)
         (row,) = stand.desk.commands().rows
         full = [name for name in stand.swarm.minds if stand.level(name) > 0.6]
@@ -202,31 +211,31 @@ class TestSending:
         stand.run()  # long enough to deactivate it
         (whole,) = next(each for each in stand.desk.news(-1) if isinstance(each, Failing)).rules
         assert (whole.rule, whole.robots, whole.inactive) == ("guard", len(full), len(full))
-        marks = stand.desk.failed(2, "guard").outcomes
+        marks = put(stand.desk, Failed, 2, "guard").outcomes
         assert [name for name, mark in zip(stand.swarm.minds, marks, strict=True) if mark] == full
-        assert stand.desk.failed(2, "").outcomes == marks
+        assert put(stand.desk, Failed, 2, "").outcomes == marks
 
-        second = stand.desk.send(1, "(WHEN (> battery 80%) (RULE guard (MOD 1 0)))", False).command
+        second = put(stand.desk, Send, 1, "(WHEN (> battery 80%) (RULE guard (MOD 1 0)))", False).command
         stand.run()
         fuller = sum(stand.level(name) > 0.8 for name in full)
         rows = {row.id: row for row in stand.desk.commands().rows}
         assert [each.robots for each in rows[first].failing] == [len(full) - fuller]
         assert [each.robots for each in rows[second].failing] == [fuller]
 
-        stand.desk.send(1, "(FORGET guard)", True)
+        put(stand.desk, Send, 1, "(FORGET guard)", True)
         stand.run()
         assert all(row.failing == () for row in stand.desk.commands().rows)
         with pytest.raises(MisuseError, match="The rule guard does not fail on any robot at this time"):
-            stand.desk.failed(2, "guard")
+            put(stand.desk, Failed, 2, "guard")
 
     def test_what_commands_store_is_known_of_those_only_that_are_shown(
         self, stand: Stand, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr("sleepcast.console.account_table.MOST_ROWS", 3)
         table = AccountTable(stand.station, SwarmAdapter(stand.swarm))
-        stand.desk.send(1, "(RULE guard (SETQ drive_speed (/ 1 0)))", True)
+        put(stand.desk, Send, 1, "(RULE guard (SETQ drive_speed (/ 1 0)))", True)
         for number in range(8):
-            stand.desk.send(1, f"(SETQ seen {number})", True)
+            put(stand.desk, Send, 1, f"(SETQ seen {number})", True)
             stand.run(0.3)
             rows = table.rows()
             assert table.failing.now.rules
@@ -235,7 +244,7 @@ class TestSending:
 
     def test_who_cannot_have_heard_yet_is_waiting_not_silent(self, stand: Stand) -> None:
         stand.desk.driver.pace.paused = False
-        stand.desk.send(1, FULL, False)
+        put(stand.desk, Send, 1, FULL, False)
         assert [row.waiting for row in stand.desk.commands().rows] == [""]
         stand.desk.driver.pace.paused = True
         assert [(row.waiting, row.silent) for row in stand.desk.commands().rows] == [("paused", 20)]
@@ -254,31 +263,31 @@ class TestSending:
 
     def test_everybody_must_be_meant(self, stand: Stand) -> None:
         with pytest.raises(MisuseError, match="every robot that hears it would obey"):
-            stand.desk.send(1, "(MARK)", False)
+            put(stand.desk, Send, 1, "(MARK)", False)
         assert stand.desk.commands().rows == []
-        stand.desk.send(1, "(MARK)", True)
+        put(stand.desk, Send, 1, "(MARK)", True)
         stand.run()
         assert stand.desk.commands().rows[-1].matched == 20
 
     def test_what_is_hardly_meant_is_sent_when_it_is_confirmed(self, stand: Stand) -> None:
         doubted = "(WHEN (> battery 1%) (> battery 200%) (MARK))"
         with pytest.raises(DoubtError):
-            stand.desk.send(1, doubted, False)
+            put(stand.desk, Send, 1, doubted, False)
         assert stand.desk.commands().rows == []
-        stand.desk.send(1, doubted, False, confirmed=True)
+        put(stand.desk, Send, 1, doubted, False, confirmed=True)
         stand.run()
         assert stand.desk.commands().rows[-1].matched == 20
 
     def test_only_the_latest_commands_are_shown(self, stand: Stand) -> None:
         for _ in range(MOST_ROWS + 3):
-            stand.desk.send(1, FULL, False)
+            put(stand.desk, Send, 1, FULL, False)
         rows = stand.desk.commands().rows
         assert len(rows) == MOST_ROWS
         assert rows[-1].id == stand.station.commands()[-1].id
 
     def test_an_unknown_command_has_no_outcomes(self, stand: Stand) -> None:
         with pytest.raises(SleepcastError, match="was sent from this desk"):
-            stand.desk.outcomes(1, "desk-9.9")
+            put(stand.desk, Outcomes, 1, "desk-9.9")
 
 
 class TestStop:
@@ -361,11 +370,11 @@ def safety(stand: Stand) -> tuple[bool, str]:
 
 class TestWhy:
     def test_shows_the_first_test_that_failed_and_by_how_much(self, stand: Stand) -> None:
-        sent = stand.desk.send(1, "(WHEN (AND (> battery 60%) (< x 2km)) (JOIN crew))", False).command
+        sent = put(stand.desk, Send, 1, "(WHEN (AND (> battery 60%) (< x 2km)) (JOIN crew))", False).command
         stand.run(1.0)
         index = next(i for i, name in enumerate(stand.swarm.minds) if stand.level(name) < 0.5)
         level = f"{100 * stand.level(f'rover{index + 1}'):.4g} %"
-        why = stand.desk.why(1, index, sent).why
+        why = put(stand.desk, Why, 1, index, sent).why
         assert (why.matched, why.reason) == (False, f"battery = {level}, needed > 60 %")
         shown = {step.text: step for step in steps(why.root)}
         assert shown["(> battery 60%)"].state == "false"
@@ -375,9 +384,9 @@ class TestWhy:
         assert "60%" not in shown
 
     def test_shows_a_comparison_in_the_unit_that_was_written(self, stand: Stand) -> None:
-        sent = stand.desk.send(1, "(WHEN (< (DIST x y house_x house_y) 2km) (JOIN crew))", False).command
+        sent = put(stand.desk, Send, 1, "(WHEN (< (DIST x y house_x house_y) 2km) (JOIN crew))", False).command
         stand.run(1.0)
-        why = stand.desk.why(1, 0, sent).why
+        why = put(stand.desk, Why, 1, 0, sent).why
         assert (why.matched, why.reason) == (True, "")
         shown = {step.text: step for step in steps(why.root)}
         assert shown["(DIST x y house_x house_y)"].value.endswith(" km")
@@ -385,9 +394,9 @@ class TestWhy:
 
     def test_shows_what_is_unknown_and_what_is_a_fault(self, stand: Stand) -> None:
         text = "(WHEN (AND (OR (> ordnance 70%) (> x 0)) (/ 1 0)) (MARK))"
-        sent = stand.desk.send(1, text, False, confirmed=True).command
+        sent = put(stand.desk, Send, 1, text, False, confirmed=True).command
         stand.run(1.0)
-        shown = {step.text: step for step in steps(stand.desk.why(1, 0, sent).why.root)}
+        shown = {step.text: step for step in steps(put(stand.desk, Why, 1, 0, sent).why.root)}
         assert (shown["ordnance"].state, shown["ordnance"].value) == ("unknown", "unknown")
         assert shown["(> ordnance 70%)"].state == "unknown"
         assert (shown["(/ 1 0)"].state, shown["(/ 1 0)"].fault) == ("fault", "division by zero")
@@ -395,19 +404,25 @@ class TestWhy:
     @pytest.mark.parametrize("index", [-1, 20, 10_000_000])
     def test_a_robot_that_is_not_there_gets_a_sentence(self, stand: Stand, index: int) -> None:
         with pytest.raises(MisuseError, match="numbered from 0 to 19"):
-            stand.desk.why(1, index, "desk-1.1")
+            put(stand.desk, Why, 1, index, "desk-1.1")
 
     def test_a_command_that_the_robot_never_heard_gets_a_sentence(self, stand: Stand) -> None:
-        sent = stand.desk.send(1, FULL, False).command
+        sent = put(stand.desk, Send, 1, FULL, False).command
         with pytest.raises(SleepcastError, match="rover1 remembers no command"):
-            stand.desk.why(1, 0, sent)
+            put(stand.desk, Why, 1, 0, sent)
 
 
 class TestNames:
     def test_tell_what_each_is_and_its_values_over_the_fleet(self, stand: Stand) -> None:
-        stand.desk.send(1, "(PROGN (DEFVAR patience id) (DEFUN near (d) (< x d)) (JOIN crew) (RULE r (MARK)))", True)
+        put(
+            stand.desk,
+            Send,
+            1,
+            "(PROGN (DEFVAR patience id) (DEFUN near (d) (< x d)) (JOIN crew) (RULE r (MARK)))",
+            True,
+        )
         stand.run()
-        found = {name.name: name for name in stand.desk.names(1).names}
+        found = {name.name: name for name in put(stand.desk, GetNames, 1).names}
         levels = [100 * stand.level(name) for name in stand.swarm.minds]
         assert found["battery"].range == f"{min(levels):.4g} % … {max(levels):.4g} %"
         assert (found["house_x"].kind, found["house_x"].range) == ("sensor", "0.5 km")
@@ -431,7 +446,7 @@ class TestWatchedRobot:
             "(FREEZE)",
         )
         for order in orders:
-            stand.desk.send(1, order, True)
+            put(stand.desk, Send, 1, order, True)
         stand.run()
         (robot,) = [each for each in stand.desk.news(4) if type(each).__name__ == "WatchedRobot"]
         assert (robot.robot, robot.groups, robot.state) == (4, ["Crew"], ["frozen"])
@@ -464,26 +479,26 @@ def test_what_has_become_of_solid_things_is_news(stand: Stand) -> None:
 def test_each_robot_s_own_answer_is_told_in_its_unit(stand: Stand) -> None:
     sent = stand.station.ask("battery")
     before = stand.swarm.now()
-    assert stand.desk.replies(1, sent.id, [0, 3]).texts == ["", ""]
+    assert put(stand.desk, Replies, 1, sent.id, [0, 3]).texts == ["", ""]
     stand.run()
-    found = stand.desk.replies(1, sent.id, [3, 0]).texts
+    found = put(stand.desk, Replies, 1, sent.id, [3, 0]).texts
     assert found == [value_in_words(stand.level(f"rover{number}"), "%") for number in (4, 1)]
-    assert stand.desk.replies(1, sent.id, [3], before).texts == [""]
+    assert stand.desk.replies(sent.id, [3], before) == [""]
     other = stand.station.ask("(/ id (- id 1))")
     stand.run()
-    assert stand.desk.replies(1, other.id, [0, 1]).texts == ["fault", "2"]
+    assert put(stand.desk, Replies, 1, other.id, [0, 1]).texts == ["fault", "2"]
     with pytest.raises(MisuseError, match="there is no robot number 20"):
-        stand.desk.replies(1, sent.id, [20])
+        put(stand.desk, Replies, 1, sent.id, [20])
 
 
 def test_commands_are_not_answered_with_values(stand: Stand) -> None:
     """A page may hold the number of a question of an earlier program, which is that of a command now."""
-    sent = stand.desk.send(1, "(SETQ seen 1)", True).command
+    sent = put(stand.desk, Send, 1, "(SETQ seen 1)", True).command
     stand.desk.stop()
     stand.run()
     for row in stand.desk.commands().rows:
         with pytest.raises(MisuseError, match=f"{row.id} was no question"):
-            stand.desk.replies(1, row.id, [0])
+            put(stand.desk, Replies, 1, row.id, [0])
     assert sent in {row.id for row in stand.desk.commands().rows}
 
 
@@ -491,4 +506,4 @@ def test_answers_are_told_whatever_they_are(stand: Stand) -> None:
     texts = {"(* 1e200 1e200)": "fault", "nothing": "unknown", "(> battery 0)": "1", "1e300": "1e+300"}
     sent = {text: stand.station.ask(text).id for text in texts}
     stand.run()
-    assert {text: stand.desk.replies(1, number, [0]).texts[0] for text, number in sent.items()} == texts
+    assert {text: put(stand.desk, Replies, 1, number, [0]).texts[0] for text, number in sent.items()} == texts

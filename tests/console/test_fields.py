@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from sleepcast.console import incoming, outgoing
+from console.asking import put
 from sleepcast.console.adapters.fields import MOST, FieldPictures, round_above, shown_fields, still_picture
 from sleepcast.console.adapters.live_past import LivePast
 from sleepcast.console.adapters.recording import TimelineBuilder
@@ -19,8 +19,9 @@ from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
 from sleepcast.console.driver import Driver
-from sleepcast.console.fields import AGAIN, FieldMaps
-from sleepcast.console.outgoing import Fielded, Refused
+from sleepcast.console.features.field import AGAIN, Field, Fielded, FieldMaps
+from sleepcast.console.features.time import ShowMoment
+from sleepcast.console.outgoing import Refused
 from sleepcast.console.replay import ReplayBackend, ReplayDriver
 from sleepcast.console.swarm_dialogue import SwarmDialogue
 from sleepcast.console.view import FieldPicture
@@ -147,14 +148,14 @@ def test_all_pages_are_given_one_map_and_it_is_not_made_too_often() -> None:
 
     maps = FieldMaps(draw, clock)
     clock.advance(1.0)
-    assert maps.answer(1, "grass", 5).tick == 5
+    assert maps.answer(Field(1, "grass"), 5).tick == 5
     clock.advance(AGAIN / 2)
-    assert maps.answer(2, "grass", 50).tick == 5
+    assert maps.answer(Field(2, "grass"), 50).tick == 5
     clock.advance(AGAIN)
-    assert maps.answer(3, "grass", 60).tick == 60
-    assert maps.answer(4, "grass", 60).tick == 60
+    assert maps.answer(Field(3, "grass"), 60).tick == 60
+    assert maps.answer(Field(4, "grass"), 60).tick == 60
     clock.advance(10.0)
-    assert maps.answer(5, "grass", 60).tick == 60  # time stands still
+    assert maps.answer(Field(5, "grass"), 60).tick == 60  # time stands still
     assert drawn == ["grass"] * 2
 
 
@@ -167,22 +168,22 @@ def test_a_moment_of_the_past_has_the_field_of_then(tmp_path: Path) -> None:
     dialogue = SwarmDialogue(Backend(view, station, driver, clock, past=past))
     for _ in range(8):
         swarm.step()
-    now = dialogue.answer(incoming.Field(1, "grass"))
+    now = dialogue.answer(Field(1, "grass"))
     assert isinstance(now, Fielded)
     assert (now.tick, now.picture.scale[2]) == (8, "1")
 
     async def look() -> None:
-        dialogue.answer(incoming.ShowMoment(2 * past.tick))
-        asked = dialogue.answer(incoming.Field(2, "grass"))
+        dialogue.answer(ShowMoment(2 * past.tick))
+        asked = dialogue.answer(Field(2, "grass"))
         assert inspect.isawaitable(asked)
         said = await asked
         assert isinstance(said, msgspec.Raw)
-        then = msgspec.json.decode(bytes(said), type=outgoing.Fielded)
+        then = msgspec.json.decode(bytes(said), type=Fielded)
         assert (then.tick, then.serial) == (2, 2)
         assert then.picture.scale[2] == "0.5"
         assert set(then.picture.cells) == {round(255 * 0.35 / 0.5)}
-        assert isinstance(dialogue.answer(incoming.Field(3, "warmth")), Fielded)  # as it is at any time
-        refused = dialogue.answer(incoming.Field(4, "snow"))
+        assert isinstance(dialogue.answer(Field(3, "warmth")), Fielded)  # as it is at any time
+        refused = dialogue.answer(Field(4, "snow"))
         assert isinstance(refused, Refused)
         assert 'no field "snow"' in refused.reason
         dialogue.leave()
@@ -217,10 +218,10 @@ def test_a_recording_shows_still_fields_and_says_why_it_cannot_show_others(tmp_p
     swarm.step()
     film = replace(past.film, field=lambda name: still_picture(scenario, name))
     desk = ReplayBackend(film, ReplayDriver(film, ManualClock()))
-    found = desk.field(1, "warmth")
+    found = put(desk, Field, 1, "warmth")
     assert isinstance(found, Fielded)
     assert found.picture.columns == MOST
-    refused = SwarmDialogue(desk).answer(incoming.Field(2, "grass"))
+    refused = SwarmDialogue(desk).answer(Field(2, "grass"))
     assert isinstance(refused, Refused)
     assert refused.reason == "The recording does not hold how grass was at this time."
     past.close()

@@ -5,15 +5,16 @@ from __future__ import annotations
 from statistics import median
 
 from console.test_backend import Stand, stand
-from sleepcast.console import incoming
-from sleepcast.console.glance import Glance
-from sleepcast.console.swarm_dialogue import QUESTIONS, SwarmDialogue
+from sleepcast.console.feature import HANDLERS, run_again
+from sleepcast.console.features.glance import GetGlance, Glance
+from sleepcast.console.registry import decode
+from sleepcast.console.swarm_dialogue import SwarmDialogue
 
 __all__ = ["stand"]
 
 
 def glance(stand: Stand) -> Glance:
-    found = SwarmDialogue(stand.desk).answer(incoming.decode('{"type": "glance", "serial": 3}'))
+    found = SwarmDialogue(stand.desk).answer(decode('{"type": "glance", "serial": 3}'))
     assert isinstance(found, Glance)
     return found
 
@@ -29,4 +30,4 @@ def test_it_says_least_median_and_greatest(stand: Stand) -> None:
 
 
 def test_it_can_be_asked_of_any_time() -> None:
-    assert incoming.GetGlance in QUESTIONS
+    assert HANDLERS[GetGlance].then is run_again

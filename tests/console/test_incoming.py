@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 from contextlib import suppress
-from typing import get_args
 
 import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sleepcast.console import incoming
-from sleepcast.console.incoming import PageMessageError, decode, serial_in
+from sleepcast.console.incoming import PageMessage, PageMessageError, serial_in
+from sleepcast.console.registry import decode, messages
 
 GOOD = {
     "preview": {"serial": 1, "text": "(MARK)"},
@@ -94,7 +93,7 @@ def test_every_message_of_the_page_is_read(kind: str) -> None:
 
 
 def test_no_message_was_forgotten_here() -> None:
-    assert set(GOOD) == {each.__struct_config__.tag for each in get_args(incoming.Incoming)}
+    assert set(GOOD) == {each.__struct_config__.tag for each in messages()}
 
 
 @pytest.mark.parametrize(
@@ -171,4 +170,4 @@ shaped = st.builds(
 def test_nothing_at_all_raises_anything_else(data: str | bytes) -> None:
     serial_in(data)
     with suppress(PageMessageError):
-        assert isinstance(decode(data), incoming.PageMessage)
+        assert isinstance(decode(data), PageMessage)

@@ -18,7 +18,7 @@ from sleepcast.console.adapters.mission import SwarmMission
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
-from sleepcast.console.mission import MissionNews, shown_mission
+from sleepcast.console.features.mission import MissionNews, shown_mission
 from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import MisuseError
 from sleepcast.experiments.acceptance import read_test, run_test

@@ -10,13 +10,16 @@ from dataclasses import dataclass, field
 import msgspec
 import pytest
 
-from sleepcast.console import incoming, outgoing
+from console.asking import put
+from sleepcast.console import outgoing
 from sleepcast.console.adapters.live_past import LivePast
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
 from sleepcast.console.driver import Driver
 from sleepcast.console.exact import Exact
+from sleepcast.console.features.preview import GetPreview, Previewed
+from sleepcast.console.features.why import Why
 from sleepcast.console.marks import clock_time
 from sleepcast.console.rerunner import RerunError
 from sleepcast.core.clock import ManualClock, WallClock
@@ -62,7 +65,7 @@ def run() -> Iterator[Run]:
     for command in station.commands():
         for robot in range(ROBOTS):
             try:
-                why = found.desk.why(1, robot, command.id)
+                why = put(found.desk, Why, 1, robot, command.id)
             except SleepcastError:
                 continue
             assert isinstance(why, msgspec.Struct)
@@ -93,7 +96,7 @@ def test_every_robot_says_why_as_it_did(run: Run) -> None:
 
     async def ask() -> None:
         for (robot, command), wanted in run.whys.items():
-            assert bytes(await run.past.why(LAST, incoming.Why(1, robot, command))) == wanted
+            assert bytes(await run.past.why(LAST, Why(1, robot, command))) == wanted
 
     asyncio.run(ask())
 
@@ -129,13 +132,13 @@ def test_who_stands_at_a_moment_sees_it_as_soon_as_it_can_be_run_again(
 def test_a_command_of_later_was_not_evaluated_yet(run: Run) -> None:
     last = max(run.past.inputs.posted, key=lambda each: each[0] if each[1].kind == "command" else -1)[1]
     with pytest.raises(RerunError, match="was sent later"):
-        asyncio.run(run.past.why(5, incoming.Why(1, 0, last.id)))
+        asyncio.run(run.past.why(5, Why(1, 0, last.id)))
 
 
 def test_what_would_have_obeyed_then_is_told(run: Run) -> None:
-    async def ask() -> outgoing.Previewed:
-        found = await run.past.answer(40, incoming.GetPreview(1, "(WHEN (IN chosen_ones) (ST))"))
-        return msgspec.json.decode(bytes(found), type=outgoing.Previewed)
+    async def ask() -> Previewed:
+        found = await run.past.answer(40, GetPreview(1, "(WHEN (IN chosen_ones) (ST))"))
+        return msgspec.json.decode(bytes(found), type=Previewed)
 
     found = asyncio.run(ask())
     assert found.counted
@@ -167,7 +170,7 @@ def test_no_moment_says_falsely_that_a_robot_received_nothing() -> None:
 
     async def why(tick: int, command: str) -> str:
         try:
-            await past.why(tick, incoming.Why(1, 0, command))
+            await past.why(tick, Why(1, 0, command))
         except RerunError as error:
             return str(error)
         return ""
@@ -180,7 +183,7 @@ def test_no_moment_says_falsely_that_a_robot_received_nothing() -> None:
         while any(each.n_silent for each in sent):
             drive(swarm, 1)
         for tick in range(went, swarm.simulator.tick + 1):
-            known = desk.outcomes(1, sent[0].id, tick * scenario.tick).outcomes
+            known = desk.outcomes(sent[0].id, tick * scenario.tick)
             reason = await why(tick, sent[0].id)
             assert reason in ("", f"scout1 had not evaluated this command yet at {clock_time(tick * scenario.tick)}.")
             assert not reason or known[0] == SILENT
@@ -219,7 +222,7 @@ def test_who_asks_why_at_once_is_told_no_falsehood() -> None:
     async def ask() -> None:
         drive(swarm, 5)
         sent = station.send("(WHEN (> id 0) (JOIN bravo))", everybody=True)
-        found = desk.why(1, 0, sent.id)
+        found = put(desk, Why, 1, 0, sent.id)
         assert inspect.isawaitable(found)
         asked = asyncio.ensure_future(found)
         await asyncio.sleep(0.1)
@@ -229,7 +232,7 @@ def test_who_asks_why_at_once_is_told_no_falsehood() -> None:
         assert str(said).startswith("scout1 had not evaluated this command yet at ") or b"(JOIN bravo)" in encode(said)
         while sent.n_silent:
             drive(swarm, 1)
-        found = desk.why(2, 0, sent.id)
+        found = put(desk, Why, 2, 0, sent.id)
         assert b"(JOIN bravo)" in encode(await found if inspect.isawaitable(found) else found)
 
     asyncio.run(ask())

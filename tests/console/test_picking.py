@@ -5,13 +5,16 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from sleepcast.console import histogram, picking
-from sleepcast.console.histogram import Spread, compared, spread
-from sleepcast.console.picking import Picked, picked
+from sleepcast.console.features import pick as picking
+from sleepcast.console.features import spread as histogram
+from sleepcast.console.features.pick import Pick, Picked, pick
+from sleepcast.console.features.spread import GetSpread, Spread, compared, spread
 from sleepcast.core.errors import MisuseError
 from sleepcast.loop import Swarm
 from sleepcast.station import YES, Station
@@ -36,8 +39,14 @@ def marks(*robots: int) -> bytes:
     return np.packbits(bits, bitorder="little").tobytes()
 
 
+def source(station: Station) -> Any:
+    """A desk of this station: what both features need of it."""
+    scene = SimpleNamespace(names=[f"rover{number}" for number in range(1, COUNT + 1)])
+    return SimpleNamespace(station=station, facts=station, scene=scene, at_once=False)
+
+
 def ask(station: Station, *robots: int) -> Picked:
-    found = picked(station, 1, marks(*robots), COUNT)
+    found = pick(source(station), Pick(1, marks(*robots)))
     assert isinstance(found, Picked)
     return found
 
@@ -57,7 +66,7 @@ class TestPicking:
     ) -> None:
         now = ask(station, 3, 4, 5)
         monkeypatch.setattr(picking, "AT_ONCE", 10)
-        later = picked(station, 1, marks(3, 4, 5), COUNT)
+        later = pick(source(station), Pick(1, marks(3, 4, 5)))
         assert isinstance(later, Awaitable)
 
         async def wait() -> Picked:
@@ -80,7 +89,7 @@ class TestPicking:
     @pytest.mark.parametrize("wrong", [b"", bytes(2), bytes(4), b"\0\0\xff"])
     def test_marks_of_other_robots_are_refused(self, station: Station, wrong: bytes) -> None:
         with pytest.raises(MisuseError, match="and there are 20"):
-            picked(station, 1, wrong, COUNT)
+            pick(source(station), Pick(1, wrong))
 
     def test_nobody_is_refused(self, station: Station) -> None:
         with pytest.raises(MisuseError, match="no robot is selected"):
@@ -90,7 +99,7 @@ class TestPicking:
 def at(station: Station, text: str) -> Spread:
     """The histogram of the number where the text has a `|`."""
     place = text.index("|")
-    return spread(station, 1, text.replace("|", ""), place)
+    return spread(source(station), GetSpread(1, text.replace("|", ""), place))
 
 
 class TestHistogram:

@@ -9,8 +9,17 @@ import numpy as np
 import pytest
 
 from console.test_backend import Stand, stand
-from sleepcast.console import incoming, outgoing
-from sleepcast.console.plots import MOST_PLOTS, MOST_POINTS, REST, Plots, ScenarioMeasure
+from sleepcast.console.features.plots import (
+    MOST_PLOTS,
+    MOST_POINTS,
+    REST,
+    AddPlot,
+    GetPlot,
+    Plots,
+    Plotted,
+    RemovePlot,
+    ScenarioMeasure,
+)
 from sleepcast.core.errors import MisuseError, SleepcastError
 
 __all__ = ["stand"]
@@ -19,12 +28,12 @@ serials = count(1)
 
 
 def added(stand: Stand, kind: str = "time", x: str = "battery", **how: str) -> int:
-    return stand.desk.plots.add(incoming.AddPlot(next(serials), kind, x, **how)).number  # type: ignore[arg-type]
+    return stand.desk.plots.add(AddPlot(next(serials), kind, x, **how)).number  # type: ignore[arg-type]
 
 
-def drawn(plots: Plots, number: int, **since: float) -> outgoing.Plotted:
-    found = plots.drawn(incoming.GetPlot(next(serials), number, **since))  # type: ignore[arg-type]
-    assert isinstance(found, outgoing.Plotted)
+def drawn(plots: Plots, number: int, **since: float) -> Plotted:
+    found = plots.drawn(GetPlot(next(serials), number, **since))  # type: ignore[arg-type]
+    assert isinstance(found, Plotted)
     return found
 
 
@@ -90,9 +99,9 @@ def test_what_is_wrong_is_refused_with_its_place(stand: Stand) -> None:
 
 def test_a_plot_is_removed(stand: Stand) -> None:
     number = added(stand)
-    stand.desk.plots.remove(incoming.RemovePlot(next(serials), number))
+    stand.desk.plots.remove(RemovePlot(next(serials), number))
     assert stand.desk.plots.shown().plots == []
-    stand.desk.plots.remove(incoming.RemovePlot(next(serials), number))
+    stand.desk.plots.remove(RemovePlot(next(serials), number))
 
 
 def test_measures_of_the_scenario_are_there_from_the_start(stand: Stand) -> None:
@@ -119,8 +128,8 @@ def test_plots_go_on_in_another_future_beside_what_was_seen_of_the_earlier_one(s
         return Plots(stand.desk.values, stand.clock, [ScenarioMeasure("spread", "gyration", lambda: read)])
 
     before = plots_of(7.0)
-    number = before.add(incoming.AddPlot(next(serials), "time", "battery", what="mean")).number
-    cloud = before.add(incoming.AddPlot(next(serials), "scatter", "x", "y")).number
+    number = before.add(AddPlot(next(serials), "time", "battery", what="mean")).number
+    cloud = before.add(AddPlot(next(serials), "scatter", "x", "y")).number
     for _ in range(4):
         run(stand, 1.0)
         before.sample()
@@ -136,7 +145,7 @@ def test_plots_go_on_in_another_future_beside_what_was_seen_of_the_earlier_one(s
     assert drawn(before, 1).columns[0] == [2.0, 3.0, 4.0, 5.0, 6.0], "the earlier future has kept its own"
     assert drawn(after, cloud).earlier == []
     assert drawn(after, number).earlier[0] == [4.0, 5.0, 6.0]
-    assert after.add(incoming.AddPlot(next(serials), "time", "x", what="mean")).number > cloud
+    assert after.add(AddPlot(next(serials), "time", "x", what="mean")).number > cloud
 
 
 def test_sampling_takes_a_small_part_of_the_time(stand: Stand) -> None:

@@ -13,16 +13,19 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import BrowserContext, expect
 
+from console.asking import put
 from console.running import PATIENCE, Page, Program, open_page
 from sleepcast.api.assembly import assemble
 from sleepcast.cli.page_runs import Beginning, PageRuns, run_file
+from sleepcast.console import registry
 from sleepcast.console.adapters.swarm import SwarmAdapter
-from sleepcast.console.alerts import LOOK_EVERY
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
-from sleepcast.console.incoming import GetSetup, Renew
+from sleepcast.console.features.alerts import LOOK_EVERY
+from sleepcast.console.features.renewal import GetSetup, Renew, Renewed, SetUp
+from sleepcast.console.features.send import Send
 from sleepcast.console.outgoing import Refused
-from sleepcast.console.renewal import Note, Renewed, RunRequest, RunSwitcher, SetUp, ShownRun
+from sleepcast.console.renewal import Note, RunRequest, RunSwitcher, ShownRun
 from sleepcast.console.swarm_dialogue import SwarmDialogue
 from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import MisuseError, SleepcastError
@@ -109,13 +112,13 @@ class TestRenewing:
             old = runs.desk
             values = {"speed": 2.0, "level": 35.0}
             asked = Renew(1, maker.current.scenario, "12", 8, values)
-            assert asyncio.run(old.renewal(asked)) == Renewed(1)
+            assert asyncio.run(registry.answer(asked, old)) == Renewed(1)
             assert list(old.news(-1)) == [Renewed()]
             assert (runs.number, runs.desk.hello().run, swarm_size(runs)) == (2, 2, 8)
             assert runs.desk.driver.waiting
             assert runs.desk.hello().scene.commands[0].text == "(WHEN (> battery 35%) (MARK))"
             assert any("another world" in said.text for said in runs.desk.news(-1) if isinstance(said, Note))
-            found = asyncio.run(runs.desk.renewal(GetSetup(2, maker.current.scenario)))
+            found = asyncio.run(put(runs.desk, GetSetup, 2, maker.current.scenario))
             assert isinstance(found, SetUp)
             assert found.choices.seed == "12"
 
@@ -130,7 +133,7 @@ class TestRenewing:
                 swarm.run(5.0)
                 hashes.append(swarm.simulator.state_hash())
                 if again:
-                    asyncio.run(runs.desk.renewal(Renew(1)))
+                    asyncio.run(put(runs.desk, Renew, 1))
             assert hashes[0] == hashes[1]
 
     def test_alerts_watch_the_new_run_too(self, tmp_path: Path) -> None:
@@ -138,13 +141,13 @@ class TestRenewing:
         with runs_of(maker) as runs:
             said: list[str] = []
             runs.desk.alerts.watch(["marked"], said.append)
-            asyncio.run(runs.desk.renewal(Renew(1)))
+            asyncio.run(put(runs.desk, Renew, 1))
             (alert,) = runs.desk.alerts.shown().alerts
             assert (alert.text, alert.count, alert.fired) == ("marked", -1, 0)
             assert maker.swarm is not None
             maker.swarm.send_initial_telemetry()
             runs.desk.alerts.look()
-            runs.desk.send(1, "(WHEN (< id 3) (MARK))", False)
+            put(runs.desk, Send, 1, "(WHEN (< id 3) (MARK))", False)
             maker.swarm.run(5.0)
             time.sleep(LOOK_EVERY)
             runs.desk.driver.draw()
@@ -155,7 +158,7 @@ class TestRenewing:
         with runs_of(maker) as runs:
             runs.desk.driver.set_pace(running=True)
             with pytest.raises(MisuseError, match="no slider"):
-                asyncio.run(runs.desk.renewal(Renew(1, maker.current.scenario, None, None, {"a": 1.0})))
+                asyncio.run(put(runs.desk, Renew, 1, maker.current.scenario, None, None, {"a": 1.0}))
             assert runs.number == 1
             assert not runs.desk.driver.pace.paused
             assert maker.current.values == {}
@@ -172,7 +175,7 @@ class TestRenewing:
 
             maker.make = stopped  # type: ignore[method-assign]
             with pytest.raises(MisuseError, match="STOP was pressed: the new run was not started"):
-                asyncio.run(runs.desk.renewal(Renew(1)))
+                asyncio.run(put(runs.desk, Renew, 1))
             assert runs.number == 1
             assert runs.desk.driver.latched
 
@@ -181,10 +184,10 @@ class TestRenewing:
         with runs_of(maker) as runs:
             runs.desk.stop()
             with pytest.raises(MisuseError, match="not all robots have confirmed it yet"):
-                asyncio.run(runs.desk.renewal(Renew(1)))
+                asyncio.run(put(runs.desk, Renew, 1))
             assert maker.swarm is not None
             maker.swarm.run(3.0)
-            asyncio.run(runs.desk.renewal(Renew(1)))
+            asyncio.run(put(runs.desk, Renew, 1))
             assert runs.number == 2
             assert not runs.desk.driver.latched
 
@@ -193,7 +196,7 @@ class TestRenewing:
         with runs_of(maker) as runs:
             desk, swarm = runs.desk, maker.swarm
             assert swarm is not None
-            desk.send(1, "(PROGN (WHEN (< id 16) (DRIVE 5m/s 0)) (WHEN (> id 15) (FREEZE)))", True)
+            put(desk, Send, 1, "(PROGN (WHEN (< id 16) (DRIVE 5m/s 0)) (WHEN (> id 15) (FREEZE)))", True)
             swarm.run(20.0)
             notes = [said for said in desk.news(-1) if isinstance(said, Note)]
             assert notes == [Note("No robot can move any more: 15 have no battery left, and 5 are frozen.", True)]

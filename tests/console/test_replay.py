@@ -17,11 +17,14 @@ from playwright.sync_api import BrowserContext, expect
 from playwright.sync_api import Page as Screen
 
 import sleepcast as sc
+from console.asking import put
 from console.running import PATIENCE, Page, Program, number, open_page
 from console.test_page import until
 from sleepcast.console.account_table import MOST_ROWS
 from sleepcast.console.adapters.recorded_past import RecordedPast
 from sleepcast.console.adapters.recording import load_timeline
+from sleepcast.console.features.failing import Failed
+from sleepcast.console.features.members import Members
 from sleepcast.console.film import Track
 from sleepcast.console.outgoing import Failing, Groups, ShownGroup
 from sleepcast.console.replay import ReplayBackend, ReplayDriver
@@ -129,7 +132,7 @@ def test_second_groups_and_colours_are_recorded(tmp_path: Path) -> None:
     assert (marks.groups[:3], marks.second[:3], marks.colours[:3]) == (b"\2\1\0", b"\1\0\0", b"\5\5\0")
     assert desk.driver.frame[2] == 6  # both columns are in the frame
     assert desk.driver.frame.endswith(marks.second + marks.colours)
-    assert [desk.members(1, code).members[:3] for code in (1, 2, 3)] == [b"\1\1\0", b"\1\0\0", b"\0\0\0"]
+    assert [put(desk, Members, 1, code).members[:3] for code in (1, 2, 3)] == [b"\1\1\0", b"\1\0\0", b"\0\0\0"]
     told = {type(said).__name__: said for said in desk.news(0)}
     assert told["Groups"] == Groups([ShownGroup("a", 2, 1), ShownGroup("b", 1, 1)])
     assert told["WatchedRobot"].groups == ["a", "b"]  # type: ignore[attr-defined]
@@ -154,9 +157,9 @@ def test_rules_that_fail_are_recorded_once_for_each_change(tmp_path: Path) -> No
         return [(each.rule, each.robots) for each in found.rules]
 
     assert (told(0.0), told(4.0)) == ([], [("guard", 2)])
-    assert desk.failed(1, "Guard").outcomes[:4] == b"\1\1\0\0"
+    assert put(desk, Failed, 1, "Guard").outcomes[:4] == b"\1\1\0\0"
     assert told(10.0) == [("guard", 1)]
-    assert desk.failed(1, "").outcomes[:4] == b"\1\0\0\0"
+    assert put(desk, Failed, 1, "").outcomes[:4] == b"\1\0\0\0"
     past = RecordedPast(recording, film)
     past.close()
     (mark,) = (mark for mark in past.marks.all if mark.kind == "fault")
@@ -164,7 +167,7 @@ def test_rules_that_fail_are_recorded_once_for_each_change(tmp_path: Path) -> No
     film.failures = Track()  # a recording of before this was recorded
     assert told(4.0) == []
     with pytest.raises(MisuseError, match="does not fail on any robot at this time"):
-        desk.failed(1, "guard")
+        put(desk, Failed, 1, "guard")
 
 
 @pytest.mark.parametrize(

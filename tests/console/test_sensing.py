@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 import sleepcast as sc
+from console.asking import put
 from sleepcast.console.adapters.bodies import kind_of, sensing_of
 from sleepcast.console.adapters.recording import load_timeline
+from sleepcast.console.features.sense import Sense
 from sleepcast.console.replay import ReplayBackend, ReplayDriver
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError
@@ -68,9 +70,9 @@ def test_a_recording_holds_what_bodies_sensed(tmp_path: Path) -> None:
     film = load_timeline(load_recording(file))
     desk = ReplayBackend(film, ReplayDriver(film, ManualClock()))
     desk.seek(film.seconds)
-    found = desk.sense(1, 0).body
+    found = put(desk, Sense, 1, 0).body
     assert found.sonars == pytest.approx(wanted.sonars)
     assert found.believed == pytest.approx(wanted.believed)
     assert found.pose == pytest.approx(wanted.pose, abs=1e-5)
     with pytest.raises(MisuseError, match="does not hold"):
-        desk.sense(1, 7)
+        put(desk, Sense, 1, 7)

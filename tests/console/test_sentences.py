@@ -8,9 +8,11 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
+from console.asking import put
 from console.running import PATIENCE, Program, open_page
 from console.test_backend import Stand, stand
 from console.test_page import opened
+from sleepcast.console.features.sentences import Phrase, Understand
 from sleepcast.sentences import MAX_SENTENCE, SentenceError
 
 __all__ = ["stand"]
@@ -23,32 +25,32 @@ IN_WORDS = "rovers with more than 60 % battery join crew"
 
 class TestDesk:
     def test_an_expression_is_said_with_the_parts_that_stand_for_each_other(self, stand: Stand) -> None:
-        found = stand.desk.phrase(4, CREW)
+        found = put(stand.desk, Phrase, 4, CREW)
         assert (found.serial, found.sentence) == (4, IN_WORDS)
         shown = [(IN_WORDS[start:end], CREW[first:last]) for start, end, first, last in found.parts]
         assert shown == [("with more than 60 % battery", "(> battery 60%)"), ("join crew", "(JOIN crew)")]
 
     @pytest.mark.parametrize("text", ["(MARK", "", "(+ 1 2)", "(WHEN (> (+ battery 1) 1) (MARK))"])
     def test_what_no_sentence_says_has_none(self, stand: Stand, text: str) -> None:
-        assert stand.desk.phrase(1, text).sentence == ""
+        assert put(stand.desk, Phrase, 1, text).sentence == ""
 
     def test_a_sentence_is_understood_with_the_words_of_these_robots(self, stand: Stand) -> None:
-        found = stand.desk.understand(5, "rover3 goes to the house")
+        found = put(stand.desk, Understand, 5, "rover3 goes to the house")
         assert (found.serial, found.text, found.unclear) == (5, "(WHEN (= id 3) (GOTO house_x house_y))", [])
         stand.station.send("(DEFVAR trips 0)", everybody=True)
         stand.run()
-        assert stand.desk.understand(6, "all rovers set trips to 5").text == "(SETQ trips 5)"
+        assert put(stand.desk, Understand, 6, "all rovers set trips to 5").text == "(SETQ trips 5)"
 
     def test_what_is_not_understood_has_its_place_and_carets(self, stand: Stand) -> None:
-        (found,) = stand.desk.understand(1, "rovers with more than 60 % batery stop").unclear
+        (found,) = put(stand.desk, Understand, 1, "rovers with more than 60 % batery stop").unclear
         assert (found.start, found.end) == (27, 33)
         assert "did you mean battery?" in found.message
         assert found.shown.splitlines()[-1] == " " * 29 + "^^^^^^"
-        assert stand.desk.understand(1, "rover21 stops").text == ""
+        assert put(stand.desk, Understand, 1, "rover21 stops").text == ""
 
     def test_a_sentence_that_is_too_long_is_refused(self, stand: Stand) -> None:
         with pytest.raises(SentenceError, match="at most 2,000"):
-            stand.desk.understand(1, "x" * (MAX_SENTENCE + 1))
+            put(stand.desk, Understand, 1, "x" * (MAX_SENTENCE + 1))
 
 
 def test_the_line_answers_both_and_refuses_what_is_too_long(program: Program) -> None:

@@ -7,11 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from console.asking import put
 from console.running import Program, open_page
 from sleepcast.api.assembly import assemble
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
+from sleepcast.console.features.preview import GetPreview
+from sleepcast.console.features.send import Send
 from sleepcast.console.outgoing import Compiling, WatchedRobot
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import SleepcastError
@@ -51,7 +54,7 @@ def test_the_first_command_starts_time(desk: Desk) -> None:
     assert desk.waiting
     desk.driver.set_pace(factor=5.0)
     assert desk.waiting
-    desk.backend.send(1, "(WHEN (> battery 60%) (JOIN crew))", False)
+    put(desk.backend, Send, 1, "(WHEN (> battery 60%) (JOIN crew))", False)
     assert not desk.waiting
     assert not desk.driver.pace.paused
 
@@ -66,16 +69,16 @@ def test_while_the_simulator_is_compiled_the_page_counts_kernels(desk: Desk) -> 
 
 def test_a_question_starts_time_but_a_refused_command_does_not(desk: Desk) -> None:
     with pytest.raises(SleepcastError):
-        desk.backend.send(1, "(JOIN", False)
+        put(desk.backend, Send, 1, "(JOIN", False)
     assert desk.waiting
-    desk.backend.send(2, "battery", False, "ask")
+    put(desk.backend, Send, 2, "battery", False, "ask")
     assert not desk.waiting
 
 
 def test_a_command_in_a_pause_starts_nothing(desk: Desk) -> None:
     desk.driver.step()
     assert not desk.waiting
-    desk.backend.send(1, "(WHEN (> battery 60%) (JOIN crew))", False)
+    put(desk.backend, Send, 1, "(WHEN (> battery 60%) (JOIN crew))", False)
     assert desk.driver.pace.paused
 
 
@@ -85,9 +88,9 @@ def test_stop_starts_nothing(desk: Desk) -> None:
 
 
 def test_the_start_picture_has_a_preview_and_looking_at_it_changes_no_run(desk: Desk, tmp_path: Path) -> None:
-    assert desk.backend.preview(1, "(WHEN (> battery 60%) (MARK))").unknown == 20
+    assert put(desk.backend, GetPreview, 1, "(WHEN (> battery 60%) (MARK))").unknown == 20
     desk.driver.swarm.send_initial_telemetry()
-    found = desk.backend.preview(2, "(WHEN (> battery 60%) (MARK))")
+    found = put(desk.backend, GetPreview, 2, "(WHEN (> battery 60%) (MARK))")
     assert found.unknown == 0
     assert 0 < found.yes < 20
     other = Desk(tmp_path)

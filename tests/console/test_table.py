@@ -13,9 +13,8 @@ import pytest
 
 from console.test_backend import Stand, stand
 from sleepcast.api.assembly import assemble
-from sleepcast.console import incoming, outgoing
 from sleepcast.console.adapters.swarm import SwarmAdapter
-from sleepcast.console.table import ASK, CSV_ROWS, RobotTable
+from sleepcast.console.features.table import ASK, CSV_ROWS, GetCsv, GetRange, GetRows, RobotTable, TableRows
 from sleepcast.console.values import TelemetryValues
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Changes, find_scenario
@@ -30,12 +29,12 @@ def table(stand: Stand) -> RobotTable:
     return RobotTable(stand.desk.values)
 
 
-def rows(table: RobotTable, *columns: str, count: int = 200, again: bool = True, **how: object) -> outgoing.TableRows:
-    asked = incoming.GetRows(next(serials), list(columns), count=count, again=again, **how)  # type: ignore[arg-type]
+def rows(table: RobotTable, *columns: str, count: int = 200, again: bool = True, **how: object) -> TableRows:
+    asked = GetRows(next(serials), list(columns), count=count, again=again, **how)  # type: ignore[arg-type]
     return table.rows(asked)
 
 
-def robots(found: outgoing.TableRows) -> list[int]:
+def robots(found: TableRows) -> list[int]:
     return [row.robot for row in found.rows]
 
 
@@ -113,7 +112,7 @@ def test_groups_are_told_and_sorted_by(stand: Stand, table: RobotTable) -> None:
 
 def test_robots_of_a_range_come_in_the_order_of_the_table(table: RobotTable) -> None:
     order = robots(rows(table, "battery", sort=0))
-    found = table.range(incoming.GetRange(next(serials), 4, 6))
+    found = table.range(GetRange(next(serials), 4, 6))
     assert np.frombuffer(found.robots, "<i4").tolist() == order[4:10]
 
 
@@ -127,7 +126,7 @@ def test_unasked_for_it_shows_the_sensors_of_the_robots(table: RobotTable) -> No
 def read(table: RobotTable, *picked: int) -> list[list[str]]:
     text, piece, done = "", 0, False
     while not done:
-        found = table.csv(incoming.GetCsv(next(serials), piece, list(picked)))
+        found = table.csv(GetCsv(next(serials), piece, list(picked)))
         text, piece, done = text + found.text, piece + 1, found.done
     return list(csv.reader(StringIO(text)))
 
@@ -151,23 +150,23 @@ def test_a_variable_does_not_take_the_place_of_a_key_in_it(stand: Stand, table: 
 
 
 def robots_of(table: RobotTable) -> list[int]:
-    return np.frombuffer(table.range(incoming.GetRange(next(serials), 0, 20)).robots, "<i4").tolist()
+    return np.frombuffer(table.range(GetRange(next(serials), 0, 20)).robots, "<i4").tolist()
 
 
 def test_csv_is_of_one_moment_and_is_begun_at_its_beginning(
     stand: Stand, table: RobotTable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sleepcast.console.table.CSV_ROWS", 15)
+    monkeypatch.setattr("sleepcast.console.features.table.CSV_ROWS", 15)
     rows(table, "x")
-    first = table.csv(incoming.GetCsv(next(serials)))
+    first = table.csv(GetCsv(next(serials)))
     place = stand.swarm.simulator.x[19]
     stand.swarm.simulator.place(19, 1.0, 1.0, 0.0)
     stand.run()
-    second = table.csv(incoming.GetCsv(next(serials), 1))
+    second = table.csv(GetCsv(next(serials), 1))
     assert (first.done, second.done) == (False, True)
     assert float(list(csv.reader(StringIO(second.text)))[-1][2]) == pytest.approx(place / 1000)
     with pytest.raises(MisuseError, match="from its beginning"):
-        table.csv(incoming.GetCsv(next(serials), 2))
+        table.csv(GetCsv(next(serials), 2))
     assert CSV_ROWS > 15
 
 

@@ -10,9 +10,8 @@ import numpy as np
 
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.api.session_test import counts_of, orders_of, session_files
-from sleepcast.console.incoming import HeldCount, HeldGoal
+from sleepcast.console.features.session_test import DraftCommand, HeldCount, HeldGoal
 from sleepcast.console.past import Past
-from sleepcast.console.session_test import DraftCommand
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.truth import is_true
 from sleepcast.loop.rerun import Inputs

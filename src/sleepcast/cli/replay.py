@@ -76,7 +76,7 @@ def replay(
             from sleepcast.console import Address, serve_backend
             from sleepcast.console.adapters.recorded_past import RecordedPast
             from sleepcast.console.adapters.recording import load_timeline
-            from sleepcast.console.plots import ScenarioMeasure
+            from sleepcast.console.features.plots import ScenarioMeasure
             from sleepcast.console.replay import ReplayBackend, ReplayDriver
             from sleepcast.core.clock import WallClock
             from sleepcast.experiments.live import recorded_measures

@@ -38,7 +38,8 @@ encode = msgspec.json.Encoder().encode
 
 
 class PageConnection(Generic[M]):
-    """One page's socket. decode: gives a message or raises MessageError. urgent: messages that nothing may hold up."""
+    """One page's socket. decode: gives a message or raises PageMessageError. urgent: messages that nothing may hold
+    up."""
 
     def __init__(
         self, socket: WebSocket, decode: Callable[[str | bytes], M], urgent: tuple[type[M], ...], clock: Clock

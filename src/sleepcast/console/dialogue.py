@@ -1,43 +1,29 @@
 """What an open page and its desk say to each other, whatever carries it: a WebSocket, or a notebook's messages.
 
-One set of messages serves all pages, and what any robots have is answered here. `swarm_dialogue` adds what robots with
-minds of their own are told and asked, `nomads/dialogue` what Nomads are.
+STOP and RELEASE go to the desk at once; every question goes to `registry`, which knows who answers it. What one page
+has for itself is here: what it was told already and the robot that it looks at. `swarm_dialogue` adds the time at which
+it looks and its table, `nomads/dialogue` its windows and the hand that drives.
 """
 
 from __future__ import annotations
 
 import asyncio
 from abc import ABC, abstractmethod
-from collections.abc import Awaitable, Iterable, Iterator, Sequence
-from typing import Generic, Protocol, TypeAlias, TypeVar
+from collections.abc import Iterable, Iterator
+from typing import Generic, Protocol, TypeVar
 
-import msgspec
-
-from sleepcast.console import incoming, outgoing
+from sleepcast.console import outgoing, registry
 from sleepcast.console.connection import encode
 from sleepcast.console.driver import FrameSource
-from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.console.feature import Reply, Then
+from sleepcast.console.incoming import PageMessage, Release, Stop
+from sleepcast.console.registry import Source
+from sleepcast.core.errors import SleepcastError
 from sleepcast.station.validation import CountNeededError, DoubtError
 
-Answer: TypeAlias = msgspec.Struct | msgspec.Raw | None
 
-
-class PacedSource(Protocol):
-    """Frames of something whose time can be governed; see `Driver`."""
-
-    @property
-    def frame(self) -> bytes: ...
-
-    def set_pace(self, running: bool | None = None, factor: float | None = None) -> None: ...
-
-    def step(self) -> None: ...
-
-
-class PageDesk(Protocol):
-    """What any page can ask. All raise SleepcastError for what cannot be done, with a sentence for who asked."""
-
-    @property
-    def driver(self) -> PacedSource: ...
+class PageDesk(Source, Protocol):
+    """What lies behind any page. What it can be asked besides is told by the protocols of the features."""
 
     def hello(self) -> outgoing.Hello: ...
 
@@ -48,16 +34,6 @@ class PageDesk(Protocol):
     def stop(self) -> None: ...
 
     def release(self) -> None: ...
-
-    def build(self, serial: int, corners: Sequence[tuple[float, float]]) -> outgoing.Built: ...
-
-    def shift(self, serial: int, version: int, place: int, across: float, up: float) -> outgoing.Built: ...
-
-    def clear(self, serial: int, version: int, place: int) -> outgoing.Built: ...
-
-    def undo(self, serial: int, change: int, again: bool) -> outgoing.Undone: ...
-
-    def sense(self, serial: int, robot: int) -> outgoing.Sensed: ...
 
 
 D = TypeVar("D", bound=PageDesk)
@@ -87,41 +63,29 @@ class Dialogue(ABC, Generic[D]):
         self._watched, self._sent = -1, {type(hello).__name__: data}
         return data.decode()
 
-    def answer(self, message: incoming.Incoming) -> Answer | Awaitable[Answer]:
+    def answer(self, message: PageMessage) -> Reply:
         """Do what a message asks for; gives the answer or the refusal, None where there is nothing to say."""
         serial: int | None = getattr(message, "serial", None)
         try:
-            return self._answer(message)
+            if isinstance(message, Stop):
+                self._desk.stop()
+                return None
+            if isinstance(message, Release):
+                self._desk.release()
+                return None
+            return registry.answer(message, self._desk, self, self._then)
         except SleepcastError as error:
             return refusal(error, serial)
 
-    def _answer(self, message: incoming.Incoming) -> Answer | Awaitable[Answer]:
-        desk = self._desk
-        match message:
-            case incoming.Stop():
-                desk.stop()
-            case incoming.Release():
-                desk.release()
-            case incoming.SetPace(running, factor):
-                desk.driver.set_pace(running, factor)
-            case incoming.SingleStep():
-                desk.driver.step()
-            case incoming.Watch(robot):
-                self._watched = robot
-                self._sent.pop(outgoing.WatchedRobot.__name__, None)  # the page has forgotten what it was sent of it
-            case incoming.Build(serial, corners):
-                return desk.build(serial, corners)
-            case incoming.Shift(serial, version, place, across, up):
-                return desk.shift(serial, version, place, across, up)
-            case incoming.Clear(serial, version, place):
-                return desk.clear(serial, version, place)
-            case incoming.Undo(serial, change, again):
-                return desk.undo(serial, change, again)
-            case incoming.Sense(serial, robot):
-                return desk.sense(serial, robot)
-            case _:
-                raise MisuseError("This is not supported for these robots.")
+    @property
+    def _then(self) -> Then | None:
+        """Another time than now, at which the page looks."""
         return None
+
+    def watch(self, robot: int) -> None:
+        """Look at a robot; -1: at none. The page has forgotten what it was sent of it."""
+        self._watched = robot
+        self._sent.pop(outgoing.WatchedRobot.__name__, None)
 
     def leave(self) -> None:
         """The page goes away."""

@@ -106,10 +106,6 @@ class Timeline:
         """The rules that failed at `time`."""
         return self.failures.at(time) or Failures()
 
-    def failed(self, time: float, serial: int, rule: str) -> outgoing.Answered:
-        """On which robots a rule ("": any rule) failed at `time`. Raises MisuseError."""
-        return outgoing.Answered(serial, self.failures_at(time).robots(rule, len(self.scene.names)))
-
     def latched_at(self, time: float) -> bool:
         """Whether STOP held at `time`."""
         for row in reversed(self.rows.values[: self.rows.before(time)]):

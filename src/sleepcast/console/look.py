@@ -5,13 +5,16 @@ What one page looks at is nobody else's matter. STOP, pause and speed are still 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Awaitable, Iterator
 from typing import Protocol
+
+import msgspec
 
 from sleepcast.console import outgoing
 from sleepcast.console.driver import FrameSource
 from sleepcast.console.exact import Exact
 from sleepcast.console.film import frame_of, news_of
+from sleepcast.console.incoming import PageMessage
 from sleepcast.console.past import Past
 from sleepcast.console.view import PaceControl
 
@@ -46,6 +49,10 @@ class PastView(FrameSource):
     def exact(self) -> bool:
         """Whether what is shown is that of the very tick."""
         return self._exact.of(self.tick, self.watched) is not None
+
+    def again(self, asked: PageMessage) -> Awaitable[msgspec.Raw]:
+        """What the desk would have answered at this time. Raises RerunError."""
+        return self._past.answer(self.tick, asked)
 
     def seek(self, time: float) -> None:
         """Look at another time, s."""

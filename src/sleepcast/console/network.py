@@ -15,6 +15,8 @@ from sleepcast.console.backend import Backend
 from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import show_why
+from sleepcast.console.features.lease import ChangeLease
+from sleepcast.console.features.why import Explained, Why
 from sleepcast.console.frames import SILENT
 from sleepcast.console.operators import OperatorsDesk
 from sleepcast.console.view import KeptRule, MindView, SwarmView
@@ -195,17 +197,17 @@ class NetworkBackend(Backend):
 
     def hello(self) -> outgoing.Hello:
         """What a page needs first, and again as soon as the scene is another one or robots turn out to have colours."""
-        scene = self._swarm.scene
-        note = COLOURS if "colour" in self._swarm.vocabulary.bindings else ""
+        scene = self.swarm.scene
+        note = COLOURS if "colour" in self.swarm.vocabulary.bindings else ""
         if self._greeting is None or self._greeting.scene is not scene or self._greeting.note != note:
             count = len(scene.names)
-            unheard = max(0, self._station.fleet_size - count)
-            self._greeting = outgoing.Hello(scene, count, names_of(self._swarm), air=True, unheard=unheard, note=note)
+            unheard = max(0, self.station.fleet_size - count)
+            self._greeting = outgoing.Hello(scene, count, names_of(self.swarm), air=True, unheard=unheard, note=note)
         return self._greeting
 
-    def sense(self, serial: int, robot: int) -> NoReturn:
+    def sense(self, robot: int) -> NoReturn:
         """Refused."""
-        raise MisuseError(SENSES.format(self._name(robot)))
+        raise MisuseError(SENSES.format(self.name_of(robot)))
 
     def news(self, watched: int) -> Iterator[outgoing.Said]:
         """Everything that may have changed; the scene, too."""
@@ -237,32 +239,32 @@ class NetworkBackend(Backend):
         """End STOP, once robots have told whose STOPs hold."""
         self._releasing = self._fleet.awaited_release()
 
-    def lease(self, serial: int, deed: str, group: str, seconds: float, to: str) -> outgoing.Sent:
+    def lease(self, asked: ChangeLease) -> outgoing.Sent:
         """Ask robots about the lease of a group."""
-        sent, doubt = self._operators.lease(deed, group, seconds, to)
-        return outgoing.Sent(serial, sent.id, doubt)
+        sent, doubt = self._operators.lease(asked.deed, asked.group, asked.seconds, asked.to)
+        return outgoing.Sent(asked.serial, sent.id, doubt)
 
-    def why(self, serial: int, robot: int, command: str) -> outgoing.Explained | Awaitable[outgoing.Explained]:
+    def explain(self, asked: Why) -> Explained | Awaitable[Explained]:
         """The robot is asked."""
-        return self._why(serial, robot, command, self._fleet.ask_why(self._name(robot), command))
+        return self._heard_why(asked.serial, self._fleet.ask_why(self.name_of(asked.robot), asked.command))
 
-    async def _why(self, serial: int, robot: int, command: str, asked: PendingExplanation) -> outgoing.Explained:
-        while (found := asked.answer()) is None:
-            if asked.waited(LONGEST_WHY):
+    async def _heard_why(self, serial: int, question: PendingExplanation) -> Explained:
+        while (found := question.answer()) is None:
+            if question.waited(LONGEST_WHY):
                 raise SleepcastError("The robot has not answered the question why.")
             await asyncio.sleep(LISTEN)
-        return outgoing.Explained(serial, show_why(found))
+        return Explained(serial, show_why(found))
 
     def _safety(self) -> outgoing.Safety:
         """The account of our own STOP; for a STOP of other operators, the telemetry since."""
-        own = next((c for c in reversed(self._station.commands()) if c.kind in ("stop", "release")), None)
+        own = next((c for c in reversed(self.station.commands()) if c.kind in ("stop", "release")), None)
         other = next(self._fleet.orders(), None)
-        found, since, by = super()._safety(), self._began if own is None else own.message.issued, ""
+        found, since, by = super()._safety(), self.began if own is None else own.message.issued, ""
         if other is not None and other.issued > since:
             found, since = outgoing.Safety(other.stop, ""), other.issued
             by = f"STOP by {printable(other.sender)}: " if other.stop else ""
         if not found.sentence:
-            stopped, size = self._fleet.stopped(since), self._station.fleet_size
+            stopped, size = self._fleet.stopped(since), self.station.fleet_size
             scope = of_robots(max(size, len(self._fleet.minds)), size > 0)
             moving = f"; {moves:,} of these still move" if (moves := self._fleet.moving(since)) else ""
             said = f"{by}{stopped:,} {scope} report stopped{moving}."
@@ -278,7 +280,7 @@ class NetworkBackend(Backend):
         age = self._fleet.age(mind.name)
         if age is None:
             return ["has sent no telemetry"]
-        old = [f"last telemetry {ago(age)}"] if age > self._station.stale_after else []
+        old = [f"last telemetry {ago(age)}"] if age > self.station.stale_after else []
         return super()._states(mind) + self._fleet.states(mind.name) + old
 
     def _show_rule(self, rule: KeptRule) -> outgoing.ShownRule:

@@ -1,7 +1,8 @@
 """What the desk says to a page, each as the JSON object that the page reads; `type` is the class's name in lower
 case, unless the class says otherwise.
 
-An answer carries the `serial` of its question back; the rest is news. Every text is for people as it stands.
+Here are the news, and answers of several features; the others are in `features/`. An answer carries the `serial` of its
+question back. Every text is for people as it stands.
 """
 
 from __future__ import annotations
@@ -10,12 +11,10 @@ import msgspec
 
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.completion import ShownName
-from sleepcast.console.explanation import ShownWhy
 from sleepcast.console.failing import ShownFailing
 from sleepcast.console.marks import Mark
 from sleepcast.console.nomads.orders import NomadOrder
-from sleepcast.console.sensing import BodyView
-from sleepcast.console.view import FieldPicture, Outline, Scene
+from sleepcast.console.view import Outline, Scene
 
 
 class Said(msgspec.Struct, tag_field="type", tag=str.lower):
@@ -83,42 +82,12 @@ class ShownFinding(msgspec.Struct, frozen=True):
     shown: str
 
 
-class Previewed(Said):
-    """What the station thinks of a text. counted: whether it could be previewed at all; lit: a byte for each robot."""
-
-    serial: int
-    findings: list[ShownFinding]
-    cost: int = 0
-    counted: bool = False
-    yes: int = 0
-    no: int = 0
-    unknown: int = 0
-    everybody: bool = False
-    oldest: float = 0.0
-    reasons: list[tuple[str, int]] = []
-    lit: bytes = b""
-
-
 class Sent(Said):
     """A command went out under this id. doubt: what is probably a slip in it, as a sentence."""
 
     serial: int
     command: str
     doubt: str = ""
-
-
-class Named(Said):
-    """The names that a text may use now."""
-
-    serial: int
-    names: list[ShownName]
-
-
-class Explained(Said):
-    """Why a robot obeyed a command or did not."""
-
-    serial: int
-    why: ShownWhy
 
 
 class Answered(Said):
@@ -129,72 +98,11 @@ class Answered(Said):
     outcomes: bytes
 
 
-class Replied(Said):
-    """What each robot answered to a question, with its unit, in the order in which they were asked for; "" for who is
-    silent."""
-
-    serial: int
-    texts: list[str]
-
-
-class Joined(Said):
-    """Who is in a group: a byte for each robot, 1 for its members."""
-
-    serial: int
-    members: bytes
-
-
-class Built(Said):
-    """The obstacles were changed as asked for. change: the number of this change, by which it can be undone; obstacle:
-    that of the obstacle."""
-
-    serial: int
-    change: int
-    obstacle: int
-
-
-class Undone(Said):
-    """A change of the obstacles was undone, or done again."""
-
-    serial: int
-
-
-class Pictured(Said):
-    """The picture of the map, a PNG."""
-
-    serial: int
-    png: bytes
-
-
-class Fielded(Said):
-    """A field as it was in a tick."""
-
-    serial: int
-    field: str
-    tick: int
-    picture: FieldPicture
-
-
-class WorldText(Said, tag="world"):
-    """All obstacles as the text of a file."""
-
-    serial: int
-    text: str
-
-
 class Done(Said):
     """What was asked for was done. note: what there is to say of it, in words for a person."""
 
     serial: int
     note: str = ""
-
-
-class Sensed(Said):
-    """What the body of a robot senses."""
-
-    serial: int
-    robot: int
-    body: BodyView
 
 
 class Commands(Said):
@@ -305,97 +213,3 @@ class WatchedRobot(Said, tag="robot"):
     rules: list[ShownRule]
     said: list[ShownReport]
     told: list[ShownReport] = []
-
-
-class ShownColumn(msgspec.Struct, frozen=True):
-    """A column of the table of robots. problem: why there is nothing in it, or not for every robot."""
-
-    text: str
-    unit: str = ""
-    problem: str = ""
-
-
-class ShownRow(msgspec.Struct, frozen=True, array_like=True):
-    """A robot in the table, by its index, with its groups and its values as people read them."""
-
-    robot: int
-    groups: str
-    cells: list[str]
-
-
-class TableRows(Said, tag="rows"):
-    """Rows of the table from place `first` on. total: rows that pass the test. problem: what is wrong with the test.
-    source: where the values come from, in words; "" for telemetry."""
-
-    serial: int
-    columns: list[ShownColumn]
-    total: int
-    first: int
-    rows: list[ShownRow]
-    problem: str = ""
-    source: str = ""
-
-
-class RowRobots(Said, tag="range"):
-    """The robots in rows of the table by their indices, four bytes each, little endian."""
-
-    serial: int
-    robots: bytes
-
-
-class Csv(Said):
-    """A piece of the table as CSV. done: whether it was the last."""
-
-    serial: int
-    text: str
-    done: bool
-
-
-class ShownPlot(msgspec.Struct, frozen=True):
-    """A plot. lines: names of what is drawn over x. units: of x and y. told: what a person should know of it. problem:
-    why it shows nothing."""
-
-    number: int
-    kind: str
-    title: str
-    x: str
-    y: str
-    where: str
-    lines: list[str]
-    units: tuple[str, str]
-    told: str = ""
-    problem: str = ""
-
-
-class AllPlots(Said, tag="plots"):
-    """Every plot that there is."""
-
-    plots: list[ShownPlot]
-
-
-class PlotAdded(Said, tag="plot"):
-    """A plot was added under this number."""
-
-    serial: int
-    number: int
-
-
-class PlotRemoved(Said, tag="unplot"):
-    """A plot was removed."""
-
-    serial: int
-
-
-class Plotted(Said):
-    """What is to be drawn: columns of equal length, of x and of every line, null for unknown. added: whether it follows
-    what was drawn before, or replaces it. more: whether there will be more at once. earlier: columns of the future that
-    this run has left, from the time at which it did; empty if there is none, or where `added` is true."""
-
-    serial: int
-    columns: list[list[float | None]]
-    added: bool = False
-    thinned: int = 0
-    told: str = ""
-    problem: str = ""
-    more: bool = False
-    earlier: list[list[float | None]] = []

@@ -14,9 +14,11 @@ from typing import NoReturn
 
 import msgspec
 
-from sleepcast.console import incoming
 from sleepcast.console.connection import encode
+from sleepcast.console.features.plots import AddPlot
+from sleepcast.console.features.why import Why
 from sleepcast.console.film import Timeline
+from sleepcast.console.incoming import PageMessage
 from sleepcast.console.kept import Budget, KeptStates
 from sleepcast.console.marks import Marks, clock_time
 from sleepcast.console.rerunner import Deed, Found, Question, RerunError, Rerunner, RunMoment, digest
@@ -112,15 +114,15 @@ class Past:
         """The state at a tick, from which a run can go on. Raises RerunError."""
         return (await self._ask("state", tick)).state
 
-    async def answer(self, tick: int, message: incoming.PageMessage) -> msgspec.Raw:
+    async def answer(self, tick: int, message: PageMessage) -> msgspec.Raw:
         """What the desk would have answered at a tick. Raises RerunError."""
         return _said(await self._ask("answer", tick, message))
 
-    async def sample(self, tick: int, plot: incoming.AddPlot) -> Sampled:
+    async def sample(self, tick: int, plot: AddPlot) -> Sampled:
         """What a plot over time shows of a tick. Raises RerunError."""
         return msgspec.json.decode((await self._ask("sample", tick, plot)).said, type=Sampled)
 
-    async def why(self, tick: int, asked: incoming.Why) -> msgspec.Raw:
+    async def why(self, tick: int, asked: Why) -> msgspec.Raw:
         """Why a robot did what it did with a command up to a tick. Raises RerunError."""
         sent = next((at for at, message in self.inputs.posted if message.id == asked.command), None)
         if sent is None:
@@ -131,7 +133,7 @@ class Past:
             raise RerunError(f"There is no robot number {asked.robot}.")
         return _said(await self._ask("why", tick, asked, since=sent - 1))
 
-    async def why_now(self, issued: float, asked: incoming.Why) -> msgspec.Raw:
+    async def why_now(self, issued: float, asked: Why) -> msgspec.Raw:
         """The same up to now, for who asks at once: a command goes on the air with the tick after it was sent. issued:
         when that was, simulated s. Raises RerunError."""
         await self._over(round(issued / self.tick) + 1)
@@ -150,7 +152,7 @@ class Past:
         self,
         deed: Deed,
         tick: int,
-        message: incoming.PageMessage | None = None,
+        message: PageMessage | None = None,
         *,
         robot: int = -1,
         since: int | None = None,

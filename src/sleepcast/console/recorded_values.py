@@ -13,12 +13,21 @@ from math import nan
 
 import numpy as np
 
-from sleepcast.console import incoming, outgoing
 from sleepcast.console.completion import ShownName, names_in
+from sleepcast.console.features.plots import (
+    AddPlot,
+    GetPlot,
+    PlotAdded,
+    PlotRemoved,
+    Plots,
+    PlotSpec,
+    Plotted,
+    RemovePlot,
+    ScenarioMeasure,
+)
 from sleepcast.console.film import Timeline, values_of
 from sleepcast.console.marks import clock_time
 from sleepcast.console.past import Past
-from sleepcast.console.plots import Plots, PlotSpec, ScenarioMeasure
 from sleepcast.console.rerunner import RerunError
 from sleepcast.console.series import Sample, columns_of
 from sleepcast.console.values import Column, Index, Mask, suggested_of
@@ -174,14 +183,14 @@ class RecordedPlots(Plots):
     ) -> None:
         super().__init__(RecordedValues(film, now), clock, measures)
         self._film, self._past = film, past
-        self._again: dict[int, incoming.AddPlot] = {}
+        self._again: dict[int, AddPlot] = {}
         """The plots for which it is run again, by their numbers."""
         self._at = film.began
         self._moving = RecordedValues(film, lambda: self._at)
         self._samples: dict[int, dict[float, Sample]] = {}
         """Of each plot, by time."""
 
-    def add(self, asked: incoming.AddPlot) -> outgoing.PlotAdded | Awaitable[outgoing.PlotAdded]:
+    def add(self, asked: AddPlot) -> PlotAdded | Awaitable[PlotAdded]:
         """As everywhere; what was not recorded is plotted over time by running again."""
         self._refuse(asked)
         try:
@@ -192,7 +201,7 @@ class RecordedPlots(Plots):
             return self._added_again(asked, self._past, error)
         return self._added(asked)
 
-    async def _added_again(self, asked: incoming.AddPlot, past: Past, unrecorded: MisuseError) -> outgoing.PlotAdded:
+    async def _added_again(self, asked: AddPlot, past: Past, unrecorded: MisuseError) -> PlotAdded:
         try:
             found = await past.sample(past.tick_of(self._film.seconds), asked)
         except RerunError as error:
@@ -207,10 +216,10 @@ class RecordedPlots(Plots):
     def sample(self) -> None:
         """Nothing: what was is known already."""
 
-    def _over_time(self, plot: PlotSpec, asked: incoming.GetPlot) -> Awaitable[outgoing.Plotted]:
+    def _over_time(self, plot: PlotSpec, asked: GetPlot) -> Awaitable[Plotted]:
         return self._sampled(plot, asked)
 
-    async def _sampled(self, plot: PlotSpec, asked: incoming.GetPlot) -> outgoing.Plotted:
+    async def _sampled(self, plot: PlotSpec, asked: GetPlot) -> Plotted:
         found = self._samples.setdefault(plot.number, {})
         until, more = self._clock.now() + AT_ONCE, False
         again = self._again.get(plot.number)
@@ -236,9 +245,9 @@ class RecordedPlots(Plots):
         times = sorted(found)
         columns = columns_of(times, [found[time] for time in times], len(plot.lines))
         told = f"{len(times)} moments, {'as recorded' if again is None else 'run again'}"
-        return outgoing.Plotted(asked.serial, columns, told=told, problem=plot.problem, more=more)
+        return Plotted(asked.serial, columns, told=told, problem=plot.problem, more=more)
 
-    def remove(self, asked: incoming.RemovePlot) -> outgoing.PlotRemoved:
+    def remove(self, asked: RemovePlot) -> PlotRemoved:
         self._samples.pop(asked.number, None)
         self._again.pop(asked.number, None)
         return super().remove(asked)

@@ -21,67 +21,36 @@ import numpy as np
 
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver, aside
-from sleepcast.console.incoming import CountTrue, DraftTest, Fork, GetSetup, Renew, SaveTest, Scenarios
+from sleepcast.console.features.mission import MissionPlayer
+from sleepcast.console.features.plots import ScenarioMeasure
+from sleepcast.console.features.renewal import (
+    Choices,
+    Fork,
+    GetSetup,
+    Offered,
+    Renew,
+    Renewed,
+    Scenarios,
+    SetUp,
+    ShownScenario,
+)
+from sleepcast.console.features.session_test import TestMaker
 from sleepcast.console.marks import clock_time
-from sleepcast.console.mission import MissionPlayer
 from sleepcast.console.outgoing import Hello, Said
 from sleepcast.console.past import Past
-from sleepcast.console.plots import ScenarioMeasure
-from sleepcast.console.session_test import NO_TEST, Counted, Drafted, Packed, TestMaker
-from sleepcast.console.view import PaceControl, ShownSlider, SwarmView
+from sleepcast.console.view import PaceControl, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.fleet.marks import is_frozen
 from sleepcast.station import Station
 
-NOT_HERE = "This run cannot be followed by another one from its page: start it again where it was started."
-
-
 # ---- what a page is told
-
-
-class ShownScenario(msgspec.Struct, frozen=True):
-    """A scenario that may be run. name: by which it is asked for."""
-
-    name: str
-    title: str
-
-
-class Offered(Said):
-    """The scenarios; current: that of the run on the page."""
-
-    serial: int
-    scenarios: list[ShownScenario]
-    current: str
-
-
-class Choices(msgspec.Struct, frozen=True):
-    """What may be changed of a scenario, with the values of the run on the page, if that is of this scenario. fixed:
-    whether its robots are as many as they are."""
-
-    seed: str
-    robots: int
-    fixed: bool
-    sliders: list[ShownSlider]
-
-
-class SetUp(Said):
-    """The answer to `GetSetup`."""
-
-    serial: int
-    choices: Choices
 
 
 class Building(Said):
     """Another run is being built: what is done now; "" for nothing."""
 
     step: str
-
-
-class Renewed(Said):
-    """There is another run: load the page again. serial: of the question, if there was one."""
-
-    serial: int | None = None
 
 
 class Note(Said):
@@ -263,7 +232,7 @@ class RenewableBackend(Backend):
             run.swarm, run.station, driver, clock, measures=run.measures, past=run.past, mission=run.mission
         )
         self.over = False
-        self._tests = run.tests
+        self.tests = run.tests
         self._runs, self._number = runs, runs.number
 
     def hello(self) -> Hello:
@@ -274,41 +243,31 @@ class RenewableBackend(Backend):
         super().stop()
         self._runs.give_up("STOP was pressed: the new run was not started, and STOP holds in this one.")
 
-    async def renewal(self, message: Scenarios | GetSetup | Renew | Fork) -> Said:
-        """The answer to what a page asks about other runs. Raises SleepcastError."""
-        match message:
-            case Scenarios(serial):
-                return await self._runs.scenarios(serial)
-            case GetSetup(serial, scenario):
-                return await self._runs.choices(serial, scenario)
-        self._refuse_doubt()
-        if isinstance(message, Fork):
-            return await self._runs.fork(message.serial, message.time)
-        seed = None if message.seed is None else int(message.seed)
-        same = not message.scenario
-        wish = None if same else RunRequest(message.scenario, seed, message.robots, message.values)
-        return await self._runs.renew(message.serial, wish)
+    async def scenarios(self, asked: Scenarios) -> Offered:
+        """Which scenarios there are."""
+        return await self._runs.scenarios(asked.serial)
 
-    def session_test(self, message: DraftTest | CountTrue | SaveTest) -> Said:
-        """The answer to what a page asks about a test of this session. Raises SleepcastError."""
-        if self._tests is None:
-            raise MisuseError(NO_TEST)
-        match message:
-            case CountTrue(serial, text):
-                return Counted(serial, self._tests.count(text))
-            case SaveTest(serial, tick, name, held, goals, exact):
-                if tick != self._swarm.tick:
-                    raise MisuseError("Time has gone on since this dialog was opened: close it, and open it again.")
-                return Packed(serial, f"{name}.zip", self._tests.files(name, held, goals, exact))
-        ran = not self.driver.pace.paused
-        name, commands = self._tests.draft()
-        self.driver.set_pace(running=False)
-        return Drafted(message.serial, self._swarm.tick, self._swarm.now(), ran, name, commands)
+    async def choices(self, asked: GetSetup) -> SetUp:
+        """What may be changed of one."""
+        return await self._runs.choices(asked.serial, asked.scenario)
+
+    async def renew(self, asked: Renew) -> Renewed:
+        """Start another run. Raises SleepcastError; then this one goes on."""
+        self._refuse_doubt()
+        seed = None if asked.seed is None else int(asked.seed)
+        same = not asked.scenario
+        wish = None if same else RunRequest(asked.scenario, seed, asked.robots, asked.values)
+        return await self._runs.renew(asked.serial, wish)
+
+    async def fork(self, asked: Fork) -> Renewed:
+        """Let the run go on from an earlier moment. Raises SleepcastError; then this one goes on."""
+        self._refuse_doubt()
+        return await self._runs.fork(asked.serial, asked.time)
 
     def _refuse_doubt(self) -> None:
         """Raise MisuseError while it is not clear whether STOP is obeyed."""
-        stop = self._ledger.stop()
-        if stop is not None and not self._station.accounting(stop.id).complete:
+        stop = self.accounts.stop()
+        if stop is not None and not self.station.accounting(stop.id).complete:
             raise MisuseError(
                 "STOP was sent, and not all robots have confirmed it yet. Let time run until they have, "
                 "or release STOP; then start the new run."
@@ -331,13 +290,13 @@ class RenewableBackend(Backend):
                 return Note(f"This run goes on from {at}: start it, or send a command. {seen}")
         elif self._number > 1 and self.driver.waiting:
             return Note("This is a new run, another world: nothing that was sent before holds in it, STOP neither.")
-        exhausted = self._swarm.exhausted()
+        exhausted = self.swarm.exhausted()
         if exhausted is None or not exhausted.any():
             return Note("")
-        frozen = is_frozen(self._swarm.minds)
+        frozen = is_frozen(self.swarm.minds)
         if not (exhausted | frozen).all():
             return Note("")
         empty, others = int(exhausted.sum()), int(np.count_nonzero(frozen & ~exhausted))
-        supplies = " or ".join(self._swarm.scene.supplies)
+        supplies = " or ".join(self.swarm.scene.supplies)
         rest = f", and {others:,} are frozen" if others else ""
         return Note(f"No robot can move any more: {empty:,} have no {supplies} left{rest}.", restart=True)

@@ -12,23 +12,26 @@ import struct
 from collections.abc import Awaitable, Iterator, Sequence
 from itertools import accumulate
 from math import nan
-from typing import NoReturn
+from typing import ClassVar
 
 import msgspec
 import numpy as np
 
-from sleepcast.console import incoming, outgoing
-from sleepcast.console.alerts import AlertBoard, Alerted
+from sleepcast.console import outgoing
+from sleepcast.console.completion import ShownName
 from sleepcast.console.driver import FRAME_PERIOD, FrameSource
 from sleepcast.console.exact import Exact
-from sleepcast.console.fields import field_of
+from sleepcast.console.feature import NO_ROBOTS
+from sleepcast.console.features.alerts import AlertBoard
+from sleepcast.console.features.field import Field, Fielded, field_of
+from sleepcast.console.features.plots import ScenarioMeasure
+from sleepcast.console.features.why import Why
 from sleepcast.console.film import Timeline, commands_of, frame_of, news_of, values_of
-from sleepcast.console.ground import pictured
-from sleepcast.console.incoming import AlertMessage, Sort
 from sleepcast.console.past import Past
-from sleepcast.console.picking import Picked, picked
-from sleepcast.console.plots import ScenarioMeasure
 from sleepcast.console.recorded_values import RecordedPlots, RecordedValues
+from sleepcast.console.sensing import BodyView
+from sleepcast.console.values import Mask
+from sleepcast.console.view import Picture, Scene
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.tasks import together
@@ -113,7 +116,11 @@ class ReplayDriver(FrameSource):
 
 
 class ReplayBackend:
-    """See the module; the questions are those that a session asks."""
+    """See the module."""
+
+    recorded: ClassVar[bool] = True
+    lacks: ClassVar[str] = NO_ROBOTS
+    at_once = False
 
     def __init__(
         self, film: Timeline, driver: ReplayDriver, measures: Sequence[ScenarioMeasure] = (), past: Past | None = None
@@ -143,98 +150,57 @@ class ReplayBackend:
         """Go to `time`, s."""
         self.driver.seek(time)
 
-    def commands(self, serial: int | None = None) -> outgoing.Commands:
+    # ---- what features need
+
+    @property
+    def scene(self) -> Scene:
+        """What does not change."""
+        return self._film.scene
+
+    @property
+    def facts(self) -> RecordedValues:
+        """What was recorded of this time."""
+        return self.values
+
+    @property
+    def picture(self) -> Picture | None:
+        """The picture of the map, None if there is none."""
+        return self._film.picture
+
+    def known_names(self) -> list[ShownName]:
+        """The names that an expression may use, with the ranges of their values now."""
+        return self.values.known()
+
+    def commands(self, serial: int | None = None, time: float = nan) -> outgoing.Commands:
         """The account of every command as it was known at this time."""
         return commands_of(self._film, self.driver.time, serial)
 
-    def names(self, serial: int) -> outgoing.Named:
-        """The names that an expression may use, with the ranges of their values now."""
-        return outgoing.Named(serial, self.values.known())
-
-    def preview(self, serial: int, text: str) -> NoReturn:
-        """Refused."""
-        self._refuse()
-
-    def spread(self, serial: int, text: str, at: int) -> NoReturn:
-        """Refused."""
-        self._refuse()
-
-    def pick(self, serial: int, marks: bytes) -> Picked | Awaitable[Picked]:
-        """The test that holds for exactly the marked robots at this time."""
-        return picked(self.values, serial, marks, len(self.values.names))
-
-    def wink(self, serial: int, robot: int) -> NoReturn:
-        """Refused."""
-        self._refuse()
-
-    def alert(self, wish: AlertMessage) -> Alerted:
-        """Add, mute or remove an alert, or tell whom one was about."""
-        return self.alerts.answer(wish)
-
-    def phrase(self, serial: int, text: str) -> NoReturn:
-        """Refused."""
-        self._refuse()
-
-    def understand(self, serial: int, text: str) -> NoReturn:
-        """Refused."""
-        self._refuse()
-
-    def send(self, serial: int, text: str, everybody: bool, sort: Sort, count: int | None, confirmed: bool) -> NoReturn:
-        """Refused."""
-        self._refuse()
-
-    def halt(self) -> NoReturn:
-        """Refused."""
-        self._refuse()
-
-    def lease(self, serial: int, deed: str, group: str, seconds: float, to: str) -> NoReturn:
-        """Refused."""
-        self._refuse()
-
-    def why(self, serial: int, robot: int, command: str) -> Awaitable[msgspec.Raw]:
+    def explain(self, asked: Why) -> Awaitable[msgspec.Raw]:
         """How a robot evaluated a command, by running again. Raises MisuseError where that cannot be done."""
         if self.past is None:
             raise MisuseError("A recording stores each command's outcome, not its explanation.")
-        return self.past.why(self.past.tick_of(self.driver.time), incoming.Why(serial, robot, command))
+        return self.past.why(self.past.tick_of(self.driver.time), asked)
 
-    def members(self, serial: int, group: int) -> outgoing.Joined:
+    def members(self, group: int) -> bytes:
         """Who is in a group, of those whose newest or second newest group it is."""
         marks = self._film.marks_at(self.driver.time)
         newest, second = (np.frombuffer(codes, np.uint8) == group for codes in (marks.groups, marks.second))
-        return outgoing.Joined(serial, (newest | second if marks.second else newest).tobytes())
+        members: Mask = newest | second if marks.second else newest
+        return members.tobytes()
 
-    def build(self, serial: int, corners: Sequence[tuple[float, float]]) -> NoReturn:
-        """Refused."""
-        self._refuse()
-
-    def shift(self, serial: int, version: int, place: int, across: float, up: float) -> NoReturn:
-        """Refused."""
-        self._refuse()
-
-    def clear(self, serial: int, version: int, place: int) -> NoReturn:
-        """Refused."""
-        self._refuse()
-
-    def undo(self, serial: int, change: int, again: bool) -> NoReturn:
-        """Refused."""
-        self._refuse()
-
-    def picture(self, serial: int) -> outgoing.Pictured | Awaitable[outgoing.Pictured]:
-        """The picture of the map."""
-        return pictured(self._film.picture, serial)
-
-    def field(self, serial: int, name: str) -> outgoing.Fielded | Awaitable[msgspec.Raw]:
+    def field(self, asked: Field) -> Fielded | Awaitable[msgspec.Raw]:
         """A field at this time; of one that grows, by running again. Raises MisuseError where that cannot be done."""
-        film, grows = self._film, field_of(self._film.scene, name).grows
+        film, name = self._film, asked.name
+        grows = field_of(film.scene, name).grows
         if not grows and film.field is not None:
-            return outgoing.Fielded(serial, name, 0, film.field(name))
+            return Fielded(asked.serial, name, 0, film.field(name))
         if self.past is None:
             raise MisuseError(f"The recording does not hold how {name} was at this time.")
         tick = self.past.tick_of(self.driver.time)
         self.past.check(tick)
-        return self.past.answer(tick, incoming.Field(serial, name))
+        return self.past.answer(tick, asked)
 
-    def sense(self, serial: int, robot: int) -> outgoing.Sensed:
+    def sense(self, robot: int) -> BodyView:
         """What the body of a robot sensed when that was recorded last."""
         film = self._film
         number = film.values.before(self.driver.time)
@@ -253,19 +219,11 @@ class ReplayBackend:
         x, y, heading = struct.unpack_from("<3f", poses[1], 12 * robot)
         believed = (read("x"), read("y"), read("heading"))
         ranges = [read(f"sonar{number}") for number in range(kind.sonars)]
-        return outgoing.Sensed(serial, robot, kind.sensing((x, y, heading), believed, ranges))
+        return kind.sensing((x, y, heading), believed, ranges)
 
-    def failed(self, serial: int, rule: str) -> outgoing.Answered:
+    def failed(self, rule: str, time: float = nan) -> bytes:
         """On which robots a rule ("": any rule) failed at this time."""
-        return self._film.failed(self.driver.time, serial, rule)
-
-    def outcomes(self, serial: int, command: str) -> NoReturn:
-        """Refused: answers are recorded as counts."""
-        raise MisuseError("A recording stores how many robots obeyed a command, not which ones.")
-
-    def replies(self, serial: int, command: str, robots: Sequence[int]) -> NoReturn:
-        """Refused: answers are recorded as counts."""
-        raise MisuseError("A recording stores the least, the mean and the greatest answer, not those of each robot.")
+        return self._film.failures_at(self.driver.time).robots(rule, len(self.scene.names))
 
     def stop(self) -> None:
         """Nothing moves in a recording that could be stopped, so time is."""
@@ -291,6 +249,3 @@ class ReplayBackend:
         if len(self._exact) > MOST_WATCHED:
             self._exact.pop(next(iter(self._exact))).leave()
         return found
-
-    def _refuse(self) -> NoReturn:
-        raise MisuseError("This is a recording: it has no robots that could receive a command.")

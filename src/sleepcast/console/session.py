@@ -13,11 +13,13 @@ from typing import Any
 
 from starlette.websockets import WebSocket
 
-from sleepcast.console import incoming
+from sleepcast.console import registry
 from sleepcast.console.connection import PageConnection
-from sleepcast.console.dialogue import Answer, Dialogue, refusal
+from sleepcast.console.dialogue import Dialogue, refusal
 from sleepcast.console.driver import FrameSource
+from sleepcast.console.feature import Answer
 from sleepcast.console.frames import still
+from sleepcast.console.incoming import Drawn, PageMessage, Stop
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 
@@ -29,9 +31,7 @@ class PageSession:
     """One page; `run` lasts as long as it is open."""
 
     def __init__(self, socket: WebSocket, dialogue: Dialogue[Any], clock: Clock) -> None:
-        self._line: PageConnection[incoming.Incoming] = PageConnection(
-            socket, incoming.decode, (incoming.Stop, incoming.Drawn), clock
-        )
+        self._line: PageConnection[PageMessage] = PageConnection(socket, registry.decode, (Stop, Drawn), clock)
         self._dialogue = dialogue
         self._drawn = asyncio.Event()
         self._waiting: set[asyncio.Task[None]] = set()
@@ -50,8 +50,8 @@ class PageSession:
                 task.cancel()
             await asyncio.gather(*others, return_exceptions=True)
 
-    async def _answer(self, message: incoming.Incoming) -> None:
-        if isinstance(message, incoming.Drawn):
+    async def _answer(self, message: PageMessage) -> None:
+        if isinstance(message, Drawn):
             self._drawn.set()
             return
         said = self._dialogue.answer(message)

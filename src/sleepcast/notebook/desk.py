@@ -14,10 +14,14 @@ from typing import Protocol
 
 import msgspec
 
-from sleepcast.console import incoming
+from sleepcast.console import incoming, registry
 from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
 from sleepcast.console.driver import FRAME_PERIOD
+from sleepcast.console.features.mission import Play, SendLine, SkipLine
+from sleepcast.console.features.send import Send
+from sleepcast.console.features.time import SetPace, SingleStep
+from sleepcast.console.features.watched import Watch
 from sleepcast.console.outgoing import Refused
 from sleepcast.console.session import NEWS_PERIOD
 from sleepcast.console.swarm_dialogue import SwarmDialogue
@@ -132,7 +136,7 @@ class DeskView:
             self._say(Refused(f"a message of {len(text):,} characters is too long: at most {incoming.MAX_BYTES:,}"))
             return
         try:
-            message = incoming.decode(text)
+            message = registry.decode(text)
         except incoming.PageMessageError as error:
             self._say(Refused(str(error), incoming.serial_in(text)))
             return
@@ -181,7 +185,7 @@ class DeskView:
 
 
 CHANGING = (
-    *(incoming.Stop, incoming.Release, incoming.SetPace, incoming.SingleStep, incoming.Send, incoming.Watch),
-    *(incoming.Play, incoming.SendLine, incoming.SkipLine),
+    *(incoming.Stop, incoming.Release, SetPace, SingleStep, Send, Watch),
+    *(Play, SendLine, SkipLine),
 )
 """Messages after which there may be something new to see."""

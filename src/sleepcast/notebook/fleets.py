@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 
-from sleepcast.console import outgoing
 from sleepcast.console.adapters.channel import EMPTY, FleetAdapter
 from sleepcast.console.adapters.mission import SwarmMission
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import show_why
+from sleepcast.console.features.why import Explained, Why
 from sleepcast.console.network import NetworkBackend
 from sleepcast.console.view import Scene
 from sleepcast.core.clock import WallClock
@@ -64,9 +64,9 @@ class PatientBackend(NetworkBackend):
         super().__init__(fleet, station, clock, began)
         self._asked, self._telemetry = station, telemetry
 
-    def why(self, serial: int, robot: int, command: str) -> outgoing.Explained:
-        found = ask_why(self._asked, self._telemetry, self._name(robot), command)
-        return outgoing.Explained(serial, show_why(found))
+    def explain(self, asked: Why) -> Explained:
+        found = ask_why(self._asked, self._telemetry, self.name_of(asked.robot), asked.command)
+        return Explained(asked.serial, show_why(found))
 
 
 def connected_desk(

@@ -17,13 +17,15 @@ import msgspec
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message_batch import AnswerColumns, MessageBatch
-from sleepcast.console import incoming, outgoing
+from sleepcast.console import outgoing, registry
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
 from sleepcast.console.differences import first_difference
 from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import show_why
+from sleepcast.console.features.plots import AddPlot
+from sleepcast.console.features.why import Explained, Why
 from sleepcast.console.kept import Diary
 from sleepcast.console.marks import clock_time
 from sleepcast.console.past import Sampled
@@ -125,7 +127,7 @@ class ReplayWorker:
         if question.deed == "state":
             return Found(again.rerun.tick, state=copy_of(again.swarm).packed(), differs=again.differs)
         if question.deed == "answer":
-            said = again.dialogue.answer(incoming.decode(question.message))
+            said = again.dialogue.answer(registry.decode(question.message))
             if not isinstance(said, msgspec.Struct):
                 raise RerunError("This is not available for moments in the past.")
             return Found(again.rerun.tick, said=encode(said), differs=again.differs)
@@ -224,8 +226,8 @@ class ReplayWorker:
 
     def _sample(self, question: Question) -> Found:
         """What a plot over time shows. It does not move the swarm at which somebody looks."""
-        asked = incoming.decode(question.message)
-        if not isinstance(asked, incoming.AddPlot):
+        asked = registry.decode(question.message)
+        if not isinstance(asked, AddPlot):
             raise RerunError("This is no plot.")
         again = self._at("ahead", question)
         try:
@@ -236,8 +238,8 @@ class ReplayWorker:
 
     def _why(self, question: Question) -> Found:
         """Run on from before a command until the robot has evaluated it."""
-        asked, moment = incoming.decode(question.message), question.moment
-        if not isinstance(asked, incoming.Why):
+        asked, moment = registry.decode(question.message), question.moment
+        if not isinstance(asked, Why):
             raise RerunError("This is no question why.")
         again = self._near("why", moment, since=True)
         if again.rerun.tick > moment.base and self._forgot(again, asked):
@@ -263,9 +265,9 @@ class ReplayWorker:
                 raise RerunError(f"{fleet.names[asked.robot]} {_why_unexplained(again, sent, answered=answer.heard)}")
             return Found(again.rerun.tick, differs=again.differs)
         why = show_why(fleet.at(asked.robot).why(asked.command))
-        return Found(again.rerun.tick, said=encode(outgoing.Explained(asked.serial, why)), differs=again.differs)
+        return Found(again.rerun.tick, said=encode(Explained(asked.serial, why)), differs=again.differs)
 
-    def _forgot(self, again: _Again, asked: incoming.Why) -> bool:
+    def _forgot(self, again: _Again, asked: Why) -> bool:
         """Whether the robot may have evaluated the command, and the inputs are not kept any more."""
         return again.swarm.fleet.evaluation_log.find(asked.robot, asked.command) is None
 

@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import cast
 
 from sleepcast.channel import Message
+from sleepcast.console.features.mission import STOPPED
 from sleepcast.console.marks import clock_time
-from sleepcast.console.mission import STOPPED
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.ticks import tick_at
 from sleepcast.loop import Swarm

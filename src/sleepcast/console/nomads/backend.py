@@ -8,27 +8,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import islice
+from typing import ClassVar
 
+from sleepcast.console.feature import NOT_HERE_AT_ALL
+from sleepcast.console.features.nomad_orders import Click, Perform
 from sleepcast.console.nomads.driver import NomadDriver
 from sleepcast.console.nomads.editor import NomadEditor
 from sleepcast.console.nomads.orders import ORDERS, check
 from sleepcast.console.nomads.view import Nomads, Saying
 from sleepcast.console.nomads.windows import body_of
 from sleepcast.console.outgoing import (
-    Built,
     Done,
     Hello,
     NomadKinds,
     Obstacles,
     Safety,
     Said,
-    Sensed,
     ShownReport,
     ShownValue,
-    Undone,
     WatchedRobot,
-    WorldText,
 )
+from sleepcast.console.sensing import BodyView
 from sleepcast.console.view import Scene
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
@@ -46,9 +46,12 @@ STEERED = ("way", "steering", "turret")
 class NomadsBackend:
     """See the module. Its questions raise SleepcastError, with a sentence for the person who asked."""
 
+    recorded: ClassVar[bool] = False
+    lacks: ClassVar[str] = NOT_HERE_AT_ALL
+
     def __init__(self, nomads: Nomads, clock: Clock) -> None:
         self.nomads, self.driver = nomads, NomadDriver(nomads, clock)
-        self._editor = NomadEditor(nomads, clock)
+        self.editor = NomadEditor(nomads, clock)
 
     def hello(self) -> Hello:
         """What a page needs first."""
@@ -75,8 +78,9 @@ class NomadsBackend:
 
     # ---- orders
 
-    async def perform(self, serial: int, robot: int, order: str, numbers: list[int], text: str) -> Done:
+    async def obey(self, asked: Perform) -> Done:
         """Do what a program's request would do."""
+        serial, robot, order, numbers, text = asked.serial, asked.robot, asked.order, asked.numbers, asked.text
         self._check_robot(robot)
         known = ORDERS.get(order)
         if known is not None and known.text:
@@ -89,27 +93,28 @@ class NomadsBackend:
         given = check(order, numbers, steers=self.nomads.steers(robot))
         return Done(serial, await self.nomads.perform(robot, order, given))
 
-    async def drive(self, robot: int, numbers: list[int]) -> None:
+    async def turn(self, robot: int, numbers: list[int]) -> None:
         """Turn the axes this fast; rest where all are 0."""
         self._check_robot(robot)
         order, given = ("vm", check("vm", numbers)) if any(numbers) else ("st", [])
         await self.nomads.perform(robot, order, given)
 
-    def click(self, serial: int, robot: int, x: float, y: float) -> Done:
+    def click(self, asked: Click) -> Done:
         """Answer a program that waits for somebody to point at a place."""
+        robot = asked.robot
         self._check_robot(robot)
         if not self.nomads.window(robot).waiting:
             raise MisuseError(f"no program waits for a place in the window of robot {robot + 1}")
-        self.nomads.click(robot, x, y)
-        return Done(serial)
+        self.nomads.click(robot, asked.x, asked.y)
+        return Done(asked.serial)
 
-    def sense(self, serial: int, robot: int) -> Sensed:
+    def sense(self, robot: int) -> BodyView:
         """What the body of the robot with this index senses."""
         self._check_robot(robot)
         body = body_of(self.nomads, robot)
         if body is None:
             raise MisuseError(f"robot {robot + 1} has sensed nothing yet")
-        return Sensed(serial, robot, body)
+        return body
 
     def _check_robot(self, robot: int) -> None:
         if not 0 <= robot < self.nomads.count:
@@ -129,35 +134,17 @@ class NomadsBackend:
 
     # ---- solid things
 
-    def build(self, serial: int, corners: Sequence[tuple[float, float]]) -> Built:
-        """Put up an obstacle."""
-        return Built(serial, *self._editor.build(corners))
-
-    def shift(self, serial: int, version: int, place: int, across: float, up: float) -> Built:
-        """Move an obstacle."""
-        return Built(serial, *self._editor.shift(version, place, across, up))
-
-    def clear(self, serial: int, version: int, place: int) -> Built:
-        """Take an obstacle away."""
-        return Built(serial, *self._editor.clear(version, place))
-
-    def undo(self, serial: int, change: int, again: bool) -> Undone:
-        """Undo a change of the obstacles, or (again) do once more what was undone."""
-        self._editor.undo(change, again)
-        return Undone(serial)
-
-    def load(self, serial: int, name: str, text: str) -> Done:
+    def load(self, name: str, text: str) -> None:
         """Have the obstacles of this text in place of all that there are."""
-        self._editor.load(name, text)
-        return Done(serial)
+        self.editor.load(name, text)
 
-    def save(self, serial: int) -> WorldText:
+    def written(self) -> str:
         """All obstacles as the text of a file."""
-        return WorldText(serial, self.nomads.written())
+        return self.nomads.written()
 
     def _obstacles(self) -> Obstacles:
-        outlines = self._editor.outlines()
-        return Obstacles(tuple((outline,) for outline in outlines), self._editor.version)
+        outlines = self.editor.outlines()
+        return Obstacles(tuple((outline,) for outline in outlines), self.editor.version)
 
     # ---- unasked
 

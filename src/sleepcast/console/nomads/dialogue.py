@@ -10,12 +10,13 @@ from collections.abc import Awaitable, Coroutine, Iterator
 from contextlib import suppress
 from typing import Any, TypeVar
 
-from sleepcast.console import incoming
 from sleepcast.console.connection import encode
-from sleepcast.console.dialogue import Answer, Dialogue
+from sleepcast.console.dialogue import Dialogue
 from sleepcast.console.driver import FrameSource
+from sleepcast.console.features.nomad_orders import Drive, Perform
 from sleepcast.console.nomads.backend import NomadsBackend
 from sleepcast.console.nomads.windows import PageWindows
+from sleepcast.console.outgoing import Done
 from sleepcast.core.errors import MisuseError, SleepcastError
 
 HAND_OFF = 0.6
@@ -48,23 +49,14 @@ class NomadDialogue(Dialogue[NomadsBackend]):
     def source(self) -> FrameSource:
         return self._desk.driver
 
-    def _answer(self, message: incoming.Incoming) -> Answer | Awaitable[Answer]:
-        desk = self._desk
-        match message:
-            case incoming.Watch(robot):
-                self._windows.choose(robot)
-                self._before = b""  # the page has forgotten what it was sent of it
-            case incoming.Perform(serial, robot, order, numbers, text):
-                return self._begin(desk.perform(serial, robot, order, numbers, text))
-            case incoming.Drive(robot, numbers):
-                return self._drive(robot, numbers)
-            case incoming.Click(serial, robot, x, y):
-                return desk.click(serial, robot, x, y)
-            case incoming.Load(serial, name, text):
-                return desk.load(serial, name, text)
-            case incoming.Save(serial):
-                return desk.save(serial)
-        return super()._answer(message)
+    def watch(self, robot: int) -> None:
+        self._windows.choose(robot)
+        self._before = b""  # the page has forgotten what it was sent of it
+        super().watch(robot)
+
+    def perform(self, asked: Perform) -> Awaitable[Done]:
+        """An order that goes on beside everything else."""
+        return self._begin(self._desk.obey(asked))
 
     def beside(self) -> Iterator[str | bytes]:
         """What the windows show beside a frame, unless the page knows it."""
@@ -93,11 +85,13 @@ class NomadDialogue(Dialogue[NomadsBackend]):
 
     # ---- driving by hand
 
-    def _drive(self, robot: int, numbers: list[int]) -> Awaitable[None]:
+    def drive(self, asked: Drive) -> Awaitable[None]:
+        """Turn the axes of a robot until the hand leaves the keys."""
+        robot, numbers = asked.robot, asked.numbers
         if self._driven not in (None, robot):
             self._let_go()
         self._forget()
-        driving = self._begin(self._desk.drive(robot, numbers))
+        driving = self._begin(self._desk.turn(robot, numbers))
         if any(numbers):
             self._driven = robot
             self._hand_off = asyncio.get_running_loop().call_later(HAND_OFF, self._let_go)
@@ -119,4 +113,4 @@ class NomadDialogue(Dialogue[NomadsBackend]):
 
     async def _rest(self, robot: int) -> None:
         with suppress(SleepcastError):  # a real robot may be gone; the page is told of that otherwise
-            await self._desk.drive(robot, [0, 0, 0])
+            await self._desk.turn(robot, [0, 0, 0])

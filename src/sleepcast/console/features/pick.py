@@ -4,17 +4,30 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable
+from typing import Annotated, Protocol
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
+from sleepcast.console.feature import answers, run_again
+from sleepcast.console.incoming import MAX_BYTES, PageMessage, Serial
 from sleepcast.console.outgoing import Said
+from sleepcast.console.view import Scene
 from sleepcast.core.errors import MisuseError
 from sleepcast.station.facts import FactSource, facts_of
 from sleepcast.station.selection import MOST_CONDITIONS, MOST_LISTED, Selection, select
 
 AT_ONCE = 2_000
 """Robots up to which the search takes a few milliseconds; with more it goes on beside the server."""
+
+
+class Pick(PageMessage):
+    """Find the test that holds for exactly the marked robots. marks: a bit for each robot, the first in the lowest bit
+    of the first byte."""
+
+    serial: Serial
+    marks: Annotated[bytes, Meta(max_length=MAX_BYTES)]
 
 
 class Picked(Said):
@@ -28,19 +41,29 @@ class Picked(Said):
     sentence: str
 
 
-def picked(
-    source: FactSource, serial: int, marks: bytes, robots: int, *, at_once: bool = False
-) -> Picked | Awaitable[Picked]:
-    """What the desk answers. marks: a bit for each robot, the first in the lowest bit of the first byte; robots: how
-    many are on the map. at_once: whatever it takes. Raises MisuseError for marks of other robots, or of none."""
+class PickSource(Protocol):
+    """What is known of the robots on the map. at_once: whether answers come at once, whatever they take."""
+
+    at_once: bool
+
+    @property
+    def facts(self) -> FactSource: ...
+    @property
+    def scene(self) -> Scene: ...
+
+
+@answers(then=run_again)
+def pick(source: PickSource, asked: Pick) -> Picked | Awaitable[Picked]:
+    """The tests for the marked robots. Raises MisuseError for marks of other robots, or of none."""
+    serial, marks, robots = asked.serial, asked.marks, len(source.scene.names)
     bits = np.unpackbits(np.frombuffer(marks, np.uint8), bitorder="little").astype(np.bool_)
     if len(marks) != -(-robots // 8) or bits[robots:].any():
         raise MisuseError(f"marks of {len(bits)} robots came, and there are {robots}: select them once more")
-    facts = facts_of(source)
+    facts = facts_of(source.facts)
     chosen: NDArray[np.bool_] = np.zeros(len(facts), np.bool_)
     chosen[:robots] = bits[:robots]
     count = int(np.count_nonzero(chosen))
-    if at_once or len(facts) <= AT_ONCE:
+    if source.at_once or len(facts) <= AT_ONCE:
         return _shown(serial, count, select(facts, chosen))
 
     async def later() -> Picked:

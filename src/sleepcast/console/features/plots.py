@@ -10,11 +10,16 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import nan
+from typing import Annotated, Literal, Protocol
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
-from sleepcast.console import incoming, outgoing
+from sleepcast.console.feature import answers
+from sleepcast.console.incoming import Expression, PageMessage, Place, Serial
+from sleepcast.console.outgoing import Said
 from sleepcast.console.series import OF_TRUE, STATISTICS, Series, lines_of, sample_of
 from sleepcast.console.values import Column, Values, in_unit
 from sleepcast.core.clock import Clock
@@ -28,6 +33,84 @@ MOST_POINTS = 2_000
 BINS = 30
 REST = 10.0
 """Times as long as the last samples took, until the next are taken."""
+
+
+class AddPlot(PageMessage, tag="plot"):
+    """Draw something as long as the desk runs: see `PlotSpec`."""
+
+    serial: Serial
+    kind: Literal["time", "scatter", "histogram"]
+    x: Expression
+    y: Expression = ""
+    where: Expression = ""
+    what: Literal["range", "quantiles", "mean", "median", "min", "max", "sum", "std", "count", "share"] = "range"
+
+
+class RemovePlot(PageMessage, tag="unplot"):
+    """Draw the plot with this number no more."""
+
+    serial: Serial
+    number: Place
+
+
+class GetPlot(PageMessage, tag="plotted"):
+    """What is to be drawn of a plot now. after: only what is later (s), if the plot has been thinned this often; -1 for
+    everything."""
+
+    serial: Serial
+    number: Place
+    after: Annotated[float, Meta(ge=-1.0, le=1e12)] = -1.0
+    thinned: Place = 0
+
+
+class ShownPlot(msgspec.Struct, frozen=True):
+    """A plot. lines: names of what is drawn over x. units: of x and y. told: what a person should know of it. problem:
+    why it shows nothing."""
+
+    number: int
+    kind: str
+    title: str
+    x: str
+    y: str
+    where: str
+    lines: list[str]
+    units: tuple[str, str]
+    told: str = ""
+    problem: str = ""
+
+
+class AllPlots(Said, tag="plots"):
+    """Every plot that there is."""
+
+    plots: list[ShownPlot]
+
+
+class PlotAdded(Said, tag="plot"):
+    """A plot was added under this number."""
+
+    serial: int
+    number: int
+
+
+class PlotRemoved(Said, tag="unplot"):
+    """A plot was removed."""
+
+    serial: int
+
+
+class Plotted(Said):
+    """What is to be drawn: columns of equal length, of x and of every line, null for unknown. added: whether it follows
+    what was drawn before, or replaces it. more: whether there will be more at once. earlier: columns of the future that
+    this run has left, from the time at which it did; empty if there is none, or where `added` is true."""
+
+    serial: int
+    columns: list[list[float | None]]
+    added: bool = False
+    thinned: int = 0
+    told: str = ""
+    problem: str = ""
+    more: bool = False
+    earlier: list[list[float | None]] = msgspec.field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,20 +190,20 @@ class Plots:
             earlier = old.series.since(time) if old.kind == "time" else []
             self._plots[number] = replace(old, read=read, series=old.series.until(time), earlier=earlier)
 
-    def add(self, asked: incoming.AddPlot) -> outgoing.PlotAdded | Awaitable[outgoing.PlotAdded]:
+    def add(self, asked: AddPlot) -> PlotAdded | Awaitable[PlotAdded]:
         """Add a plot. Raises MisuseError if there are too many, and what is wrong with its texts."""
         self._refuse(asked)
         self._validate(asked)
         return self._added(asked)
 
-    def _refuse(self, asked: incoming.AddPlot) -> None:
+    def _refuse(self, asked: AddPlot) -> None:
         """Raise MisuseError for a plot that there cannot be, whatever its texts say."""
         if len(self._plots) >= MOST_PLOTS:
             raise MisuseError(f"There are {len(self._plots)} plots, and at most {MOST_PLOTS} fit: remove one first.")
         if not asked.x.strip() or (asked.kind == "scatter" and not asked.y.strip()):
             raise MisuseError("A plot needs an expression, such as fuel; a scatter plot needs two.")
 
-    def _validate(self, asked: incoming.AddPlot) -> None:
+    def _validate(self, asked: AddPlot) -> None:
         """Raise MisuseError where something is wrong in a text."""
         texts = {"the expression": asked.x, "the second expression": asked.y, "the test": asked.where}
         for name, text in texts.items():
@@ -130,27 +213,27 @@ class Plots:
                 except SleepcastError as error:
                     raise MisuseError(f"{name[0].upper()}{name[1:]} is not right. {error}") from None
 
-    def _added(self, asked: incoming.AddPlot) -> outgoing.PlotAdded:
+    def _added(self, asked: AddPlot) -> PlotAdded:
         what = asked.what if asked.kind == "time" else ""
         y = asked.y.strip() if asked.kind == "scatter" else ""
         plot = self._put(asked.kind, asked.x.strip(), y=y, where=asked.where.strip(), what=what)
         self._rest_until = self._clock.now()
         self.sample()
-        return outgoing.PlotAdded(asked.serial, plot.number)
+        return PlotAdded(asked.serial, plot.number)
 
-    def remove(self, asked: incoming.RemovePlot) -> outgoing.PlotRemoved:
+    def remove(self, asked: RemovePlot) -> PlotRemoved:
         """Remove a plot; one that is gone already stays gone."""
         self._plots.pop(asked.number, None)
-        return outgoing.PlotRemoved(asked.serial)
+        return PlotRemoved(asked.serial)
 
-    def shown(self) -> outgoing.AllPlots:
+    def shown(self) -> AllPlots:
         """Every plot."""
-        return outgoing.AllPlots([self._shown(plot) for plot in self._plots.values()])
+        return AllPlots([self._shown(plot) for plot in self._plots.values()])
 
-    def _shown(self, plot: PlotSpec) -> outgoing.ShownPlot:
+    def _shown(self, plot: PlotSpec) -> ShownPlot:
         x = self._unit(plot.x, plot)
         units = ("s", x) if plot.kind == "time" else (x, self._unit(plot.y, plot))
-        return outgoing.ShownPlot(plot.number, plot.kind, plot.title, plot.x, plot.y, plot.where, plot.lines, units)
+        return ShownPlot(plot.number, plot.kind, plot.title, plot.x, plot.y, plot.where, plot.lines, units)
 
     def _unit(self, text: str, plot: PlotSpec) -> str:
         if not text or plot.read is not None or plot.what in OF_TRUE:
@@ -187,7 +270,7 @@ class Plots:
 
     # ---- what is drawn
 
-    def drawn(self, asked: incoming.GetPlot) -> outgoing.Plotted | Awaitable[outgoing.Plotted]:
+    def drawn(self, asked: GetPlot) -> Plotted | Awaitable[Plotted]:
         """What is to be drawn of a plot now. Raises MisuseError for one that is not there."""
         plot = self._plots.get(asked.number)
         if plot is None:
@@ -197,18 +280,16 @@ class Plots:
         try:
             columns, robots = self._scatter(plot) if plot.kind == "scatter" else self._histogram(plot)
         except SleepcastError as error:
-            return outgoing.Plotted(asked.serial, [], problem=str(error))
+            return Plotted(asked.serial, [], problem=str(error))
         told = ", ".join(filter(None, (robots, self._values.source)))
-        return outgoing.Plotted(asked.serial, columns, told=told)
+        return Plotted(asked.serial, columns, told=told)
 
-    def _over_time(self, plot: PlotSpec, asked: incoming.GetPlot) -> outgoing.Plotted | Awaitable[outgoing.Plotted]:
+    def _over_time(self, plot: PlotSpec, asked: GetPlot) -> Plotted | Awaitable[Plotted]:
         series = plot.series
         added = asked.after >= 0.0 and asked.thinned == series.thinned
         columns = series.after(asked.after if added else -1.0)
         earlier = [] if added else plot.earlier
-        return outgoing.Plotted(
-            asked.serial, columns, added, series.thinned, series.told(), plot.problem, earlier=earlier
-        )
+        return Plotted(asked.serial, columns, added, series.thinned, series.told(), plot.problem, earlier=earlier)
 
     def _scatter(self, plot: PlotSpec) -> tuple[list[list[float | None]], str]:
         x, y = self._known(plot, plot.x, plot.y)
@@ -235,3 +316,28 @@ class Plots:
 
 def _plain(column: NDArray[np.float64] | NDArray[np.intp]) -> list[float | None]:
     return [float(each) for each in column.tolist()]
+
+
+class PlotSource(Protocol):
+    """A desk with plots."""
+
+    @property
+    def plots(self) -> Plots: ...
+
+
+@answers()
+def add_plot(source: PlotSource, asked: AddPlot) -> PlotAdded | Awaitable[PlotAdded]:
+    """Draw something from now on."""
+    return source.plots.add(asked)
+
+
+@answers()
+def remove_plot(source: PlotSource, asked: RemovePlot) -> PlotRemoved:
+    """Draw it no more."""
+    return source.plots.remove(asked)
+
+
+@answers()
+def draw_plot(source: PlotSource, asked: GetPlot) -> Plotted | Awaitable[Plotted]:
+    """What is to be drawn of a plot now."""
+    return source.plots.drawn(asked)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import msgspec
 import numpy as np
 
+from sleepcast.console.feature import answers, run_again
+from sleepcast.console.incoming import PageMessage, Serial
 from sleepcast.console.outgoing import Said
 from sleepcast.console.values import Column, Values
 from sleepcast.core.angles import quantile
@@ -26,6 +30,12 @@ class ShownQuantity(msgspec.Struct, frozen=True):
     unknown: int = 0
 
 
+class GetGlance(PageMessage, tag="glance"):
+    """What the fleet is like now: quantities over all robots."""
+
+    serial: Serial
+
+
 class Glance(Said):
     """The fleet at a glance."""
 
@@ -33,10 +43,19 @@ class Glance(Said):
     quantities: list[ShownQuantity]
 
 
-def glance(values: Values, serial: int) -> Glance:
+class GlanceSource(Protocol):
+    """Whose values are known."""
+
+    @property
+    def values(self) -> Values: ...
+
+
+@answers(then=run_again)
+def glance(source: GlanceSource, asked: GetGlance) -> Glance:
     """The quantities that a table shows at first, over all robots."""
+    values = source.values
     names = [name for name in values.suggested() if name not in POSE and not name.endswith(OF_PLACES)]
-    return Glance(serial, [_over(values, name) for name in names])
+    return Glance(asked.serial, [_over(values, name) for name in names])
 
 
 def _over(values: Values, name: str) -> ShownQuantity:

@@ -7,11 +7,14 @@ would not if it did not.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
+from sleepcast.console.feature import answers, run_again
+from sleepcast.console.incoming import PageMessage, Serial, Text
 from sleepcast.console.outgoing import Said
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.units import UNITS
@@ -21,6 +24,14 @@ from sleepcast.station import Station
 BINS = 48
 """Columns of a histogram: as many as can be told apart in a small picture."""
 COMPARISONS = frozenset({"<", "<=", ">", ">=", "=", "/=", "eq"})
+
+
+class GetSpread(PageMessage, tag="spread"):
+    """How what a number is compared with is spread over the robots; at: where the number begins in the text."""
+
+    serial: Serial
+    text: Text
+    at: Annotated[int, Meta(ge=0, le=16_384)]
 
 
 class Spread(Said):
@@ -60,10 +71,19 @@ def compared(text: str, at: int) -> Compared:
     raise MisuseError("this number is compared with nothing that robots know")
 
 
-def spread(station: Station, serial: int, text: str, at: int) -> Spread:
+class SpreadSource(Protocol):
+    """Who can evaluate and preview texts."""
+
+    @property
+    def station(self) -> Station: ...
+
+
+@answers(then=run_again)
+def spread(source: SpreadSource, asked: GetSpread) -> Spread:
     """The histogram for the number at an offset of a text. Raises ReadError, CheckError, and MisuseError for a number
     that is compared with nothing, or with what only the robots themselves can say."""
-    number, comparison, quantity = compared(text, at)
+    station, text = source.station, asked.text
+    number, comparison, quantity = compared(text, asked.at)
     values, _ = station.values(text[quantity.start : quantity.end])
     factor = UNITS[number.unit].factor if number.unit else 1.0
     known = ~np.isnan(values)
@@ -74,7 +94,7 @@ def spread(station: Station, serial: int, text: str, at: int) -> Spread:
     decides = _deciding(station, text, comparison)[known]
     every, deciding = (np.histogram(each, columns, (low, high))[0] for each in (measured, measured[decides]))
     unknown, name = len(values) - len(measured), brief(quantity, text)
-    return Spread(serial, name, number.unit, low, high, every.tolist(), deciding.tolist(), whole, unknown)
+    return Spread(asked.serial, name, number.unit, low, high, every.tolist(), deciding.tolist(), whole, unknown)
 
 
 def _ends(values: NDArray[np.float64]) -> tuple[float, float, bool, int]:

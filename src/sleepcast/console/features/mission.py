@@ -14,12 +14,38 @@ import msgspec
 
 from sleepcast.channel import Message
 from sleepcast.console.account_table import CommandRow
+from sleepcast.console.feature import answers, only_now
+from sleepcast.console.incoming import PageMessage, Place, Serial
 from sleepcast.console.outgoing import Said
 from sleepcast.simulator import Order
 from sleepcast.simulator.scenario.mission import Instruction, Wanted, instruction
 
 NO_MISSION = "This run has no mission: its scenario names none."
 STOPPED = "STOP ended it. Release STOP, then play the rest."
+
+
+class Play(PageMessage):
+    """Send the commands of the run's mission at their times, or (not on) do so no longer."""
+
+    serial: Serial
+    on: bool = True
+
+
+class SendLine(PageMessage):
+    """Send a command of the mission now, by its place in it. again: although it was sent; confirmed: it is meant as it
+    stands, whatever is doubted."""
+
+    serial: Serial
+    line: Place
+    again: bool = False
+    confirmed: bool = False
+
+
+class SkipLine(PageMessage):
+    """Play the mission without this command."""
+
+    serial: Serial
+    line: Place
 
 
 class ShownWanted(msgspec.Struct, frozen=True):
@@ -141,3 +167,61 @@ def _shown(wanted: Wanted, row: CommandRow | None) -> ShownWanted:
         return ShownWanted(str(wanted))
     number: int = getattr(row, wanted.count.replace(" ", "_"))
     return ShownWanted(str(wanted), wanted.met(number), number)
+
+
+class GovernedTime(Protocol):
+    """Time that may be held up until a person has decided, and that the first command lets begin."""
+
+    def begin(self) -> None: ...
+
+    def set_pace(self, running: bool | None = None, factor: float | None = None) -> None: ...
+
+
+class MissionSource(Protocol):
+    """A run with a mission. held: whether time stands still until somebody has decided about a command of it."""
+
+    held: bool
+
+    @property
+    def mission(self) -> MissionPlayer: ...
+    @property
+    def driver(self) -> GovernedTime: ...
+
+
+@answers(then=only_now, lacking=NO_MISSION)
+def play(source: MissionSource, asked: Play) -> Played:
+    """Play the mission, or no longer."""
+    problem, said = source.mission.problem, ""
+    if asked.on:
+        said = source.mission.play()
+    else:
+        source.mission.halt("")
+    _go_on(source, problem, played=asked.on)
+    return Played(asked.serial, said)
+
+
+@answers(then=only_now, lacking=NO_MISSION)
+def send_line(source: MissionSource, asked: SendLine) -> Played:
+    """Send one of its commands now."""
+    problem = source.mission.problem
+    source.mission.send(asked.line, again=asked.again, confirmed=asked.confirmed)
+    source.driver.begin()
+    _go_on(source, problem)
+    return Played(asked.serial)
+
+
+@answers(then=only_now, lacking=NO_MISSION)
+def skip_line(source: MissionSource, asked: SkipLine) -> Played:
+    """Go on without one of its commands."""
+    problem = source.mission.problem
+    source.mission.skip(asked.line)
+    _go_on(source, problem)
+    return Played(asked.serial)
+
+
+def _go_on(source: MissionSource, problem: int, *, played: bool = False) -> None:
+    """Let time run again if it was held for a problem that there is no more, or since the mission is played."""
+    decided = source.held and problem >= 0 > source.mission.problem
+    if decided or played:
+        source.held = False
+        source.driver.set_pace(running=True)

@@ -15,13 +15,15 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import inf
+from typing import Annotated, Protocol
 
 import msgspec
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
-from sleepcast.console import incoming
-from sleepcast.console.incoming import AlertMessage
+from sleepcast.console.feature import answers
+from sleepcast.console.incoming import Number, PageMessage, Serial
 from sleepcast.console.marks import clock_time
 from sleepcast.console.outgoing import Said
 from sleepcast.console.values import Values
@@ -45,6 +47,36 @@ TOGETHER = 1.0
 """Seconds within which robots are told together."""
 
 Mask = NDArray[np.bool_]
+
+
+class AddAlert(PageMessage):
+    """Watch a test, and tell when it becomes true for anybody, or for more than so many robots."""
+
+    serial: Serial
+    text: Annotated[str, Meta(max_length=1_000)]
+    above: Annotated[int, Meta(ge=0, le=10_000_000)] = 0
+
+
+class MuteAlert(PageMessage):
+    """Let an alert fire without a word, or no longer."""
+
+    serial: Serial
+    alert: Number
+    muted: bool
+
+
+class RemoveAlert(PageMessage):
+    """Watch a test no longer."""
+
+    serial: Serial
+    alert: Number
+
+
+class Fired(PageMessage):
+    """For which robots an alert has fired."""
+
+    serial: Serial
+    firing: Number
 
 
 class ShownAlert(msgspec.Struct, frozen=True):
@@ -154,19 +186,6 @@ class AlertBoard:
     _fired: int = 0
     _time: float = -inf
 
-    def answer(self, wish: AlertMessage) -> Alerted:
-        """Do what a page wants. Raises what the other methods do."""
-        match wish:
-            case incoming.AddAlert(_, text, above):
-                self.add(text, above)
-            case incoming.MuteAlert(_, alert, muted):
-                self.mute(alert, muted)
-            case incoming.RemoveAlert(_, alert):
-                self.remove(alert)
-            case incoming.Fired(serial, firing):
-                return Alerted(serial, self.robots(firing))
-        return Alerted(wish.serial)
-
     def add(self, text: str, above: int = 0) -> None:
         """Watch a test. Raises ReadError, CheckError, and MisuseError for what is no test, and for too many alerts."""
         if len(self._alerts) >= MOST_ALERTS:
@@ -255,3 +274,37 @@ class AlertBoard:
             for each in self._alerts
         ]
         return Alerts(alerts, [firing for firing, _ in list(self._firings)[-MOST_SHOWN:]])
+
+
+class AlertSource(Protocol):
+    """A desk with alerts."""
+
+    @property
+    def alerts(self) -> AlertBoard: ...
+
+
+@answers()
+def add_alert(source: AlertSource, asked: AddAlert) -> Alerted:
+    """Watch a test."""
+    source.alerts.add(asked.text, asked.above)
+    return Alerted(asked.serial)
+
+
+@answers()
+def mute_alert(source: AlertSource, asked: MuteAlert) -> Alerted:
+    """Let an alert fire without a word, or no longer."""
+    source.alerts.mute(asked.alert, asked.muted)
+    return Alerted(asked.serial)
+
+
+@answers()
+def remove_alert(source: AlertSource, asked: RemoveAlert) -> Alerted:
+    """Watch a test no longer."""
+    source.alerts.remove(asked.alert)
+    return Alerted(asked.serial)
+
+
+@answers()
+def fired(source: AlertSource, asked: Fired) -> Alerted:
+    """For which robots an alert has fired."""
+    return Alerted(asked.serial, source.alerts.robots(asked.firing))

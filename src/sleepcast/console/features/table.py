@@ -10,11 +10,17 @@ from __future__ import annotations
 import csv
 from dataclasses import dataclass
 from io import StringIO
+from typing import Annotated, Protocol
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 
-from sleepcast.console import incoming, outgoing
-from sleepcast.console.values import Column, Index, Values, in_unit
+from sleepcast.console.feature import answers, run_again
+from sleepcast.console.incoming import Expression, Index, PageMessage, Place, Serial
+from sleepcast.console.outgoing import Said
+from sleepcast.console.values import Column, Values, in_unit
+from sleepcast.console.values import Index as Robots
 from sleepcast.core.columns import column_name
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.truth import is_true
@@ -23,8 +29,91 @@ from sleepcast.core.units import value_in_words
 BY_NUMBER, BY_GROUP = -1, -2
 """What a table is sorted by, if by none of its columns."""
 CSV_ROWS = 2_000
-"""Rows of one piece of CSV: they are written in some 10 ms, so that a STOP waits no longer."""
+"""GetRows of one piece of CSV: they are written in some 10 ms, so that a STOP waits no longer."""
+MAX_COLUMNS = 12
+"""Of the table: more of them fit on no screen."""
+MAX_ROWS = 200
+"""GetRows that are asked for at once: those in sight, and some above and below."""
+MAX_PICKED = 10_000
+"""Robots that are picked from the table by hand."""
 ASK = "Only the robots themselves could tell this: ask them in the prompt."
+
+
+class GetRows(PageMessage, tag="rows"):
+    """GetRows of the table of robots, `count` from place `first` on. columns: expressions, none for those that the desk
+    suggests. sort: the column by which it is sorted, -1 for the robots' own order, -2 for their groups. where: a test
+    that the robots pass, "" for all of them. again: sort anew; else the order stays that of the last rows, if nothing
+    else is asked for."""
+
+    serial: Serial
+    columns: Annotated[list[Expression], Meta(max_length=MAX_COLUMNS)]
+    sort: Annotated[int, Meta(ge=-2, lt=MAX_COLUMNS)] = -1
+    descending: bool = False
+    where: Expression = ""
+    first: Place = 0
+    count: Annotated[int, Meta(ge=0, le=MAX_ROWS)] = 0
+    again: bool = False
+
+
+class GetRange(PageMessage, tag="range"):
+    """Which robots are in these rows of the table, in the order of the last rows."""
+
+    serial: Serial
+    first: Place
+    count: Place
+
+
+class GetCsv(PageMessage, tag="csv"):
+    """The table as CSV, piece by piece; all are of the moment of the first one. robots: only these (by index), none for
+    all rows; they are given with the first piece."""
+
+    serial: Serial
+    piece: Place = 0
+    robots: Annotated[list[Index], Meta(max_length=MAX_PICKED)] = msgspec.field(default_factory=list)
+
+
+class ShownColumn(msgspec.Struct, frozen=True):
+    """A column of the table of robots. problem: why there is nothing in it, or not for every robot."""
+
+    text: str
+    unit: str = ""
+    problem: str = ""
+
+
+class ShownRow(msgspec.Struct, frozen=True, array_like=True):
+    """A robot in the table, by its index, with its groups and its values as people read them."""
+
+    robot: int
+    groups: str
+    cells: list[str]
+
+
+class TableRows(Said, tag="rows"):
+    """GetRows of the table from place `first` on. total: rows that pass the test. problem: what is wrong with the test.
+    source: where the values come from, in words; "" for telemetry."""
+
+    serial: int
+    columns: list[ShownColumn]
+    total: int
+    first: int
+    rows: list[ShownRow]
+    problem: str = ""
+    source: str = ""
+
+
+class RowRobots(Said, tag="range"):
+    """The robots in rows of the table by their indices, four bytes each, little endian."""
+
+    serial: int
+    robots: bytes
+
+
+class Csv(Said):
+    """A piece of the table as CSV. done: whether it was the last."""
+
+    serial: int
+    text: str
+    done: bool
 
 
 @dataclass(frozen=True)
@@ -32,7 +121,7 @@ class RowOrder:
     """Robots in the order of the table. key: what was asked for."""
 
     key: tuple[object, ...]
-    robots: Index
+    robots: Robots
     problem: str
 
 
@@ -41,7 +130,7 @@ class CsvTable:
     """A table of one moment: names of the columns, robots in turn, their groups, and columns of numbers."""
 
     heads: list[str]
-    robots: Index
+    robots: Robots
     groups: dict[int, str]
     columns: list[Column]
 
@@ -55,7 +144,7 @@ class RobotTable:
         self._order = RowOrder((), np.arange(0), "")
         self._csv: CsvTable | None = None
 
-    def rows(self, asked: incoming.GetRows) -> outgoing.TableRows:
+    def rows(self, asked: GetRows) -> TableRows:
         """The rows that the page asks for."""
         texts = asked.columns or self._values.suggested()
         order = self._ordered(asked, texts)
@@ -67,19 +156,19 @@ class RobotTable:
         back[where] = np.arange(len(robots))
         groups = self._groups_of(robots)
         rows = [
-            outgoing.ShownRow(robot, groups.get(robot, ""), [cells[place] for _, cells in found])
+            ShownRow(robot, groups.get(robot, ""), [cells[place] for _, cells in found])
             for robot, place in zip(robots.tolist(), back.tolist(), strict=True)
         ]
         shown = [column for column, _ in found]
         total = len(order.robots)
-        return outgoing.TableRows(asked.serial, shown, total, asked.first, rows, order.problem, self._values.source)
+        return TableRows(asked.serial, shown, total, asked.first, rows, order.problem, self._values.source)
 
-    def range(self, asked: incoming.GetRange) -> outgoing.RowRobots:
+    def range(self, asked: GetRange) -> RowRobots:
         """The robots in these rows, as they were sorted last."""
         robots = self._order.robots[asked.first : asked.first + asked.count]
-        return outgoing.RowRobots(asked.serial, robots.astype("<i4").tobytes())
+        return RowRobots(asked.serial, robots.astype("<i4").tobytes())
 
-    def csv(self, asked: incoming.GetCsv) -> outgoing.Csv:
+    def csv(self, asked: GetCsv) -> Csv:
         """A piece of the table as CSV. Raises MisuseError for a piece of a table that was not begun."""
         if asked.piece == 0:
             self._csv = self._whole(asked.robots)
@@ -91,11 +180,11 @@ class RobotTable:
         done = stop >= len(table.robots)
         if done:
             self._csv = None
-        return outgoing.Csv(asked.serial, text, done)
+        return Csv(asked.serial, text, done)
 
     # ---- which robots, in which order
 
-    def _ordered(self, asked: incoming.GetRows, texts: list[str]) -> RowOrder:
+    def _ordered(self, asked: GetRows, texts: list[str]) -> RowOrder:
         by = texts[asked.sort] if 0 <= asked.sort < len(texts) else min(asked.sort, BY_NUMBER)
         key = (by, asked.descending, asked.where.strip(), len(self._values.names))
         if asked.again or key != self._order.key:
@@ -119,7 +208,7 @@ class RobotTable:
         places = np.argsort(-keys if descending else keys, kind="stable")  # unknown is last either way
         return RowOrder(key, robots[places], "")
 
-    def _those(self, where: str) -> Index:
+    def _those(self, where: str) -> Robots:
         """The robots for which a test holds."""
         if not where:
             return np.arange(len(self._values.names))
@@ -134,23 +223,23 @@ class RobotTable:
 
     # ---- what is in them
 
-    def _column(self, text: str, robots: Index) -> tuple[outgoing.ShownColumn, list[str]]:
+    def _column(self, text: str, robots: Robots) -> tuple[ShownColumn, list[str]]:
         """A column, and its cells on these robots (ascending)."""
         values, column = self._read(text, robots)
         if column.problem and column.problem != ASK:
             return column, [""] * len(robots)
         return column, [value_in_words(value, column.unit) for value in values.tolist()]
 
-    def _read(self, text: str, robots: Index) -> tuple[Column, outgoing.ShownColumn]:
+    def _read(self, text: str, robots: Robots) -> tuple[Column, ShownColumn]:
         """A column on these robots (ascending) in SI, unknown where something is wrong with it."""
         try:
             unit = self._values.checked(text).unit
             values, asked = self._values.of(text, robots)
         except SleepcastError as error:
-            return np.full(len(robots), np.nan), outgoing.ShownColumn(text, "", str(error))
-        return values, outgoing.ShownColumn(text, unit, ASK if asked else "")
+            return np.full(len(robots), np.nan), ShownColumn(text, "", str(error))
+        return values, ShownColumn(text, unit, ASK if asked else "")
 
-    def _groups_of(self, robots: Index) -> dict[int, str]:
+    def _groups_of(self, robots: Robots) -> dict[int, str]:
         """The names of each robot's groups, the newest last; robots in none are left out."""
         found: dict[int, list[str]] = {}
         for name, members in self._values.groups():
@@ -175,7 +264,7 @@ class RobotTable:
 
 
 def _written(values: Values, table: CsvTable, start: int, stop: int) -> str:
-    """Rows of a table as CSV, with the head before the first one; unknown is empty."""
+    """GetRows of a table as CSV, with the head before the first one; unknown is empty."""
     text = StringIO()
     writer = csv.writer(text, lineterminator="\n")
     if start == 0:
@@ -187,3 +276,28 @@ def _written(values: Values, table: CsvTable, start: int, stop: int) -> str:
         [names[robot], table.groups.get(robot, ""), *row] for robot, *row in zip(robots, *cells, strict=True)
     )
     return text.getvalue()
+
+
+class TablePage(Protocol):
+    """A page with a table of its own."""
+
+    @property
+    def table(self) -> RobotTable: ...
+
+
+@answers(then=run_again)
+def rows(source: TablePage, asked: GetRows) -> TableRows:
+    """GetRows of the table."""
+    return source.table.rows(asked)
+
+
+@answers(then=run_again)
+def row_range(source: TablePage, asked: GetRange) -> RowRobots:
+    """Which robots are in some rows."""
+    return source.table.range(asked)
+
+
+@answers(then=run_again)
+def csv_piece(source: TablePage, asked: GetCsv) -> Csv:
+    """A piece of the table as CSV."""
+    return source.table.csv(asked)

@@ -1,0 +1,103 @@
+"""What a feature of the page consists of: what a page may ask, what the desk answers, and what must be there for that.
+
+A feature is a module in `features/`. Each of its questions is a class; a function under `@answers` answers it, and the
+function's own annotations say the rest: the first parameter's is a protocol of what a source (a simulated swarm, a
+recording, robots on the air, Nomads, or the open page itself) must have, the second's the question.
+
+    @answers(then=run_again)
+    def glance(source: WithValues, asked: Glance) -> FleetGlance: ...
+
+A source in which anything of the protocol is missing, or None, does not support the question. Then `registry` refuses
+it, in one place and with one sentence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeAlias, TypeVar, get_type_hints
+
+import msgspec
+
+from sleepcast.console.incoming import PageMessage
+from sleepcast.console.marks import clock_time
+from sleepcast.core.errors import MisuseError
+
+Answer: TypeAlias = msgspec.Struct | msgspec.Raw | None
+Reply: TypeAlias = Answer | Awaitable[Answer]
+Function = TypeVar("Function", bound=Callable[..., Reply])
+
+NOT_HERE_AT_ALL = "This is not supported for these robots."
+NO_ROBOTS = "This is a recording: it has no robots that could receive a command."
+
+
+class Then(Protocol):
+    """Another time than now, at which a page looks. time: s of the run."""
+
+    time: float
+
+    @property
+    def tick(self) -> int: ...
+
+    def again(self, asked: PageMessage) -> Awaitable[msgspec.Raw]:
+        """What the desk would have answered then. Raises SleepcastError."""
+
+
+@dataclass(frozen=True, slots=True)
+class Handler:
+    """How one question is answered. needs: what a source must have. then: answers for another time than now; None, or
+    what gives None, for what is a matter of now. lacking: what is said where a source has not what it takes; recording:
+    where that is a recording; "" for what the source itself says then."""
+
+    asked: type[PageMessage]
+    needs: frozenset[str]
+    answer: Callable[[Any, Any], Reply]
+    then: Callable[[Any, Any, Then], Reply] | None
+    lacking: str
+    recording: str
+
+    def supported_by(self, source: object) -> bool:
+        """Whether a source has what it takes."""
+        return all(getattr(source, name, None) is not None for name in self.needs)
+
+
+HANDLERS: dict[type[PageMessage], Handler] = {}
+"""All questions whose modules have been imported; `registry` imports every one."""
+
+
+def answers(
+    *, then: Callable[[Any, Any, Then], Reply] | None = None, lacking: str = "", recording: str = ""
+) -> Callable[[Function], Function]:
+    """Let the function below answer a question; see the module, and for the rest `Handler`."""
+
+    def register(function: Function) -> Function:
+        source, asked, *_ = get_type_hints(function).values()
+        if asked in HANDLERS:
+            raise MisuseError(f"{asked.__name__} is answered twice: by {HANDLERS[asked].answer} and {function}")
+        HANDLERS[asked] = Handler(asked, members_of(source), function, then, lacking, recording)
+        return function
+
+    return register
+
+
+def members_of(protocol: type) -> frozenset[str]:
+    """The names that a protocol wants."""
+    own = [base for base in protocol.__mro__ if base not in (object, Protocol, Generic)]
+    names = {name for base in own for name in (*vars(base).get("__annotations__", ()), *vars(base))}
+    return frozenset(name for name in names if not name.startswith("_"))
+
+
+# ---- at another time than now
+
+
+def run_again(source: object, asked: PageMessage, then: Then) -> Awaitable[msgspec.Raw]:
+    """It is found by running again up to that time."""
+    return then.again(asked)
+
+
+def only_now(source: object, asked: PageMessage, then: Then) -> Answer:
+    """Refused: it changes the run."""
+    raise MisuseError(
+        f"This page looks at {clock_time(then.time)}, and commands act on the live run. "
+        "Go back to live (F8), then do it."
+    )

@@ -1,0 +1,87 @@
+"""What is wrong in a text, and who would obey it now: the page asks with every key."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import msgspec
+
+from sleepcast.console.feature import answers, run_again
+from sleepcast.console.incoming import PageMessage, Serial, Text
+from sleepcast.console.outgoing import Said, ShownFinding
+from sleepcast.console.view import Scene
+from sleepcast.core.errors import and_more
+from sleepcast.language import Checked, Finding, ReadError
+from sleepcast.station import NO, UNKNOWN, YES, Preview, Station
+
+MOST_REASONS = 5
+"""Reasons for unknown robots that a preview names."""
+
+
+class GetPreview(PageMessage, tag="preview"):
+    """Check a text and say who would obey it now."""
+
+    serial: Serial
+    text: Text
+
+
+class Previewed(Said):
+    """What the station thinks of a text. counted: whether it could be previewed at all; lit: a byte for each robot."""
+
+    serial: int
+    findings: list[ShownFinding]
+    cost: int = 0
+    counted: bool = False
+    yes: int = 0
+    no: int = 0
+    unknown: int = 0
+    everybody: bool = False
+    oldest: float = 0.0
+    reasons: list[tuple[str, int]] = msgspec.field(default_factory=list)
+    lit: bytes = b""
+
+
+class PreviewSource(Protocol):
+    """Who can check and preview texts, for the robots on the map."""
+
+    @property
+    def station(self) -> Station: ...
+    @property
+    def scene(self) -> Scene: ...
+
+
+@answers(then=run_again)
+def preview(source: PreviewSource, asked: GetPreview) -> Previewed:
+    """What is wrong in a text, and who would obey it now."""
+    serial, text = asked.serial, asked.text
+    try:
+        checked = source.station.check(text)
+    except ReadError as error:
+        return Previewed(serial, [ShownFinding("error", error.reason, error.start, error.end, str(error))])
+    findings = [_show_finding(finding, text) for finding in checked.findings]
+    findings += [ShownFinding("warning", line, 0, 0, line) for line in and_more(checked.more)]
+    if checked.errors and checked.by:
+        findings.append(ShownFinding("error", checked.by, 0, 0, checked.by))
+    if checked.program is None:
+        return Previewed(serial, findings, checked.cost)
+    return _previewed(serial, checked, findings, source.station.preview(checked), len(source.scene.names))
+
+
+def _previewed(serial: int, checked: Checked, findings: list[ShownFinding], found: Preview, robots: int) -> Previewed:
+    return Previewed(
+        serial,
+        findings,
+        checked.cost,
+        True,
+        found.count(YES),
+        found.count(NO),
+        found.count(UNKNOWN),
+        found.everybody,
+        found.oldest,
+        list(found.reasons.items())[:MOST_REASONS],
+        found.codes[:robots].tobytes(),  # others that speak on the channel are not on the map
+    )
+
+
+def _show_finding(finding: Finding, text: str) -> ShownFinding:
+    return ShownFinding(finding.severity, finding.message, finding.start, finding.end, finding.render(text))

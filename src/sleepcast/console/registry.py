@@ -1,0 +1,64 @@
+"""All features of the page: it collects the modules in `features/`, reads what a page asks, and has it answered.
+
+What no source supports is refused here, and nowhere else. STOP and RELEASE do not come by here: `dialogue` hands them
+to the desk at once.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import ClassVar, Protocol, Union
+
+import msgspec
+
+from sleepcast.console import features
+from sleepcast.console.feature import HANDLERS, NOT_HERE_AT_ALL, Handler, Reply, Then
+from sleepcast.console.incoming import Drawn, PageMessage, Release, Stop, read
+from sleepcast.core.errors import MisuseError
+
+for _module in iter_modules(features.__path__, f"{features.__name__}."):
+    import_module(_module.name)
+
+AT_ONCE: tuple[type[PageMessage], ...] = (Stop, Release, Drawn)
+"""What is no feature: it goes the shortest way."""
+_DECODER: msgspec.json.Decoder[PageMessage] = msgspec.json.Decoder(Union[(*AT_ONCE, *HANDLERS)])
+
+
+class Source(Protocol):
+    """Anything that pages show. recorded: whether it is a recording. lacks: what is said of what it does not support,
+    unless the feature says more."""
+
+    recorded: ClassVar[bool]
+    lacks: ClassVar[str]
+
+
+def messages() -> tuple[type[PageMessage], ...]:
+    """Everything that a page may say."""
+    return *AT_ONCE, *HANDLERS
+
+
+def decode(data: str | bytes) -> PageMessage:
+    """The message in `data`. Raises PageMessageError."""
+    return read(_DECODER, data)
+
+
+def answer(asked: PageMessage, desk: Source, page: object = None, then: Then | None = None) -> Reply:
+    """What is to be said to a question: by the desk, or (first) by the page itself. then: another time than now, at
+    which the page looks. Raises SleepcastError, with a sentence for who asked."""
+    handler = HANDLERS.get(type(asked))
+    if handler is None:
+        raise MisuseError(NOT_HERE_AT_ALL)
+    source = next((each for each in (page, desk) if handler.supported_by(each)), None)
+    if then is not None and handler.then is not None:
+        found = handler.then(source, asked, then)
+        if found is not None:
+            return found
+    if source is None:
+        raise MisuseError(_why_not(handler, desk))
+    return handler.answer(source, asked)
+
+
+def _why_not(handler: Handler, desk: Source) -> str:
+    own = handler.recording if desk.recorded else ""
+    return own or handler.lacking or desk.lacks

@@ -14,11 +14,11 @@ from sleepcast.channel.message import HOPS, Kind
 from sleepcast.language import CheckError
 from sleepcast.language.functions import MAX_PRIORITY, PRIORITY
 from sleepcast.language.vocabulary import Vocabulary
+from sleepcast.mind.inspection import mind_text
 from sleepcast.mind.state import MindState, RuleState, SharedRule
 from sleepcast.mind.telemetry import VocabularyRecord, read_mind, read_vocabulary, vocabulary_text
 from sleepcast.node.node import Node
 from sleepcast.node.state import mind_of, restore
-from sleepcast.node.telemetry import mind_text
 from sleepcast.station.prepared import Terms
 from sleepcast.station.validation import DoubtError
 from station.test_whose_names import Fleet, rover, said
@@ -205,9 +205,9 @@ def test_a_store_keeps_priorities_and_one_of_0_2_0_has_none() -> None:
 def test_a_desk_far_away_sees_priorities_and_robots_of_0_2_0_tell_none() -> None:
     node = Node("r", Vocabulary(), body=Body())
     node.evaluate("(RULE a 1)")
-    assert "priorities" not in mind_text(node.memory), "as it was"
+    assert "priorities" not in mind_text(node.memory.base), "as it was"
     node.evaluate("(RULE b 1 :priority -3)")
-    assert read_mind(mind_text(node.memory)).priorities == {"b": -3}
+    assert read_mind(mind_text(node.memory.base)).priorities == {"b": -3}
     assert read_vocabulary(vocabulary_text(Vocabulary())).forms == {PRIORITY}
     old = vocabulary_text(Vocabulary("old", forms=frozenset()))
     assert "forms" not in old

@@ -136,10 +136,10 @@ def _try(learn: Callable[..., object], *given: str) -> None:
 def _of(node: Node, touched: frozenset[str]) -> Learned:
     from msgspec.json import decode
 
+    from sleepcast.mind.inspection import mind_text
     from sleepcast.mind.telemetry import MindRecord
-    from sleepcast.node.telemetry import mind_text
 
-    found = _told(decode(mind_text(node.memory), type=MindRecord), touched)
+    found = _told(decode(mind_text(node.memory.base), type=MindRecord), touched)
     state = node.memory.base.merging.state()
     made = {key: (forgotten, made[:1]) for key, (forgotten, made) in state.made.items()}
     active = [(rule.name, rule.active) for rule in node.rules()]

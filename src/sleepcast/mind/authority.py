@@ -20,17 +20,21 @@ STOP is identified by its mark: its sender, the sender's epoch, and its number; 
 first mark. A RELEASE ends the STOPs that its sender sent before it in the same epoch, and those of others that it
 names. So a late STOP changes nothing if a RELEASE has ended it, and a late RELEASE ends no STOP that its sender did
 not know. Any other STOP stops the robot: in doubt it stays stopped.
+
+What changes is a value (`Latch`, `Driving`, `Leases`), and what decides is a function of values. So a node has one of
+each, and a fleet has each of them once for all robots that have equal ones.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf
 from typing import NamedTuple
 
+from sleepcast.channel.clock_sync import differs
 from sleepcast.channel.message import (
     DO,
     DRIVER,
@@ -41,6 +45,7 @@ from sleepcast.channel.message import (
     LEASE,
     MAX_NAME,
     MAX_NUMBER,
+    NOT_STORED,
     SECONDS,
     TO,
     Kind,
@@ -98,8 +103,23 @@ class LeaseRequest:
 class Leases:
     """The leases known to one robot."""
 
-    def __init__(self) -> None:
-        self._held: dict[str, Lease] = {}
+    def __init__(self, held: Mapping[str, Lease] | None = None) -> None:
+        self._held: dict[str, Lease] = dict(held or {})
+
+    @property
+    def held(self) -> tuple[tuple[str, Lease], ...]:
+        """Each group with its lease, also those that have ended but were not removed yet."""
+        return tuple(self._held.items())
+
+    def after(self, message: Message, now: float) -> tuple[Leases, str, str]:
+        """What they are once a message's request is carried out, the group's key, and the reason for a refusal, "" if
+        there is none."""
+        wish = LeaseRequest.of(message.body[LEASE])
+        if wish is None:
+            return self, "", "a lease that says nothing which can be meant"
+        found = Leases(self._held)
+        refusal = found.settle(wish, message, now)
+        return found, wish.group.casefold(), refusal
 
     def settle(self, wish: LeaseRequest, message: Message, now: float) -> str:
         """Carry out a request at `now` (s of the mind's time); returns the reason for a refusal, or "". What its sender
@@ -153,11 +173,13 @@ class Leases:
 
     def objection(self, sender: str, groups: Collection[str], now: float) -> str:
         """Why a command of this sender does not count in these groups (their keys), "" if it does."""
-        for group in sorted(groups):
-            held = self._find(group, now)
-            if held is not None and held.holder != sender:
-                return _held_by(held, group, now)
-        return ""
+        return next((why for group, why in self.closed(sender, now) if group in groups), "")
+
+    def closed(self, sender: str, now: float) -> Iterator[tuple[str, str]]:
+        """The keys of the groups in which commands of this sender do not count, in order, each with the reason."""
+        for group, lease in sorted(self._held.items()):
+            if now < lease.until and lease.holder != sender:
+                yield group, _held_by(lease, group, now)
 
     def state(self, now: float) -> dict[str, list[str | float]]:
         """Each group's holder and the remaining seconds."""
@@ -195,40 +217,51 @@ OPERATORS = frozenset({Role.OPERATOR.value, Role.COMMANDER.value})
 """Roles whose messages keep a robot going."""
 
 
-class DeadManSwitch:
-    """The dead man's switch of one robot. lease: s, inf for none. driver: the operator on whose word the body moves, ""
-    if it is not driven. Times are s of its mind."""
+AT_REST = "at rest: nobody drives it any more"
+"""What a robot reports that has come to rest because its operator is not heard any more."""
 
-    def __init__(self, lease: float = inf) -> None:
-        self.lease, self.driver = lease, ""
-        self._only = False
-        """Whether nobody but the driver keeps it going: a neighbour has told what moves it, for that operator."""
-        self._heard, self._latest = False, -inf
 
-    def hear(self, message: Message) -> None:
+class Driving(NamedTuple):
+    """Who drives one robot: what its dead man's switch goes by. Times are s of its mind.
+
+    driver: the operator on whose word the body moves, "" if it is not driven. only: whether nobody but the driver keeps
+    it going: a neighbour has told what moves it, for that operator. heard: whether a sign of an operator has come since
+    the last tick; latest: the tick that followed the latest sign."""
+
+    driver: str = ""
+    only: bool = False
+    heard: bool = False
+    latest: float = -inf
+
+    def hear(self, message: Message) -> Driving:
         """Note a message that counts as a sign of the operator. Standing commands may be old, and come from a
         neighbour."""
-        counts = message.role in OPERATORS and not message.standing
-        self._heard |= counts and (not self._only or message.sender == self.driver)
+        counts = is_sign(message) and (not self.only or message.sender == self.driver)
+        return self._replace(heard=True) if counts else self
 
-    def move(self, message: Message, now: float) -> None:
+    def move(self, message: Message, now: float) -> Driving:
         """This message has moved the body. The lease of what a neighbour has told begins with it, and so does that of
         an operator who takes over from there."""
-        told, before = message.role == Role.ROBOT, self._only
-        self.driver = driver_of(message)
-        self._only = told and bool(self.driver)
-        if self._only or before:
-            self._latest = now
+        driver = driver_of(message)
+        only = message.role == Role.ROBOT and bool(driver)
+        return Driving(driver, only, self.heard, now if only or self.only else self.latest)
 
-    def let_go(self) -> None:
+    def let_go(self) -> Driving:
         """Nobody drives the body any more."""
-        self.driver, self._only = "", False
+        return self._replace(driver="", only=False)
 
-    def is_over(self, now: float) -> bool:
-        """Whether no authorized sender has been heard for longer than the lease; to be called at each tick."""
-        if self._heard:
-            self._heard, self._latest = False, now
-        return now - self._latest > self.lease
+    def ticked(self, now: float) -> Driving:
+        """A tick begins."""
+        return self._replace(heard=False, latest=now) if self.heard else self
+
+    def is_over(self, now: float, lease: float) -> bool:
+        """Whether the body is driven, and no authorized sender was heard for longer than the lease, s, inf for none."""
+        return bool(self.driver) and now - self.latest > lease
+
+
+def is_sign(message: Message) -> bool:
+    """Whether a message is a sign that an operator is there."""
+    return message.role in OPERATORS and not message.standing
 
 
 def driver_of(message: Message) -> str:
@@ -290,9 +323,8 @@ class Authority:
         found = self.latch.stop(message)
         if found is None:
             return False
-        if found.holding != self.latch.holding:
-            since = {**self._since, mark_of(message).life: now if message.heard is None else message.heard}
-            self._since = {mark.life: since.get(mark.life, now) for mark in found.holding}
+        self._since |= dict.fromkeys(found.begun(self.latch, message), arrived(message, now))
+        self._since = {mark.life: self._since.get(mark.life, 0.0) for mark in found.holding}
         self.latch = found
         return True
 
@@ -303,34 +335,25 @@ class Authority:
         return found is not None and not found.holding
 
     def stops(self, now: float) -> list[list[object]]:
-        """The STOPs that hold, each with the seconds since its arrival, or since a restart."""
-        return [[*mark.named, max(0.0, now - self._since.get(mark.life, 0.0))] for mark in self.latch.holding]
+        """See `stops_told`."""
+        return stops_told(self.latch, lambda life: self._since.get(life, 0.0), now)
 
     def lease(self, message: Message, now: float) -> tuple[str, str]:
         """Carry out a message's request about the lease of a group; returns the group's key and the reason for a
         refusal, "" if there is none."""
-        wish = LeaseRequest.of(message.body[LEASE])
-        if wish is None:
-            return "", "a lease that says nothing which can be meant"
-        return wish.group.casefold(), self.leases.settle(wish, message, now)
+        self.leases, group, refusal = self.leases.after(message, now)
+        return group, refusal
 
     def objection(self, message: Message, program: Program, groups: Collection[str], now: float) -> str:
         """Why a command is not to be evaluated on a robot in these groups (their keys), "" if it may be."""
-        if self.tells is Tells.NONE and _is_told(message):
-            return NO_TELLS
-        if _is_told(message) and ranked(program.form) is not None:
-            return NO_TOLD_PRIORITY
-        if message.kind is not Kind.COMMAND or not message.role:
-            return ""
-        if message.role != Role.COMMANDER and rules(program.root):
-            return f"only a commander's key may change rules, and that of {message.sender} is of role {message.role}"
-        if message.standing or message.role not in OPERATORS:
-            return ""  # standing commands are the same on all robots, whatever their leases
-        return self.leases.objection(message.sender, {*groups, *_entered(program)}, now)
+        refusal = objection(message, program, self.tells)
+        if refusal or not minds_leases(message):
+            return refusal
+        return self.leases.objection(message.sender, {*groups, *entered(program)}, now)
 
     def bars(self, message: Message) -> str:
-        """Why a message that may be evaluated is not to act on the body, "" if it may."""
-        return NO_MOTION if self.tells is Tells.MARKS and _is_told(message) else ""
+        """See `bars`."""
+        return bars(message, self.tells)
 
     def state(self, now: float) -> dict[str, object]:
         """What must survive a restart, as plain data with times as seconds from `now`."""
@@ -344,12 +367,55 @@ class Authority:
             self.leases.restore(leases, now)
 
 
+def objection(message: Message, program: Program, tells: Tells) -> str:
+    """Why a command is not to be evaluated on any robot of such a host, "" if it may be where no lease forbids it."""
+    if tells is Tells.NONE and _is_told(message):
+        return NO_TELLS
+    if _is_told(message) and ranked(program.form) is not None:
+        return NO_TOLD_PRIORITY
+    if message.kind is not Kind.COMMAND or message.role in ("", Role.COMMANDER) or not rules(program.root):
+        return ""
+    return f"only a commander's key may change rules, and that of {message.sender} is of role {message.role}"
+
+
+def minds_leases(message: Message) -> bool:
+    """Whether leases matter to a message: standing commands are the same on all robots, whatever their leases."""
+    return message.kind is Kind.COMMAND and message.role in OPERATORS and not message.standing
+
+
+def bars(message: Message, tells: Tells) -> str:
+    """Why a message that may be evaluated is not to act on the body, "" if it may."""
+    return NO_MOTION if tells is Tells.MARKS and _is_told(message) else ""
+
+
+def obeys_stop_only(message: Message) -> str:
+    """Why a message whose sender's clock is ahead is not obeyed; STOP is. "" for all others."""
+    return f"its clock is {differs(-message.ahead)}: it obeys STOP only" if message.ahead else ""
+
+
+def outlasts(doubt: str, message: Message) -> str:
+    """Why a robot that is in doubt (see `Node`) stays stopped after this RELEASE, "" if it may be released: the RELEASE
+    may have been sent before a STOP that has been lost."""
+    early = doubt and message.issued < age_of(message.body)
+    return f"{doubt}: a RELEASE from before the start does not end that" if early else ""
+
+
+def outcome_of_keys(message: Message, stored: Callable[[], bool]) -> tuple[str, str]:
+    """The outcome of a change of keys, which the channel has made already, or refused; and its fault. stored: whether
+    the keys are stored, as far as they must be."""
+    from sleepcast.channel.keys import KeyChange  # which loads the library of signatures
+
+    refusal = KeyChange.refusal(message)
+    lost = "" if stored() else NOT_STORED
+    return "fault" if refusal else "matched", refusal or lost
+
+
 def _is_told(message: Message) -> bool:
     """Whether another robot tells this, also where nobody signs."""
     return message.kind is Kind.COMMAND and (message.role == Role.ROBOT or HOPS in message.body)
 
 
-def _entered(program: Program) -> set[str]:
+def entered(program: Program) -> set[str]:
     """The keys of the groups that a command makes robots join or leave."""
     moving = (part for part in walk(program.root) if part.op == "act" and part.name in ("join", "leave"))
     return {label_of(part).casefold() for part in moving}
@@ -426,6 +492,13 @@ class Latch(NamedTuple):
         before = [mark.number for mark in (*self.holding, *self.ended) if mark.sender == FORGOTTEN]
         return StopMark(FORGOTTEN, 0, max(before, default=0) + 1)
 
+    def begun(self, before: Latch, message: Message) -> list[Life]:
+        """Whose STOPs have arrived just now, with this message, which has made this latch of the one before."""
+        if self.holding == before.holding:
+            return []
+        known = {mark.life for mark in before.holding} - {mark_of(message).life}
+        return [mark.life for mark in self.holding if mark.life not in known]
+
     def release(self, message: Message) -> Latch | None:
         """The latch after a RELEASE; the robot is free if no STOP is left. None for a malformed RELEASE. A named STOP
         of another sender ends only if it has arrived: if it arrives later, it stops the robot."""
@@ -445,6 +518,16 @@ class Latch(NamedTuple):
     def written(self) -> dict[str, object]:
         """What `restored` reads, as plain data."""
         return {sort: [list(mark) for mark in marks] for sort, marks in self._asdict().items()}
+
+
+def stops_told(latch: Latch, since: Callable[[Life], float], now: float) -> list[list[object]]:
+    """The STOPs that hold, each with the seconds since its arrival, or since a restart. since: gives the arrival, s."""
+    return [[*mark.named, max(0.0, now - since(mark.life))] for mark in latch.holding]
+
+
+def arrived(message: Message, now: float) -> float:
+    """When a message arrived, s of the mind's time: now, unless that is known better."""
+    return now if message.heard is None else message.heard
 
 
 ENDED = "a RELEASE that was sent later has ended this STOP"

@@ -33,6 +33,7 @@ from sleepcast.language.vocabulary import (
     buffer_number,
 )
 from sleepcast.mind import rules
+from sleepcast.mind.inspection import Self
 from sleepcast.mind.limits import FAILED, MAX_FAULTS, PROVEN_TICKS
 from sleepcast.mind.merging import Merging
 from sleepcast.mind.rules import (
@@ -107,6 +108,11 @@ class RobotMemory:
         """Begin a tick: sets the time (s) and the tick's random stream."""
         self.tick, self.time, self._draws = tick, now, 0
         self.values[TICK], self.values[TIME_SLOT] = float(tick), now
+
+    @property
+    def itself(self) -> Self:
+        """What it knows, as it tells others."""
+        return Self(self.vocabulary, self.base, self.values, self.peek, self.groups)
 
     # ---- called by the machine
 

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from math import inf, isnan, nan
 
-from sleepcast.channel.clock_sync import differs
 from sleepcast.channel.message import (
     DRIVER,
     HELD,
@@ -23,12 +22,10 @@ from sleepcast.channel.message import (
     LOOK,
     MATCHED,
     MOTION,
-    NOT_STORED,
     RULE,
     UNKNOWN,
     Kind,
     Message,
-    age_of,
     answer_body,
     hops_left,
     is_addressed,
@@ -45,8 +42,19 @@ from sleepcast.language.reader import read, show
 from sleepcast.language.rehearsal import Answer
 from sleepcast.language.symbols import Declared, UserVariable
 from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary, buffer_number
-from sleepcast.mind.authority import ENDED, Authority, DeadManSwitch, Tells, driver_of
+from sleepcast.mind.authority import (
+    AT_REST,
+    ENDED,
+    Authority,
+    Driving,
+    Tells,
+    driver_of,
+    obeys_stop_only,
+    outcome_of_keys,
+    outlasts,
+)
 from sleepcast.mind.evaluation_budget import EvaluationBudget
+from sleepcast.mind.inspection import NOTHING, BodyState, Details, answer_inspection
 from sleepcast.mind.limits import (
     MAX_FAULTS_IN_ROW,
     MAX_OUTBOX,
@@ -67,7 +75,6 @@ from sleepcast.mind.views import Result, RuleView
 from sleepcast.node.linking import VariableTable
 from sleepcast.node.memory import OutputPort, RobotMemory
 from sleepcast.node.scheduler import RuleRecord, Scheduler
-from sleepcast.node.telemetry import NOTHING, BodyState, Details, answer_inspection
 from sleepcast.robot import Failsafe, RestSensing, Robot
 
 MAX_RECOLLECTIONS = 64
@@ -133,7 +140,7 @@ class Node:
             seed=seed,
             body=self.body,
         )
-        self._deadman = DeadManSwitch(lease)
+        self._driving, self._lease = Driving(), lease
         self._speaks_for = ""
         """The operator for whom the message is evaluated that is evaluated now, "" for none."""
         self._scheduler = Scheduler(self._memory.records, self._run_rule)
@@ -186,7 +193,7 @@ class Node:
     @property
     def driven(self) -> bool:
         """Whether the body was last moved by a person's one-time command; see `mind.authority`."""
-        return bool(self._deadman.driver)
+        return bool(self._driving.driver)
 
     @property
     def dropped(self) -> int:
@@ -254,9 +261,9 @@ class Node:
             self._seen.popitem(last=False)
         if message.ahead and message.kind is not Kind.STOP:
             if is_addressed(message.body, self.name):
-                self._answer(message, "fault", fault=f"its clock is {differs(-message.ahead)}: it obeys STOP only")
+                self._answer(message, "fault", fault=obeys_stop_only(message))
             return
-        self._deadman.hear(message)
+        self._driving = self._driving.hear(message)
         if message.kind is Kind.STOP:
             self._stop(message)
         elif not is_addressed(message.body, self.name):
@@ -300,7 +307,8 @@ class Node:
         memory.at(tick, now)
         self._now = now
         memory.variables.refresh(memory.values, now)
-        if self._deadman.is_over(now) and self.driven:
+        self._driving = self._driving.ticked(now)
+        if self._driving.is_over(now, self._lease):
             self._let_go()
         for rule in memory.records.expire(now):
             self._report(f"lease of {rule.name} ended", ())
@@ -309,7 +317,7 @@ class Node:
             memory.moved = False
             self._scheduler.round()
             if memory.moved:
-                self._deadman.let_go()
+                self._driving = self._driving.let_go()
         self._hold()
 
     def _obey_waiting(self, now: float) -> None:
@@ -418,10 +426,8 @@ class Node:
             self._answer(message, "stopped", fault=fault, details={} if motion is None else {MOTION: [*motion]})
 
     def _release(self, message: Message) -> None:
-        if self.doubt and message.issued < age_of(
-            message.body
-        ):  # it may have been sent before a STOP that has been lost
-            self._answer(message, "fault", fault=f"{self.doubt}: a RELEASE from before the start does not end that")
+        if refusal := outlasts(self.doubt, message):
+            self._answer(message, "fault", fault=refusal)
             return
         if not self.authority.may_release(message):
             self._answer(message, "fault", fault=self.authority.latch.refusal())
@@ -436,7 +442,7 @@ class Node:
     def _let_go(self) -> None:
         """The operator who drove the body is gone: bring it to rest; nothing resumes on its own."""
         memory = self._memory
-        self._deadman.let_go()
+        self._driving = self._driving.let_go()
         memory.actuated.clear()
         if self.stopped:
             return
@@ -451,7 +457,7 @@ class Node:
         except SleepcastError as error:
             self._report(f"nobody drives it any more, and it does not rest: {error}", ())
         else:
-            self._report("at rest: nobody drives it any more", ())
+            self._report(AT_REST, ())
 
     def catch_up(self, lasts: bool) -> None:
         """The robot misses standing commands that others have, or no longer does. While it does, its body is held
@@ -512,7 +518,7 @@ class Node:
         if message.kind is Kind.ASK and LOOK in message.body:
             stops = self.authority.stops(now)
             state = BodyState(self.stopped, self.driven, self.doubt, self.catching_up, stops, self._motion())
-            self._answer(message, "answer", details=answer_inspection(message.body, memory, state, self.why))
+            self._answer(message, "answer", details=answer_inspection(message.body, memory.itself, state, self.why))
             return
         if message.kind is Kind.COMMAND and LEASE in message.body:
             group, refusal = self.authority.lease(message, now)
@@ -520,7 +526,8 @@ class Node:
             self._answer(message, "fault" if refusal else granted, fault=refusal)
             return
         if message.kind is Kind.COMMAND and KEYS in message.body:
-            self._answer_for_keys(message)
+            outcome, fault = outcome_of_keys(message, self.keys_last)
+            self._answer(message, outcome, fault=fault)
             return
         try:
             asked = message.kind is Kind.ASK
@@ -543,21 +550,13 @@ class Node:
         answered = HOPS not in message.body  # nobody counts what becomes of what robots tell each other
         value = self._evaluate(program, message, answered=answered)
         if memory.moved:
-            self._deadman.move(message, now)
+            self._driving = self._driving.move(message, now)
         if memory.faults:
             self._answer(message, "fault", value, str(memory.faults[0]))
         elif memory.matched:
             self._answer(message, HELD if answered and memory.moved and self.stopped else "matched", value)
         else:
             self._answer(message, UNKNOWN if answered and memory.undecided else "not matched", value)
-
-    def _answer_for_keys(self, message: Message) -> None:
-        """The channel has made a change of keys already, or refused it."""
-        from sleepcast.channel.keys import KeyChange  # which loads the library of signatures
-
-        refusal = KeyChange.refusal(message)
-        lost = "" if self.keys_last() else NOT_STORED
-        self._answer(message, "fault" if refusal else "matched", fault=refusal or lost)
 
     def _evaluate(self, program: Program, message: Message, *, answered: bool) -> float:
         """Evaluate a command for whom it comes from."""
@@ -623,7 +622,7 @@ class Node:
         return True
 
     def _tell(self, text: str, hops: int) -> None:
-        driver = (self._speaks_for or self._deadman.driver) if self._on_air else ""
+        driver = (self._speaks_for or self._driving.driver) if self._on_air else ""
         body: dict[str, object] = {HOPS: hops, DRIVER: driver} if driver else {HOPS: hops}
         self._say(Kind.COMMAND, text=text, deadline=self._now + TELL_SECONDS, body=body)
 

@@ -1,17 +1,19 @@
-"""Telemetry of a node: its answers to inspection requests; `mind.telemetry` has the records."""
+"""What a robot answers when it is asked to tell about itself; `mind.telemetry` has the records."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Protocol
 
 from sleepcast.channel.message import LOOK, OF, STOPS, TELEMETRY, Inspection
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.language.explain import Explanation
-from sleepcast.language.symbols import Group, Operator, UserVariable
-from sleepcast.language.vocabulary import ACTIVE0, BUFFERS
-from sleepcast.mind.rules import in_order
+from sleepcast.language.program import Program
+from sleepcast.language.symbols import Declared, Group, Operator, UserVariable
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Vocabulary
+from sleepcast.mind.rules import Rule, in_order
 from sleepcast.mind.telemetry import (
     MAX_TEXT_BYTES,
     MindRecord,
@@ -24,7 +26,6 @@ from sleepcast.mind.telemetry import (
     vocabulary_text,
     why_text,
 )
-from sleepcast.node.memory import RobotMemory
 
 Details = Mapping[str, object]
 """Fields of an answer's body."""
@@ -35,9 +36,33 @@ class InspectionError(SleepcastError):
     """The robot cannot answer an inspection request."""
 
 
+class Learned(Protocol):
+    """What a robot has learned, by key in order of arrival."""
+
+    @property
+    def rules(self) -> Mapping[str, Rule]: ...
+
+    @property
+    def symbols(self) -> Mapping[str, Declared]: ...
+
+    @property
+    def operators(self) -> Mapping[str, Program]: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Self:
+    """What a robot knows of itself. values: by slot; peek: gives a value wherever it is stored; groups: keys."""
+
+    vocabulary: Vocabulary
+    learned: Learned
+    values: Sequence[float]
+    peek: Callable[[int], float]
+    groups: Collection[str]
+
+
 @dataclass(frozen=True, slots=True)
 class BodyState:
-    """What a node knows of its body, and of who holds it: see `Node`. stops: see `Authority.stops`. motion: see
+    """What a robot knows of its body, and of who holds it: see `Node`. stops: see `authority.stops_told`. motion: see
     `TelemetryRecord`."""
 
     stopped: bool
@@ -50,7 +75,7 @@ class BodyState:
 
 def answer_inspection(
     body: Mapping[str, object],
-    memory: RobotMemory,
+    robot: Self,
     state: BodyState,
     why: Callable[[str | None], Explanation],
 ) -> Details:
@@ -58,12 +83,12 @@ def answer_inspection(
     what, of = body.get(LOOK), body.get(OF)
     try:
         if what == Inspection.TELEMETRY:
-            found = telemetry(memory, state).body()
+            found = telemetry(robot, state).body()
             return {TELEMETRY: found, **({STOPS: state.stops} if state.stops else {})}
         if what == Inspection.VOCABULARY:
-            return {TELEMETRY: _fitting(vocabulary_text(memory.vocabulary), "it has more names")}
+            return {TELEMETRY: _fitting(vocabulary_text(robot.vocabulary), "it has more names")}
         if what == Inspection.MIND:
-            return {TELEMETRY: _fitting(mind_text(memory), "it has learned more")}
+            return {TELEMETRY: _fitting(mind_text(robot.learned), "it has learned more")}
         if what == Inspection.WHY:
             return {TELEMETRY: why_text(why(of if isinstance(of, str) else None))}
         known = ", ".join(Inspection)
@@ -72,18 +97,18 @@ def answer_inspection(
         return {"fault": str(error).splitlines()[0]}
 
 
-def telemetry(memory: RobotMemory, state: BodyState) -> TelemetryRecord:
+def telemetry(robot: Self, state: BodyState) -> TelemetryRecord:
     """A robot's current variables and flags."""
-    slots = (*range(ACTIVE0 + 1), *range(ACTIVE0 + BUFFERS, memory.vocabulary.size))
-    symbols = memory.base.symbols
+    slots = (*range(ACTIVE0 + 1), *range(ACTIVE0 + BUFFERS, robot.vocabulary.size))
+    symbols = robot.learned.symbols
     return TelemetryRecord(
-        digest(vocabulary_text(memory.vocabulary)),
-        digest(mind_text(memory)),
-        packed([memory.peek(slot) for slot in slots]),
-        sum(1 << i - 1 for i in range(1, BUFFERS) if memory.values[ACTIVE0 + i] > 0.0),
-        bits([rule.active for rule in in_order(memory.base.rules)]),
-        {found.name: memory.values[found.slot] for found in symbols.values() if isinstance(found, UserVariable)},
-        [found.name for key, found in symbols.items() if key in memory.groups],
+        digest(vocabulary_text(robot.vocabulary)),
+        digest(mind_text(robot.learned)),
+        packed([robot.peek(slot) for slot in slots]),
+        sum(1 << i - 1 for i in range(1, BUFFERS) if robot.values[ACTIVE0 + i] > 0.0),
+        bits([rule.active for rule in in_order(robot.learned.rules)]),
+        {found.name: robot.values[found.slot] for found in symbols.values() if isinstance(found, UserVariable)},
+        [found.name for key, found in symbols.items() if key in robot.groups],
         state.stopped,
         state.driven,
         state.doubt,
@@ -92,19 +117,19 @@ def telemetry(memory: RobotMemory, state: BodyState) -> TelemetryRecord:
     )
 
 
-def mind_text(memory: RobotMemory) -> str:
+def mind_text(learned: Learned) -> str:
     """What it has learned as JSON: the groups it has heard of, its operators, and its rules in order of evaluation."""
-    symbols, operators = memory.base.symbols.items(), memory.base.operators
+    symbols = learned.symbols.items()
     return as_text(
         MindRecord(
             [found.name for _, found in symbols if isinstance(found, Group)],
             [
-                (found.name, list(found.parameters), operators[key].text)
+                (found.name, list(found.parameters), learned.operators[key].text)
                 for key, found in symbols
                 if isinstance(found, Operator)
             ],
-            [(rule.name, rule.text, rule.protected) for rule in in_order(memory.base.rules)],
-            {rule.name: rule.shown_priority for rule in in_order(memory.base.rules) if rule.shown_priority},
+            [(rule.name, rule.text, rule.protected) for rule in in_order(learned.rules)],
+            {rule.name: rule.shown_priority for rule in in_order(learned.rules) if rule.shown_priority},
         )
     )
 

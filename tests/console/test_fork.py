@@ -19,7 +19,7 @@ from sleepcast.console.differences import first_difference
 from sleepcast.console.failing import ShownFailing
 from sleepcast.console.kept import KeptStates
 from sleepcast.console.marks import MOST_MARKS, Marks
-from sleepcast.fleet.state import Rows
+from sleepcast.fleet.rows import Rows
 from sleepcast.language.vocabulary import Variable, VariableKind
 from sleepcast.loop import Swarm, resume
 from sleepcast.loop.snapshots import copy_of

@@ -14,7 +14,7 @@ from language.cases import ACTUATORS, SENSORS
 from sleepcast.channel.message import Kind, Message, outcome_of
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import Quantity
-from sleepcast.fleet import Fleet, FleetError, pure, state
+from sleepcast.fleet import Fleet, FleetError, pure, rows
 from sleepcast.language import CheckError, ReadError, Vocabulary
 from sleepcast.language.parts import Template
 from sleepcast.mind import limits
@@ -404,7 +404,7 @@ def test_measurements_grow_old() -> None:
 
 
 def test_a_fault_of_some_robots_is_no_fault_of_others() -> None:
-    fleet = Fleet([f"r{i}" for i in range(state.CHUNK + 5)], vocabulary())
+    fleet = Fleet([f"r{i}" for i in range(rows.CHUNK + 5)], vocabulary())
     readings = np.full((len(fleet), len(SENSORS)), nan)
     readings[:, X] = np.arange(len(fleet)) - 3.0
     fleet.sense(readings, 0.0)

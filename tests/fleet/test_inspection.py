@@ -18,9 +18,10 @@ from sleepcast.core.serial import pack, unpack
 from sleepcast.core.truth import is_true
 from sleepcast.fleet import Fleet, inspection
 from sleepcast.fleet.inspection import NOT_YET
+from sleepcast.fleet.rows import Column, Rows
 from sleepcast.fleet.schema import FleetSnapshot
 from sleepcast.fleet.snapshot import restore, state_of
-from sleepcast.fleet.state import Column, FleetState, Rows
+from sleepcast.fleet.state import FleetState
 from sleepcast.language import read
 from sleepcast.station.validation import FleetNames
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sleepcast.fleet.evaluation import RuleStatistics
-from sleepcast.fleet.state import Rows
+from sleepcast.fleet.rows import Rows
 
 
 def told_by_native_code(tally: RuleStatistics, *steps: int) -> None:

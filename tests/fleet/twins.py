@@ -4,7 +4,7 @@ says where anything that can be seen of a robot's mind differs."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from sleepcast.channel.message import Kind, Message
 from sleepcast.core.errors import SleepcastError
 from sleepcast.fleet import Fleet, RobotView
 from sleepcast.language import Vocabulary
+from sleepcast.mind.authority import Tells
 from sleepcast.node.node import Node
 
 
@@ -21,16 +22,36 @@ def vocabulary() -> Vocabulary:
 
 
 class Twins:
-    """`count` robots, numbered from `first` on; readings: their sensors' values, one row a robot."""
+    """`count` robots, numbered from `first` on; readings: their sensors' values, one row a robot. body: makes one;
+    lease, tells, on_air: see `Node`."""
 
-    def __init__(self, count: int, *, seed: int = 0, first: int = 1) -> None:
-        self.here, self.there = [Body() for _ in range(count)], [Body() for _ in range(count)]
+    def __init__(
+        self,
+        count: int,
+        *,
+        seed: int = 0,
+        first: int = 1,
+        body: Callable[[], Body] = Body,
+        lease: float = math.inf,
+        tells: Tells = Tells.ALL,
+        on_air: bool = False,
+    ) -> None:
+        self.here, self.there = [body() for _ in range(count)], [body() for _ in range(count)]
         names = [f"r{i}" for i in range(count)]
         numbers = [first + i for i in range(count)]
-        self.fleet = Fleet(names, vocabulary(), numbers=numbers, seed=seed, bodies=self.here)
+        self.fleet = Fleet(
+            names,
+            vocabulary(),
+            numbers=numbers,
+            seed=seed,
+            bodies=self.here,
+            lease=lease,
+            tells=tells,
+            on_air=on_air,
+        )
         own = vocabulary()
         self.nodes = [
-            Node(name, own, number=number, seed=seed, body=body)
+            Node(name, own, number=number, seed=seed, body=body, lease=lease, tells=tells, on_air=on_air)
             for name, number, body in zip(names, numbers, self.there, strict=True)
         ]
         self.views = list(self.fleet.values())
@@ -100,6 +121,7 @@ def seen(mind: RobotView | Node) -> dict[str, object]:
         "groups": sorted(mind.groups),
         "outbox": mind.outbox.copy(),
         "pings": mind.pings.copy(),
+        "held by": (mind.doubt, mind.driven, mind.catching_up),
         "counts": (mind.dropped, mind.lost, mind.stopped, mind.awake),
         "actuators": {name: value.hex() for name, value in mind.actuators().items()},
     }

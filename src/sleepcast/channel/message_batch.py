@@ -8,15 +8,15 @@ names (`scout1` to `scout1000000`) are made on demand; stored, they would take m
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Protocol, overload
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.message import HOPS, MAX_NUMBER, RULE, Kind, Message, answer_body, message_id
+from sleepcast.channel.message import DRIVER, HOPS, MAX_NUMBER, RULE, Kind, Message, answer_body, message_id
 from sleepcast.core.serial import Array, SerialError, within
 
 Index = NDArray[np.intp]
@@ -34,8 +34,8 @@ class Contents(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class AnswerColumns:
-    """Answers to the message `command`. Columns: value (NaN for unknown); sort: index of the outcome in `sorts`, uint8;
-    fault: index in `faults` from 1, 0 for none, int32."""
+    """AnswerColumns to the message `command`. Columns: value (NaN for unknown); sort: index of the outcome in `sorts`, uint8;
+    fault: index in `faults` from 1, 0 for none, int32. details: further fields of all their bodies."""
 
     command: str
     sorts: tuple[str, ...]
@@ -43,9 +43,18 @@ class AnswerColumns:
     value: Column
     faults: tuple[str, ...]
     fault: NDArray[np.int32]
+    details: Body = field(default_factory=dict)
 
     @classmethod
-    def alike(cls, command: str, size: int, sort: str, value: float = np.nan, fault: str = "") -> AnswerColumns:
+    def alike(
+        cls,
+        command: str,
+        size: int,
+        sort: str,
+        value: float = np.nan,
+        fault: str = "",
+        details: Mapping[str, object] | None = None,
+    ) -> AnswerColumns:
         """The same answer `size` times."""
         return cls(
             command,
@@ -54,6 +63,7 @@ class AnswerColumns:
             np.broadcast_to(np.float64(value), size),
             (fault,) if fault else (),
             np.broadcast_to(np.int32(bool(fault)), size),
+            dict(details or {}),
         )
 
     def text(self, place: int) -> str:
@@ -62,7 +72,7 @@ class AnswerColumns:
     def body(self, place: int) -> Body:
         fault = int(self.fault[place])
         said = self.faults[fault - 1] if fault else ""
-        return answer_body(self.command, self.sorts[self.sort[place]], float(self.value[place]), said)
+        return answer_body(self.command, self.sorts[self.sort[place]], float(self.value[place]), said) | self.details
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,16 +94,18 @@ class Reports:
 
 @dataclass(frozen=True, slots=True)
 class Relays:
-    """One expression that all these robots tell the others, with the hops that it may go."""
+    """One expression that all these robots tell the others, with the hops that it may go. driver: the operator who
+    drives them, "" for none."""
 
     said: str
     hops: int
+    driver: str = ""
 
     def text(self, place: int) -> str:
         return self.said
 
     def body(self, place: int) -> Body:
-        return {HOPS: self.hops}
+        return {HOPS: self.hops, DRIVER: self.driver} if self.driver else {HOPS: self.hops}
 
 
 @dataclass(frozen=True, slots=True)

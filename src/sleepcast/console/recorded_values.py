@@ -35,7 +35,8 @@ from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.fleet.inspection import QuietMemory
 from sleepcast.fleet.machine import evaluate
-from sleepcast.fleet.state import FleetState, Minds, Rows
+from sleepcast.fleet.rows import Rows
+from sleepcast.fleet.state import FleetState, Minds
 from sleepcast.language import Checked, CheckError, Variable, check
 from sleepcast.language.parts import acts
 from sleepcast.language.symbols import Declared, FreshNames, Group

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sleepcast.fleet.evaluation import distinct
 from sleepcast.fleet.inspection import QuietMemory, reads_of
 from sleepcast.fleet.machine import Plain, evaluate, is_plain
-from sleepcast.fleet.state import CHUNK, Column, FleetState, Index, Mask, MindNames, Minds, Rows
+from sleepcast.fleet.rows import CHUNK, Column, Index, Mask, Rows
+from sleepcast.fleet.shared import distinct
+from sleepcast.fleet.state import FleetState, MindNames, Minds
 from sleepcast.language.parts import Part, walk
 from sleepcast.language.program import Program
 from sleepcast.language.reader import read

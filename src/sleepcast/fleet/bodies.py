@@ -2,25 +2,25 @@
 frozen - many at once where the bodies allow it.
 
 STOP and RELEASE may arrive late and out of order: each robot obeys them as a node does, by its `Latch`; robots that
-have received the same ones share a latch.
+have received the same ones share a latch. So do what a robot is in doubt of, and when what holds it has arrived.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from sleepcast.channel.message import Message
+from sleepcast.core.arrays import filled
 from sleepcast.core.model import RestState
-from sleepcast.fleet.state import Column, FleetState, Index, Mask, Rows
-from sleepcast.language.vocabulary import FROZEN, SLEEPING
-from sleepcast.mind.authority import Latch
-from sleepcast.robot import RestSensing, Robot
-
-MAX_LATCHES = 16
-"""Stored latches above which those that no robot has any more are removed."""
+from sleepcast.fleet.authority import FleetAuthority
+from sleepcast.fleet.rows import Column, Index, Mask, Rows
+from sleepcast.fleet.state import FleetState
+from sleepcast.language.vocabulary import FROZEN, SLEEPING, TIME_SLOT
+from sleepcast.mind.authority import Life, outlasts, stops_told
+from sleepcast.robot import Failsafe, RestSensing, Robot
 
 
 @runtime_checkable
@@ -45,8 +45,10 @@ class ManyRestSensing(Protocol):
 class FleetBodies:
     """The bodies of a fleet's robots. bodies: `ManyBodies`, or a list of bodies, each possibly a `Robot`."""
 
-    def __init__(self, state: FleetState, bodies: Sequence[object | None]) -> None:
-        self._state, self._bodies = state, bodies
+    def __init__(self, state: FleetState, bodies: Sequence[object | None], authority: FleetAuthority) -> None:
+        self._state, self._bodies, self._authority = state, bodies, authority
+        self.arrived: dict[Life, Column] = {}
+        """When the latest STOP of each sender that holds any robot has arrived there, s."""
         self._many = bodies if isinstance(bodies, ManyBodies) else None
         self._telling = bodies if isinstance(bodies, ManyRestSensing) else None
         self._any_still = False
@@ -55,40 +57,75 @@ class FleetBodies:
     def obey_stop(self, message: Message, rows: Rows) -> tuple[Rows, Rows]:
         """Stop these robots; returns those that have stopped, and those for which a later RELEASE already ended it."""
         stopped = np.zeros(rows.size, np.bool_)
-        for some, found in self._latched(rows, lambda latch: latch.stop(message)):
-            stopped[some] = found is not None
-        self._stop(rows.take(stopped))
+        for latch, some, mask in self._state.latch.divide(rows):
+            found = latch.stop(message)
+            stopped[... if mask is None else mask] = found is not None
+            if found is not None:
+                self._note_arrivals(message, found.begun(latch, message), some)
+                self._state.latch.set(some, found)
+        self._forget_arrivals()
+        self.halt(rows.take(stopped))
         return rows.take(stopped), rows.take(~stopped)
+
+    def _note_arrivals(self, message: Message, lives: Sequence[Life], rows: Rows) -> None:
+        when = message.heard if message.heard is not None else self._state.read(TIME_SLOT, rows)
+        for life in lives:
+            if life not in self.arrived:
+                self.arrived[life] = filled(0.0, np.float64, self._state.count)
+            self.arrived[life][rows.index] = when
+
+    def _forget_arrivals(self) -> None:
+        holding = {mark.life for latch in self._state.latch.values for mark in latch.holding}
+        for life in self.arrived.keys() - holding:
+            del self.arrived[life]
+
+    def stops(self, robot: int, now: float) -> list[list[object]]:
+        """What one robot tells of the STOPs that hold it: see `stops_told`."""
+        arrived = self.arrived
+        return stops_told(
+            self._state.latch.of(robot), lambda life: float(arrived[life][robot]) if life in arrived else 0.0, now
+        )
 
     def obey_release(self, message: Message, rows: Rows) -> tuple[Rows, list[tuple[Rows, str]]]:
         """Release these robots; returns those that are free, and those that are not, each group with the reason."""
         free, refused = np.zeros(rows.size, np.bool_), []
-        for some, found in self._latched(rows, lambda latch: latch.release(message)):
-            free[some] = found is not None and not found.holding
-            if found is None or found.holding:
-                refused.append((rows.take(some), self._latch_of(rows.take(some)).refusal()))
+        for doubt, some, _ in self._authority.doubts.divide(rows):
+            if refusal := outlasts(doubt, message):
+                refused.append((some, refusal))
+                continue
+            for latch, few, _ in self._state.latch.divide(some):
+                found = latch.release(message) or latch
+                self._state.latch.set(few, found)
+                if found is latch or found.holding:
+                    refused.append((few, found.refusal()))
+                else:
+                    free[rows.places(few.robots)] = True
+        self._forget_arrivals()
         self._release(rows.take(free))
         return rows.take(free), refused
 
-    def _latch_of(self, rows: Rows) -> Latch:
-        """The latch of the first of these robots."""
-        return self._state.latches[int(self._state.latch[rows.index][0])]
+    def halt(self, rows: Rows, doubt: str = "") -> None:
+        """See `Node.halt`."""
+        self._authority.doubts.set(rows, doubt)
+        self._stop(rows)
 
-    def _latched(self, rows: Rows, order: Callable[[Latch], Latch | None]) -> Iterator[tuple[Mask, Latch | None]]:
-        """Replace each robot's latch by what `order` makes of it, and yield the robots of each old latch with their new
-        one, or None."""
-        state = self._state
-        before = state.latch[rows.index].copy()
-        for number in np.flatnonzero(np.bincount(before)).tolist():
-            some, found = before == number, order(state.latches[number])
-            if found is not None:
-                if found not in state.latches:
-                    state.latches.append(found)
-                state.latch[rows.take(some).index] = state.latches.index(found)
-            yield some, found
-        if len(state.latches) > MAX_LATCHES:  # most belong to robots that had not received this message yet
-            numbers, state.latch[:] = np.unique(state.latch, return_inverse=True)
-            state.latches = [state.latches[number] for number in numbers.tolist()]
+    def let_go(self, rows: Rows) -> Rows:
+        """Bring the bodies of these robots, whose operators are gone, to rest; gives those that were not stopped
+        anyway."""
+        for robots in self._state.actuated.values():
+            robots[rows.index] = False
+        moving = rows.take(~self._state.stopped[rows.index])
+        if self._many is not None:
+            self._many.stop(moving.robots)
+            self._many.release(moving.robots)
+            return moving
+        for body in map(self._bodies.__getitem__, moving.robots.tolist()):
+            if isinstance(body, Failsafe):
+                body.let_go()
+            elif isinstance(body, Robot):
+                body.stop()
+                body.release()
+        return moving
 
     def _stop(self, rows: Rows) -> None:
         """Stop these robots; if the body has no latch of its own, functions that act are refused instead."""
@@ -104,7 +141,8 @@ class FleetBodies:
                 self._state.held[robot] = True
 
     def _release(self, rows: Rows) -> None:
-        """Undo `_stop` for these robots."""
+        """Undo `halt` for these robots."""
+        self._authority.doubts.set(rows, "")
         self._state.stopped[rows.index] = self._state.held[rows.index] = False
         if self._many is not None:
             self._many.release(rows.robots)
@@ -131,11 +169,12 @@ class FleetBodies:
         return np.broadcast_to(found, rows.size) if found.any() else None
 
     def hold(self, rows: Rows) -> None:
-        """Resting robots hold their bodies still, others do not."""
-        state, resting = self._state, self.resting(rows)
-        if resting is None and not self._any_still:
+        """Robots that rest or catch up hold their bodies still, others do not."""
+        state, resting, behind = self._state, self.resting(rows), self._authority.behind(rows)
+        if resting is None and behind.size == 0 and not self._any_still:
             return
-        now = np.zeros(rows.size, np.bool_) if resting is None else resting
+        now = np.zeros(rows.size, np.bool_) if resting is None else resting.copy()
+        now[rows.places(behind.robots)] = True
         changed = rows.take(now != state.still[rows.index])
         if changed.size == 0:
             return

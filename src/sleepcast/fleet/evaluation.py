@@ -7,7 +7,7 @@ further part: acts have no effect on them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from functools import partial, wraps
 from math import inf, nan
 from typing import Concatenate, NamedTuple, ParamSpec, TypeAlias, TypeVar
@@ -18,14 +18,17 @@ from numpy.typing import NDArray
 from sleepcast.core.arrays import filled
 from sleepcast.core.serial import Arrays, SerialError, dump_arrays, load_arrays, within
 from sleepcast.fleet.native.compiler import ResultColumns
+from sleepcast.fleet.rows import Column, Index, Mask, Rows
 from sleepcast.fleet.schema import RuleStatisticsState, StatisticsState
-from sleepcast.fleet.state import Column, FleetState, Index, Mask, Mind, Minds, Rows
+from sleepcast.fleet.shared import distinct
+from sleepcast.fleet.state import FleetState, Mind, Minds
 from sleepcast.language.parts import Part
 from sleepcast.language.program import MAX_STEPS, Program
 from sleepcast.language.reader import show
 from sleepcast.language.rehearsal import Answer, NotedFault
 from sleepcast.language.vocabulary import ACTIVE0, TICK, buffer_number
 from sleepcast.mind.limits import MAX_FAULTS, PROVEN_TICKS
+from sleepcast.mind.merging import Merging
 from sleepcast.mind.rules import Effect, RuleBase
 
 Sort = TypeVar("Sort", bound=Hashable)
@@ -213,19 +216,28 @@ class Evaluation:
     def change(self, part: Part, rows: Rows, how: Callable[[RuleBase], str | None]) -> Mask:
         """Change the minds of these robots, unless `how` returns a reason not to; returns where it was done."""
         done = np.ones(rows.size, np.bool_)
-        for number, some, mask in self.divide(rows, lambda number: number):
-            draft = self.minds.draft(number, partial(self.changing, some))
+        for number, merging, some in self.each_mind(rows):
+            draft = self.minds.draft(number, partial(self.changing, some), merging)
             reason = how(draft)
-            if reason is None:
+            if reason is None or draft.merges:
                 self.turn(some, draft)
-            else:
+            if reason is not None:
                 self.refuse(part, some, reason)
-                done[... if mask is None else mask] = False
+                done[rows.places(some.robots)] = False
         return done
 
+    def each_mind(self, rows: Rows) -> Iterator[tuple[int, Merging, Rows]]:
+        """The numbers of these robots' minds, with a merging state that may be changed, and the robots that have
+        both."""
+        for number, some, _ in self.divide(rows, lambda number: number):
+            for merging, few, _ in self.state.merging.divide(some):
+                yield number, merging.draft(), few
+
     def turn(self, rows: Rows, draft: RuleBase) -> None:
-        """Give these robots the mind of the draft."""
+        """Give these robots the mind of the draft, and its merging state."""
         self.state.turn(rows, self.minds.settle(draft))
+        if draft.merges:
+            self.state.merging.set(rows, draft.merging)
         self.statistics.carry_out(draft.effects, rows)
 
     def changing(self, rows: Rows) -> None:
@@ -247,19 +259,6 @@ class Evaluation:
     def kept(self, robot: int) -> Mind:
         """The mind of one robot."""
         return self.minds[int(self.state.mind[robot])]
-
-
-def distinct(numbers: NDArray[np.int32]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The distinct numbers, ascending, and for each number its index among them."""
-    lowest, highest = (int(numbers.min()), int(numbers.max())) if len(numbers) else (0, -1)
-    if lowest >= highest:
-        return np.arange(lowest, highest + 1), np.zeros(len(numbers), np.intp)
-    if highest > 4 * len(numbers) + 1_024:
-        unique, which = np.unique(numbers, return_inverse=True)
-        return unique.astype(np.intp), which
-    there = np.zeros(highest + 1, np.bool_)
-    there[numbers] = True
-    return np.flatnonzero(there), (np.cumsum(there) - 1)[numbers]
 
 
 def fault_text(noted: Noted) -> str:

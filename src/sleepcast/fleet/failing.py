@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sleepcast.fleet.memory import FleetMemory
-from sleepcast.fleet.state import Index, Mind, Rows
+from sleepcast.fleet.rows import Index, Rows
+from sleepcast.fleet.state import Mind
 
 RECENT = 3.0
 """Seconds of a person's time after a fault for which its rule counts as failing."""

@@ -15,12 +15,26 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.message import FOR, HELD, HOPS, NOT, UNKNOWN, Kind, Message, hops_left, is_addressed
+from sleepcast.channel.message import (
+    FOR,
+    HELD,
+    HOPS,
+    KEYS,
+    LEASE,
+    LOOK,
+    NOT,
+    UNKNOWN,
+    Kind,
+    Message,
+    hops_left,
+    is_addressed,
+)
 from sleepcast.channel.message_batch import AnswerColumns, MessageBatch, NameIndex
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.model import RestState
 from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.asked import FleetQueries
+from sleepcast.fleet.authority import FleetAuthority
 from sleepcast.fleet.bodies import FleetBodies
 from sleepcast.fleet.evaluation import Noted, fault_text
 from sleepcast.fleet.inspection import (
@@ -35,8 +49,9 @@ from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.messages import Inbox, Outbox
 from sleepcast.fleet.native.kernels import Kernels, available
+from sleepcast.fleet.rows import Column, Index, Mask, Rows
 from sleepcast.fleet.scheduler import BatchScheduler, expired
-from sleepcast.fleet.state import Column, FleetState, Index, Mask, Mind, MindNames, Minds, Rows
+from sleepcast.fleet.state import FleetState, Mind, MindNames, Minds
 from sleepcast.language.explain import Explanation, Recollection, explain, foretell, rehearse
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.lint import Checked, check, unit_of_program
@@ -45,8 +60,20 @@ from sleepcast.language.program import Program
 from sleepcast.language.reader import read, show
 from sleepcast.language.symbols import Declared, UserVariable
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Variable, Vocabulary, buffer_number
-from sleepcast.mind.authority import ENDED
+from sleepcast.mind.authority import (
+    AT_REST,
+    ENDED,
+    Tells,
+    bars,
+    driver_of,
+    obeys_stop_only,
+    outcome_of_keys,
+)
+from sleepcast.mind.inspection import BodyState, Self, answer_inspection, foretold
+from sleepcast.mind.limits import ASKS_TOO_MUCH, MAX_BACKLOG
+from sleepcast.mind.merging import CommandOrder, comes_after, place_of
 from sleepcast.mind.rules import in_order
+from sleepcast.mind.telemetry import motion_of
 from sleepcast.mind.views import Fault, Result, RuleView
 
 SPARE_MINDS = 256
@@ -64,8 +91,8 @@ Some: TypeAlias = Rows | Sequence[int] | Index | None
 @dataclass
 class Evaluated:
     """The result of one text on the robots `rows`. Columns have one value for each of them; faults are in order.
-    undecided: where its top-level test was unknown; held: where its bodies were asked to move while STOP holds them;
-    None where nobody asks for that."""
+    undecided: where its top-level test was unknown; moved: where its bodies were asked to move; held: where STOP holds
+    them; None where nobody asks for that."""
 
     rows: Rows
     entry: LogEntry
@@ -75,6 +102,7 @@ class Evaluated:
     faults: list[Noted]
     printed: list[tuple[Index, str, Sequence[Column]]]
     undecided: Mask | None = None
+    moved: Mask | None = None
     held: Mask | None = None
 
 
@@ -112,6 +140,34 @@ class RobotView:
     def stopped(self) -> bool:
         return bool(self._fleet.state.stopped[self.place])
 
+    @property
+    def doubt(self) -> str:
+        """See `Node`."""
+        return self._fleet.authority.doubts.of(self.place)
+
+    @property
+    def driven(self) -> bool:
+        """See `Node.driven`."""
+        return bool(self._fleet.authority.driving.of(self.place).driver)
+
+    @property
+    def catching_up(self) -> bool:
+        """See `Node.catch_up`."""
+        return self._fleet.authority.catching_up.of(self.place)
+
+    @property
+    def itself(self) -> Self:
+        """What it knows, as it tells others."""
+        values = self.values
+        return Self(self.vocabulary, self._mind, values, values.__getitem__, self.groups)
+
+    def body_state(self, now: float) -> BodyState:
+        """What it knows of its body, and of who holds it, at `now` (s)."""
+        state = self.rest_state() if self.stopped else None
+        motion = None if state is None else motion_of(state)
+        stops = self._fleet.stops(self.place, now)
+        return BodyState(self.stopped, self.driven, self.doubt, self.catching_up, stops, motion)
+
     def rest_state(self) -> RestState | None:
         """See `Node.rest_state`."""
         return self._fleet.telemetry.rest_state(self.place)
@@ -128,8 +184,8 @@ class RobotView:
 
     @property
     def awake(self) -> bool:
-        """Whether the next tick has anything to do: a message, or active rules."""
-        return self._fleet.waiting(self.place) > 0 or bool(self._mind.running)
+        """See `Node.awake`."""
+        return self._fleet.waiting(self.place) > 0 or bool(self._mind.running) or self.driven
 
     @property
     def outbox(self) -> list[Message]:
@@ -204,6 +260,14 @@ class RobotView:
 
     # ---- input
 
+    def halt(self, doubt: str = "") -> None:
+        """See `Node.halt`."""
+        self._fleet.halt(doubt, [self.place])
+
+    def catch_up(self, lasts: bool) -> None:
+        """See `Node.catch_up`."""
+        self._fleet.catch_up(lasts, [self.place])
+
     def receive(self, message: Message) -> None:
         """Take a message from the channel."""
         self._fleet.receive(message, [self.place])
@@ -276,8 +340,9 @@ class Fleet(Mapping[str, RobotView]):
     still, all at once if they are `ManyBodies`. native: whether rules may be compiled to native code where llvmlite
     is installed, which changes nothing but speed. pool: threads to use. sensed: the bodies' table of sensor values,
     if there is one: SI, NaN for unknown, shape (sensors, robots), C order; it is read in place, never copied, except
-    for sensors with a freshness limit (see `look`). Raises FleetError for a vocabulary with linked variables, which
-    lie in a host's own memory and have no column.
+    for sensors with a freshness limit (see `look`). lease, tells: see `Node`; on_air: whether it behaves as nodes on a
+    real channel do. zero: see `Node`. Raises FleetError for a vocabulary with linked variables, which lie in a host's
+    own memory and have no column.
     """
 
     def __init__(
@@ -291,6 +356,9 @@ class Fleet(Mapping[str, RobotView]):
         native: bool = True,
         pool: ThreadPool | None = None,
         sensed: NDArray[np.float64] | None = None,
+        lease: float = inf,
+        tells: Tells = Tells.ALL,
+        on_air: bool = False,
     ) -> None:
         if vocabulary.linked:
             linked = ", ".join(sorted(vocabulary.linked))
@@ -312,14 +380,18 @@ class Fleet(Mapping[str, RobotView]):
         self.kernels = Kernels(pool=pool) if native and available() else None
         self.memory = FleetMemory(self.state, self.minds, self.outbox, bodies, self.kernels)
         self.evaluation_log = EvaluationLog(self.memory)
-        self.scheduler = BatchScheduler(self.memory)
-        self._bodies = FleetBodies(self.state, bodies)
+        self.authority = FleetAuthority(self.state, tells=tells, lease=lease)
+        self.on_air, self.zero = on_air, 0.0
+        if on_air:
+            self.memory.drivers = self.authority.drivers
+        self.scheduler = BatchScheduler(self.memory, self.authority)
+        self._bodies = FleetBodies(self.state, bodies, self.authority)
         self.telemetry = FleetTelemetry(self.state, self.minds, self._bodies)
         """The latest telemetry of each robot."""
         self._read_set = ReadSet(self.memory)
         self.asked = FleetQueries(self.state, self.minds, bodies)
         """The expressions that are asked for on all robots; see `values_of`."""
-        self.inbox = Inbox(count)
+        self.inbox = Inbox(count, self._comes_after, MAX_BACKLOG) if on_air else Inbox(count)
         self.minds_used = 1
         """Number of minds in use when last counted."""
         self.measured: dict[int, Column] = {
@@ -432,15 +504,16 @@ class Fleet(Mapping[str, RobotView]):
 
     @property
     def awake(self) -> Mask:
-        """Which robots have anything to do in the next tick: a message, or active rules."""
+        """Which robots have anything to do in the next tick: a message, active rules, or a driven body."""
         found = self.inbox.waiting > 0
         found |= self.memory.where(self.rows(), _runs)
+        found[self.authority.driven().index] = True
         return found
 
     def restless(self) -> Rows:
         """The robots that are awake."""
         everybody = self.rows()
-        if self.inbox.empty:
+        if self.inbox.empty and not self.authority.driven().size:
             sorts = self.memory.divide(everybody, lambda number: _runs(self.minds[number]))
             return next((rows for running, rows, _ in sorts if running), Rows.run(0, 0))
         return everybody.take(self.awake)
@@ -465,21 +538,53 @@ class Fleet(Mapping[str, RobotView]):
         heard = meant = self.inbox.first_heard(message, self.rows(robots).robots)
         if FOR in message.body or NOT in message.body:
             meant = np.array([i for i in heard.tolist() if is_addressed(message.body, self.names[i])], np.intp)
-        if (
-            message.kind is Kind.STOP
-        ):  # every robot that receives STOP stops; robots that it is not addressed to need not report it again
-            rows = Rows.of(heard)
-            stopped, others = self._bodies.obey_stop(message, rows)
-            self._answer_alike(message, Rows.of(np.intersect1d(stopped.robots, meant)), "stopped")
-            self._answer_alike(message, others, "fault", ENDED)
+        if message.ahead and message.kind is not Kind.STOP:
+            self._answer_alike(message, Rows.of(meant), "fault", obeys_stop_only(message))
+            return
+        self.authority.hear(message, Rows.of(heard))
+        if message.kind is Kind.STOP:
+            self._stop(message, Rows.of(heard), meant)
         elif message.kind is Kind.RELEASE:
-            rows = Rows.of(meant)
-            free, refused = self._bodies.obey_release(message, rows)
-            self._answer_alike(message, free, "released")
-            for some, why in refused:
-                self._answer_alike(message, some, "fault", why)
+            self._release(message, Rows.of(meant))
         elif message.kind in (Kind.COMMAND, Kind.ASK):
-            self.state.lost[self.inbox.put(message, meant)] += 1
+            self._enqueue(message, meant)
+
+    def _stop(self, message: Message, rows: Rows, meant: Index) -> None:
+        """Every robot that receives STOP stops; robots that it is not addressed to need not report it again."""
+        stopped, others = self._bodies.obey_stop(message, rows)
+        self._answer_alike(message, Rows.of(np.intersect1d(stopped.robots, meant)), "stopped")
+        self._answer_alike(message, others, "fault", ENDED)
+
+    def _release(self, message: Message, rows: Rows) -> None:
+        free, refused = self._bodies.obey_release(message, rows)
+        self._answer_alike(message, free, "released")
+        for some, why in refused:
+            self._answer_alike(message, some, "fault", why)
+
+    def _enqueue(self, message: Message, robots: Index) -> None:
+        asking = self.inbox.asking_too_much(message, robots[self.inbox.has_room(robots)]) if self.on_air else robots[:0]
+        if asking.size:
+            self._answer_alike(message, Rows.of(asking), "fault", ASKS_TOO_MUCH)
+            self.state.lost[asking] += 1
+            robots = np.setdiff1d(robots, asking)
+        self.state.lost[self.inbox.put(message, robots)] += 1
+
+    def _comes_after(self, message: Message, before: Message) -> bool:
+        return comes_after(message, before, self.zero)
+
+    def halt(self, doubt: str = "", robots: Some = None) -> None:
+        """See `Node.halt`."""
+        self._bodies.halt(self.rows(robots), doubt)
+
+    def catch_up(self, lasts: bool, robots: Some = None) -> None:
+        """See `Node.catch_up`."""
+        rows = self.authority.catching_up.where(self.rows(robots), lambda before: before is not lasts)
+        self.authority.catching_up.set(rows, lasts)
+        self._bodies.hold(rows)
+
+    def stops(self, robot: int, now: float) -> list[list[object]]:
+        """The STOPs that hold a robot, each with the seconds since its arrival."""
+        return self._bodies.stops(robot, now)
 
     def _answer_alike(self, message: Message, rows: Rows, sort: str, fault: str = "") -> None:
         """Give the same answer on each of these robots."""
@@ -524,13 +629,30 @@ class Fleet(Mapping[str, RobotView]):
         state.assign(TIME_SLOT, rows, float(now))
         state.draws[rows.index] = 0
         self._age(rows, now)
+        self._let_go(self.authority.unattended(rows, now))
         expired(self.memory, rows, now)
         for message, some in self.inbox.take(rows):
             self._obey(message, some, now)
         resting = self._bodies.resting(rows)
-        self.scheduler.run(rows if resting is None else rows.take(~resting))
+        self._run_rules(rows if resting is None else rows.take(~resting))
         self._bodies.hold(rows)
         self._tidy()
+
+    def _let_go(self, rows: Rows) -> None:
+        """The operators who drove these robots are gone: bring them to rest; nothing resumes on its own."""
+        if rows.size:
+            self.authority.let_go(rows)
+            self.outbox.report(self._bodies.let_go(rows), AT_REST)
+
+    def _run_rules(self, rows: Rows) -> None:
+        """One round of the active rules. A driven robot whose rules move its body is not driven any more."""
+        walked = self.authority.walked(rows)
+        if walked.size:
+            moved = self.memory.moved = np.zeros(self.state.count, np.bool_)
+            self.scheduler.run(walked, natively=False)
+            self.memory.moved = None
+            self.authority.let_go(walked.take(moved[walked.index]))
+        self.scheduler.run(rows.without(walked))
 
     def _age(self, rows: Rows, now: float) -> None:
         """Set values to unknown whose measurement is too old."""
@@ -577,22 +699,27 @@ class Fleet(Mapping[str, RobotView]):
             raise FleetError(f"{text} cannot be previewed: {reason}")
         return found
 
-    def run(self, program: Program, rows: Rows, command: str = "", *, answered: bool = False) -> Evaluated:
+    def run(
+        self, program: Program, rows: Rows, command: str = "", *, answered: bool = False, watched: bool = False
+    ) -> Evaluated:
         """Evaluate a program on these robots, and log its inputs for explanations. answered: whether a person is told
-        what came of it."""
+        what came of it; watched: whether it matters which bodies it moves."""
         memory = self.memory
         entry = self.evaluation_log.remember(program, rows, command)
         memory.hosts, memory.printed = entry.hosts, []
-        if answered:
-            memory.undecided, memory.moved = np.zeros((2, self.state.count), np.bool_)
+        if answered or watched:
+            undecided, memory.moved = np.zeros((2, self.state.count), np.bool_)
+            memory.undecided = undecided if answered else None
         values = evaluate(memory, program, rows)
         steps = np.broadcast_to(np.asarray(memory.steps(rows), np.int32), rows.size)
         printed, memory.hosts, memory.printed = memory.printed, None, None
         self.evaluation_log.weigh(entry)
         found = Evaluated(rows, entry, values, memory.matched[rows.index].copy(), steps, memory.noted, printed)
-        if memory.undecided is not None and memory.moved is not None:
+        if memory.moved is not None:
+            found.moved = memory.moved[rows.index]
+        if memory.undecided is not None and found.moved is not None:
             found.undecided = memory.undecided[rows.index]
-            found.held = memory.moved[rows.index] & self.state.stopped[rows.index]
+            found.held = found.moved & self.state.stopped[rows.index]
         memory.undecided = memory.moved = None
         return found
 
@@ -620,34 +747,80 @@ class Fleet(Mapping[str, RobotView]):
                 self.memory.turn(rows, draft)
 
     def _obey(self, message: Message, rows: Rows, now: float) -> None:
+        asked = message.kind is Kind.ASK
         if now > message.deadline:
             self._answer_alike(message, rows, "late")
-            return
-        asked = message.kind is Kind.ASK
+        elif asked and LOOK in message.body:
+            self._look(message, rows, now)
+        elif not asked and LEASE in message.body:
+            for outcome, fault, some in self.authority.settle(message, rows, now):
+                self._answer_alike(message, some, outcome, fault)
+        elif not asked and KEYS in message.body:
+            self._answer_alike(message, rows, *outcome_of_keys(message, lambda: True))
+        else:
+            self._obey_text(message, rows, now)
 
+    def _obey_text(self, message: Message, rows: Rows, now: float) -> None:
         def program(number: int) -> Program | str:
-            names = MindNames(self.vocabulary, self.minds[number])
+            names, asked = MindNames(self.vocabulary, self.minds[number]), message.kind is Kind.ASK
             try:
                 return self.minds.library.program(message.text, lambda: [read(message.text)], names, asked=asked)
             except SleepcastError as error:
                 return str(error).splitlines()[0]
 
-        self.memory.hops = hops_left(message.body, message.role, MAX_HOPS)
         for found, some, _ in self.memory.divide(rows, program):
             if isinstance(found, str):
                 self._answer_alike(message, some, "fault", found)
-            elif asked:
-                self._asked(message, found, some)
-            else:
-                answered = HOPS not in message.body  # nobody counts what becomes of what robots tell each other
-                self.outbox.answer(some, _came_of(message, self.run(found, some, message.id, answered=answered)))
-        self.memory.hops = MAX_HOPS
+                continue
+            for why, few in self.authority.objections(message, found, some, now):
+                if why:
+                    self._answer_alike(message, few, "fault", why)
+                elif message.kind is Kind.ASK:
+                    self._asked(message, found, few)
+                else:
+                    self._evaluate(message, found, few, now)
+
+    def _evaluate(self, message: Message, program: Program, rows: Rows, now: float) -> None:
+        """Evaluate a command for whom it comes from."""
+        memory, driver = self.memory, driver_of(message)
+        memory.hops, memory.barred = (
+            hops_left(message.body, message.role, MAX_HOPS),
+            bars(message, self.authority.tells),
+        )
+        if self.on_air:
+            self._merge(rows, place_of(message, self.zero))
+            if driver:
+                memory.drivers = lambda some: [(driver, some)]
+        answered = HOPS not in message.body  # nobody counts what becomes of what robots tell each other
+        outcome = self.run(program, rows, message.id, answered=answered, watched=self.authority.moves(message))
+        memory.hops, memory.barred = MAX_HOPS, ""
+        if self.on_air:
+            self._merge(rows, None)
+            memory.drivers = self.authority.drivers
+        if outcome.moved is not None and self.authority.moves(message):
+            self.authority.moved(message, rows.take(outcome.moved), now)
+        self.outbox.answer(rows, _came_of(message, outcome))
+
+    def _merge(self, rows: Rows, place: CommandOrder | None) -> None:
+        """The changes of the command with this place begin on these robots, or of none."""
+        self.memory.merges = place is not None
+        self.state.merging.change(rows, lambda merging: merging.begun(place))
+
+    def _look(self, message: Message, rows: Rows, now: float) -> None:
+        """Let these robots tell about themselves."""
+        for robot in rows.robots.tolist():
+            view = self.at(robot)
+            details = answer_inspection(message.body, view.itself, view.body_state(now), view.why)
+            answers = AnswerColumns.alike(message.id, 1, "answer", details=details)
+            self.outbox.answer(self.rows([robot]), answers)
 
     def _asked(self, message: Message, program: Program, rows: Rows) -> None:
         """Answer a question robot by robot: it changes nothing, so there is nothing to do for all at once."""
         for robot in rows.robots.tolist():
-            found = foretell(program, rehearsal(self.memory, robot))
-            answers = AnswerColumns.alike(message.id, 1, "answer", found.value, "; ".join(found.faults))
+            memory = rehearsal(self.memory, robot)
+            found = foretell(program, memory)
+            details = foretold(message, found, undecided=memory.undecided)
+            answers = AnswerColumns.alike(message.id, 1, "answer", found.value, "; ".join(found.faults), details)
             self.outbox.answer(self.rows([robot]), answers)
 
 

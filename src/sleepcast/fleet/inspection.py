@@ -32,13 +32,15 @@ from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import RestState
 from sleepcast.core.serial import Array
 from sleepcast.fleet.bodies import FleetBodies
-from sleepcast.fleet.evaluation import Evaluation, by_the_living, distinct
+from sleepcast.fleet.evaluation import Evaluation, by_the_living
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory, Found, Given
 from sleepcast.fleet.messages import Outbox
+from sleepcast.fleet.rows import Column, Index, Mask, Rows
 from sleepcast.fleet.schema import TelemetryState
-from sleepcast.fleet.state import Column, FleetState, Index, Mask, Mind, MindNames, Minds, Rows
 from sleepcast.language.acts import ACTS
+from sleepcast.fleet.shared import distinct
+from sleepcast.fleet.state import FleetState, Mind, MindNames, Minds
 from sleepcast.language.explain import Recollection
 from sleepcast.language.numerics import draw
 from sleepcast.language.parts import Part, Storing, acts, host_of, walk, written

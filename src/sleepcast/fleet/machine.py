@@ -18,7 +18,7 @@ import numpy as np
 from sleepcast.core.truth import is_true
 from sleepcast.fleet import pure
 from sleepcast.fleet.memory import FleetMemory, Found
-from sleepcast.fleet.state import Column, Index, Mask, Rows
+from sleepcast.fleet.rows import Column, Index, Mask, Rows
 from sleepcast.language.evaluate import too_deep
 from sleepcast.language.numerics import normal
 from sleepcast.language.parts import Part, walk
@@ -30,8 +30,8 @@ _CHANGING = frozenset({"set_user", "set_local", "write", "defvar", "store", "fet
 def evaluate(memory: FleetMemory, program: Program, rows: Rows) -> Column:
     """Evaluate a program once on these robots; returns its values, with the other results in the memory."""
     memory.begin(program, rows)
-    natively = memory.kernels is not None and memory.undecided is None  # native code does not say why a test fails
-    found = memory.kernels.run(memory, program, rows) if natively and memory.kernels is not None else None
+    walked = memory.moved is not None or memory.barred  # native code does not tell what moves, or why a test fails
+    found = memory.kernels.run(memory, program, rows) if memory.kernels is not None and not walked else None
     if found is None:
         return walk_through(memory, program, rows)
     values, left = found

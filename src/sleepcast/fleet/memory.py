@@ -17,8 +17,9 @@ from sleepcast.fleet.bodies import ManyBodies
 from sleepcast.fleet.evaluation import Evaluation, by_the_living
 from sleepcast.fleet.messages import Outbox
 from sleepcast.fleet.native.kernels import Kernels
-from sleepcast.fleet.state import Column, FleetState, Index, Mask, Minds, Rows, draws
 from sleepcast.language.acts import FLAGS
+from sleepcast.fleet.rows import Column, Index, Mask, Rows
+from sleepcast.fleet.state import FleetState, Minds, draws
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.parts import Defining, Label, Part, Storing, Template, host_of, label_of, written
 from sleepcast.language.program import Program
@@ -27,6 +28,7 @@ from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, TIME_SLOT, Variable, VariableKind, buffer_number
 from sleepcast.mind import rules
 from sleepcast.mind.limits import PROVEN_TICKS, TELLS_TOO_FAR, TELLS_TOO_OFTEN
+from sleepcast.mind.merging import Merging
 from sleepcast.mind.rules import (
     UNKNOWN_CASTE,
     UNKNOWN_LEASE,
@@ -76,6 +78,12 @@ class FleetMemory(Evaluation):
         self.hosts: list[Given] | None = None
         self.script: Iterator[float | str] | None = None
         self.kernels = kernels
+        self.merges = False
+        """Whether the changes are those of a command that is merged with others."""
+        self.barred = ""
+        """Why nothing may act on the bodies now, "" if it may."""
+        self.drivers: Callable[[Rows], Sequence[tuple[str, Rows]]] = lambda rows: [("", rows)]
+        """For whom these robots speak, "" for nobody."""
         self.hops = MAX_HOPS
         """How many hops a TELL may travel: fewer while robots evaluate what another one has told them."""
 
@@ -111,6 +119,9 @@ class FleetMemory(Evaluation):
         if unknown.any():
             self.state.dropped[rows.take(unknown).index] += 1
         done = self.refuse_where(part, rows, unknown, unknown_assigned(variable), values)
+        if self.barred and variable.kind is VariableKind.ACTUATOR:
+            self.refuse(part, done, self.barred)
+            return self.answer(np.full(rows.size, nan))
         done = self._refuse_built_in(part, done, values)
         if done.size:
             self.state.assign(part.slot, done, values if done is rows else values[~np.isnan(values)])
@@ -142,16 +153,20 @@ class FleetMemory(Evaluation):
         return left
 
     def _flag_assigned(self, slot: int, rows: Rows) -> None:
-        """Make the buffer whose flag was assigned as active as the flag says."""
+        """Make the buffer whose flag was assigned as active as the flag says, if the command that does so counts."""
         key = f"e{slot - ACTIVE0}"
         flags = self.state.column(slot, rows) > 0.0
         self.changing(rows)
-        for flag in (False, True):
-            for number, some, _ in self.divide(rows.take(flags == flag), lambda number: number):
-                kept = self.minds[number].rules.get(key)
+        for wanted in (False, True):
+            for number, merging, some in self.each_mind(rows.take(flags == wanted)):
+                draft = self.minds.draft(number, merging=merging)
+                flag = merging.flag(key, wanted) is True
+                if flag is not wanted:
+                    self.state.assign(slot, some, float(flag))
+                kept = draft.rules.get(key)
                 if kept is not None and kept.active != flag:
-                    draft = self.minds.draft(number)
                     draft.assign_flag(key, flag)
+                if draft.merges or (kept is not None and kept.active != flag):
                     self.turn(some, draft)
 
     def defined(self, part: Part, rows: Rows) -> Mask:
@@ -215,9 +230,9 @@ class FleetMemory(Evaluation):
             if function.acts:
                 self.state.dropped[rows.take(unknown).index] += 1
                 self.refuse(part, rows.take(unknown), unknown_asked(function))
-        held = self.state.held[known.index]
+        held = np.ones(known.size, np.bool_) if self.barred else self.state.held[known.index]
         if function.acts and held.any():
-            self.refuse(part, known.take(held), stopped(function))
+            self.refuse(part, known.take(held), self.barred or stopped(function))
             known = known.take(~held)
             unknown[~unknown] = held
         columns = [argument[~unknown] for argument in arguments]
@@ -332,10 +347,13 @@ def _join(memory: FleetMemory, part: Part, rows: Rows) -> Column:
 
 
 def _leave(memory: FleetMemory, part: Part, rows: Rows) -> Column:
-    key = label_of(part).casefold()
-    if key in memory.state.groups:
-        memory.state.groups[key][rows.index] = False
-    return np.ones(rows.size)
+    name = label_of(part)
+    done = np.ones(rows.size, np.bool_)
+    if memory.merges:  # otherwise nothing forbids it
+        done = memory.change(part, rows, partial(rules.leave, name=name))
+    if name.casefold() in memory.state.groups:
+        memory.state.groups[name.casefold()][rows.take(done).index] = False
+    return _values(done)
 
 
 def _activate(memory: FleetMemory, part: Part, rows: Rows) -> Column:
@@ -373,6 +391,8 @@ def _defun(memory: FleetMemory, part: Part, rows: Rows) -> Column:
 
 def _rollback(memory: FleetMemory, part: Part, rows: Rows) -> Column:
     state = memory.state
+    if memory.merges:
+        state.merging.change(rows, _rolled_back)
     unproven = state.column(TICK, rows) - state.unproven_since[rows.index] < PROVEN_TICKS
     for proven in np.unique(state.proven[rows.index][unproven]).tolist():
         wanted = [rule for rule in memory.minds[proven].rules.values() if not rule.protected]
@@ -381,6 +401,12 @@ def _rollback(memory: FleetMemory, part: Part, rows: Rows) -> Column:
         for rule in wanted:
             memory.statistics.restore_lease(rule.key, some)
     return np.ones(rows.size)
+
+
+def _rolled_back(merging: Merging) -> Merging:
+    found = merging.draft()
+    found.roll_back()
+    return found
 
 
 def _report(memory: FleetMemory, part: Part, rows: Rows, *arguments: Column) -> Column:
@@ -411,7 +437,8 @@ def _tell(memory: FleetMemory, part: Part, rows: Rows, *arguments: Column) -> Co
         if len(text) > MAX_TEXT:
             memory.refuse_where(part, rows, mask, too_long(text), values)
         else:
-            memory.outbox.tell(rows.take(mask), text, hops)
+            for driver, some in memory.drivers(rows.take(mask)):
+                memory.outbox.tell(some, text, hops, driver)
     return values
 
 

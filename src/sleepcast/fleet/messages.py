@@ -8,7 +8,7 @@ takes a bit each.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import inf
 
 import numpy as np
@@ -26,11 +26,13 @@ from sleepcast.channel.message_batch import (
     load_batch,
 )
 from sleepcast.core.serial import Array, SerialError
+from sleepcast.fleet.rows import Column, Index, Mask, Rows
 from sleepcast.fleet.schema import InboxState, OutboxState
-from sleepcast.fleet.state import Column, FleetState, Index, Mask, Rows
+from sleepcast.fleet.state import FleetState
 from sleepcast.language.vocabulary import TIME_SLOT
 from sleepcast.mind.limits import (
     MAX_OUTBOX,
+    MAX_QUESTIONS,
     MAX_QUEUE,
     MAX_SEEN,
     REPORTS_A_SECOND,
@@ -117,9 +119,9 @@ class Outbox:
         state.telling_until[some.index] = begin[may] + 1.0 / TELLS_A_SECOND
         return may, silenced
 
-    def tell(self, rows: Rows, text: str, hops: int) -> None:
-        """TELL on each of these robots, which must be allowed to."""
-        self.say(Kind.COMMAND, rows, Relays(text, hops), lasts=TELL_SECONDS)
+    def tell(self, rows: Rows, text: str, hops: int, driver: str = "") -> None:
+        """TELL on each of these robots, which must be allowed to. driver: the operator who drives them, if one does."""
+        self.say(Kind.COMMAND, rows, Relays(text, hops, driver), lasts=TELL_SECONDS)
 
     def answer(self, rows: Rows, answers: AnswerColumns) -> None:
         """Send the answers to a message from each of these robots."""
@@ -208,10 +210,13 @@ class Outbox:
 
 
 class Inbox:
-    """The queues of `count` robots. Indices are ascending, without repeats."""
+    """The queues of `count` robots. Indices are ascending, without repeats. after: whether a message comes after one
+    that waits already, None if all wait in the order in which they came. room: messages that may wait."""
 
-    def __init__(self, count: int) -> None:
-        self._count = count
+    def __init__(
+        self, count: int, after: Callable[[Message, Message], bool] | None = None, room: int | None = None
+    ) -> None:
+        self._count, self._after, self._room = count, after, room
         self._seen: OrderedDict[str, NDArray[np.uint8] | None] = OrderedDict()
         self._queue: list[tuple[Message, Index]] = []
         self.waiting: NDArray[np.int16] = np.zeros(count, np.int16)
@@ -239,12 +244,45 @@ class Inbox:
 
     def put(self, message: Message, robots: Index) -> Index:
         """Queue a message on these robots; returns those whose queue was full."""
-        room = self.waiting[robots] < MAX_QUEUE
+        room = self.has_room(robots)
         there = robots[room]
         if there.size:
             self.waiting[there] += 1
-            self._queue.append((message, there))
+            self._enqueue(message, there)
         return robots[~room]
+
+    def _enqueue(self, message: Message, robots: Index) -> None:
+        """Insert a message at its place in each robot's queue: as late as what waits for the robot allows."""
+        if self._after is None or not self._queue:
+            self._queue.append((message, robots))
+            return
+        place = np.full(self._count, len(self._queue))
+        moving = np.zeros(self._count, np.bool_)
+        moving[robots] = True
+        for at in range(len(self._queue) - 1, -1, -1):
+            before, those = self._queue[at]
+            there = those[moving[those]]
+            if self._after(message, before):
+                moving[there] = False
+            else:
+                place[there] = at
+        for at in np.unique(place[robots])[::-1].tolist():
+            self._queue.insert(at, (message, robots[place[robots] == at]))
+
+    def asking_too_much(self, message: Message, robots: Index) -> Index:
+        """Those of the robots for which so many questions of its sender wait already that this one is refused."""
+        full = robots[self.waiting[robots] >= MAX_QUESTIONS]
+        if message.kind is not Kind.ASK or self._after is None or full.size == 0:
+            return robots[:0]
+        questions = np.zeros(self._count, np.int16)
+        for before, those in self._queue:
+            questions[those] += before.kind is Kind.ASK and before.sender == message.sender
+        return full[questions[full] >= MAX_QUESTIONS]
+
+    def has_room(self, robots: Index) -> Mask:
+        """For which of the robots one more message may wait."""
+        found: Mask = self.waiting[robots] < (MAX_QUEUE if self._room is None else self._room)
+        return found
 
     @property
     def empty(self) -> bool:
@@ -252,19 +290,20 @@ class Inbox:
         return not self._queue
 
     def take(self, rows: Rows) -> list[tuple[Message, Rows]]:
-        """The messages waiting on some robots, in order of arrival, each with those robots."""
+        """The messages waiting on some robots, in order, each with those robots; no more than one tick evaluates."""
         if not self._queue:
             return []
-        thinking = np.zeros(self._count, np.bool_)
-        thinking[rows.index] = True
+        turns = np.zeros(self._count, np.int16)
+        turns[rows.index] = MAX_QUEUE
         taken, left = [], []
         for message, robots in self._queue:
-            now = thinking[robots]
+            now = turns[robots] > 0
+            turns[robots] -= now
             taken.append((message, Rows.of(robots[now])))
             if not now.all():
                 left.append((message, robots[~now]))
         self._queue = left
-        self.waiting[rows.index] = 0
+        self.waiting[rows.index] = np.maximum(self.waiting[rows.index] - MAX_QUEUE, 0)
         return taken
 
     def messages(self) -> list[tuple[Message, Index]]:

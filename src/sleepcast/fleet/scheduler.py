@@ -14,12 +14,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.fleet.authority import FleetAuthority
 from sleepcast.fleet.evaluation import RuleStatistics
 from sleepcast.fleet.machine import walk_through
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.native.compiler import Kernel, moment
 from sleepcast.fleet.native.kernels import SequencePlan
-from sleepcast.fleet.state import Mask, Mind, Rows
+from sleepcast.fleet.rows import Mask, Rows
+from sleepcast.fleet.state import Mind
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import TIME_SLOT
 from sleepcast.mind.limits import FAILED, MAX_FAULTS_IN_ROW, TICK_STEPS
@@ -42,15 +44,15 @@ class Way:
 class BatchScheduler:
     """The rounds of a fleet. left_over: by robot, the rules that the budget of the last tick did not reach."""
 
-    def __init__(self, memory: FleetMemory) -> None:
-        self._memory = memory
+    def __init__(self, memory: FleetMemory, authority: FleetAuthority) -> None:
+        self._memory, self._authority = memory, authority
         self._used: NDArray[np.int32] = np.zeros(memory.state.count, np.int32)
         self.left_over: dict[int, frozenset[str]] = {}
 
-    def run(self, rows: Rows) -> None:
-        """Run one round on each of these robots, which are awake."""
+    def run(self, rows: Rows, *, natively: bool = True) -> None:
+        """Run one round on each of these robots, which are awake. natively: also by native code."""
         self._memory.statistics.lost.clear()
-        for stretch in self._run_natively(rows).stretches():
+        for stretch in (self._run_natively(rows) if natively else rows).stretches():
             self._used[stretch.index] = 0
             self._walk(self._ways(stretch))
         self._memory.statistics.lost.clear()
@@ -223,11 +225,19 @@ class BatchScheduler:
             kept = memory.minds[number].rules.get(key)
             return kept.program if kept is not None and kept.active else None
 
+        def may_be_replaced(number: int) -> bool:
+            return not memory.minds[number].rules[key].protected
+
         lost = memory.statistics.lost_in_round(key, rows)
         if lost is not None and lost.any():
             rows = rows.take(~lost)
         for program, some, _ in memory.divide(rows, active):
-            if program is not None:
+            if program is not None and (behind := self._authority.behind(some)).size:
+                for replaced, few, _ in memory.divide(behind, may_be_replaced):
+                    if replaced:  # what it has used last time counts as if it ran
+                        self._used[few.index] += np.asarray(memory.statistics[key].steps(few), np.int32)
+                        some = some.without(few)
+            if program is not None and some.size:
                 memory.begin(program, some)
                 values = walk_through(memory, program, some)
                 steps = memory.steps(some)

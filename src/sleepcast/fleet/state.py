@@ -21,8 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.arrays import filled
-from sleepcast.core.serial import Array, SerialError, dump_arrays, load_arrays, within
+from sleepcast.core.serial import Array, SerialError, dump_arrays, load_arrays
+from sleepcast.fleet.rows import Column, Mask, Rows
 from sleepcast.fleet.schema import ColumnsState, ValuesState
+from sleepcast.fleet.shared import Shared
 from sleepcast.language.numerics import GOLDEN, MASK, UNIT, mix
 from sleepcast.language.program import Library, Program
 from sleepcast.language.symbols import Declared, declared_in
@@ -39,96 +41,6 @@ from sleepcast.language.vocabulary import (
 from sleepcast.mind.authority import Latch
 from sleepcast.mind.merging import Merging
 from sleepcast.mind.rules import Rule, RuleBase, learned_at_first, running
-
-Column: TypeAlias = NDArray[np.float64]
-"""One number for each of some rows, in order."""
-Mask: TypeAlias = NDArray[np.bool_]
-Index: TypeAlias = NDArray[np.intp]
-
-CHUNK = 16_384
-"""Robots walked at once: a few columns of this length stay in the processor's second-level cache."""
-STRETCH = 8 * CHUNK
-"""Robots that are taken through all their rules before the next ones: their columns stay in the third-level cache."""
-
-
-class Rows:
-    """Some robots of a fleet, in ascending order. index: what a column is indexed with. first: start of their chunk."""
-
-    __slots__ = ("first", "index", "size")
-
-    def __init__(self, index: slice | Index, size: int, first: int = 0) -> None:
-        self.index, self.size, self.first = index, size, first
-
-    @classmethod
-    def run(cls, start: int, stop: int) -> Rows:
-        """The robots from `start` to `stop` (exclusive)."""
-        return cls(slice(start, stop), stop - start, start)
-
-    @classmethod
-    def of(cls, index: Index) -> Rows:
-        """The robots with these indices, ascending; consecutive ones become a range."""
-        size = len(index)
-        if size and int(index[-1]) - int(index[0]) + 1 == size:
-            return cls.run(int(index[0]), int(index[-1]) + 1)
-        return cls(index, size, int(index[0]) if size else 0)
-
-    def take(self, mask: Mask) -> Rows:
-        """Those for which `mask` (one truth per robot) holds."""
-        if isinstance(self.index, slice):
-            found = np.flatnonzero(mask)
-            found += self.index.start
-        else:
-            found = self.index[mask]
-        return Rows(found, len(found), self.first)
-
-    @property
-    def robots(self) -> Index:
-        """Their indices."""
-        return np.arange(self.index.start, self.index.stop) if isinstance(self.index, slice) else self.index
-
-    @property
-    def within(self) -> slice | Index:
-        """Their places in the chunk."""
-        if isinstance(self.index, slice):
-            return slice(self.index.start - self.first, self.index.stop - self.first)
-        return self.index - self.first
-
-    @property
-    def width(self) -> int:
-        """Length of a column of their chunk that holds all of them."""
-        if self.size == 0:
-            return 0
-        last = self.index.stop - 1 if isinstance(self.index, slice) else int(self.index[-1])
-        return last - self.first + 1
-
-    def place(self, robot: int) -> int | None:
-        """The place of a robot among them."""
-        if isinstance(self.index, slice):
-            return robot - self.index.start if self.index.start <= robot < self.index.stop else None
-        place = int(np.searchsorted(self.index, robot))
-        return place if place < self.size and self.index[place] == robot else None
-
-    def places(self, robots: Index) -> Index:
-        """The places of these robots, which must all be among them."""
-        if isinstance(self.index, slice):
-            found: Index = robots - self.index.start
-            return found
-        return np.searchsorted(self.index, robots)
-
-    def pieces(self, length: int) -> list[Rows]:
-        """The same robots in pieces of at most `length`."""
-        if isinstance(self.index, slice):
-            start, stop = self.index.start, self.index.stop
-            return [Rows.run(i, min(i + length, stop)) for i in range(start, stop, length)]
-        return [Rows.of(self.index[i : i + length]) for i in range(0, self.size, length)]
-
-    def chunks(self) -> list[Rows]:
-        """The same robots, `CHUNK` at a time."""
-        return self.pieces(CHUNK)
-
-    def stretches(self) -> list[Rows]:
-        """The same robots, `STRETCH` at a time."""
-        return self.pieces(STRETCH)
 
 
 class FleetState:
@@ -178,10 +90,10 @@ class FleetState:
         self.told_less = np.zeros(count, np.bool_)
         """Whether a TELL has been refused since the robot was last below its rate."""
         self.stopped = np.zeros(count, np.bool_)
-        self.latches: list[Latch] = [Latch()]
-        """All latches in use: which STOPs hold, and which have ended."""
-        self.latch = np.zeros(count, np.int32)
-        """Index of each robot's latch."""
+        self.latch = Shared(count, Latch())
+        """Which STOPs hold each robot, and which have ended."""
+        self.merging = Shared(count, Merging(), Merging.key)
+        """Which commands have changed what on each robot, where those of several operators are merged."""
         self.held = np.zeros(count, np.bool_)
         """Whether functions that act are refused: the robot is stopped and its body has no latch of its own."""
         self.still = np.zeros(count, np.bool_)
@@ -303,8 +215,8 @@ class FleetState:
             self.values(),
             dump_arrays(self._arrays()),
             actuated,
-            dump_arrays({"latch": self.latch}),
-            self.latches,
+            dump_arrays({"latch": self.latch.column}),
+            self.latch.values,
             dump_arrays(self._telling()),
         )
 
@@ -328,9 +240,9 @@ class FleetState:
         if state.telling:  # absent in states saved before the rate of TELL was bounded
             load_arrays(state.telling, self._telling())
         if state.latches:  # absent in states saved before STOPs were identified by number: the next RELEASE ends them
-            load_arrays(state.orders, {"latch": self.latch})
-            within(self.latch, 0, len(state.latches) - 1, "the latch of a robot")
-            self.latches = list(state.latches)
+            latch = np.zeros(self.count, np.int32)
+            load_arrays(state.orders, {"latch": latch})
+            self.latch.restore(state.latches, latch)
 
     def refill(self, state: ValuesState) -> None:
         """Restore saved values. Raises SerialError if they are of another fleet."""
@@ -412,7 +324,7 @@ def draws(keys: Words, ticks: NDArray[np.int64], numbers: NDArray[np.int32]) -> 
 # ---- minds
 
 UNMERGED = Merging()
-"""A fleet receives its commands in one order, so all of them count."""
+"""Of changes that are no command's: all of them count."""
 
 
 class Mind:
@@ -464,13 +376,13 @@ class Minds:
     def __len__(self) -> int:
         return len(self._minds)
 
-    def draft(self, number: int, changing: Callable[[], None] = lambda: None) -> RuleBase:
-        """A copy of a mind, to be changed. changing: called before its rules change."""
+    def draft(self, number: int, changing: Callable[[], None] = lambda: None, merging: Merging = UNMERGED) -> RuleBase:
+        """A copy of a mind, to be changed. changing: called before its rules change; merging: which changes count."""
         mind = self._minds[number]
         return RuleBase(
             self.vocabulary,
             self.library,
-            UNMERGED,
+            merging,
             changing,
             rules=mind.rules,
             symbols=mind.symbols,

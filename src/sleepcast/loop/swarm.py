@@ -28,7 +28,7 @@ from sleepcast.core.model import Constant
 from sleepcast.core.ticks import Carried, tick_at
 from sleepcast.core.units import NONE, UNITS
 from sleepcast.fleet import Fleet, RobotView
-from sleepcast.fleet.state import Column, Index, Rows
+from sleepcast.fleet.rows import Column, Index, Rows
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.loop.mission import is_stopped_by_others, readable
 from sleepcast.mind.views import Result

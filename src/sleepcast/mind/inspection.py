@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Protocol
 
-from sleepcast.channel.message import LOOK, OF, STOPS, TELEMETRY, Inspection
+from sleepcast.channel.message import LOOK, MATCHED, OF, STOPS, TELEMETRY, UNKNOWN, Inspection, Message
 from sleepcast.core.errors import SleepcastError, printable
-from sleepcast.language.explain import Explanation
+from sleepcast.language.explain import Explanation, Foretold
 from sleepcast.language.program import Program
 from sleepcast.language.symbols import Declared, Group, Operator, UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Vocabulary
@@ -138,3 +138,11 @@ def _fitting(text: str, too_long: str) -> str:
     if len(text.encode()) > MAX_TEXT_BYTES:
         raise InspectionError(f"{too_long} than fits into one message")
     return text
+
+
+def foretold(message: Message, found: Foretold, *, undecided: bool) -> Details:
+    """What an answer to a question says besides the value, where it asks whether the robot would obey. undecided:
+    whether its test was unknown."""
+    if MATCHED not in message.body:
+        return NOTHING
+    return {MATCHED: found.matched, UNKNOWN: True} if undecided and not found.matched else {MATCHED: found.matched}

@@ -5,8 +5,13 @@ from __future__ import annotations
 
 MAX_QUEUE = 64
 """Messages waiting for the next tick; more are dropped and counted, as a radio drops what it has no room for."""
+MAX_BACKLOG = 4_096
+"""The same limit on a real channel, where a missing message arrives together with all that waited for it: the size of
+the window of a sender's numbers. One tick still evaluates no more messages than elsewhere."""
 MAX_QUESTIONS = 64
 """Questions of one sender that wait, on a real channel; more are refused."""
+ASKS_TOO_MUCH = f"not answered: {MAX_QUESTIONS} questions of yours wait already; ask again more slowly"
+"""The fault of a question that finds no room."""
 MAX_SEEN = 1_024
 """Message ids remembered so that a repeated message changes nothing."""
 

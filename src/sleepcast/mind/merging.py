@@ -11,7 +11,7 @@ always count.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
 from typing import TypeVar
 
 import msgspec
@@ -59,6 +59,27 @@ class Merging:
     def begin(self, place: CommandOrder | None) -> None:
         """Begin the changes of the command with this place, or of none."""
         self.place, self._makes = place, 0
+
+    def begun(self, place: CommandOrder | None) -> Merging:
+        """The same state at the beginning of such changes."""
+        found = self._copy()
+        found.begin(place)
+        return found
+
+    def draft(self) -> Merging:
+        """This state, which the changes of a command leave as it is; itself where there is nothing to be merged."""
+        return self if self.place is None else self._copy()
+
+    def _copy(self) -> Merging:
+        found = Merging()
+        found.restore(self.state())
+        found.place, found._makes = self.place, self._makes
+        return found
+
+    def key(self) -> Hashable:
+        """Is equal for equal states."""
+        registers = (tuple(each.items()) for each in (self._written, self._flags, self._made))
+        return self.place, self._makes, self._floor, *registers
 
     def write(self, register: str) -> bool:
         """Whether the command may change this text or group; if so, the register takes its place."""
@@ -134,10 +155,13 @@ def place_of(message: Message, zero: float) -> CommandOrder:
 def enqueue(queue: deque[Message], message: Message, zero: float) -> None:
     """Insert a message at its place in the queue, as far as its own sender's order allows."""
     at = len(queue)
-    place = place_of(message, zero) if at else NOWHERE
-    while at > 0:
-        before = queue[at - 1]
-        if (before.sender, before.epoch) == (message.sender, message.epoch) or place_of(before, zero) < place:
-            break
+    while at > 0 and not comes_after(message, queue[at - 1], zero):
         at -= 1
     queue.insert(at, message)
+
+
+def comes_after(message: Message, before: Message, zero: float) -> bool:
+    """Whether a message does not pass one that waits already: it has its place after it, or is of the same sender."""
+    if (before.sender, before.epoch) == (message.sender, message.epoch):
+        return True
+    return place_of(before, zero) < place_of(message, zero)

@@ -141,6 +141,11 @@ class RuleBase:
         """Every learned name as written."""
         return [found.name for found in self.symbols.values()]
 
+    @property
+    def merges(self) -> bool:
+        """Whether the changes are those of a command that is merged with others."""
+        return self.merging.place is not None
+
     def learn(self, key: str, found: Declared) -> None:
         """Set the meaning of a name."""
         before = self.symbols.get(key)

@@ -20,7 +20,6 @@ from sleepcast.channel.message import (
     KEYS,
     LEASE,
     LOOK,
-    MATCHED,
     MOTION,
     RULE,
     UNKNOWN,
@@ -54,8 +53,10 @@ from sleepcast.mind.authority import (
     outlasts,
 )
 from sleepcast.mind.evaluation_budget import EvaluationBudget
-from sleepcast.mind.inspection import NOTHING, BodyState, Details, answer_inspection
+from sleepcast.mind.inspection import NOTHING, BodyState, Details, answer_inspection, foretold
 from sleepcast.mind.limits import (
+    ASKS_TOO_MUCH,
+    MAX_BACKLOG,
     MAX_FAULTS_IN_ROW,
     MAX_OUTBOX,
     MAX_QUESTIONS,
@@ -79,11 +80,6 @@ from sleepcast.robot import Failsafe, RestSensing, Robot
 
 MAX_RECOLLECTIONS = 64
 """Evaluations of messages that a robot can still explain."""
-MAX_BACKLOG = 4_096
-"""The same limit on a real channel, where a missing message arrives together with all that waited for it: the size of
-the window of a sender's numbers. One tick still evaluates no more messages than elsewhere."""
-ASKS_TOO_MUCH = f"not answered: {MAX_QUESTIONS} questions of yours wait already; ask again more slowly"
-"""The fault of a question that finds no room."""
 MAX_EVALUATED = 256
 """Messages whose outcome waits to be stored: those of one tick, and STOPs between two ticks."""
 
@@ -542,9 +538,7 @@ class Node:
         if message.kind is Kind.ASK:
             rehearsal = memory.rehearsal()
             found = foretell(program, rehearsal)
-            details = {MATCHED: found.matched} if MATCHED in message.body else {}
-            if details and rehearsal.undecided and not found.matched:
-                details[UNKNOWN] = True
+            details = foretold(message, found, undecided=rehearsal.undecided)
             self._answer(message, "answer", found.value, "; ".join(found.faults), details)
             return
         answered = HOPS not in message.body  # nobody counts what becomes of what robots tell each other

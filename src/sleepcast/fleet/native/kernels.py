@@ -22,7 +22,8 @@ from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.evaluation import Evaluation
 from sleepcast.fleet.native.compiler import LANES, THERE, TROUBLED, Kernel, ResultColumns, moment
 from sleepcast.fleet.native.symbols import Name, Size, meaning, name_of
-from sleepcast.fleet.state import Column, FleetState, Mind, Rows
+from sleepcast.fleet.rows import Column, Rows
+from sleepcast.fleet.state import FleetState, Mind
 from sleepcast.language.parts import walk
 from sleepcast.language.program import MAX_STEPS, Program
 

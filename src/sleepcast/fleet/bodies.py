@@ -51,8 +51,6 @@ class FleetBodies:
         """When the latest STOP of each sender that holds any robot has arrived there, s."""
         self._many = bodies if isinstance(bodies, ManyBodies) else None
         self._telling = bodies if isinstance(bodies, ManyRestSensing) else None
-        self._any_still = False
-        """Whether any body is held still."""
 
     def obey_stop(self, message: Message, rows: Rows) -> tuple[Rows, Rows]:
         """Stop these robots; returns those that have stopped, and those for which a later RELEASE already ended it."""
@@ -171,7 +169,7 @@ class FleetBodies:
     def hold(self, rows: Rows) -> None:
         """Robots that rest or catch up hold their bodies still, others do not."""
         state, resting, behind = self._state, self.resting(rows), self._authority.behind(rows)
-        if resting is None and behind.size == 0 and not self._any_still:
+        if resting is None and behind.size == 0 and not state.still.any():
             return
         now = np.zeros(rows.size, np.bool_) if resting is None else resting.copy()
         now[rows.places(behind.robots)] = True
@@ -179,7 +177,6 @@ class FleetBodies:
         if changed.size == 0:
             return
         state.still[rows.index] = now
-        self._any_still = bool(state.still.any())
         still = state.still[changed.index]
         if self._many is not None:
             self._many.hold(changed.robots, still)

@@ -2,6 +2,8 @@
 for bit.
 
 state         variables as columns, shared minds                   pure      the built-in functions over columns
+rows          which robots something refers to                     shared    one value for all robots that have equal ones
+authority     who commands each robot, and who drives it           obeying   what becomes of a message
 evaluation    budget and faults, rule statistics                   memory    what programs may read and change
 scheduler     which rules run in a tick                            machine   evaluates a program for many robots
 messages      queues and outboxes                                  bodies    STOP, RELEASE and holding still
@@ -11,6 +13,7 @@ marks         groups and flags of each robot, for pictures
 fleet         takes messages and readings, runs ticks; maps robots' names to views of their minds
 """
 
-from sleepcast.fleet.fleet import Evaluated, Fleet, FleetError, RobotView
+from sleepcast.fleet.fleet import Fleet, FleetError, RobotView
+from sleepcast.fleet.obeying import Evaluated
 
 __all__ = ["Evaluated", "Fleet", "FleetError", "RobotView"]

@@ -7,7 +7,6 @@ by robot and bit for bit, but every message and every rule is evaluated for all 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from math import inf, nan
 from typing import TypeAlias
@@ -17,26 +16,19 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.message import (
     FOR,
-    HELD,
-    HOPS,
-    KEYS,
-    LEASE,
-    LOOK,
     NOT,
-    UNKNOWN,
     Kind,
     Message,
-    hops_left,
     is_addressed,
 )
-from sleepcast.channel.message_batch import AnswerColumns, MessageBatch, NameIndex
+from sleepcast.channel.message_batch import MessageBatch, NameIndex
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.model import RestState
 from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.asked import FleetQueries
 from sleepcast.fleet.authority import FleetAuthority
 from sleepcast.fleet.bodies import FleetBodies
-from sleepcast.fleet.evaluation import Noted, fault_text
+from sleepcast.fleet.evaluation import Noted
 from sleepcast.fleet.inspection import (
     EvaluationLog,
     FleetTelemetry,
@@ -45,15 +37,14 @@ from sleepcast.fleet.inspection import (
     recollect,
     rehearsal,
 )
-from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.messages import Inbox, Outbox
 from sleepcast.fleet.native.kernels import Kernels, available
+from sleepcast.fleet.obeying import Evaluated, Obeying
 from sleepcast.fleet.rows import Column, Index, Mask, Rows
 from sleepcast.fleet.scheduler import BatchScheduler, expired
 from sleepcast.fleet.state import FleetState, Mind, MindNames, Minds
-from sleepcast.language.explain import Explanation, Recollection, explain, foretell, rehearse
-from sleepcast.language.functions import MAX_HOPS
+from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
 from sleepcast.language.lint import Checked, check, unit_of_program
 from sleepcast.language.parts import Part
 from sleepcast.language.program import Program
@@ -64,14 +55,10 @@ from sleepcast.mind.authority import (
     AT_REST,
     ENDED,
     Tells,
-    bars,
-    driver_of,
     obeys_stop_only,
-    outcome_of_keys,
 )
-from sleepcast.mind.inspection import BodyState, Self, answer_inspection, foretold
+from sleepcast.mind.inspection import BodyState, Details, Self, answer_inspection
 from sleepcast.mind.limits import ASKS_TOO_MUCH, MAX_BACKLOG
-from sleepcast.mind.merging import CommandOrder, comes_after, place_of
 from sleepcast.mind.rules import in_order
 from sleepcast.mind.telemetry import motion_of
 from sleepcast.mind.views import Fault, Result, RuleView
@@ -86,24 +73,6 @@ class FleetError(MisuseError):
 
 Some: TypeAlias = Rows | Sequence[int] | Index | None
 """Robots by their indices; None means all of them."""
-
-
-@dataclass
-class Evaluated:
-    """The result of one text on the robots `rows`. Columns have one value for each of them; faults are in order.
-    undecided: where its top-level test was unknown; moved: where its bodies were asked to move; held: where STOP holds
-    them; None where nobody asks for that."""
-
-    rows: Rows
-    entry: LogEntry
-    values: Column
-    matched: Mask
-    steps: NDArray[np.int32]
-    faults: list[Noted]
-    printed: list[tuple[Index, str, Sequence[Column]]]
-    undecided: Mask | None = None
-    moved: Mask | None = None
-    held: Mask | None = None
 
 
 class RobotView:
@@ -165,7 +134,7 @@ class RobotView:
         """What it knows of its body, and of who holds it, at `now` (s)."""
         state = self.rest_state() if self.stopped else None
         motion = None if state is None else motion_of(state)
-        stops = self._fleet.stops(self.place, now)
+        stops = self._fleet._bodies.stops(self.place, now)
         return BodyState(self.stopped, self.driven, self.doubt, self.catching_up, stops, motion)
 
     def rest_state(self) -> RestState | None:
@@ -381,17 +350,15 @@ class Fleet(Mapping[str, RobotView]):
         self.memory = FleetMemory(self.state, self.minds, self.outbox, bodies, self.kernels)
         self.evaluation_log = EvaluationLog(self.memory)
         self.authority = FleetAuthority(self.state, tells=tells, lease=lease)
-        self.on_air, self.zero = on_air, 0.0
-        if on_air:
-            self.memory.drivers = self.authority.drivers
         self.scheduler = BatchScheduler(self.memory, self.authority)
         self._bodies = FleetBodies(self.state, bodies, self.authority)
+        self._obeying = Obeying(self.memory, self.evaluation_log, self.authority, self._look, on_air=on_air)
         self.telemetry = FleetTelemetry(self.state, self.minds, self._bodies)
         """The latest telemetry of each robot."""
         self._read_set = ReadSet(self.memory)
         self.asked = FleetQueries(self.state, self.minds, bodies)
         """The expressions that are asked for on all robots; see `values_of`."""
-        self.inbox = Inbox(count, self._comes_after, MAX_BACKLOG) if on_air else Inbox(count)
+        self.inbox = Inbox(count, self._obeying.comes_after, MAX_BACKLOG) if on_air else Inbox(count)
         self.minds_used = 1
         """Number of minds in use when last counted."""
         self.measured: dict[int, Column] = {
@@ -539,7 +506,7 @@ class Fleet(Mapping[str, RobotView]):
         if FOR in message.body or NOT in message.body:
             meant = np.array([i for i in heard.tolist() if is_addressed(message.body, self.names[i])], np.intp)
         if message.ahead and message.kind is not Kind.STOP:
-            self._answer_alike(message, Rows.of(meant), "fault", obeys_stop_only(message))
+            self.outbox.answer_alike(message, Rows.of(meant), "fault", obeys_stop_only(message))
             return
         self.authority.hear(message, Rows.of(heard))
         if message.kind is Kind.STOP:
@@ -552,25 +519,27 @@ class Fleet(Mapping[str, RobotView]):
     def _stop(self, message: Message, rows: Rows, meant: Index) -> None:
         """Every robot that receives STOP stops; robots that it is not addressed to need not report it again."""
         stopped, others = self._bodies.obey_stop(message, rows)
-        self._answer_alike(message, Rows.of(np.intersect1d(stopped.robots, meant)), "stopped")
-        self._answer_alike(message, others, "fault", ENDED)
+        self.outbox.answer_alike(message, Rows.of(np.intersect1d(stopped.robots, meant)), "stopped")
+        self.outbox.answer_alike(message, others, "fault", ENDED)
 
     def _release(self, message: Message, rows: Rows) -> None:
         free, refused = self._bodies.obey_release(message, rows)
-        self._answer_alike(message, free, "released")
+        self.outbox.answer_alike(message, free, "released")
         for some, why in refused:
-            self._answer_alike(message, some, "fault", why)
+            self.outbox.answer_alike(message, some, "fault", why)
 
     def _enqueue(self, message: Message, robots: Index) -> None:
-        asking = self.inbox.asking_too_much(message, robots[self.inbox.has_room(robots)]) if self.on_air else robots[:0]
+        asking = self.inbox.asking_too_much(message, robots)
         if asking.size:
-            self._answer_alike(message, Rows.of(asking), "fault", ASKS_TOO_MUCH)
+            self.outbox.answer_alike(message, Rows.of(asking), "fault", ASKS_TOO_MUCH)
             self.state.lost[asking] += 1
             robots = np.setdiff1d(robots, asking)
         self.state.lost[self.inbox.put(message, robots)] += 1
 
-    def _comes_after(self, message: Message, before: Message) -> bool:
-        return comes_after(message, before, self.zero)
+    def _look(self, message: Message, robot: int, now: float) -> Details:
+        """What a robot tells about itself."""
+        view = self.at(robot)
+        return answer_inspection(message.body, view.itself, view.body_state(now), view.why)
 
     def halt(self, doubt: str = "", robots: Some = None) -> None:
         """See `Node.halt`."""
@@ -582,13 +551,10 @@ class Fleet(Mapping[str, RobotView]):
         self.authority.catching_up.set(rows, lasts)
         self._bodies.hold(rows)
 
-    def stops(self, robot: int, now: float) -> list[list[object]]:
-        """The STOPs that hold a robot, each with the seconds since its arrival."""
-        return self._bodies.stops(robot, now)
-
-    def _answer_alike(self, message: Message, rows: Rows, sort: str, fault: str = "") -> None:
-        """Give the same answer on each of these robots."""
-        self.outbox.answer(rows, AnswerColumns.alike(message.id, rows.size, sort, fault=fault))
+    @property
+    def arrived(self) -> dict[tuple[str, int], Column]:
+        """When the latest STOP of each sender and epoch that holds any robot has arrived there, s."""
+        return self._bodies.arrived
 
     def sense(self, readings: NDArray[np.float64], now: float, robots: Some = None) -> None:
         """Take sensor values (SI; one row per robot, in the order of the vocabulary's sensors) at `now` (s).
@@ -632,7 +598,7 @@ class Fleet(Mapping[str, RobotView]):
         self._let_go(self.authority.unattended(rows, now))
         expired(self.memory, rows, now)
         for message, some in self.inbox.take(rows):
-            self._obey(message, some, now)
+            self._obeying.obey(message, some, now)
         resting = self._bodies.resting(rows)
         self._run_rules(rows if resting is None else rows.take(~resting))
         self._bodies.hold(rows)
@@ -699,29 +665,9 @@ class Fleet(Mapping[str, RobotView]):
             raise FleetError(f"{text} cannot be previewed: {reason}")
         return found
 
-    def run(
-        self, program: Program, rows: Rows, command: str = "", *, answered: bool = False, watched: bool = False
-    ) -> Evaluated:
-        """Evaluate a program on these robots, and log its inputs for explanations. answered: whether a person is told
-        what came of it; watched: whether it matters which bodies it moves."""
-        memory = self.memory
-        entry = self.evaluation_log.remember(program, rows, command)
-        memory.hosts, memory.printed = entry.hosts, []
-        if answered or watched:
-            undecided, memory.moved = np.zeros((2, self.state.count), np.bool_)
-            memory.undecided = undecided if answered else None
-        values = evaluate(memory, program, rows)
-        steps = np.broadcast_to(np.asarray(memory.steps(rows), np.int32), rows.size)
-        printed, memory.hosts, memory.printed = memory.printed, None, None
-        self.evaluation_log.weigh(entry)
-        found = Evaluated(rows, entry, values, memory.matched[rows.index].copy(), steps, memory.noted, printed)
-        if memory.moved is not None:
-            found.moved = memory.moved[rows.index]
-        if memory.undecided is not None and found.moved is not None:
-            found.undecided = memory.undecided[rows.index]
-            found.held = found.moved & self.state.stopped[rows.index]
-        memory.undecided = memory.moved = None
-        return found
+    def run(self, program: Program, rows: Rows) -> Evaluated:
+        """Evaluate a program on these robots, and log its inputs for explanations."""
+        return self._obeying.run(program, rows)
 
     def install(
         self,
@@ -746,102 +692,7 @@ class Fleet(Mapping[str, RobotView]):
                 draft.rank(key, priority, protected)
                 self.memory.turn(rows, draft)
 
-    def _obey(self, message: Message, rows: Rows, now: float) -> None:
-        asked = message.kind is Kind.ASK
-        if now > message.deadline:
-            self._answer_alike(message, rows, "late")
-        elif asked and LOOK in message.body:
-            self._look(message, rows, now)
-        elif not asked and LEASE in message.body:
-            for outcome, fault, some in self.authority.settle(message, rows, now):
-                self._answer_alike(message, some, outcome, fault)
-        elif not asked and KEYS in message.body:
-            self._answer_alike(message, rows, *outcome_of_keys(message, lambda: True))
-        else:
-            self._obey_text(message, rows, now)
-
-    def _obey_text(self, message: Message, rows: Rows, now: float) -> None:
-        def program(number: int) -> Program | str:
-            names, asked = MindNames(self.vocabulary, self.minds[number]), message.kind is Kind.ASK
-            try:
-                return self.minds.library.program(message.text, lambda: [read(message.text)], names, asked=asked)
-            except SleepcastError as error:
-                return str(error).splitlines()[0]
-
-        for found, some, _ in self.memory.divide(rows, program):
-            if isinstance(found, str):
-                self._answer_alike(message, some, "fault", found)
-                continue
-            for why, few in self.authority.objections(message, found, some, now):
-                if why:
-                    self._answer_alike(message, few, "fault", why)
-                elif message.kind is Kind.ASK:
-                    self._asked(message, found, few)
-                else:
-                    self._evaluate(message, found, few, now)
-
-    def _evaluate(self, message: Message, program: Program, rows: Rows, now: float) -> None:
-        """Evaluate a command for whom it comes from."""
-        memory, driver = self.memory, driver_of(message)
-        memory.hops, memory.barred = (
-            hops_left(message.body, message.role, MAX_HOPS),
-            bars(message, self.authority.tells),
-        )
-        if self.on_air:
-            self._merge(rows, place_of(message, self.zero))
-            if driver:
-                memory.drivers = lambda some: [(driver, some)]
-        answered = HOPS not in message.body  # nobody counts what becomes of what robots tell each other
-        outcome = self.run(program, rows, message.id, answered=answered, watched=self.authority.moves(message))
-        memory.hops, memory.barred = MAX_HOPS, ""
-        if self.on_air:
-            self._merge(rows, None)
-            memory.drivers = self.authority.drivers
-        if outcome.moved is not None and self.authority.moves(message):
-            self.authority.moved(message, rows.take(outcome.moved), now)
-        self.outbox.answer(rows, _came_of(message, outcome))
-
-    def _merge(self, rows: Rows, place: CommandOrder | None) -> None:
-        """The changes of the command with this place begin on these robots, or of none."""
-        self.memory.merges = place is not None
-        self.state.merging.change(rows, lambda merging: merging.begun(place))
-
-    def _look(self, message: Message, rows: Rows, now: float) -> None:
-        """Let these robots tell about themselves."""
-        for robot in rows.robots.tolist():
-            view = self.at(robot)
-            details = answer_inspection(message.body, view.itself, view.body_state(now), view.why)
-            answers = AnswerColumns.alike(message.id, 1, "answer", details=details)
-            self.outbox.answer(self.rows([robot]), answers)
-
-    def _asked(self, message: Message, program: Program, rows: Rows) -> None:
-        """Answer a question robot by robot: it changes nothing, so there is nothing to do for all at once."""
-        for robot in rows.robots.tolist():
-            memory = rehearsal(self.memory, robot)
-            found = foretell(program, memory)
-            details = foretold(message, found, undecided=memory.undecided)
-            answers = AnswerColumns.alike(message.id, 1, "answer", found.value, "; ".join(found.faults), details)
-            self.outbox.answer(self.rows([robot]), answers)
-
 
 def _runs(mind: Mind) -> bool:
     """Whether a robot with this mind has something to do in every tick."""
     return bool(mind.running)
-
-
-_SORTS = ("not matched", "matched", "fault", UNKNOWN, HELD)
-
-
-def _came_of(message: Message, outcome: Evaluated) -> AnswerColumns:
-    """The answers to a command, in the order of the robots that evaluated it."""
-    rows, faults = outcome.rows, [fault_text(noted) for noted in outcome.faults]
-    fault = np.zeros(rows.size, np.int32) if faults else np.broadcast_to(np.int32(0), rows.size)
-    for number, noted in reversed(list(enumerate(outcome.faults, 1))):
-        fault[rows.places(noted.robots)] = number
-    sort = outcome.matched.view(np.uint8)
-    if outcome.undecided is not None and outcome.undecided.any():
-        sort = np.where(outcome.undecided & (sort == 0), np.uint8(3), sort)
-    if outcome.held is not None and outcome.held.any():
-        sort = np.where(outcome.held & (sort == 1), np.uint8(4), sort)
-    sort = np.where(fault > 0, np.uint8(2), sort) if faults else sort
-    return AnswerColumns(message.id, _SORTS, sort, outcome.values, tuple(faults), fault)

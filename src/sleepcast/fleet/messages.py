@@ -127,6 +127,10 @@ class Outbox:
         """Send the answers to a message from each of these robots."""
         self.say(Kind.ANSWER, rows, answers)
 
+    def answer_alike(self, message: Message, rows: Rows, sort: str, fault: str = "") -> None:
+        """Give the same answer on each of these robots."""
+        self.answer(rows, AnswerColumns.alike(message.id, rows.size, sort, fault=fault))
+
     def ping(self, rows: Rows, castes: Column) -> None:
         """PING on each of these robots."""
         if self._pinged is None:
@@ -271,9 +275,11 @@ class Inbox:
 
     def asking_too_much(self, message: Message, robots: Index) -> Index:
         """Those of the robots for which so many questions of its sender wait already that this one is refused."""
-        full = robots[self.waiting[robots] >= MAX_QUESTIONS]
-        if message.kind is not Kind.ASK or self._after is None or full.size == 0:
-            return robots[:0]
+        full = robots[:0]
+        if message.kind is Kind.ASK and self._after is not None:
+            full = robots[self.has_room(robots) & (self.waiting[robots] >= MAX_QUESTIONS)]
+        if full.size == 0:
+            return full
         questions = np.zeros(self._count, np.int16)
         for before, those in self._queue:
             questions[those] += before.kind is Kind.ASK and before.sender == message.sender
@@ -329,5 +335,10 @@ class Inbox:
         self._queue = []
         self.waiting[:] = 0
         for message, listed in state.queue:
-            if self.put(message, ascending(listed, self._count)).size:
-                raise SerialError(f"more than {MAX_QUEUE} messages that wait for one robot")
+            robots = ascending(listed, self._count)
+            if not self.has_room(robots).all():
+                raise SerialError(
+                    f"{int(self.waiting[robots].max()) + 1} messages that wait for one robot are too many"
+                )
+            self.waiting[robots] += 1
+            self._queue.append((message, robots))

@@ -1,0 +1,188 @@
+"""What many robots do with a message that has waited for their tick: who may have it done, what comes of it, and what
+they answer. The steps, and their order, are those of `Node`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.channel.message import HELD, HOPS, KEYS, LEASE, LOOK, UNKNOWN, Kind, Message, hops_left
+from sleepcast.channel.message_batch import AnswerColumns
+from sleepcast.core.errors import SleepcastError
+from sleepcast.fleet.authority import FleetAuthority
+from sleepcast.fleet.evaluation import Noted, fault_text
+from sleepcast.fleet.inspection import EvaluationLog, LogEntry, rehearsal
+from sleepcast.fleet.machine import evaluate
+from sleepcast.fleet.memory import FleetMemory
+from sleepcast.fleet.rows import Column, Index, Mask, Rows
+from sleepcast.fleet.state import MindNames
+from sleepcast.language.explain import foretell
+from sleepcast.language.functions import MAX_HOPS
+from sleepcast.language.program import Program
+from sleepcast.language.reader import read
+from sleepcast.mind.authority import bars, driver_of, outcome_of_keys
+from sleepcast.mind.inspection import Details, foretold
+from sleepcast.mind.merging import CommandOrder, comes_after, place_of
+
+
+@dataclass
+class Evaluated:
+    """The result of one text on the robots `rows`. Columns have one value for each of them; faults are in order.
+    undecided: where its top-level test was unknown; moved: where its bodies were asked to move; held: where STOP holds
+    them; None where nobody asks for that."""
+
+    rows: Rows
+    entry: LogEntry
+    values: Column
+    matched: Mask
+    steps: NDArray[np.int32]
+    faults: list[Noted]
+    printed: list[tuple[Index, str, Sequence[Column]]]
+    undecided: Mask | None = None
+    moved: Mask | None = None
+    held: Mask | None = None
+
+
+class Obeying:
+    """See the module. look: what a robot tells about itself; on_air: see `Fleet`. zero: see `Node`."""
+
+    def __init__(
+        self,
+        memory: FleetMemory,
+        log: EvaluationLog,
+        authority: FleetAuthority,
+        look: Callable[[Message, int, float], Details],
+        *,
+        on_air: bool,
+    ) -> None:
+        self._memory, self._outbox, self._log, self._authority = memory, memory.outbox, log, authority
+        self._look, self._on_air, self.zero = look, on_air, 0.0
+        if on_air:
+            memory.drivers = authority.drivers
+
+    def comes_after(self, message: Message, before: Message) -> bool:
+        """See `merging.comes_after`."""
+        return comes_after(message, before, self.zero)
+
+    def run(
+        self, program: Program, rows: Rows, command: str = "", *, answered: bool = False, watched: bool = False
+    ) -> Evaluated:
+        """Evaluate a program on these robots, and log its inputs for explanations. answered: whether a person is told
+        what came of it; watched: whether it matters which bodies it moves."""
+        memory = self._memory
+        entry = self._log.remember(program, rows, command)
+        memory.hosts, memory.printed = entry.hosts, []
+        if answered or watched:
+            undecided, memory.moved = np.zeros((2, memory.state.count), np.bool_)
+            memory.undecided = undecided if answered else None
+        values = evaluate(memory, program, rows)
+        steps = np.broadcast_to(np.asarray(memory.steps(rows), np.int32), rows.size)
+        printed, memory.hosts, memory.printed = memory.printed, None, None
+        self._log.weigh(entry)
+        found = Evaluated(rows, entry, values, memory.matched[rows.index].copy(), steps, memory.noted, printed)
+        if memory.moved is not None:
+            found.moved = memory.moved[rows.index]
+        if memory.undecided is not None and found.moved is not None:
+            found.undecided = memory.undecided[rows.index]
+            found.held = found.moved & memory.state.stopped[rows.index]
+        memory.undecided = memory.moved = None
+        return found
+
+    def obey(self, message: Message, rows: Rows, now: float) -> None:
+        """Deal with a message that has waited on these robots."""
+        asked = message.kind is Kind.ASK
+        if now > message.deadline:
+            self._outbox.answer_alike(message, rows, "late")
+        elif asked and LOOK in message.body:
+            self._tell_of_itself(message, rows, now)
+        elif not asked and LEASE in message.body:
+            for outcome, fault, some in self._authority.settle(message, rows, now):
+                self._outbox.answer_alike(message, some, outcome, fault)
+        elif not asked and KEYS in message.body:
+            self._outbox.answer_alike(message, rows, *outcome_of_keys(message, lambda: True))
+        else:
+            self._obey_text(message, rows, now)
+
+    def _obey_text(self, message: Message, rows: Rows, now: float) -> None:
+        memory = self._memory
+
+        def program(number: int) -> Program | str:
+            names, asked = MindNames(memory.vocabulary, memory.minds[number]), message.kind is Kind.ASK
+            try:
+                return memory.minds.library.program(message.text, lambda: [read(message.text)], names, asked=asked)
+            except SleepcastError as error:
+                return str(error).splitlines()[0]
+
+        for found, some, _ in memory.divide(rows, program):
+            if isinstance(found, str):
+                self._outbox.answer_alike(message, some, "fault", found)
+                continue
+            for why, few in self._authority.objections(message, found, some, now):
+                if why:
+                    self._outbox.answer_alike(message, few, "fault", why)
+                elif message.kind is Kind.ASK:
+                    self._asked(message, found, few)
+                else:
+                    self._evaluate(message, found, few, now)
+
+    def _evaluate(self, message: Message, program: Program, rows: Rows, now: float) -> None:
+        """Evaluate a command for whom it comes from."""
+        memory, driver = self._memory, driver_of(message)
+        memory.hops, memory.barred = (
+            hops_left(message.body, message.role, MAX_HOPS),
+            bars(message, self._authority.tells),
+        )
+        if self._on_air:
+            self._merge(rows, place_of(message, self.zero))
+            if driver:
+                memory.drivers = lambda some: [(driver, some)]
+        answered = HOPS not in message.body  # nobody counts what becomes of what robots tell each other
+        outcome = self.run(program, rows, message.id, answered=answered, watched=self._authority.moves(message))
+        memory.hops, memory.barred = MAX_HOPS, ""
+        if self._on_air:
+            self._merge(rows, None)
+            memory.drivers = self._authority.drivers
+        if outcome.moved is not None and self._authority.moves(message):
+            self._authority.moved(message, rows.take(outcome.moved), now)
+        self._outbox.answer(rows, _came_of(message, outcome))
+
+    def _merge(self, rows: Rows, place: CommandOrder | None) -> None:
+        """The changes of the command with this place begin on these robots, or of none."""
+        self._memory.merges = place is not None
+        self._memory.state.merging.change(rows, lambda merging: merging.begun(place))
+
+    def _tell_of_itself(self, message: Message, rows: Rows, now: float) -> None:
+        for robot in rows.robots.tolist():
+            answers = AnswerColumns.alike(message.id, 1, "answer", details=self._look(message, robot, now))
+            self._outbox.answer(Rows.run(robot, robot + 1), answers)
+
+    def _asked(self, message: Message, program: Program, rows: Rows) -> None:
+        """Answer a question robot by robot: it changes nothing, so there is nothing to do for all at once."""
+        for robot in rows.robots.tolist():
+            memory = rehearsal(self._memory, robot)
+            found = foretell(program, memory)
+            details = foretold(message, found, undecided=memory.undecided)
+            answers = AnswerColumns.alike(message.id, 1, "answer", found.value, "; ".join(found.faults), details)
+            self._outbox.answer(Rows.run(robot, robot + 1), answers)
+
+
+_SORTS = ("not matched", "matched", "fault", UNKNOWN, HELD)
+
+
+def _came_of(message: Message, outcome: Evaluated) -> AnswerColumns:
+    """The answers to a command, in the order of the robots that evaluated it."""
+    rows, faults = outcome.rows, [fault_text(noted) for noted in outcome.faults]
+    fault = np.zeros(rows.size, np.int32) if faults else np.broadcast_to(np.int32(0), rows.size)
+    for number, noted in reversed(list(enumerate(outcome.faults, 1))):
+        fault[rows.places(noted.robots)] = number
+    sort = outcome.matched.view(np.uint8)
+    if outcome.undecided is not None and outcome.undecided.any():
+        sort = np.where(outcome.undecided & (sort == 0), np.uint8(3), sort)
+    if outcome.held is not None and outcome.held.any():
+        sort = np.where(outcome.held & (sort == 1), np.uint8(4), sort)
+    sort = np.where(fault > 0, np.uint8(2), sort) if faults else sort
+    return AnswerColumns(message.id, _SORTS, sort, outcome.values, tuple(faults), fault)

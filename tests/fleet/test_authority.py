@@ -10,11 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from math import inf
 from random import Random
+from typing import Any
 
 from hypothesis import given, note, settings
 from hypothesis import strategies as st
 
-from fleet.twins import Twins
+from fleet.twins import Twins, vocabulary
 from language.cases import SENSORS, Body
 from sleepcast.channel.message import (
     DRIVER,
@@ -31,9 +32,14 @@ from sleepcast.channel.message import (
     Role,
 )
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.serial import pack, unpack
+from sleepcast.fleet import Fleet
+from sleepcast.fleet.schema import FleetSnapshot
+from sleepcast.fleet.snapshot import restore, state_of
 from sleepcast.mind.authority import Tells
 from sleepcast.robot import Reading, Setpoint
 
+MOST = 1 << 20
 EXAMPLES = max(400, settings().max_examples)
 ROLES = {
     "anna": Role.OPERATOR,
@@ -111,6 +117,8 @@ class Life:
 
     chance: Random
     twins: Twins
+    seed: int
+    rights: dict[str, Any]
     sent: dict[tuple[str, int], int] = field(default_factory=dict)
     said: list[Message] = field(default_factory=list)
     stops: list[Message] = field(default_factory=list)
@@ -127,6 +135,8 @@ class Life:
             twins.sense([[chance.choice((0.0, 1.5, 3.0)) for _ in SENSORS] for _ in twins.nodes])
         if chance.random() < 0.1:
             self.disturb()
+        if chance.random() < 0.15:
+            self.put_away()
         for _ in range(chance.choice((1, 1, 1, 2, 5))):
             message = chance.choice(self.said) if self.said and chance.random() < 0.1 else self.message()
             self.said.append(message)
@@ -149,6 +159,14 @@ class Life:
         self.twins.hear(Message("anna", 1, 1, Kind.COMMAND, 0.0, body=take, role=Role.OPERATOR), self.some())
         self.sent |= {("chief", 1): 1, ("anna", 1): 1}
         self.twins.think()
+
+    def put_away(self) -> None:
+        """The fleet is replaced by one made from its snapshot."""
+        twins, data = self.twins, pack(state_of(self.twins.fleet), MOST)
+        again = Fleet(twins.fleet.names, vocabulary(), numbers=twins.fleet.numbers, seed=self.seed, **self.rights)
+        restore(again, unpack(FleetSnapshot, data, MOST, "fleet"), 0.0)
+        assert pack(state_of(again), MOST) == data
+        twins.fleet, twins.views = again, list(again.values())
 
     def disturb(self) -> None:
         """A robot's own software does something."""
@@ -235,13 +253,15 @@ class Life:
 
 def live(chance: Random, *, steps: int = 10) -> None:
     body = chance.choice((Body, Machine))
-    rights = {
+    rights: dict[str, Any] = {
         "lease": chance.choice((inf, 1.0, 1.0)),
         "tells": chance.choice((Tells.ALL, Tells.ALL, Tells.MARKS, Tells.NONE)),
         "on_air": chance.random() < 0.7,
     }
     note(f"{body.__name__} {rights}")
-    life = Life(chance, Twins(chance.choice((1, 1, 3)), seed=chance.randrange(2**32), body=body, **rights))
+    seed = chance.randrange(2**32)
+    twins = Twins(chance.choice((1, 1, 3)), seed=seed, body=body, **rights)
+    life = Life(chance, twins, seed, {"bodies": twins.here, **rights})
     if chance.random() < 0.5:
         life.divide_the_work()
     for _ in range(steps):

@@ -172,6 +172,7 @@ class AnswersState(msgspec.Struct, tag="answers"):
     value: Array
     faults: tuple[str, ...]
     fault: Array
+    details: Body = {}
 
 
 class ReportsState(msgspec.Struct, tag="reports"):
@@ -187,6 +188,7 @@ class RelaysState(msgspec.Struct, tag="told"):
 
     said: str
     hops: int = 1
+    driver: str = ""
 
 
 class MessageBatchState(msgspec.Struct, tag="chorus"):
@@ -233,17 +235,17 @@ def ascending(listed: Array, count: int) -> NDArray[np.intp]:
 def _dump_contents(words: Contents, places: NDArray[np.intp]) -> AnswersState | ReportsState | RelaysState:
     if isinstance(words, AnswerColumns):
         sort, value, fault = (Array.of(column[places]) for column in (words.sort, words.value, words.fault))
-        return AnswersState(words.command, words.sorts, sort, value, words.faults, fault)
+        return AnswersState(words.command, words.sorts, sort, value, words.faults, fault, words.details)
     if isinstance(words, Reports):
         return ReportsState(words.label, tuple(Array.of(column[places]) for column in words.values), words.rule)
     if isinstance(words, Relays):
-        return RelaysState(words.said, words.hops)
+        return RelaysState(words.said, words.hops, words.driver)
     raise TypeError(f"{type(words).__name__} cannot be kept")
 
 
 def _load_contents(state: AnswersState | ReportsState | RelaysState, shape: tuple[int, ...]) -> Contents:
     if isinstance(state, RelaysState):
-        return Relays(state.said, state.hops)
+        return Relays(state.said, state.hops, state.driver)
     if isinstance(state, ReportsState):
         values = tuple(column.made(np.float64, shape, "reported") for column in state.values)
         return Reports(state.label, values, state.rule)
@@ -251,7 +253,7 @@ def _load_contents(state: AnswersState | ReportsState | RelaysState, shape: tupl
     within(sort, 0, len(state.sorts) - 1, "outcomes")
     within(fault, 0, len(state.faults), "faults")
     value = state.value.made(np.float64, shape, "answers")
-    return AnswerColumns(state.command, state.sorts, sort, value, state.faults, fault)
+    return AnswerColumns(state.command, state.sorts, sort, value, state.faults, fault, state.details)
 
 
 # ---- the names of many parties by place, and their places by name

@@ -7,13 +7,18 @@ past commands, from which explanations are made.
 
 from __future__ import annotations
 
+from typing import Generic, TypeVar
+
 import msgspec
 
 from sleepcast.channel.message import Message
 from sleepcast.channel.message_batch import MessageBatchState
 from sleepcast.core.serial import Array, Arrays
-from sleepcast.mind.authority import Latch
+from sleepcast.mind.authority import Driving, Latch, Lease
+from sleepcast.mind.merging import MergingState
 from sleepcast.mind.state import SharedMinds
+
+Value = TypeVar("Value")
 
 
 class ValuesState(msgspec.Struct):
@@ -81,9 +86,28 @@ class OutboxState(msgspec.Struct):
     ping_lists: dict[int, list[float]]
 
 
+class SharedState(msgspec.Struct, Generic[Value]):
+    """A `Shared`: its values, and each robot's index into them; None if all have the only one."""
+
+    values: list[Value]
+    column: Array | None
+
+
+class AuthorityState(msgspec.Struct):
+    """`FleetAuthority`, and what else depends on who has commanded. arrived: of each STOP that holds, its sender, the
+    sender's epoch, and when it has reached each robot, s. leases: by group."""
+
+    driving: SharedState[Driving]
+    leases: SharedState[dict[str, Lease]]
+    doubts: SharedState[str]
+    catching_up: SharedState[bool]
+    merging: SharedState[MergingState]
+    arrived: list[tuple[str, int, Array]]
+
+
 class FleetSnapshot(msgspec.Struct):
     """The whole state. left_over: by robot, the rules that the budget of the last tick did not reach. measured: by
-    slot, when each robot last measured it (s)."""
+    slot, when each robot last measured it (s). authority: None in snapshots of format 1."""
 
     minds: SharedMinds
     state: ColumnsState
@@ -94,3 +118,4 @@ class FleetSnapshot(msgspec.Struct):
     left_over: dict[int, tuple[str, ...]]
     measured: dict[int, Array]
     minds_used: int
+    authority: AuthorityState | None = None

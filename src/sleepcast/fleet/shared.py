@@ -107,6 +107,8 @@ class Shared(Generic[Value]):
             raise SerialError("robots without a value that each of them has")
         within(column, 0, len(values) - 1, "the values of robots")
         self._all_have(values[0])
+        if len(values) == 1:
+            return
         self.values, self._column = list(values), column
         self._numbers = {self._key(value): number for number, value in reversed(list(enumerate(values)))}
 

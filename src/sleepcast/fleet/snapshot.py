@@ -8,18 +8,25 @@ those names since.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.fleet.fleet import Fleet
-from sleepcast.fleet.schema import FleetSnapshot
+from sleepcast.fleet.schema import AuthorityState, FleetSnapshot, SharedState
+from sleepcast.fleet.shared import Shared
 from sleepcast.fleet.state import Mind, Minds
 from sleepcast.language.program import Program
 from sleepcast.language.symbols import Operator
 from sleepcast.language.vocabulary import MAX_USER_VARIABLES, Vocabulary
+from sleepcast.mind.authority import Leases
+from sleepcast.mind.merging import Merging
 from sleepcast.mind.rules import Rule
 from sleepcast.mind.state import ProgramState, SharedMind, SharedMinds, SharedRule, SymbolState
+
+Value = TypeVar("Value")
+Plain = TypeVar("Plain")
 
 
 def state_of(fleet: Fleet) -> FleetSnapshot:
@@ -34,7 +41,41 @@ def state_of(fleet: Fleet) -> FleetSnapshot:
         {robot: tuple(sorted(keys)) for robot, keys in fleet.scheduler.left_over.items()},
         {slot: Array.of(column) for slot, column in fleet.measured.items()},
         fleet.minds_used,
+        _authority_of(fleet),
     )
+
+
+def _authority_of(fleet: Fleet) -> AuthorityState:
+    authority, shared = fleet.authority, _shared_of
+    return AuthorityState(
+        shared(authority.driving, lambda driving: driving),
+        shared(authority.leases, lambda leases: dict(leases.held)),
+        shared(authority.doubts, str),
+        shared(authority.catching_up, bool),
+        shared(fleet.state.merging, lambda merging: merging.state()),
+        [(*life, Array.of(when)) for life, when in fleet.arrived.items()],
+    )
+
+
+def _shared_of(shared: Shared[Value], plain: Callable[[Value], Plain]) -> SharedState[Plain]:
+    column = None if len(shared.values) == 1 else Array.of(shared.column)
+    return SharedState([plain(value) for value in shared.values], column)
+
+
+def _restore_authority(fleet: Fleet, state: AuthorityState) -> None:
+    authority, refill_shared = fleet.authority, _refill_shared
+    refill_shared(authority.driving, state.driving, lambda driving: driving)
+    refill_shared(authority.leases, state.leases, Leases)
+    refill_shared(authority.doubts, state.doubts, str)
+    refill_shared(authority.catching_up, state.catching_up, bool)
+    refill_shared(fleet.state.merging, state.merging, Merging.of)
+    for sender, epoch, when in state.arrived:
+        fleet.arrived[sender, epoch] = when.made(np.float64, (len(fleet),), "when a STOP has arrived")
+
+
+def _refill_shared(shared: Shared[Value], state: SharedState[Plain], made: Callable[[Plain], Value]) -> None:
+    column = shared.column if state.column is None else state.column.made(np.int32, shared.column.shape, "whose values")
+    shared.restore([made(value) for value in state.values], column)
 
 
 def restore(fleet: Fleet, state: FleetSnapshot, when: float) -> None:
@@ -60,6 +101,8 @@ def restore(fleet: Fleet, state: FleetSnapshot, when: float) -> None:
     for slot, column in fleet.measured.items():
         column[:] = state.measured[slot].made(np.float64, column.shape, f"when sensor {slot} was measured")
     fleet.minds_used = state.minds_used
+    if state.authority is not None:
+        _restore_authority(fleet, state.authority)
     fleet.evaluation_log.since = when
 
 

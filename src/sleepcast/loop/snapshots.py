@@ -31,8 +31,9 @@ from sleepcast.simulator import snapshot as simulators
 from sleepcast.simulator.scenario.mission import BOUNDS, COUNTS, Wanted
 from sleepcast.simulator.snapshot import SimulatorState
 
-FORMAT = 1
-"""Version of this format; files of a newer one are refused."""
+FORMAT = 2
+"""Version of this format; files of a newer one are refused. 1 knew nothing of who may command robots, and who drives
+them."""
 KIND = "sleepcast snapshot"
 MAX_FILE = 4 * 1024**3
 """Bytes of one file: a million robots in the largest world take a quarter of it."""

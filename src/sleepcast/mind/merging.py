@@ -71,8 +71,7 @@ class Merging:
         return self if self.place is None else self._copy()
 
     def _copy(self) -> Merging:
-        found = Merging()
-        found.restore(self.state())
+        found = Merging.of(self.state())
         found.place, found._makes = self.place, self._makes
         return found
 
@@ -133,6 +132,13 @@ class Merging:
     def state(self) -> MergingState:
         """The state as plain data."""
         return MergingState(self._floor, dict(self._written), dict(self._flags), dict(self._made))
+
+    @staticmethod
+    def of(state: MergingState) -> Merging:
+        """A robot's merging state as it was."""
+        found = Merging()
+        found.restore(state)
+        return found
 
     def restore(self, state: MergingState) -> None:
         """Restore the state."""

@@ -34,7 +34,7 @@ class Contents(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class AnswerColumns:
-    """AnswerColumns to the message `command`. Columns: value (NaN for unknown); sort: index of the outcome in `sorts`, uint8;
+    """Answers to the message `command`. Columns: value (NaN for unknown); sort: index of the outcome in `sorts`, uint8;
     fault: index in `faults` from 1, 0 for none, int32. details: further fields of all their bodies."""
 
     command: str

@@ -2,7 +2,7 @@
 for bit.
 
 state         variables as columns, shared minds                   pure      the built-in functions over columns
-rows          which robots something refers to                     shared    one value for all robots that have equal ones
+rows          which robots something refers to                     shared    one value for all robots with equal ones
 authority     who commands each robot, and who drives it           obeying   what becomes of a message
 evaluation    budget and faults, rule statistics                   memory    what programs may read and change
 scheduler     which rules run in a tick                            machine   evaluates a program for many robots

@@ -12,6 +12,7 @@ from sleepcast.loop import Swarm, vocabulary_of
 from sleepcast.loop import resume as resume_swarm
 from sleepcast.simulator import KERNELS, Payload, Scenario, Simulator, choose, compile_kernels, kernel_count
 from sleepcast.station import Journal, SendPolicy, Station
+from sleepcast.station.station import DESK
 
 FEW, WARM_TICKS = 12, 3
 """Robots and ticks of a warm-up: some of each group, and all that happens only when something has moved."""
@@ -54,8 +55,23 @@ def vocabulary_in(scenario: Scenario) -> Vocabulary:
 
 
 def station_of(swarm: Swarm, journal: Journal | None = None) -> Station:
-    """The operator's desk for a swarm."""
-    return Station(swarm.vocabulary, swarm.minds, swarm.post, swarm, journal=journal, caution=SendPolicy(doubts=True))
+    """The operator's desk for a swarm; where the scenario names several operators, the others sit down, too."""
+    first, *others = swarm.operators or [DESK]
+    swarm.others = [_station(swarm, name, None) for name in others]
+    return _station(swarm, first, journal)
+
+
+def _station(swarm: Swarm, operator: str, journal: Journal | None) -> Station:
+    return Station(
+        swarm.vocabulary,
+        swarm.minds,
+        swarm.post,
+        swarm,
+        operator=operator,
+        journal=journal,
+        caution=SendPolicy(doubts=True),
+        heartbeat=swarm.simulator.scenario.minds.lease / 3.0,
+    )
 
 
 def warm_up(scenario: Scenario, threads: int | None, *, quiet: bool = False) -> None:

@@ -49,6 +49,7 @@ class SimulatedFleet(Fleet):
     def __init__(self, swarm: Swarm, station: Station) -> None:
         super().__init__(station)
         self.swarm = swarm
+        station.hold(True)  # a program is an open desk, as on the air
         self._histories: list[tuple[Every, History]] = []
         self._checked: dict[str, tuple[int, Checked, CheckError | None]] = {}
         """`FleetState.turns`, what was found in expressions then, and what is raised for them."""

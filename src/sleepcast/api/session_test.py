@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import FOR, NOT
@@ -26,7 +26,7 @@ from sleepcast.simulator import Changes, Scenario, find_scenario, scenario_names
 from sleepcast.simulator.packing import pack
 from sleepcast.simulator.scenario.mission import MAX_ORDERS, Instruction, Order, Wanted, written_mission
 from sleepcast.simulator.scenario.origin import read_origin
-from sleepcast.station import Account, Station
+from sleepcast.station import Account, Command, Station
 from sleepcast.station.account import COUNTED
 from sleepcast.station.validation import DEADLINE
 
@@ -53,8 +53,10 @@ def as_now(_: str, found: Account) -> Sequence[Wanted]:
 
 
 def send_order(station: Station, order: Order) -> str:
-    """Send an order between two ticks, as by hand; gives the id of the command. Raises MissionError."""
-    return give(station, order, confirmed=True).id
+    """Send an order between two ticks, as by hand; gives the id of the command, "" if none was sent. Raises
+    MissionError."""
+    sent = give(station, order, confirmed=True)
+    return "" if sent is None else sent.id
 
 
 def unmet(order: Order, counts: Mapping[str, int]) -> list[str]:
@@ -77,8 +79,16 @@ def unsent(order: Order, end: float) -> list[str]:
 
 def missed_in(swarm: Swarm, station: Station) -> list[str]:
     """A sentence for each count that the mission of a run wanted of what was sent, and that is otherwise now."""
-    accounts = ((order, station.accounting(sent)) for order, sent in swarm.given if order.wanted)
+    desks = {command.id: desk for desk, command in sent_commands(swarm, station)}
+    accounts = ((order, desks[sent].accounting(sent)) for order, sent in swarm.given if order.wanted)
     return [each for order, found in accounts for each in unmet(order, counts_of(found))]
+
+
+def sent_commands(swarm: Swarm, station: Station) -> list[tuple[Station, Command]]:
+    """What all operators of a run have sent, oldest first, each with the desk that has sent it. station: the first
+    one's."""
+    desks = (station, *cast("list[Station]", swarm.others))
+    return sorted(((desk, each) for desk in desks for each in desk.commands()), key=lambda each: each[1].message.issued)
 
 
 def never_sent(orders: Iterable[Order]) -> list[dict[str, object]]:

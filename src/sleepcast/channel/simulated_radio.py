@@ -1,6 +1,7 @@
 """The radio of a simulated swarm, in one process: range, loss, delay, duplication and reordering, all from the seed.
 
-Parties have numbers: the robots 0 to n - 1, the operator `OPERATOR`. What happens to a copy of a message is a pure
+Parties have numbers: the robots 0 to n - 1, the operator `OPERATOR`; further operators, who sit beside the first one,
+-2, -3 and so on. What happens to a copy of a message is a pure
 function of the seed, its sender, content, time, and receiver; neither the order of the calls nor other traffic
 changes it. A copy is in flight until it is due; then its receiver can take it.
 
@@ -49,6 +50,12 @@ class InFlight:
     @property
     def size(self) -> int:
         return len(self.receivers)
+
+    @property
+    def desks(self) -> list[int]:
+        """The operators who receive it: of a batch one alone."""
+        numbers: list[int] = self.receivers[: 1 if isinstance(self.what, MessageBatch) else None].tolist()
+        return numbers
 
     def take(self, which: NDArray[np.bool_] | slice) -> InFlight:
         """Some of the copies."""
@@ -132,7 +139,7 @@ class TransmitQueue:
 
 
 OPERATOR = -1
-"""The operator's number among the parties."""
+"""The operator's number among the parties; of several the first one's."""
 MAX_WAITING = 16_000_000
 """Copies in flight at one time: sixteen messages to a million robots, in a quarter of a gigabyte. Further ones are
 refused and counted."""
@@ -198,7 +205,8 @@ class Radio:
     """The air between the robots at `x`, `y` and their operator; see the module.
 
     x, y: metres, float64, shape (robots,); read whenever something is sent, never copied. clock: the swarm's, which
-    determines all times. around: width and height of a torus, m; infinite for a plain world.
+    determines all times. around: width and height of a torus, m; infinite for a plain world. desks: how many operators
+    listen.
     """
 
     def __init__(
@@ -210,7 +218,10 @@ class Radio:
         seed: int,
         clock: Clock,
         around: tuple[float, float] = _PLAIN,
+        desks: int = 1,
     ) -> None:
+        self.desks = np.arange(OPERATOR, OPERATOR - desks, -1, dtype=np.int64)
+        """The operators' numbers."""
         self.model = model
         self.counts = RadioCounts()
         self._x, self._y, self._seed, self._clock, self._around = x, y, seed, clock, around
@@ -220,11 +231,12 @@ class Radio:
         """Copies in flight."""
         self._heard: list[Reception] = []
         """Delivered to robots, not received yet."""
-        self._for_operator: list[Message | MessageBatch] = []
+        self._for_desks: dict[int, list[Message | MessageBatch]] = {number: [] for number in self.desks.tolist()}
+        """Delivered to operators, not received yet."""
         self._repeats: Counter[tuple[int, str]] = Counter()
         self._repeats_at = -inf
-        self.transmit_queue = TransmitQueue(len(x) + 1, model.rate, model.queue) if model.rate < inf else None
-        """The robots' transmitters, and the operator's last; None without a rate."""
+        self.transmit_queue = TransmitQueue(len(x) + desks, model.rate, model.queue) if model.rate < inf else None
+        """The robots' transmitters, and the operators' last, the first one's at the end; None without a rate."""
 
     def endpoint(self, number: int) -> Endpoint:
         """The `Channel` of party `number`."""
@@ -260,26 +272,30 @@ class Radio:
             begins, room = self.transmit_queue.take(batch.robots, now)
             self.counts.crowded += int(np.count_nonzero(~room))
             batch, begin = batch.take(room), begins[room]
-        self.counts.sent += len(batch)
+        self.counts.sent += len(batch) * len(self.desks)
         if near is not None:
             heard = near[batch.robots]
-            self.counts.out_of_reach += int(np.count_nonzero(~heard))
+            self.counts.out_of_reach += int(np.count_nonzero(~heard)) * len(self.desks)
             batch = batch.take(heard)
             begin = begin if isinstance(begin, float) else begin[heard]
-        if len(batch):
-            operator = np.broadcast_to(np.int64(OPERATOR), len(batch))
-            order = (int(batch.robots[0]), batch.epoch, int(batch.sequences[0]), 0, 0)
-            about = (batch.kind.value, now, 0)
-            fate = CopyChance(
-                lambda what: np.array([key(self._seed, *each, *about, *what) for each in batch.ids()], np.uint64),
-                operator,
-            )
-            self._send_copies(InFlight(order, batch, operator, begin), fate)
+        for number in self.desks if len(batch) else ():
+            self._send_up(batch, begin, number)
+
+    def _send_up(self, batch: MessageBatch, begin: Seconds | float, number: np.int64) -> None:
+        """Send a batch to one operator, from `begin` on, s, of each message or of all."""
+        operator = np.broadcast_to(number, len(batch))
+        order = (int(batch.robots[0]), batch.epoch, int(batch.sequences[0]), 0, 0)
+        about = (batch.kind.value, self._clock.now(), 0)
+        fate = CopyChance(
+            lambda what: np.array([key(self._seed, *each, *about, *what) for each in batch.ids()], np.uint64),
+            operator,
+        )
+        self._send_copies(InFlight(order, batch, operator, begin), fate)
 
     def receive(self, number: int) -> list[Message]:
         """The messages of party `number` since its last call, in the order of arrival."""
-        if number == OPERATOR:
-            return list(single(self.hear()))
+        if number < 0:
+            return list(single(self.hear(number)))
         self._deliver()
         found = [message for message, robots in self._heard if number in robots]
         left = [(message, robots[robots != number]) for message, robots in self._heard]
@@ -293,10 +309,10 @@ class Radio:
         heard, self._heard = self._heard, []
         return heard
 
-    def hear(self) -> list[Message | MessageBatch]:
-        """What the operator has received since the last call; batches stay whole."""
+    def hear(self, number: int = OPERATOR) -> list[Message | MessageBatch]:
+        """What this operator has received since the last call; batches stay whole."""
         self._deliver()
-        heard, self._for_operator = self._for_operator, []
+        heard, self._for_desks[number] = self._for_desks[number], []
         return heard
 
     def samples(self) -> Numbers:
@@ -309,13 +325,12 @@ class Radio:
 
     def _receivers(self, transmitter: int, message: Message) -> tuple[Numbers, Numbers]:
         """The intended receivers of a message, and those of them in reach."""
-        if transmitter == OPERATOR:
+        if transmitter < 0:
             near, everybody = self._near_operator(), self._everybody()
             return everybody, everybody if near is None else everybody[near]
         if message.kind in TO_OPERATOR:
             near = self._near_operator()
-            operator = np.array([OPERATOR], np.int64)
-            return operator, operator if near is None or near[transmitter] else operator[:0]
+            return self.desks, self.desks if near is None or near[transmitter] else self.desks[:0]
         others = np.delete(self._everybody(), transmitter)
         if self.model.reach == inf:
             return others, others
@@ -400,10 +415,12 @@ class Radio:
         arrived = sum(copies.size for copies in due)
         self._on_the_way -= arrived
         self.counts.delivered += arrived
-        upward = [copies for copies in due if copies.receivers[0] == OPERATOR]
-        downward = [copies for copies in due if copies.receivers[0] != OPERATOR]
+        upward = [copies for copies in due if copies.receivers[0] < 0]
+        downward = [copies for copies in due if copies.receivers[0] >= 0]
         upward.sort(key=lambda copies: (float(np.min(copies.due)), copies.order))
-        self._for_operator += [copies.what for copies in upward]
+        for copies in upward:
+            for number in copies.desks:
+                self._for_desks[number].append(copies.what)
         self._heard += receptions(downward)
 
     # ---- saving and restoring
@@ -414,10 +431,11 @@ class Radio:
             asdict(self.counts),
             [dump_in_flight(each.order, each.what, each.receivers, each.due) for each in self._waiting],
             [(message, Array.of(robots.astype(np.int32))) for message, robots in self._heard],
-            [dump_sent(what) for what in self._for_operator],
+            [dump_sent(what) for what in self._for_desks[OPERATOR]],
             [(transmitter, message, times) for (transmitter, message), times in self._repeats.items()],
             self._repeats_at,
             Array.of(self.transmit_queue.free) if self.transmit_queue else None,
+            [[dump_sent(what) for what in self._for_desks[number]] for number in self.desks[1:].tolist()],
         )
 
     def restore(self, state: RadioState, names: Sequence[str]) -> None:
@@ -428,7 +446,10 @@ class Radio:
         if self._on_the_way > MAX_WAITING or state.counts.keys() != asdict(self.counts).keys():
             raise SerialError(f"a radio with {self._on_the_way} copies on their way and {len(state.counts)} counts")
         self._heard = [(message, ascending(robots, count)) for message, robots in state.heard]
-        self._for_operator = [load_sent(what, names) for what in state.for_operator]
+        if state.for_others and len(state.for_others) != len(self.desks) - 1:
+            raise SerialError(f"what {len(state.for_others) + 1} operators have received, of {len(self.desks)}")
+        for number, heard in zip(self.desks.tolist(), [state.for_operator, *state.for_others], strict=False):
+            self._for_desks[number] = [load_sent(what, names) for what in heard]
         self._repeats = Counter({(transmitter, message): times for transmitter, message, times in state.repeats})
         self._repeats_at = state.repeats_at
         self.counts = RadioCounts(**state.counts)
@@ -466,17 +487,19 @@ class MessageState(msgspec.Struct, tag="message"):
 
 
 class InFlightState(msgspec.Struct):
-    """See `InFlight`. receivers: robots; None for the operator. due: of each copy, or one for all."""
+    """See `InFlight`. receivers: robots; None for operators. due: of each copy, or one for all. desks: the operators'
+    numbers, None for the first one alone."""
 
     order: SendOrder
     what: MessageState | MessageBatchState
     receivers: Array | None
     due: Array | float
+    desks: list[int] | None = None
 
 
 class RadioState(msgspec.Struct):
     """See `Radio`. heard: messages delivered to robots, and which robots. repeats: how often each party has sent which
-    message at the time `repeats_at`. free: see `TransmitQueue`."""
+    message at the time `repeats_at`. free: see `TransmitQueue`. for_others: as for_operator, of each further one."""
 
     counts: dict[str, int]
     waiting: list[InFlightState]
@@ -485,6 +508,7 @@ class RadioState(msgspec.Struct):
     repeats: list[tuple[int, str, int]]
     repeats_at: float
     free: Array | None
+    for_others: list[list[MessageState | MessageBatchState]] = []
 
 
 def dump_sent(what: Message | MessageBatch) -> MessageState | MessageBatchState:
@@ -500,10 +524,12 @@ def load_sent(state: MessageState | MessageBatchState, names: Sequence[str]) -> 
 def dump_in_flight(
     order: SendOrder, what: Message | MessageBatch, receivers: Numbers, due: Seconds | float
 ) -> InFlightState:
-    """Copies in flight as serialized state. receivers: robots, or the operator (-1) alone."""
+    """Copies in flight as serialized state. receivers: robots, or operators."""
     up = receivers[0] < 0
+    desks = InFlight(order, what, receivers, due).desks if up else []
     when = due if isinstance(due, float) else Array.of(due)
-    return InFlightState(order, dump_sent(what), None if up else Array.of(receivers.astype(np.int32)), when)
+    others = desks if desks not in ([], [OPERATOR]) else None
+    return InFlightState(order, dump_sent(what), None if up else Array.of(receivers.astype(np.int32)), when, others)
 
 
 def load_in_flight(
@@ -512,7 +538,10 @@ def load_in_flight(
     """The order, content, receivers and due times of copies in flight. Raises SerialError."""
     what = load_sent(state.what, names)
     if state.receivers is None:
-        receivers = np.broadcast_to(np.int64(-1), len(what) if isinstance(what, MessageBatch) else 1)
+        desks = np.array([OPERATOR] if state.desks is None else state.desks, np.int64)
+        if desks.size == 0 or (desks >= 0).any():
+            raise SerialError("copies in flight to operators that are none")
+        receivers = np.broadcast_to(desks[0], len(what)) if isinstance(what, MessageBatch) else desks
     elif isinstance(what, MessageBatch):
         raise SerialError("a message batch that goes to robots")
     else:

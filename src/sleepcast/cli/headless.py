@@ -11,7 +11,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from sleepcast.api.progress import steps
-from sleepcast.api.session_test import late_sentence, missed_in, never_sent, unsent
+from sleepcast.api.session_test import late_sentence, missed_in, never_sent, sent_commands, unsent
 from sleepcast.cli.interrupts import Interrupts, Terminated
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
@@ -19,7 +19,7 @@ from sleepcast.core.ticks import nearest_ticks
 from sleepcast.loop import Swarm, save, snapshot
 from sleepcast.loop.snapshots import SnapshotLostError
 from sleepcast.simulator.scenario.mission import after_end
-from sleepcast.station import Station
+from sleepcast.station import Command, Station
 
 if TYPE_CHECKING:
     from sleepcast.api.recording import RecordingPlan
@@ -53,11 +53,15 @@ class FinishedRun:
             "realtime_factor": round(ticks * tick / self.wall, 3),
             "robot_steps_per_second": round(ticks * robots / self.wall, 1),
             "state_hash": simulator.state_hash(),
-            "accounting": [self.station.accounting(command.id).to_dict() for command in self.station.commands()],
+            "accounting": [station.accounting(command.id).to_dict() for station, command in self.commands()],
             "measures": self.swarm.measures(),
             "missed": self.missed(),
             "never_sent": never_sent(self.swarm.mission),
         }
+
+    def commands(self) -> list[tuple[Station, Command]]:
+        """What was sent, oldest first, each with the desk that has sent it."""
+        return sent_commands(self.swarm, self.station)
 
     def missed(self) -> list[str]:
         """A sentence for each count that the mission wanted, and that came otherwise."""
@@ -71,9 +75,13 @@ class FinishedRun:
             f"{found['scenario']}, seed {found['seed']}: {found['robots']} robots for {found['seconds']} s, "
             f"{found['realtime_factor']} times real time, after {self.setup:.1f} s of set-up"
         ]
-        for command in self.station.commands():
-            lines += [f"  {line}" for line in command.text.strip().split("\n")]
-            lines.append(f"    {self.station.accounting(command.id).sentence()}")
+        for station, command in self.commands():
+            by = f"{station.operator}: " if self.swarm.operators else ""
+            lines += [f"  {line}" for line in f"{by}{command.text.strip()}".split("\n")]
+            found_of = station.accounting(command.id)
+            lines.append(f"    {found_of.sentence()}")
+            if self.swarm.operators and found_of.n_fault:
+                lines.append(f"    {next(iter(found_of.faults.values()))}")
         groups = found["measures"]["groups"] if isinstance(found["measures"], dict) else {}
         lines += [f"  group {name}: {count} members" for name, count in groups.items()]
         for name, series in self.swarm.simulator.measured().items():

@@ -179,6 +179,7 @@ class PageRuns:
         speed: float | None = None,
         map_picture: MapPicture | None = None,
     ) -> ShownRun:
+        station.hold(True)  # an open desk: its operator is there
         beginning = self._beginning
         if speed is None and wish.scenario == beginning.home:
             speed = beginning.speed

@@ -38,9 +38,9 @@ from sleepcast.fleet.memory import FleetMemory, Found, Given
 from sleepcast.fleet.messages import Outbox
 from sleepcast.fleet.rows import Column, Index, Mask, Rows
 from sleepcast.fleet.schema import TelemetryState
-from sleepcast.language.acts import ACTS
 from sleepcast.fleet.shared import distinct
 from sleepcast.fleet.state import FleetState, Mind, MindNames, Minds
+from sleepcast.language.acts import ACTS
 from sleepcast.language.explain import Recollection
 from sleepcast.language.numerics import draw
 from sleepcast.language.parts import Part, Storing, acts, host_of, walk, written

@@ -17,9 +17,9 @@ from sleepcast.fleet.bodies import ManyBodies
 from sleepcast.fleet.evaluation import Evaluation, by_the_living
 from sleepcast.fleet.messages import Outbox
 from sleepcast.fleet.native.kernels import Kernels
-from sleepcast.language.acts import FLAGS
 from sleepcast.fleet.rows import Column, Index, Mask, Rows
 from sleepcast.fleet.state import FleetState, Minds, draws
+from sleepcast.language.acts import FLAGS
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.parts import Defining, Label, Part, Storing, Template, host_of, label_of, written
 from sleepcast.language.program import Program

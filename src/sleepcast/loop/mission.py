@@ -29,8 +29,8 @@ Words: TypeAlias = tuple[Sort, str, frozenset[str] | None, frozenset[str] | None
 def readable(order: Order) -> Order:
     """The order itself. Raises MissionError, with its place, for a text that nobody can read."""
     try:
-        if text := instruction(order).text:
-            read(text)
+        if (found := instruction(order)).is_expression:
+            read(found.text)
     except SleepcastError as error:
         raise MissionError(in_file(order.place, str(error))) from error
     return order

@@ -66,7 +66,8 @@ class Cover(msgspec.Struct):
 
 
 class SnapshotFile(Cover):
-    """The whole file. robots: their number, which bounds the rest. desk: None if there was none."""
+    """The whole file. robots: their number, which bounds the rest. desk: None if there was none. others: of
+    further operators."""
 
     robots: int
     simulator: bytes
@@ -74,6 +75,7 @@ class SnapshotFile(Cover):
     radio: bytes
     loop: bytes
     desk: bytes | None
+    others: list[bytes] = []
 
 
 class GivenOrder(msgspec.Struct):
@@ -102,8 +104,8 @@ class LoopState(msgspec.Struct):
 class SwarmCopy:
     """A copy of a swarm between two ticks, which takes little time; a snapshot is made of it afterwards."""
 
-    def __init__(self, robots: int, parts: Sequence[bytes], desk: bytes | None) -> None:
-        self._robots, self._parts, self._desk = robots, parts, desk
+    def __init__(self, robots: int, parts: Sequence[bytes], desks: Sequence[bytes]) -> None:
+        self._robots, self._parts, self._desks = robots, parts, desks
 
     def packed(self, threads: int = 1) -> bytes:
         """The snapshot. On any thread."""
@@ -112,8 +114,9 @@ class SwarmCopy:
                 simulator, fleet, radio, loop = pool.map(compressed, self._parts)
         else:
             simulator, fleet, radio, loop = map(compressed, self._parts)
+        desk, others = next(iter(self._desks), None), list(self._desks[1:])
         return msgspec.msgpack.encode(
-            SnapshotFile(KIND, FORMAT, VERSION, self._robots, simulator, fleet, radio, loop, self._desk)
+            SnapshotFile(KIND, FORMAT, VERSION, self._robots, simulator, fleet, radio, loop, desk, others)
         )
 
 
@@ -139,7 +142,8 @@ def copy_of(swarm: Swarm, *, desk: Desk | None = None) -> SwarmCopy:
     parts = (simulators.state_of(swarm.simulator), fleets.state_of(swarm.fleet), swarm.radio.state(), _loop_of(swarm))
     try:
         copies = [plain(part, room_for(robots)) for part in parts]
-        return SwarmCopy(robots, copies, None if desk is None else desk.state())
+        desks = [] if desk is None else [desk, *swarm.others]
+        return SwarmCopy(robots, copies, [each.state() for each in desks])
     except SerialError as error:
         raise SnapshotLostError(f"the swarm does not fit into a snapshot: {error}") from None
 
@@ -206,6 +210,8 @@ def resume(
             swarm.desk = desk(swarm)
             if document.desk is not None:
                 swarm.desk.restore(document.desk)
+                for other, state in zip(swarm.others, document.others, strict=True):
+                    other.restore(state)
     except _BROKEN as error:
         reason = str(error).split("\n")[0] or type(error).__name__
         raise SnapshotError(

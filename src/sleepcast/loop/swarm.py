@@ -14,16 +14,20 @@ number of the tick, so a run repeats to the last bit at any speed.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from math import isinf
 from typing import Protocol
 
-from sleepcast.channel import Channel, Message
+from msgspec import structs
+
+from sleepcast.channel import Message
+from sleepcast.channel.message import LeaseAction, Role
 from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.channel.simulated_radio import OPERATOR, Radio
 from sleepcast.core.clock import Clock
-from sleepcast.core.errors import MisuseError, SleepcastError, in_file
+from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean, in_file
 from sleepcast.core.model import Constant
 from sleepcast.core.ticks import Carried, tick_at
 from sleepcast.core.units import NONE, UNITS
@@ -31,10 +35,11 @@ from sleepcast.fleet import Fleet, RobotView
 from sleepcast.fleet.rows import Column, Index, Rows
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.loop.mission import is_stopped_by_others, readable
+from sleepcast.mind.authority import Tells
 from sleepcast.mind.views import Result
 from sleepcast.robot import RobotModel
 from sleepcast.simulator import MissionError, Order, Simulator
-from sleepcast.simulator.scenario.mission import instruction
+from sleepcast.simulator.scenario.mission import LEASE_SECONDS, instruction
 
 MAX_MINDS = 1_000_000
 """Robots of one run: with their minds and the desk they take a good gigabyte, and a tick takes some tenths of a
@@ -82,6 +87,12 @@ class Desk(Protocol):
 
     def on_air(self, message: Message) -> None:
         """A message of its own goes out now, in this tick: it may have been posted before the tick began."""
+
+    def lease(self, deed: LeaseAction, group: str, seconds: float, to: str) -> SentCommand:
+        """Do something about the lease of a group. to: who is granted it."""
+
+    def hold(self, lasts: bool) -> None:
+        """Let robots hear all the time that the operator is there, from now on or no more."""
 
     def hear(self, message: Message) -> None:
         """Receive a robot's message."""
@@ -139,18 +150,32 @@ class Swarm:
             pool=simulator.pool,
             bodies=simulator.robots,
             sensed=simulator.sensed,
+            lease=simulator.scenario.minds.lease,
+            tells=Tells(simulator.scenario.minds.tells),
+            on_air=bool(simulator.scenario.operators),
         )
         self.minds: Mapping[str, RobotView] = self.fleet
         scenario = simulator.scenario
         self.radio = Radio(
-            scenario.radio, simulator.x, simulator.y, seed=simulator.seed, clock=self, around=scenario.around
+            scenario.radio,
+            simulator.x,
+            simulator.y,
+            seed=simulator.seed,
+            clock=self,
+            around=scenario.around,
+            desks=max(1, len(scenario.operators)),
         )
-        self.air: Channel = self.radio.endpoint(OPERATOR)
-        """The operator's end of the radio."""
+        self.operators = {operator.name: Role(operator.role) for operator in scenario.operators}
+        """The role of each operator, the first one's first; empty where whoever sends may do anything."""
+        self._numbers = {name: OPERATOR - place for place, name in enumerate(self.operators)}
+        for rule in scenario.minds.locked:
+            self.fleet.install(rule.name, rule.text)
         self.actuators = tuple(actuator.name for actuator in simulator.model.actuators)
         self.sonars = frozenset(self.vocabulary.first_sensor + row for row in simulator.sonar_rows)
         """The slots of variables that are measured only on request."""
         self.desk: Desk | None = None
+        self.others: list[Desk] = []
+        """The desks of further operators, in the scenario's order."""
         self.witnesses: list[Witness] = []
         """They see each tick, in this order."""
         self.senders: list[Callable[[], None]] = []
@@ -192,6 +217,33 @@ class Swarm:
             self.mission.clear()
             self.halted = True
 
+    @property
+    def desks(self) -> list[Desk]:
+        """All desks, the first operator's first."""
+        return [] if self.desk is None else [self.desk, *self.others]
+
+    def desk_for(self, order: Order) -> Desk:
+        """The desk that sends an order. Raises MissionError where nobody of this name sits at one."""
+        by = instruction(order).by or next(iter(self.operators), "")
+        with placed(order):
+            if by not in self._numbers and by:
+                known = ", ".join(self.operators) or "nobody is named"
+                raise MisuseError(f"no operator {by}{did_you_mean(by, self.operators)}: wanted one of {known}")
+            place = OPERATOR - self.number_of(by)
+            if place >= len(self.desks):
+                raise MisuseError(f"nobody sits at the desk of {by or 'the operator'}")
+            return self.desks[place]
+
+    def number_of(self, sender: str) -> int:
+        """The number of an operator on the radio."""
+        return self._numbers.get(sender, OPERATOR)
+
+    def admitted(self, message: Message) -> Message:
+        """A message as robots get it: where operators are named, with the role of its sender."""
+        if not self.operators:
+            return message
+        return structs.replace(message, role=self.operators.get(message.sender, Role.ROBOT), heard=self.now())
+
     def step(self) -> None:
         """One tick."""
         step_swarm(self)
@@ -230,7 +282,7 @@ class Swarm:
         """Sample telemetry now: before the first tick, the desk has heard of nobody. Changes nothing that a run depends
         on."""
         if self.desk is not None:
-            _sample(self, self.desk)
+            _sample(self)
 
     def measures(self) -> dict[str, object]:
         """Counts of the run so far."""
@@ -276,7 +328,7 @@ def _deliver(swarm: Swarm) -> None:
     _give_orders(swarm)
     _send_posted(swarm)
     for message, robots in swarm.radio.receive_all():
-        swarm.fleet.receive(message, robots)
+        swarm.fleet.receive(swarm.admitted(message), robots)
 
 
 def _send_posted(swarm: Swarm) -> None:
@@ -284,10 +336,11 @@ def _send_posted(swarm: Swarm) -> None:
     sent = list[Message]()
     while swarm.posted:
         message = swarm.posted.popleft()
-        swarm.air.send(message)
+        number = swarm.number_of(message.sender)
+        swarm.radio.send(number, message)
         sent.append(message)
-        if swarm.desk is not None:
-            swarm.desk.on_air(message)
+        for desk in swarm.desks[OPERATOR - number :][:1]:
+            desk.on_air(message)
         for witness in swarm.witnesses:
             witness.posted(message)
     swarm.heed_stops(sent)
@@ -299,28 +352,45 @@ def _give_orders(swarm: Swarm) -> None:
     while swarm.mission and swarm.desk is not None and tick_at(swarm.mission[0].time, tick) <= now:
         order = swarm.mission.popleft()
         try:
-            sent = give(swarm.desk, order)
+            sent = give(swarm.desk_for(order), order)
         except MissionError as error:
             if swarm.refused is None:
                 raise
             swarm.refused(order, error)
             return
-        swarm.given.append((order, sent.id))
+        if sent is not None:
+            swarm.given.append((order, sent.id))
+
+
+@contextmanager
+def placed(order: Order) -> Iterator[None]:
+    """Let errors say where the order stands, as MissionError."""
+    try:
+        yield
+    except SleepcastError as error:
+        raise MissionError(in_file(order.place, str(error))) from error
 
 
 def give(
     desk: Desk, order: Order, *, confirmed: bool = False, undecided: bool = True, ahead: float = 0.0
-) -> SentCommand:
-    """Let the desk send an order; gives what it keeps account of it by. confirmed: whatever is doubted. undecided:
-    whether a test that is unknown on all robots is no doubt. ahead: s by which it is given before its tick, for which
-    it is good as well. Raises MissionError."""
+) -> SentCommand | None:
+    """Let the desk send an order; gives what it keeps account of it by, None for one that says nothing. confirmed:
+    whatever is doubted. undecided: whether a test that is unknown on all robots is no doubt. ahead: s by which it is
+    given before its tick, for which it is good as well. Raises MissionError."""
     found = instruction(order)
-    try:
+    with placed(order):
         match found.sort:
             case "STOP":
                 return desk.stop()
             case "RELEASE":
                 return desk.release()
+            case "HOLD" | "AWAY":
+                desk.hold(found.sort == "HOLD")
+                return None
+            case "lease":
+                deed, group = found.text.split()
+                seconds = LEASE_SECONDS if found.within is None else found.within
+                return desk.lease(LeaseAction(deed), group, seconds, found.to)
             case "ask":
                 return desk.ask(found.text, only=found.only, but=found.but)
         return desk.send(
@@ -333,8 +403,6 @@ def give(
             confirmed=confirmed,
             undecided=undecided,
         )
-    except SleepcastError as error:
-        raise MissionError(in_file(order.place, str(error))) from error
 
 
 def _think(swarm: Swarm) -> None:
@@ -368,23 +436,24 @@ def _report(swarm: Swarm) -> None:
             witness.said(batch)
     for robots, castes in swarm.fleet.pings():
         swarm.simulator.pings(robots, castes)
-    desk = swarm.desk
-    if desk is None:
-        return
-    for heard in swarm.radio.hear():
-        if isinstance(heard, Message):
-            desk.hear(heard)
-        else:
-            desk.hear_many(heard)
-    if _is_sampled(swarm):
-        _sample(swarm, desk)
-    desk.attend()
+    for number, desk in zip(swarm.radio.desks.tolist(), swarm.desks, strict=False):
+        for heard in swarm.radio.hear(number):
+            if isinstance(heard, Message):
+                desk.hear(heard)
+            else:
+                desk.hear_many(heard)
+    if swarm.desks and _is_sampled(swarm):
+        _sample(swarm)
+    for desk in swarm.desks:
+        desk.attend()
 
 
-def _sample(swarm: Swarm, desk: Desk) -> None:
+def _sample(swarm: Swarm) -> None:
+    """All operators hear the same telemetry: they sit at one place."""
     sampled = swarm.radio.samples()
     swarm.sense(swarm.fleet.rows(sampled))
-    desk.observe_many(swarm.now(), sampled)
+    for desk in swarm.desks:
+        desk.observe_many(swarm.now(), sampled)
 
 
 class Pace:

@@ -5,6 +5,8 @@ Robots are named by their places on the roster: those of the minds come first, t
 
 from __future__ import annotations
 
+from math import inf
+
 import msgspec
 
 from sleepcast.channel import Message
@@ -78,7 +80,8 @@ class RosterState(msgspec.Struct):
 
 
 class AccountState(msgspec.Struct):
-    """Who sends, what was sent and what was heard. latch: the last STOP or RELEASE."""
+    """Who sends, what was sent and what was heard. latch: the last STOP or RELEASE. holding: see `Station.hold`;
+    beat: when the last heartbeat was sent, s."""
 
     operator: str
     epoch: int
@@ -86,6 +89,8 @@ class AccountState(msgspec.Struct):
     commands: list[CommandState]
     latch: CommandState | None
     reports: list[ReportState]
+    holding: bool = False
+    beat: float = -inf
 
 
 class StationState(msgspec.Struct):

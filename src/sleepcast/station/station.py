@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.message import FOR, RULE, TELEMETRY
+from sleepcast.channel.message import FOR, RULE, TELEMETRY, LeaseAction
 from sleepcast.channel.message_batch import AnswerColumns, MessageBatch
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
@@ -36,6 +36,7 @@ from sleepcast.station.account import Account, account
 from sleepcast.station.failures import RuleFailures
 from sleepcast.station.journal.journal import Journal, JournalEvent, JournalWriter, MemoryJournal, PendingEntry, Report
 from sleepcast.station.journal.snapshot import dump_journal, restore_journal
+from sleepcast.station.leases import lease_body
 from sleepcast.station.prepared import (
     GOOD_FOR,
     ONCE,
@@ -67,6 +68,8 @@ from sleepcast.station.validation import (
     preview,
 )
 
+DESK = "desk"
+"""Who sends where nobody is named."""
 STALE_AFTER = 5.0
 """Seconds after which telemetry decides nothing in a preview."""
 REPEAT_AFTER = 0.5
@@ -87,7 +90,7 @@ class Station:
     vocabulary, minds: the names and the minds of the fleet (see `preview`); `minds` is looked into, never
     changed. Minds that answer for many tell by `observe_many`, others by `observe`. outbox: takes what is sent.
     operator, epoch: who sends, and which life of that sender this is. caution: what it refuses, or asks about, beyond
-    what every desk does.
+    what every desk does. heartbeat: s between two signs that the operator is there, inf for none; see `hold`.
     """
 
     def __init__(
@@ -97,13 +100,16 @@ class Station:
         outbox: Callable[[Message], None],
         clock: Clock,
         *,
-        operator: str = "desk",
+        operator: str = DESK,
         epoch: int = 1,
         journal: Journal | None = None,
         stale_after: float = STALE_AFTER,
         caution: SendPolicy | None = None,
+        heartbeat: float = inf,
     ) -> None:
         self.operator = operator
+        self.holding, self._heartbeat, self._beat = False, heartbeat, -inf
+        """Whether robots that are driven are to go on; s between two heartbeats; when the last one was sent."""
         self.notes = JournalWriter(MemoryJournal() if journal is None else journal)
         self.failures = RuleFailures()
         """What robots reported of rules that they have deactivated."""
@@ -164,7 +170,9 @@ class Station:
         with self._lock:
             commands, latch = self._sent.state()
             reports = [ReportState(report.robot, report.heard, report.body) for report in self.reports]
-            account = AccountState(self.operator, self.epoch, self._sequence, commands, latch, reports)
+            account = AccountState(
+                self.operator, self.epoch, self._sequence, commands, latch, reports, self.holding, self._beat
+            )
             roster = self._roster.state(len(self._minds))
             parcel = StationState(account, roster, dump_journal(self.journal))
         return pack(parcel, room_for(len(self._minds)))
@@ -178,6 +186,7 @@ class Station:
             raise SerialError(f"{len(parcel.reports)} reports of a desk")
         with self._lock:
             self.operator, self.epoch, self._sequence = parcel.operator, parcel.epoch, parcel.sequence
+            self.holding, self._beat = parcel.holding, parcel.beat
             self._roster.restore(desk.roster)
             self._sent.restore(parcel.commands, parcel.latch, self._roster.names)
             self.reports.extend(Report(report.robot, report.heard, report.body) for report in parcel.reports)
@@ -412,6 +421,14 @@ class Station:
         """End STOP on every robot; nothing old resumes by itself."""
         return self._broadcast(Kind.RELEASE)
 
+    def lease(self, deed: LeaseAction, group: str, seconds: float, to: str = "") -> Command:
+        """Do something about the lease of a group, for so many seconds. to: who is granted it. Raises LeaseError."""
+        return self._broadcast(Kind.COMMAND, seconds=DEADLINE, body=lease_body(deed, group, seconds, to))
+
+    def hold(self, lasts: bool) -> None:
+        """Send heartbeats from now on, so that robots that are driven go on; or no more."""
+        self.holding = lasts
+
     @contextmanager
     def _refusing(self, text: str) -> Iterator[None]:
         """Write down why a text is refused."""
@@ -425,6 +442,9 @@ class Station:
         """Send the last STOP or RELEASE again if robots are not accounted for; call this at every tick or so."""
         with self._lock:
             now, latest = self._clock.now(), self._sent.latch
+            if self.holding and self._heartbeat < now - self._beat:
+                self._beat = now
+                self._outbox(self._compose(Kind.HEARTBEAT, now, now + self._heartbeat, "", False, {}))
             if latest is None or now - latest.last_sent < REPEAT_AFTER:
                 return
             silent = latest.n_silent

@@ -161,9 +161,11 @@ class SwarmMission:
 
     def _send(self, order: Order, number: int, *, confirmed: bool = False) -> None:
         """number: its place, -1 for one of which the scenario knows nothing."""
-        ahead = self._swarm.simulator.scenario.tick
-        sent = cast(Command, give(self._station, order, confirmed=confirmed, undecided=False, ahead=ahead))
-        if number >= 0:
+        ahead, desk = self._swarm.simulator.scenario.tick, self._swarm.desk_for(order)
+        sent = cast("Command | None", give(desk, order, confirmed=confirmed, undecided=False, ahead=ahead))
+        if sent is None:
+            self.left_out |= {number}  # it has an effect, but nobody is told of it
+        elif number >= 0:
             self._log.note(number, sent.message)
         else:
             self._swarm.given.append((order, sent.id))

@@ -28,9 +28,9 @@ from sleepcast.fleet.native import libm
 from sleepcast.fleet.native.assembly import Assembly
 from sleepcast.fleet.native.lowering import Addresses, Lowering, enters
 from sleepcast.fleet.native.symbols import Meaning, Size
-from sleepcast.language.acts import FLAGS
 from sleepcast.fleet.rows import Column, Rows
 from sleepcast.fleet.state import FleetState
+from sleepcast.language.acts import FLAGS
 from sleepcast.language.parts import walk
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import TICK, TIME_SLOT

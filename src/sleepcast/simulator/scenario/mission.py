@@ -7,6 +7,9 @@
     @2min  standing (RULE shy (...))          ; or: ask fuel, only scout1,scout2 (ST), within 60s (ST)
     = matched 98, unknown at most 3           ; what shall have become of it when the run ends
     @3min  STOP                               ; or RELEASE
+    @4min  as bert (ST)                       ; sent by this one of the scenario's [operators]; else by the first
+    @4min  as anna lease take bravo for 60s   ; or: give, request, force; grant bravo to bert
+    @4min  as anna HOLD                       ; robots hear all the time that she is there, until AWAY
 
 Times are simulated time since the start of the run, in ascending order. An order may have several of them, `@0s,2s,4s`:
 it is sent again at each, since the radio of a swarm loses messages. Expressions are stored as text; the program that
@@ -23,6 +26,7 @@ from pathlib import Path
 from textwrap import dedent, indent
 from typing import Literal, NamedTuple, TypeAlias
 
+from sleepcast.channel.message import LeaseAction
 from sleepcast.core.errors import MisuseError, decimal_comma
 from sleepcast.core.settings import SettingsError, read_text
 from sleepcast.core.ticks import tick_at
@@ -42,7 +46,8 @@ COUNTS = ("matched", "held", "not matched", "unknown", "fault", "silent")
 """What is counted of an order: robots that obeyed, those among them that STOP held, and so on."""
 BOUNDS = ("exactly", "at least", "at most")
 
-Sort: TypeAlias = Literal["once", "standing", "ask", "STOP", "RELEASE"]
+Sort: TypeAlias = Literal["once", "standing", "ask", "lease", "STOP", "RELEASE", "HOLD", "AWAY"]
+_WORDLESS: dict[str, Sort] = {"STOP": "STOP", "RELEASE": "RELEASE", "HOLD": "HOLD", "AWAY": "AWAY"}
 _SORTS: dict[str, Sort] = {"once": "once", "standing": "standing", "ask": "ask"}
 _ONE = r"(\d++(?:\.\d*+)?+|\.\d++)\s*([A-Za-z%/0-9]*)"
 _TIME = re.compile(_ONE)
@@ -56,6 +61,12 @@ class MissionError(MisuseError):
 _SORT = re.compile(r"(once|standing|ask)(?=\s)")
 _WITHIN = re.compile(rf"within\s+{_ONE}(?=\s)")
 _NAMED = re.compile(r"(only|but)\s+([^\s,();]+(?:,[^\s,();]+)*)(?=\s)")
+_BY = re.compile(r"as\s+([^\s,();]+)(?=\s)")
+_LEASE = re.compile(
+    rf"lease\s+({'|'.join(LeaseAction)})\s+([^\s,();]+)(?:\s+to\s+([^\s,();]+))?(?:\s+for\s+{_ONE})?\s*(?:;.*)?"
+)
+LEASE_SECONDS = 60.0
+"""For which a lease is had unless another time is said."""
 _WANTED = re.compile(rf"({'|'.join(COUNTS)})\s+(?:({'|'.join(BOUNDS)})\s+)?([0-9]{{1,9}})")
 
 
@@ -98,19 +109,33 @@ class Order:
 
 
 class Instruction(NamedTuple):
-    """What an order comes to. text: "" for STOP and RELEASE. within: s for which it is good, None for the usual. only,
-    but: for these robots, or for all except these."""
+    """What an order comes to. text: "" where there are no words; of a lease what is done about it. within: s for which
+    it is good, or for which the lease is had, None for the usual. only, but: for these robots, or for all except these.
+    to: who is granted a lease. by: the operator who sends it, "" for the first."""
 
     sort: Sort
     text: str = ""
     within: float | None = None
     only: tuple[str, ...] | None = None
     but: tuple[str, ...] | None = None
+    by: str = ""
+    to: str = ""
+
+    @property
+    def is_expression(self) -> bool:
+        """Whether robots evaluate its text."""
+        return self.sort in _SORTS
 
     def written(self) -> str:
         """The text of the order that comes to this."""
-        if self.sort in ("STOP", "RELEASE"):
+        return f"as {self.by} {self._said()}" if self.by else self._said()
+
+    def _said(self) -> str:
+        if self.sort in _WORDLESS:
             return self.sort
+        if self.sort == "lease":
+            to, seconds = f" to {self.to}" if self.to else "", f" for {self.within!r}s" if self.within else ""
+            return f"lease {self.text}{to}{seconds}"
         words: list[str] = [self.sort] if self.sort != "once" or not self.text.startswith("(") else []
         words += [f"within {self.within!r}s"] if self.within is not None else []
         words += [f"only {','.join(self.only)}"] if self.only is not None else []
@@ -121,10 +146,14 @@ class Instruction(NamedTuple):
 
 def instruction(order: Order) -> Instruction:
     """What an order comes to. Raises MissionError for words without an expression."""
-    whole = _bare(order.text)
-    if whole in ("STOP", "RELEASE"):
-        return Instruction("STOP" if whole == "STOP" else "RELEASE")
     found, rest = Instruction("once"), order.text
+    if match := _BY.match(rest):
+        found, rest = found._replace(by=match[1]), rest[match.end() :].lstrip()
+    if (whole := _bare(rest)) in _WORDLESS:
+        return found._replace(sort=_WORDLESS[whole])
+    if match := _LEASE.fullmatch(rest.strip()):
+        seconds = _seconds(match[4], match[5], order.place) if match[4] else None
+        return found._replace(sort="lease", text=f"{match[1]} {match[2]}", to=match[3] or "", within=seconds)
     while True:
         if match := _SORT.match(rest):
             found = found._replace(sort=_SORTS[match[1]])

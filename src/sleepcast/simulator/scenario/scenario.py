@@ -24,6 +24,14 @@ from sleepcast.simulator.scenario.fields import Field, field_sensors, read_field
 from sleepcast.simulator.scenario.groups import filled, read_constants, read_groups, refuse_clashes
 from sleepcast.simulator.scenario.measures import MeasureSpec, read_measures
 from sleepcast.simulator.scenario.mission import Order, read_mission
+from sleepcast.simulator.scenario.operators import (
+    NO_AUTHORITY,
+    MindSettings,
+    ScenarioOperator,
+    read_minds,
+    read_operators,
+    refuse_robots,
+)
 from sleepcast.simulator.scenario.origin import written_origin
 from sleepcast.simulator.scenario.robot_settings import (
     BODY_NAMES,
@@ -35,7 +43,7 @@ from sleepcast.simulator.scenario.robot_settings import (
     read_count,
     read_robots,
 )
-from sleepcast.simulator.scenario.robot_types import combined, given_names, robot_tables, slices
+from sleepcast.simulator.scenario.robot_types import combined, given_names, names_of, robot_tables, slices
 from sleepcast.simulator.scenario.signals import (
     Light,
     NeighbourModel,
@@ -93,7 +101,8 @@ class Scenario:
     robots: all robots together; sorts: each type of them with its count or proportion, empty if there is only one
     type. nomad: whether VM takes tenths of inches, as a Nomad's programs do. sliders: numbers that people are invited
     to change. picture: of the map that the world was made of; in a recording or snapshot only the name of its file is
-    left. origin: where it was found and what was changed in it, see `origin`; "" for one that was not found.
+    left. operators: who may command, none where whoever sends may do anything; minds: what robots go by then.
+    origin: where it was found and what was changed in it, see `origin`; "" for one that was not found.
     """
 
     name: str
@@ -132,6 +141,8 @@ class Scenario:
     sliders: tuple[Slider, ...] = ()
     picture: MapPicture | None = None
     origin: str = ""
+    operators: tuple[ScenarioOperator, ...] = ()
+    minds: MindSettings = NO_AUTHORITY
 
     @property
     def each_sort(self) -> tuple[RobotSpec, ...]:
@@ -206,6 +217,8 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
             raise root.error("robots", f"{robots.count} robots in all; at most {MAX_ROBOTS} fit")
         for table, sort, part in zip(tables, sorts, slices(sorts, robots.count), strict=True):
             refuse_misfits(table, sort.starts, part.stop - part.start, size)
+        operators = read_operators(root)
+        refuse_robots(root, operators, names_of(sorts, robots.count))
         refuse_equal_names(given_names(sorts, robots.count), (row for some in rows for row in some or ()))
         areas = read_areas(root, size)
         taken += [store.name for store in robots.stores]
@@ -249,6 +262,8 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
             nomad=root.text("vocabulary", "standard", choices=("standard", "nomad")) == "nomad",
             stocks=stocks,
             sliders=sliders,
+            operators=operators,
+            minds=read_minds(root, operators),
         )
         if found.torus:
             _check_torus(root, found)

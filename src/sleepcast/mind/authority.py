@@ -33,6 +33,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from math import inf
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 from sleepcast.channel.clock_sync import differs
 from sleepcast.channel.message import (
@@ -371,11 +372,22 @@ def objection(message: Message, program: Program, tells: Tells) -> str:
     """Why a command is not to be evaluated on any robot of such a host, "" if it may be where no lease forbids it."""
     if tells is Tells.NONE and _is_told(message):
         return NO_TELLS
-    if _is_told(message) and ranked(program.form) is not None:
+    if _is_told(message) and _ranks(program):
         return NO_TOLD_PRIORITY
     if message.kind is not Kind.COMMAND or message.role in ("", Role.COMMANDER) or not rules(program.root):
         return ""
     return f"only a commander's key may change rules, and that of {message.sender} is of role {message.role}"
+
+
+_RANKS: WeakKeyDictionary[Program, bool] = WeakKeyDictionary()
+
+
+def _ranks(program: Program) -> bool:
+    """Whether a program gives a rule a priority; looked up once, for robots tell the same again and again."""
+    found = _RANKS.get(program)
+    if found is None:
+        found = _RANKS[program] = ranked(program.form) is not None
+    return found
 
 
 def minds_leases(message: Message) -> bool:

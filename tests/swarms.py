@@ -29,7 +29,13 @@ STOP, RELEASE = 28, 34
 
 def station_of(swarm: Swarm) -> Station:
     """A desk for a swarm."""
-    return Station(swarm.vocabulary, swarm.minds, swarm.post, swarm)
+    first, *others = swarm.operators or ["desk"]
+    swarm.others = [_station(swarm, name) for name in others]
+    return _station(swarm, first)
+
+
+def _station(swarm: Swarm, operator: str) -> Station:
+    return Station(swarm.vocabulary, swarm.minds, swarm.post, swarm, operator=operator)
 
 
 def swarm_of(scenario: Scenario, seed: int | None = None, threads: int | None = None) -> Swarm:

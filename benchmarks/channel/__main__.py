@@ -3,8 +3,8 @@
     python -m benchmarks.channel [PROOF ...] [--quick] [--json]
 
 Proofs: rewrite, catch_up, once, census, stop, forgery, drops, amplification, repairs, crowds, baseline, flood,
-questions, latency, durable; without any, all of them. Hosts are network namespaces joined by a bridge, each with losses
-of its own (`lab`); everything is measured in this one run. Nobody need be root.
+questions, latency, durable, sending; without any, all of them. Hosts are network namespaces joined by a bridge, each
+with losses of its own (`lab`); everything is measured in this one run. Nobody need be root.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from benchmarks.channel.latency import latency
 from benchmarks.channel.proofs import Proof, Size
 from benchmarks.channel.questions import questions
 from benchmarks.channel.repairs import NETWORKS, Network, repairs
+from benchmarks.channel.sending import sending
 from benchmarks.report import Json, described, machine, table
 
 LOSSES = (0.0, 0.1, 0.3, 0.5)
@@ -67,6 +68,7 @@ FULL: dict[str, Callable[[], Proof]] = {
     "questions": lambda: questions([["swarm", "10"], ["swarm", "60"], ["node"]], 5),
     "latency": lambda: latency(100, 2, 150),
     "durable": lambda: durable(200, 40, 40),
+    "sending": lambda: sending(1_000, 5),
 }
 QUICK: dict[str, Callable[[], Proof]] = {
     "rewrite": lambda: proofs.rewrite(Size(4, 5, 1), (0.0, 0.3)),
@@ -84,6 +86,7 @@ QUICK: dict[str, Callable[[], Proof]] = {
     "questions": lambda: questions([["swarm", "60"]], 1, ["burst", "steady"]),
     "latency": lambda: latency(20, 2, 30),
     "durable": lambda: durable(8, 4, 4),
+    "sending": lambda: sending(50, 1),
 }
 IN_NETWORKS = frozenset({"rewrite", "catch_up", "once", "census", "stop"})
 

@@ -17,8 +17,8 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from itertools import islice
+from functools import lru_cache, partial
+from itertools import groupby, islice
 from math import inf, nan
 from typing import NamedTuple, Protocol
 
@@ -146,12 +146,13 @@ class RemoteMind:
         if len(numbers) != len(fitted.slots):
             raise TelemetryError(f"{len(numbers)} numbers of a type that has {len(fitted.slots)}")
         own = [(_user_slot(name, vocabulary), value) for name, value in self.telemetry.user.items()]
-        self.values = [nan] * (vocabulary.size + len(vocabulary.user_slots))
-        for slot, value in (*zip(fitted.slots, numbers, strict=True), *fitted.fixed, *own):
+        values = self.values = [nan] * (vocabulary.size + len(vocabulary.user_slots))
+        for at, number in zip(fitted.slots, numbers, strict=True):
+            values[at] = number
+        for slot, value in (*fitted.fixed, *own):
             if slot is not None:
-                self.values[slot] = value if -inf < value < inf else nan
-        for number in range(1, BUFFERS):
-            self.values[ACTIVE0 + number] = float(self.telemetry.active >> number - 1 & 1)
+                values[slot] = value if -inf < value < inf else nan
+        values[ACTIVE0 + 1 : ACTIVE0 + BUFFERS] = _flags(self.telemetry.active)
 
     def declared(self, key: str) -> Declared | None:
         """What it has learned under this key. Raises Undecided where that is not known."""
@@ -224,6 +225,12 @@ class RemoteMind:
             RemoteRule(name, text, self.telemetry.runs(at), own, record.priorities.get(name, 0))
             for at, (name, text, own) in enumerate(record.rules)
         ]
+
+
+@lru_cache(maxsize=64)  # most robots of a fleet have the same rules
+def _flags(active: int) -> list[float]:
+    """Which buffers are active, the first in the lowest bit."""
+    return [float(active >> number & 1) for number in range(BUFFERS - 1)]
 
 
 class RemoteMinds(Mapping[str, RemoteMind]):
@@ -621,6 +628,7 @@ class TelemetryClient:
 
     def hear(self, heard: Iterable[Message]) -> None:
         """Take in answers, and request what is missing then."""
+        told: list[RemoteMind] = []
         for message in heard:
             command = str(message.body.get("command"))
             if message.kind is not Kind.ANSWER:
@@ -628,19 +636,17 @@ class TelemetryClient:
             if (command, message.sender) in self._whys:
                 self._whys[command, message.sender] = _why(message)
             elif TELEMETRY in message.body and command in self._looks:
-                self._take(message, self._looks[command].message.issued)
+                # Answers are spread over time: the telemetry is of when it was asked for, or later.
+                told += self.minds.take(message, self._looks[command].message.issued)
+        self._tell(told)
         for look, robots in self.minds.wanted(self._station.now):
             self._ask({LOOK: look}, robots)
 
-    def _take(self, message: Message, asked: float) -> None:
-        """asked: s; the telemetry is of that time or later, since answers are spread over time."""
-        self._tell(self.minds.take(message, asked))
-
     def _tell(self, minds: Iterable[RemoteMind]) -> None:
-        """Give the desk what is known of these."""
+        """Give the desk what is known of these, all of one time at once."""
         self._station.vocabulary = self.minds.vocabulary
-        for mind in minds:
-            self._station.observe(mind.reported_at, [mind])
+        for time, some in groupby(minds, lambda mind: mind.reported_at):
+            self._station.observe(time, some)
 
     def _ask(self, body: Mapping[str, object], robots: Sequence[str] | None) -> Command:
         command = self._station.post(Kind.ASK, body=body, only=robots)

@@ -27,6 +27,7 @@ GOOD = {
     "lease": {"serial": 1, "deed": "take", "group": "bravo", "seconds": 30.0},
     "names": {"serial": 1},
     "glance": {"serial": 1},
+    "radio": {"serial": 1, "after": 12.5, "thinned": 1},
     "phrase": {"serial": 3, "text": "(MARK)"},
     "understand": {"serial": 4, "text": "all robots stop"},
     "why": {"serial": 1, "robot": 0, "command": "desk-1.1"},

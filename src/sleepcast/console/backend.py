@@ -6,14 +6,15 @@ the same, and each may command.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from itertools import islice
 from math import inf, isnan
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import msgspec
 
-from sleepcast.console import outgoing
+from sleepcast.channel.simulated_radio import RadioCounts
+from sleepcast.console import outgoing, registry
 from sleepcast.console.account_table import AccountTable, CommandRow
 from sleepcast.console.completion import ShownName, names_of
 from sleepcast.console.driver import Driver
@@ -37,6 +38,7 @@ from sleepcast.core.units import value_in_words
 from sleepcast.language import Variable
 from sleepcast.language.reading_units import report_in_words
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, SUPPORT, TIME_SLOT, unit_of
+from sleepcast.loop.swarm import Witness
 from sleepcast.simulator import KERNELS, kernel_count
 from sleepcast.station import Command, NoExplanationError, Report, Station
 from sleepcast.station.account import answer_in_words
@@ -80,6 +82,8 @@ class Backend:
         self.began = began
         self.accounts = AccountTable(station, swarm, began)
         self._stopped_at = -STOP_AGAIN
+        self.kept: dict[type[Any], Any] = {}
+        """What features keep for all pages, by its class."""
         self.at_once = False
         """Whether answers come at once whatever they take, where nothing can be done beside."""
         self.values: Values = TelemetryValues(swarm, station)
@@ -96,6 +100,7 @@ class Backend:
             self.alerts.marked = lambda firing: past.marks.add(
                 firing.at, "alert", f"{firing.text}: {firing.count:,} robots"
             )
+        registry.begin(self)
 
     def hello(self) -> outgoing.Hello:
         """What a page needs first."""
@@ -130,6 +135,11 @@ class Backend:
     def picture(self) -> Picture | None:
         """The picture of the map, None if there is none."""
         return self.swarm.picture
+
+    @property
+    def overhear(self) -> Callable[[Witness], RadioCounts] | None:
+        """Lets a witness hear every message of the swarm, and gives the counts of copies; None where nobody can."""
+        return getattr(self.swarm, "overhear", None)
 
     def known_names(self) -> list[ShownName]:
         """The names that a text may use, with the ranges of their values."""

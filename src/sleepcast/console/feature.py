@@ -58,7 +58,7 @@ class Handler:
 
     def supported_by(self, source: object) -> bool:
         """Whether a source has what it takes."""
-        return all(getattr(source, name, None) is not None for name in self.needs)
+        return has(source, self.needs)
 
 
 HANDLERS: dict[type[PageMessage], Handler] = {}
@@ -78,6 +78,21 @@ def answers(
         return function
 
     return register
+
+
+BEGINNINGS: list[tuple[frozenset[str], Callable[[Any], None]]] = []
+"""What begins with a desk, each with what the desk must have for it."""
+
+
+def begins(function: Callable[[Any], None]) -> Callable[[Any], None]:
+    """Let the function below begin something with every desk that has what its parameter's protocol wants."""
+    BEGINNINGS.append((members_of(next(iter(get_type_hints(function).values()))), function))
+    return function
+
+
+def has(source: object, needs: frozenset[str]) -> bool:
+    """Whether a source has all of this."""
+    return all(getattr(source, name, None) is not None for name in needs)
 
 
 def members_of(protocol: type) -> frozenset[str]:

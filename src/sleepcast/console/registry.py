@@ -13,7 +13,7 @@ from typing import ClassVar, Protocol, Union
 import msgspec
 
 from sleepcast.console import features
-from sleepcast.console.feature import HANDLERS, NOT_HERE_AT_ALL, Handler, Reply, Then
+from sleepcast.console.feature import BEGINNINGS, HANDLERS, NOT_HERE_AT_ALL, Handler, Reply, Then, has
 from sleepcast.console.incoming import Drawn, PageMessage, Release, Stop, read
 from sleepcast.core.errors import MisuseError
 
@@ -57,6 +57,13 @@ def answer(asked: PageMessage, desk: Source, page: object = None, then: Then | N
     if source is None:
         raise MisuseError(_why_not(handler, desk))
     return handler.answer(source, asked)
+
+
+def begin(desk: Source) -> None:
+    """Begin what features do from the start, whether anybody asks or not."""
+    for needs, function in BEGINNINGS:
+        if has(desk, needs):
+            function(desk)
 
 
 def _why_not(handler: Handler, desk: Source) -> str:

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.channel.simulated_radio import RadioCounts
 from sleepcast.console import MapLabel, NamedOutline, Outline, Scene
 from sleepcast.console.adapters.bodies import sensing_of
 from sleepcast.console.adapters.fields import FieldPictures, shown_fields
@@ -20,6 +21,7 @@ from sleepcast.core.model import NamedArea
 from sleepcast.fleet.failing import RECENT, FailingRule, failing_rules
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Swarm
+from sleepcast.loop.swarm import Witness
 from sleepcast.simulator import Area, Circle, MapPicture, Scenario, Shape, Wall
 from sleepcast.simulator.scenario.robot_types import slices
 from sleepcast.simulator.scenario.sliders import Slider
@@ -62,6 +64,11 @@ class SwarmAdapter:
         """Let the station know how robots are at the start."""
         if self.tick == 0:
             self._swarm.send_initial_telemetry()
+
+    def overhear(self, witness: Witness) -> RadioCounts:
+        """Let it hear every message from now on; gives the counts of all copies, which grow."""
+        self._swarm.witnesses.append(witness)
+        return self._swarm.radio.counts
 
     def step(self) -> None:
         """One tick of everything."""

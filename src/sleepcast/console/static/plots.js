@@ -25,7 +25,7 @@ function inks() {
 }
 
 // One plot: its card, its numbers, and its chart.
-class Card {
+export class Card {
   constructor(plot, close) {
     this.plot = plot;
     this.data = [[], ...plot.lines.map(() => [])];

@@ -19,6 +19,7 @@ import { NewRun } from "./newrun.js";
 import { Operators } from "./operators.js";
 import { Plots } from "./plots.js";
 import { Prompt } from "./prompt.js";
+import { RadioPane } from "./radio.js";
 import { Replies } from "./replies.js";
 import { RobotPane } from "./robot.js";
 import { SaveTest } from "./savetest.js";
@@ -51,6 +52,8 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
   const plots = new Plots(document.querySelector(".plots-pane"), wire, names);
   drawer.add({ name: "table", title: "Table", element: table.root, shown: (open) => table.shown(open) });
   drawer.add({ name: "plots", title: "Plots", element: plots.root, shown: (open) => plots.shown(open) });
+  const radio = new RadioPane(wire);
+  drawer.add({ name: "radio", title: "Radio", element: radio.root, shown: (open) => radio.shown(open) });
   const replies = new Replies(world, wire);
   const elsewhere = () => ["past", "replay"].some((name) => document.body.classList.contains(name));
   const field = new FieldLayer(world, wire, find("field-scale"), find("layer-menu"), elsewhere);
@@ -399,6 +402,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
       field.recolour();
       sensors.draw();
       plots.recolour();
+      radio.recolour();
       drawLegend();
     },
     focus: () => prompt.focus(),

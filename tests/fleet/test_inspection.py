@@ -15,7 +15,6 @@ from fleet.twins import Twins, vocabulary
 from language.authors import Author
 from language.cases import SENSORS
 from sleepcast.core.serial import pack, unpack
-from sleepcast.core.truth import is_true
 from sleepcast.fleet import Fleet, inspection
 from sleepcast.fleet.inspection import NOT_YET
 from sleepcast.fleet.rows import Column, Rows
@@ -23,6 +22,7 @@ from sleepcast.fleet.schema import FleetSnapshot
 from sleepcast.fleet.snapshot import restore, state_of
 from sleepcast.fleet.state import FleetState
 from sleepcast.language import read
+from sleepcast.language.evaluate import is_true
 from sleepcast.station.validation import FleetNames
 
 ROBOTS = 6

@@ -23,9 +23,9 @@ from sleepcast.api.results import CommandResult
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.given_numbers import in_seconds, read_seconds
 from sleepcast.core.ticks import Every, tick_at
-from sleepcast.core.truth import is_true
 from sleepcast.fleet.asked import MAX_ASKED
 from sleepcast.language import Checked, CheckError, Explanation
+from sleepcast.language.evaluate import is_true
 from sleepcast.loop import Swarm, load, save, snapshot
 from sleepcast.loop.mission import MissionLog
 from sleepcast.loop.rerun import InputLog

@@ -13,7 +13,7 @@ from sleepcast.api.session_test import counts_of, orders_of, session_files
 from sleepcast.console.features.session_test import DraftCommand, HeldCount, HeldGoal
 from sleepcast.console.past import Past
 from sleepcast.core.errors import MisuseError
-from sleepcast.core.truth import is_true
+from sleepcast.language.evaluate import is_true
 from sleepcast.loop.rerun import Inputs
 from sleepcast.simulator.scenario.mission import Wanted
 from sleepcast.station import Account

@@ -12,7 +12,7 @@ import numpy as np
 
 from sleepcast.console.values import Column, Values, in_unit
 from sleepcast.core.angles import around_mean, deviation, mean_direction, quantile
-from sleepcast.core.truth import is_true
+from sleepcast.language.evaluate import is_true
 
 MOST_SAMPLES = 1_000
 """Of one series: as many as a plot has pixels."""

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.errors import MisuseError, decimal_comma
 from sleepcast.core.extras import installing
-from sleepcast.core.truth import is_true
 from sleepcast.core.units import LENGTH, UNITS, to_si
+from sleepcast.language.evaluate import is_true
 
 Floats = NDArray[np.float64]
 

@@ -30,9 +30,9 @@ from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.core.angles import deviation, mean_direction, quantile, widest_gap
 from sleepcast.core.errors import MisuseError, decimal_comma, did_you_mean
 from sleepcast.core.extensions import extensions, load_extension
-from sleepcast.core.truth import is_true
 from sleepcast.experiments.group_measures import NAMES, read_group_measure
 from sleepcast.language import CheckError
+from sleepcast.language.evaluate import is_true
 from sleepcast.language.functions import BUILT_IN
 
 Values: TypeAlias = NDArray[np.float64]

@@ -15,11 +15,10 @@ from math import nan
 
 import numpy as np
 
-from sleepcast.core.truth import is_true
 from sleepcast.fleet import pure
 from sleepcast.fleet.memory import FleetMemory, Found
 from sleepcast.fleet.rows import Column, Index, Mask, Rows
-from sleepcast.language.evaluate import too_deep
+from sleepcast.language.evaluate import is_true, too_deep
 from sleepcast.language.numerics import normal
 from sleepcast.language.parts import Part, walk
 from sleepcast.language.program import Program
@@ -496,7 +495,7 @@ class Plain:
             if place == 0:
                 found = self.value(inside, mask)
                 continue
-            true = is_true(found)
+            true: Mask = np.asarray(is_true(found))
             found = np.where(true, self.value(inside, true if mask is None else true & mask), found)
         return found
 
@@ -521,11 +520,11 @@ class Plain:
         found: pure.Argument = 0.0
         unknown: Mask | bool = False
         for place, inside in enumerate(part.parts):
-            false = ~is_true(found)
+            false: Mask = ~np.asarray(is_true(found))
             come = mask if place == 0 else false if mask is None else false & mask
             found = np.where(false, self.value(inside, come), found)
             unknown = unknown | np.isnan(found)
-        return np.where(is_true(found), found, np.where(unknown, np.nan, 0.0))
+        return np.where(np.asarray(is_true(found)), found, np.where(unknown, np.nan, 0.0))
 
     def _pure(self, part: Part, mask: Mask | None) -> Column:
         def report(places: Index, reasons: Sequence[str]) -> None:

@@ -9,9 +9,9 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from sleepcast.core.counter_rng import key
-from sleepcast.core.truth import is_true
 from sleepcast.gym.task import CheckedTask
 from sleepcast.language import check
+from sleepcast.language.evaluate import is_true
 from sleepcast.language.learned_names import LearnedNames
 
 Flags = NDArray[np.bool_]

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import inf, nan
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
 from sleepcast.language.numerics import normal
 from sleepcast.language.parts import Part
 from sleepcast.language.vocabulary import Vocabulary
+
+Truth = TypeVar("Truth", covariant=True)
 
 MAX_DEPTH = 32
 """Buffers and operators entered inside one another."""
@@ -161,9 +163,19 @@ def gauss(memory: Memory, part: Part, mean: float, deviation: float) -> float:
     return value if -inf < value < inf else memory.fault(part, "overflow")
 
 
-def is_true(value: float) -> bool:
-    """Whether a value counts as true: neither 0 nor unknown."""
-    return value < 0.0 or value > 0.0
+class Comparable(Protocol[Truth]):
+    """A number, or an array of them, which compare to truths."""
+
+    def __lt__(self, other: float, /) -> Truth: ...
+
+    def __gt__(self, other: float, /) -> Truth: ...
+
+
+def is_true(value: Comparable[Truth]) -> Truth:
+    """Whether a value counts as true: neither 0 nor unknown (NaN). Of an array, which of its values do."""
+    below: Any = value < 0.0
+    truth: Truth = below | (value > 0.0)
+    return truth
 
 
 class Walker:

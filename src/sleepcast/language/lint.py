@@ -27,15 +27,19 @@ from sleepcast.language.vocabulary import Variable, VariableKind, Vocabulary
 @dataclass(frozen=True, slots=True)
 class Checked:
     """A text that was checked. found: what is wrong or doubtful in it. program: None if there is any error. cost: its
-    static bound in steps. unit: in which people read its value, "" for a plain number. by: whose names make it wrong,
-    in a sentence; or, where they do not count, who they are; "" where it is the same for all."""
+    static bound in steps. by: whose names make it wrong, in a sentence; or, where they do not count, who they are; ""
+    where it is the same for all."""
 
     text: str
     found: Findings
     program: Program | None
     cost: int
-    unit: str = ""
     by: str = ""
+
+    @property
+    def unit(self) -> str:
+        """In which people read its value, "" for a plain number or where there is an error."""
+        return "" if self.program is None else unit_of_program(self.program)
 
     @property
     def is_angle(self) -> bool:
@@ -89,7 +93,7 @@ def check(text: str, names: Names) -> Checked:
     advice = _Advice(text, names.vocabulary, checker.findings)
     advice.on(program, checker)
     sound = None if checker.findings.counts["error"] else program
-    return Checked(text, checker.findings, sound, program.cost, advice.unit(program.root))
+    return Checked(text, checker.findings, sound, program.cost)
 
 
 def units_in(program: Entered) -> Callable[[Part], str]:

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.errors import SleepcastError
-from sleepcast.core.truth import is_true
 from sleepcast.core.units import LENGTH, UNITS, to_si
 from sleepcast.language import Constant, Variable
+from sleepcast.language.evaluate import is_true
 from sleepcast.language.reader import format_literal
 from sleepcast.language.symbols import Group, Names, Operator, UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, MARKING, TICK, TIME_SLOT, Vocabulary

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.errors import MisuseError
-from sleepcast.core.truth import is_true
 from sleepcast.core.units import UNITS
+from sleepcast.language.evaluate import is_true
 from sleepcast.language.functions import MANY
 from sleepcast.language.reader import MAX_TEXT
 from sleepcast.station.facts import Facts, Mask, Measured, Values, joined, listed, literal, rounded, shortest

@@ -26,9 +26,8 @@ from numpy.typing import NDArray
 from sleepcast.channel.message import FOR, NOT
 from sleepcast.channel.message_batch import NameIndex
 from sleepcast.core.errors import MisuseError
-from sleepcast.core.truth import is_true
 from sleepcast.language import Checked
-from sleepcast.language.evaluate import Entered
+from sleepcast.language.evaluate import Entered, is_true
 from sleepcast.language.explain import Explanation
 from sleepcast.language.parts import Part, acts, walk
 from sleepcast.language.program import Program, evaluate

@@ -29,7 +29,7 @@ from sleepcast.console.outgoing import Said
 from sleepcast.console.values import Values
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.core.truth import is_true
+from sleepcast.language.evaluate import is_true
 
 MOST_ALERTS = 32
 """Alerts at one desk: more than anybody watches."""

@@ -24,7 +24,7 @@ from sleepcast.console.series import OF_TRUE, STATISTICS, Series, lines_of, samp
 from sleepcast.console.values import Column, Values, in_unit
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.core.truth import is_true
+from sleepcast.language.evaluate import is_true
 
 MOST_PLOTS = 16
 """Plots of one desk: they are sampled for as long as it runs."""

@@ -23,8 +23,8 @@ from sleepcast.console.values import Column, Values, in_unit
 from sleepcast.console.values import Index as Robots
 from sleepcast.core.columns import column_name
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.core.truth import is_true
 from sleepcast.core.units import value_in_words
+from sleepcast.language.evaluate import is_true
 
 BY_NUMBER, BY_GROUP = -1, -2
 """What a table is sorted by, if by none of its columns."""

@@ -36,7 +36,7 @@ class InspectionError(SleepcastError):
     """The robot cannot answer an inspection request."""
 
 
-class Learned(Protocol):
+class Knowledge(Protocol):
     """What a robot has learned, by key in order of arrival."""
 
     @property
@@ -54,7 +54,7 @@ class Self:
     """What a robot knows of itself. values: by slot; peek: gives a value wherever it is stored; groups: keys."""
 
     vocabulary: Vocabulary
-    learned: Learned
+    learned: Knowledge
     values: Sequence[float]
     peek: Callable[[int], float]
     groups: Collection[str]
@@ -117,7 +117,7 @@ def telemetry(robot: Self, state: BodyState) -> TelemetryRecord:
     )
 
 
-def mind_text(learned: Learned) -> str:
+def mind_text(learned: Knowledge) -> str:
     """What it has learned as JSON: the groups it has heard of, its operators, and its rules in order of evaluation."""
     symbols = learned.symbols.items()
     return as_text(

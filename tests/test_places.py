@@ -96,7 +96,11 @@ FEATURES = {
     "the unit km": Feature("a unit", r"""["' ]km["' ]"""),
     "the dialect appendix-a": Feature("the dialects of 1998", r"appendix.a\b"),
     ":priority": Feature("which rule has the last word", r"PRIORITY|:priority"),
-    "the dead man's switch": Feature("what a driven robot does", r"DeadManSwitch"),
+    "the dead man's switch": Feature(
+        "what a driven robot does",
+        r"\bDriving\b",
+        {"console/static/": "driving a robot by hand", "fleet/schema.py": "how a snapshot keeps it"},
+    ),
     "coming to rest": Feature(
         "when a stopped robot is at rest",
         r"\bat_rest\b",

@@ -48,7 +48,7 @@ def test_a_command_is_foreseen_sent_and_accounted_for(desk: Terminal) -> None:
     desk.type(F3 + F3 + F3)
     desk.wait_to_see("bravo ASK> ")
     desk.type("id" + ENTER)
-    desk.wait_to_see("mean 2.5 (2 to 3)")
+    desk.wait_to_see("min 2, mean 2.5, max 3")
     desk.type(F3 + ":to r1" + ENTER)
     desk.wait_to_see("r1> ")
     desk.type("(SETQ marked 1)" + ENTER)

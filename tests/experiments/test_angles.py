@@ -69,7 +69,7 @@ class TestInARun:
         found = asked.account.values
         assert found is not None
         assert np.degrees([found.least, abs(found.mean), found.greatest]) == pytest.approx([170.0, 180.0, -170.0])
-        said = values_in_words(fleet.station.commands()[-1], asked.account, fleet.station.vocabulary)
+        said = values_in_words(fleet.station.commands()[-1], asked.account)
         assert "min 170 deg, mean" in said
 
     def test_robots_know_the_same_mean_of_their_neighbours(self) -> None:

@@ -81,7 +81,22 @@ UNITS = {
     "(IF (> id 2) fuel 0)": "%",
     "(ROUND fuel)": "%",
     "(* 2 fuel)": "",
-    "(IF (> id 2) fuel heading)": "deg",
+    "(IF (> id 2) fuel heading)": "",
+    "(IF (> id 2) fuel id)": "",
+    "(IF (> id 2) fuel x)": "",
+    "(IF (> id 2) x heading)": "",
+    "(IF (> id 2) heading x)": "",
+    "(IF (> id 2) x speed)": "",
+    "(IF (> id 2) (* x y) 50%)": "",
+    "(IF (> id 2) x mine)": "",
+    "(IF (> id 2) x 0)": "mi",
+    "(IF (> id 2) 0 x)": "mi",
+    "(IF (> id 2) (/ x 2s) (* 2 speed))": "kn",
+    "(COND ((> id 2) x) (TRUE heading))": "",
+    "(MAX fuel id)": "",
+    "(+ fuel id)": "",
+    "(+ id heading)": "deg",
+    "(+ 3cm 2m)": "cm",
     "x": "mi",
     "(DIST x y 0 0)": "mi",
     "(* 2 x)": "mi",
@@ -118,3 +133,9 @@ def test_what_is_reported_is_a_label_and_plain_numbers() -> None:
     assert report_in_words("", [2.0]) == "2"
     assert report_in_words("here", []) == "here"
     assert report_in_words(None, "no list") == ""
+    assert report_in_words("long", [10**400, 7]) == "long: unknown 7"
+
+
+def test_the_unit_of_a_deep_expression_is_found_at_once(fleet: SimulatedFleet) -> None:
+    deep = "(+ " * 30 + "heading" + " 1)" * 30
+    assert fleet.station.check(deep).unit == "deg"

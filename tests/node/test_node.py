@@ -9,7 +9,9 @@ import pytest
 from sleepcast.channel.message import Kind, Message, outcome_of
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import Quantity
-from sleepcast.language import HostFunction, Vocabulary
+from sleepcast.language import HostFunction, Vocabulary, check
+from sleepcast.language.explain import with_units
+from sleepcast.language.learned_names import LearnedNames
 from sleepcast.mind.limits import MAX_FAULTS_IN_ROW, MAX_QUEUE, REPORTS_A_SECOND, TICK_STEPS
 from sleepcast.mind.telemetry import read_why, why_text
 from sleepcast.node.linking import VariableTable, actuator, sensor
@@ -385,6 +387,40 @@ def test_why_writes_values_as_people_read_them() -> None:
     assert robot.why().to_dict()["value"] == pytest.approx(0.421)
     robot.evaluate("(WHEN (> fuel 50%) x)")
     assert robot.why().render().startswith("     0  (WHEN (> fuel 50%) x)"), "no distance, but nothing done"
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("(< x 50%)", " 100 m    x"),
+        ("(< x 30deg)", " 100 m    x"),
+        ("(< 30deg fuel)", "43.1 %    fuel"),
+        ("(> (* x x) 5km)", "10000    (* x x)"),
+        ("(< (* x 5m) 3)", "  500    (* x 5m)"),
+        ("(< x 3cm)", "10000 cm    x"),
+        ("(< id 50%)", "700 %    id"),
+    ],
+)
+def test_what_is_compared_with_something_else_keeps_its_unit(text: str, line: str) -> None:
+    robot = node()
+    robot.evaluate(text)
+    found = robot.why()
+    assert line.split() in [shown.split() for shown in found.render().splitlines()]
+    heard = with_units(read_why(why_text(found)).root, lambda part: check(part, LearnedNames(VOCABULARY)).program)
+    assert [each.unit for each in heard.children] == [each.unit for each in found.root.children]
+
+
+def test_why_shows_that_two_values_differ_and_literals_as_they_were_written() -> None:
+    robot = node()
+    for fuel, text, needed in (
+        (0.499999, "(WHEN (> fuel 50%) 1)", "fuel = 49.9999 %, needed > 50 %"),
+        (0.5, "(WHEN (> fuel 50%) 1)", "fuel = 50 %, needed > 50 %"),
+        (0.005, "(WHEN (> fuel 0.50001%) 1)", "fuel = 0.5 %, needed > 0.50001 %"),
+        (0.005, "(WHEN (> 0deg 359.99deg) 1)", "0deg = 0 deg, needed > 359.99 deg"),
+    ):
+        robot.sense((100.0, fuel), 0.0)
+        robot.evaluate(text)
+        assert robot.why().reason == needed
 
 
 def test_why_says_what_the_priority_of_a_rule_means() -> None:

@@ -17,11 +17,13 @@ from sleepcast.language.lint import units_in
 from sleepcast.language.parts import Part, deciding, host_of, walk
 from sleepcast.language.program import MAX_STEPS, OutOfSteps, Program
 from sleepcast.language.reader import List, show
-from sleepcast.language.reading_units import COMPARING, compared_unit
+from sleepcast.language.reading_units import COMPARING, as_written
 from sleepcast.language.rehearsal import Answer, Rehearsal, Replay
 from sleepcast.language.vocabulary import Variable, VariableKind
 
 _BEGINS_NUMBER = frozenset("0123456789.+-")
+MOST_DIGITS = 17
+"""Significant ones, which tell any two numbers apart."""
 HELD_VERDICT = "held by STOP, so it did not move"
 """What a robot did about a command that matched and would have moved it, while STOP held it."""
 
@@ -64,7 +66,7 @@ class Step:
         """Whether it is a number that is read as it was written, or was not looked at."""
         if self.value is None:
             return self.text[:1] in _BEGINS_NUMBER
-        return not self.children and value_in_words(self.value, self.unit).replace(" ", "") == self.text
+        return not self.children and bool(as_written(self.text, self.unit))
 
     def to_dict(self) -> dict[str, object]:
         """The step for JSON: unknown is the string "UNKNOWN", not evaluated is null."""
@@ -160,15 +162,17 @@ def rehearse(
     return replace(_explained(recollection, memory), priority=priority)
 
 
-def with_units(step: Step, program_of: Callable[[str], Program | None], beside: str = "") -> Step:
+def with_units(step: Step, program_of: Callable[[str], Program | None], beside: str | None = None) -> Step:
     """The same step with its units, which another robot does not send. program_of: gives the program of a text, None if
-    it has none; beside: the unit of what the step is compared with."""
-    program, own, compared = program_of(step.text), "", ""
+    it has none; beside: the unit beside what the step is compared with, None if it is compared with nothing."""
+    program, own, compared = program_of(step.text), "", []
     if program is not None:
         unit = units_in(program)
-        own, compared = _unit(program.root, step.value, unit), _compared_unit(program.root, unit)
-    children = tuple(with_units(child, program_of, compared) for child in step.children)
-    return replace(step, children=children, unit=beside or own)
+        own = _unit(program.root, step.value, unit)
+        compared = [unit(part) for part in program.root.parts] if _compares(program.root) else []
+    sides = compared if len(compared) == len(step.children) else [None] * len(step.children)
+    children = tuple(with_units(child, program_of, side) for child, side in zip(step.children, sides, strict=True))
+    return replace(step, children=children, unit=own if beside is None else beside)
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,21 +231,19 @@ def _explained(recollection: Recollection, memory: Rehearsal) -> Explanation:
     )
 
 
-def _step(part: Part, text: str, course: _Course, tracer: Tracer, wanting: Part | None, beside: str = "") -> Step:
-    """beside: the unit of what the part is compared with."""
+def _step(part: Part, text: str, course: _Course, tracer: Tracer, wanting: Part | None) -> Step:
     children: list[Step] = []
-    compared = _compared_unit(part, tracer.unit)
     for inside in part.parts:
         # A WHEN is a COND of one clause with the same text: its pieces are shown as its own.
         pieces = inside.parts if inside.op == "clause" and inside.form is part.form else (inside,)
-        children += [_step(piece, text, course, tracer, wanting, compared) for piece in pieces]
+        children += [_step(piece, text, course, tracer, wanting) for piece in pieces]
     inner = tracer.inner.get(part.index)
     if inner is not None:
         children.append(_step(inner.program.root, inner.program.text, course, inner, None))
     note = shortfall(part, tracer) if part is wanting else ""
     value = tracer.found.get(part.index)
     fault = course.faults.get((id(part), 0))
-    unit = beside or _unit(part, value, tracer.unit)
+    unit = _unit(part, value, tracer.unit)
     return Step(show(part.form), value, part.form.start, part.form.end, fault, note, tuple(children), unit)
 
 
@@ -350,12 +352,10 @@ def shortfall(part: Part, tracer: Tracer) -> str:
             operator = {"<": ">", ">": "<", "<=": ">=", ">=": "<="}.get(part.name, part.name)
         else:
             operator = part.name
-        unit = _compared_unit(part, tracer.unit)
-        have, want = (tracer.found.get(p.index, nan) for p in (left, right))
-        needed = (
-            value_in_words(want, unit) if right.op == "const" else f"{show(right.form)} ({value_in_words(want, unit)})"
-        )
-        known = f"{show(left.form)} = {value_in_words(have, unit)}" if have == have else f"{show(left.form)} is unknown"
+        have = tracer.found.get(left.index, nan)
+        had, wanted = _apart((left, right), tracer)
+        needed = wanted if right.op == "const" else f"{show(right.form)} ({wanted})"
+        known = f"{show(left.form)} = {had}" if have == have else f"{show(left.form)} is unknown"
         return f"{known}, needed {'=' if operator == 'EQ' else operator} {needed}"
     value = tracer.found.get(part.index, nan)
     if part.op == "in":
@@ -367,6 +367,21 @@ def shortfall(part: Part, tracer: Tracer) -> str:
     return f"{show(part.form)} = {value_in_words(value, tracer.unit(part))}, needed true"
 
 
+def _apart(sides: Sequence[Part], tracer: Tracer) -> list[str]:
+    """Both sides of a comparison in words: literals as they were written, and with as many digits as it takes to see
+    that they differ: 49.999 % is not 50 %."""
+    values = [tracer.found.get(part.index, nan) for part in sides]
+    texts: list[str] = []
+    for digits in (None, *range(5, MOST_DIGITS + 1)):
+        texts = [
+            as_written(show(part.form), tracer.unit(part)) or value_in_words(value, tracer.unit(part), digits)
+            for part, value in zip(sides, values, strict=True)
+        ]
+        if texts[0] != texts[1] or values[0] == values[1]:
+            break
+    return texts
+
+
 def _compares(part: Part) -> bool:
     return part.op == "pure" and part.name in COMPARING
 
@@ -374,8 +389,3 @@ def _compares(part: Part) -> bool:
 def _unit(part: Part, value: float | None, unit: Callable[[Part], str]) -> str:
     """The unit in which a part's value is read. The 0 of a WHEN or COND of which no test held measures nothing."""
     return "" if part.op == "cond" and value == 0.0 else unit(part)
-
-
-def _compared_unit(part: Part, unit: Callable[[Part], str]) -> str:
-    """The unit in which the operands of a comparison are read; "" for any other part."""
-    return compared_unit(part.parts, map(unit, part.parts)) if _compares(part) else ""

@@ -19,7 +19,7 @@ from sleepcast.language.evaluate import Entered
 from sleepcast.language.parts import ACTING, Part, host_of, walk
 from sleepcast.language.program import Program, build
 from sleepcast.language.reader import Form, List, Number, brief, format_literal, read
-from sleepcast.language.reading_units import is_angle, unit_to_read
+from sleepcast.language.reading_units import COMPARING, compared_units, is_angle, unit_to_read
 from sleepcast.language.symbols import Names
 from sleepcast.language.vocabulary import Variable, VariableKind, Vocabulary
 
@@ -97,10 +97,15 @@ def check(text: str, names: Names) -> Checked:
 
 
 def units_in(program: Entered) -> Callable[[Part], str]:
-    """Gives the unit in which people read the value of a part of this program."""
+    """Gives the unit in which people read the value of a part of this program: beside what it is compared with."""
     advice = _Advice(program.text, program.vocabulary, Findings(program.text))
     advice.dimension(program.root)
-    return advice.unit
+    beside: dict[Part, str] = {}
+    for part in walk(program.root):
+        if part.op == "pure" and part.name in COMPARING:
+            units = compared_units(part.parts, [advice.unit(each) for each in part.parts], advice.dimensions.get)
+            beside.update(zip(part.parts, units, strict=True))
+    return lambda part: beside[part] if part in beside else advice.unit(part)
 
 
 @lru_cache(maxsize=512)
@@ -133,7 +138,7 @@ class _Advice:
 
     def unit(self, part: Part) -> str:
         """The unit in which people read the value of a part that was looked at."""
-        return unit_to_read(part, self.dimensions.get(part), self.vocabulary)
+        return unit_to_read(part, self.dimensions.get, self.vocabulary)
 
     def dimension(self, part: Part) -> Dimension | None:
         """The dimension of `part`'s value; what is doubtful inside it is noted on the way."""
@@ -161,7 +166,10 @@ class _Advice:
             return wanted
         if part.op == "if":
             self._may_be_unknown(part)
-        if part.op in ("set_user", "set_local", "progn", "if", "let"):
+            branches = zip(inside[1:], part.parts[1:], strict=True)
+            found = {dimension for dimension, each in branches if dimension is not None or each.op != "const"}
+            return found.pop() if len(found) == 1 else None
+        if part.op in ("set_user", "set_local", "progn", "let"):
             return inside[-1] if inside else None
         return None
 

@@ -113,7 +113,7 @@ def test_the_pane_draws_what_the_desk_counts(context: BrowserContext, tmp_path: 
         with open_page(program) as other:
             other.ask("send", text='(RULE talk (EVERY 1s (REPORT "at" x y)))', everybody=True, confirmed=True)
         page.locator("#drawer-radio").click()
-        cards = page.locator(".plots-pane:visible .plot")
+        cards = page.locator(".chart-pane .plot")
         expect(cards).to_have_count(3, timeout=1000 * PATIENCE)
         expect(cards.nth(1)).to_contain_text(re.compile(r"commands 1 "))
         expect(cards.nth(1)).to_contain_text(re.compile(r"reports [1-9]"))

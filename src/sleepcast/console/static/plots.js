@@ -121,7 +121,7 @@ export class Card {
     this.keyFutures();
     const data = this.table;
     if (this.chart && this.chart.series.length !== data.length) this.forget();
-    const room = this.element.closest(".plots-pane").clientHeight - AROUND - this.key.offsetHeight;
+    const room = this.element.closest("[role=tabpanel]").clientHeight - AROUND - this.key.offsetHeight;
     const height = Math.max(HEIGHTS[0], Math.min(HEIGHTS[1], room));
     if (this.chart) {
       if (this.chart.width !== width || this.chart.height !== height) this.chart.setSize({ width, height });

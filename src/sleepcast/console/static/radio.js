@@ -71,9 +71,9 @@ export class RadioPane {
     this.columns = [];
     this.thinned = 0;
     this.cards = [];
-    this.note = make("p", { className: "plots-empty" });
-    this.places = make("div", { className: "plots-cards" });
-    this.root = make("div", { className: "plots-pane" }, this.places, this.note);
+    this.note = make("p", { className: "chart-note" });
+    this.places = make("div", { className: "chart-cards" });
+    this.root = make("div", { className: "chart-pane" }, this.places, this.note);
     new ResizeObserver(() => this.open && this.draw()).observe(this.root);
     setInterval(() => {
       if (document.visibilityState === "visible") this.refresh();

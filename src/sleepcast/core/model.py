@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from sleepcast.core.units import NONE, UNITS, Dimension
+from sleepcast.core.units import Dimension, dimension_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Quantity:
 
     @property
     def dimension(self) -> Dimension:
-        return UNITS[self.unit].dimension if self.unit else NONE
+        return dimension_of(self.unit)
 
 
 @dataclass(frozen=True, slots=True)

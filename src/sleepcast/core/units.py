@@ -7,6 +7,7 @@ are exact by definition (international foot, statute and nautical mile, knot).
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import NamedTuple
 
 
@@ -82,6 +83,12 @@ UNITS: dict[str, Unit] = {
     "rad/s": Unit(1.0, RATE),
     "kg": Unit(1.0, MASS),
 }
+
+
+@cache
+def dimension_of(unit: str) -> Dimension:
+    """The dimension of a unit; "" is that of a plain number."""
+    return UNITS[unit].dimension if unit else NONE
 
 
 def is_angle(unit: str) -> bool:

@@ -8,8 +8,7 @@ import numpy as np
 
 from sleepcast.fleet.inspection import QuietMemory, reads_of
 from sleepcast.fleet.machine import Plain, evaluate, is_plain
-from sleepcast.fleet.rows import CHUNK, Column, Index, Mask, Rows
-from sleepcast.fleet.shared import distinct
+from sleepcast.fleet.rows import CHUNK, Column, Index, Mask, Rows, distinct
 from sleepcast.fleet.state import FleetState, MindNames, Minds
 from sleepcast.language.parts import Part, walk
 from sleepcast.language.program import Program

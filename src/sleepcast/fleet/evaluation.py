@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from sleepcast.core.arrays import filled
 from sleepcast.core.serial import Arrays, SerialError, dump_arrays, load_arrays, within
 from sleepcast.fleet.native.compiler import ResultColumns
-from sleepcast.fleet.rows import Column, Index, Mask, Rows
+from sleepcast.fleet.rows import Column, Index, Mask, Rows, distinct
 from sleepcast.fleet.schema import RuleStatisticsState, StatisticsState
-from sleepcast.fleet.shared import distinct
 from sleepcast.fleet.state import FleetState, Mind, Minds
 from sleepcast.language.parts import Part
 from sleepcast.language.program import MAX_STEPS, Program

@@ -36,9 +36,8 @@ from sleepcast.fleet.evaluation import Evaluation, by_the_living
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory, Found, Given
 from sleepcast.fleet.messages import Outbox
-from sleepcast.fleet.rows import Column, Index, Mask, Rows
+from sleepcast.fleet.rows import Column, Index, Mask, Rows, distinct
 from sleepcast.fleet.schema import TelemetryState
-from sleepcast.fleet.shared import distinct
 from sleepcast.fleet.state import FleetState, Mind, MindNames, Minds
 from sleepcast.language.acts import ACTS
 from sleepcast.language.explain import Recollection

@@ -116,9 +116,10 @@ class FleetMemory(Evaluation):
                 self.state.assign(self.vocabulary.user_slot(part.name), done, values[there])
             return self.answer(values)
         unknown = np.isnan(values)
+        done = rows
         if unknown.any():
             self.state.dropped[rows.take(unknown).index] += 1
-        done = self.refuse_where(part, rows, unknown, unknown_assigned(variable), values)
+            done = self.refuse_where(part, rows, unknown, unknown_assigned(variable), values)
         if self.barred and variable.kind is VariableKind.ACTUATOR:
             self.refuse(part, done, self.barred)
             return self.answer(np.full(rows.size, nan))

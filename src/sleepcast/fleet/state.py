@@ -22,9 +22,8 @@ from numpy.typing import NDArray
 
 from sleepcast.core.arrays import filled
 from sleepcast.core.serial import Array, SerialError, dump_arrays, load_arrays
-from sleepcast.fleet.rows import Column, Mask, Rows
+from sleepcast.fleet.rows import Column, Mask, Rows, Shared
 from sleepcast.fleet.schema import ColumnsState, ValuesState
-from sleepcast.fleet.shared import Shared
 from sleepcast.language.numerics import GOLDEN, MASK, UNIT, mix
 from sleepcast.language.program import Library, Program
 from sleepcast.language.symbols import Declared, declared_in

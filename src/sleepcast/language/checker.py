@@ -347,7 +347,7 @@ class Checker:
         return self.local(key) is None and key not in self.names.vocabulary.bindings and self.sort_of(key) is None
 
     def _builtin(self, form: List, function: Function) -> Part:
-        if not self.counts(form, function.least, function.most, function.usage):
+        if not self.counts(form, function.least, function.most, function):
             return Part("const", form, number=nan)
         if function.name.casefold() in self.special:
             return self.special[function.name.casefold()](self, form)
@@ -355,8 +355,9 @@ class Checker:
             return Part("act", form, self.parts(form.items[1:]), name=function.name.casefold())
         return Part("pure", form, self.parts(form.items[1:]), name=function.name, data=function)
 
-    def counts(self, form: List, least: int, most: int, usage: str) -> bool:
-        """Whether `form` has from `least` to `most` arguments; an error if it has not."""
+    def counts(self, form: List, least: int, most: int, used: Function | HostFunction | str) -> bool:
+        """Whether `form` has from `least` to `most` arguments; an error if it has not. used: the usage, or whose it
+        is."""
         given = len(form.items) - 1
         if least <= given <= most:
             return True
@@ -364,6 +365,7 @@ class Checker:
         if given > MANY:
             wanted = f"at most {most}"
         plural = "" if wanted.endswith(" 1") or wanted == "1" else "s"
+        usage = used if isinstance(used, str) else used.usage
         self.error(f"{usage} takes {wanted} argument{plural}, got {given} @@", form)
         return False
 
@@ -372,7 +374,7 @@ class Checker:
         least = most if function.least is None else function.least
         if function.labelled:
             least, most = least + 1, most + 1
-        if not self.counts(form, least, most, function.usage):
+        if not self.counts(form, least, most, function):
             return Part("const", form, number=nan)
         if not function.labelled:
             return Part("host", form, self.parts(form.items[1:]), name=function.name.casefold(), data=function)

@@ -13,7 +13,7 @@ from itertools import pairwise
 from math import inf, isfinite
 
 from sleepcast.core.model import Constant, HostFunction, Quantity
-from sleepcast.core.units import LENGTH, NONE, Dimension, to_si, value_in_words
+from sleepcast.core.units import LENGTH, NONE, Dimension, dimension_of, to_si, value_in_words
 from sleepcast.language.checker import Checker, CheckError, Finding, Findings
 from sleepcast.language.evaluate import Entered
 from sleepcast.language.parts import ACTING, Part, host_of, walk
@@ -149,7 +149,7 @@ class _Advice:
         if part.op == "const":
             return part.form.dimension if isinstance(part.form, Number) else self._constant(part)
         if part.op in ("var", "linked"):
-            return part.data.quantity.dimension if isinstance(part.data, Variable) else None
+            return dimension_of(part.data.quantity.unit) if isinstance(part.data, Variable) else None
         if part.op == "pure":
             return self._pure(part, inside)
         if part.op == "host":
@@ -159,7 +159,7 @@ class _Advice:
         if part.op in ("random", "gauss"):
             return self._same(part, inside)
         if part.op == "write" and isinstance(part.data, Variable):
-            wanted = part.data.quantity.dimension
+            wanted = dimension_of(part.data.quantity.unit)
             if inside[0] is not None and inside[0] != wanted:
                 self.warn(f"{part.data.name} is {wanted}, but {inside[0]} is assigned to it @@", part.form)
             self._assigned_range(part)
@@ -441,7 +441,7 @@ def _exactly(part: Part, text: str) -> Iterator[tuple[Form, str]]:
         if (
             isinstance(data, Variable)
             and data.kind is VariableKind.SENSOR
-            and (units or data.quantity.dimension != NONE)
+            and (units or dimension_of(data.quantity.unit) != NONE)
         ):
             holds, sign = ("nearly always", ">") if part.name == "/=" else ("hardly ever", "<")
             hint = ""

@@ -462,7 +462,7 @@ class NetworkStation(Station):
     def due(self) -> float:
         """When there is something to be sent again, or a heartbeat, s of Unix time."""
         beat = self._beat + LEASE / 3.0 if self.holding and self._drives() else inf
-        return min(beat, self._retransmission.due(), self._rest_watch.due())
+        return min(beat, self._retransmission.due(), self._rest_watch.due)
 
     def conclude(self) -> None:
         """Write the results of all commands into the journal, before the desk leaves the air."""
@@ -591,7 +591,7 @@ class NetworkStation(Station):
         """Look at robots that have accepted our STOP, if it holds, and may have come to rest."""
         latch = self._sent.latch
         if latch is None or latch.kind is not Kind.STOP or latch.ended_by:
-            self._rest_watch.over()
+            self._rest_watch.due = inf
             return
         wanted = self._rest_watch.wanted(latch.id, latch.answers.latest, latch.resting, now)
         if wanted:

@@ -212,30 +212,23 @@ MAX_LOOKED_AT = 200
 
 
 class RestWatch:
-    """When a desk looks at robots that have accepted a STOP and still moved."""
+    """When a desk looks at robots that have accepted a STOP and still moved. due: when it looks next, s of the desk's
+    clock; inf for never, as where no STOP of ours holds."""
 
     def __init__(self) -> None:
-        self._stop, self._next = "", inf
-
-    def due(self) -> float:
-        """When it looks next, s of the desk's clock; inf for never."""
-        return self._next
+        self._stop, self.due = "", inf
 
     def wanted(self, stop: str, accepted: float, found: RestAccount, now: float) -> Sequence[str]:
         """Whom to ask now. stop: id of the STOP that holds; accepted: when the last robot accepted it, s; found: what
         is known since."""
         if stop != self._stop:
-            self._stop, self._next = stop, now + LOOK_EVERY
+            self._stop, self.due = stop, now + LOOK_EVERY
         if not found.n_stopping or now > accepted + REST_SECONDS:
-            self._next = inf
+            self.due = inf
             return ()
-        if self._next == inf:
-            self._next = now + LOOK_EVERY
-        if now < self._next:
+        if self.due == inf:
+            self.due = now + LOOK_EVERY
+        if now < self.due:
             return ()
-        self._next = now + min(max(found.next_at_rest, LOOK_EVERY), LOOK_SELDOM)
+        self.due = now + min(max(found.next_at_rest, LOOK_EVERY), LOOK_SELDOM)
         return found.soonest(MAX_LOOKED_AT)
-
-    def over(self) -> None:
-        """No STOP of ours holds."""
-        self._next = inf

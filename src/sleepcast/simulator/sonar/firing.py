@@ -37,7 +37,8 @@ class Firing:
 
     def __init__(self, ring: Ring, count: int) -> None:
         self._ring, self._count = ring, count
-        in_order = ring.pause is not None
+        in_order = self.in_order = ring.pause is not None
+        """Whether any robot's sonars may fire one after the other."""
         self.order = np.array([ring.order], np.int8)
         self.length = np.array([len(ring.order) if in_order else AT_ONCE])
         self.pause = np.array([ring.pause or 0.0])
@@ -45,11 +46,6 @@ class Firing:
         self.turn: Whole = np.zeros(len(self.due), np.int64)
         self.arranged = False
         """Whether each robot has its own order and pause."""
-
-    @property
-    def in_order(self) -> bool:
-        """Whether any robot's sonars may fire one after the other."""
-        return self._ring.pause is not None or self.arranged
 
     def part(self) -> None:
         """Give each robot its own order and pause, at first a copy of the common ones."""
@@ -60,7 +56,7 @@ class Firing:
         self.order, self.length, self.pause = order, self.length.repeat(self._count), self.pause.repeat(self._count)
         if not len(self.due):
             self.due, self.turn = np.zeros(self._count), np.zeros(self._count, np.int64)
-        self.arranged = True
+        self.arranged = self.in_order = True
 
     def check(self, order: Sequence[int], pause: float) -> None:
         """Raises MisuseError for an unknown sonar, or too long an order or pause."""

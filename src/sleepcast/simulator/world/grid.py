@@ -6,7 +6,7 @@ lists the solids near it. Everything here is NumPy; `kernels` has a compiled ver
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import ceil, sqrt
 from typing import NamedTuple
 
@@ -33,10 +33,10 @@ class Grid:
     size: float
     across: int
     up: int
+    cells: int = field(init=False)
 
-    @property
-    def cells(self) -> int:
-        return self.across * self.up
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cells", self.across * self.up)
 
     def columns(self, x: Floats) -> Whole:
         return np.clip((x / self.size).astype(np.int64), 0, self.across - 1)

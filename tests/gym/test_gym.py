@@ -196,7 +196,9 @@ def test_a_mask_that_leaves_robots_out_is_refused() -> None:
         with pytest.raises(MisuseError, match=said):
             env.reset(seed=1, options={"reset_mask": mask})
     assert env.fleet.time > 0.0, "nothing was reset"
-    assert np.array_equal(env.reset(seed=1, options={"reset_mask": all_of_them})[0], first)
+    options = {"reset_mask": all_of_them}
+    assert np.array_equal(env.reset(seed=1, options=options)[0], first)
+    assert "reset_mask" in options, "unlike in other vector environments, they may be given again"
 
 
 class TestParallel:

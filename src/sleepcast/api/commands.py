@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from math import inf
 from threading import Event, Lock
-from typing import TYPE_CHECKING, Concatenate, ParamSpec, Self, TypeVar, overload
+from typing import TYPE_CHECKING, Concatenate, ParamSpec, Self, TypeVar, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -165,10 +165,31 @@ class Fleet(ABC):
 
     # ---- the operator's desk
 
-    def _prepare(self, text: str, terms: Terms) -> Prepared:
+    @property
+    def operators(self) -> Mapping[str, str]:
+        """The operators whom the scenario names, the first one first, each with the role: `commander`, `operator` or
+        `observer`. Empty where it names none, and on the air, where the own key says who sends."""
+        return {}
+
+    def desk_of(self, operator: str) -> Station:
+        """The desk of an operator, "" for the first. Raises MisuseError, with the nearest name, for one who has none
+        here."""
+        if operator not in ("", self.station.operator):
+            raise MisuseError(f"no operator {operator} here: you send as {self.station.operator}")
+        return self.station
+
+    def _sitting(self, operator: str) -> Station:
+        """The same for who sends by hand, and so is there from now on."""
+        return self.desk_of(operator)
+
+    def _commands(self) -> list[Command]:
+        """What all operators here have sent, oldest first."""
+        return self.station.commands()
+
+    def _prepare(self, text: str, terms: Terms, desk: Station) -> Prepared:
         """Prepare a command, once the desk knows what it has to know for that."""
         with self._turn():
-            return self.station.prepare(text, terms)
+            return desk.prepare(text, terms)
 
     def preview(self, text: str) -> Preview:
         """Who would obey an expression now, by what robots last reported to the desk: `yes`, `no`, and `unknown` with
@@ -190,6 +211,7 @@ class Fleet(ABC):
         only: Sequence[str] | None = ...,
         but: Sequence[str] | None = ...,
         sure: bool = ...,
+        by: str = ...,
     ) -> CommandResult: ...
     @overload
     def send(
@@ -213,29 +235,33 @@ class Fleet(ABC):
         only: Sequence[str] | None = None,
         but: Sequence[str] | None = None,
         sure: bool = False,
+        by: str = "",
     ) -> CommandResult | list[CommandResult]:
         """Broadcast an expression. wait: seconds that may pass until all have answered; 0 sends several at the same
         moment. deadline: seconds for which it is good. Times may be texts with units, such as "30s", here and in all
         methods. count: how many robots are meant, which a real fleet asks for where many may obey. sure: it is meant as
         it stands, though the checker doubts it; otherwise names that no robot has give a UserWarning. only, but: names
-        of robots, or of one. The rest, and what is raised: see `Station.send`. A `Mission`, or a text that begins with
-        a time, is a script: see `play`, whose list of results it gives. Its lines say themselves whether they are
-        standing, and for whom."""
+        of robots, or of one. by: the operator who sends it, "" for the first (see `operators`); from then on robots
+        hear that this one is there, and go on as they are driven. The rest, and what is raised: see `Station.send`. A
+        `Mission`, or a text that begins with a time, is a script: see `play`, whose list of results it gives. Its lines
+        say themselves whether they are standing, for whom, and by whom."""
         if not isinstance(text, str) or is_script(text):
-            if standing or deadline is not None or only is not None or but is not None:
+            if standing or deadline is not None or only is not None or but is not None or by:
                 raise MisuseError(
-                    "a script says line by line what is standing, within which time and for whom: @5s standing (...)"
+                    "a script says line by line what is standing, within which time, for whom and by whom: @5s as anna "
+                    "standing (...)"
                 )
             return self.play(text, wait=wait, everybody=everybody, count=count, sure=sure)
         wait, within = in_seconds(wait, "wait"), None if deadline is None else in_seconds(deadline, "deadline")
         terms = Terms(standing, within, everybody, Audience.of(only, but), anyway=sure, undecided=True)
-        prepared = self._prepare(text, terms)
+        desk = self._sitting(by)
+        prepared = self._prepare(text, terms, desk)
         self._warn(prepared)
-        return self._until(self._commit(prepared, count, sure), wait)
+        return self._until(self._commit(desk, prepared, count, sure), wait)
 
-    def _commit(self, prepared: Prepared, count: int | None, sure: bool) -> Command:
+    def _commit(self, desk: Station, prepared: Prepared, count: int | None, sure: bool) -> Command:
         with self._turn():
-            return self.station.commit(prepared, count=count, confirmed=sure)
+            return desk.commit(prepared, count=count, confirmed=sure)
 
     # ---- missions
 
@@ -272,6 +298,8 @@ class Fleet(ABC):
         lines = Mission(script) if isinstance(script, str) else self._to_play() if script is None else script
         for line in lines:
             readable(line.order)
+            with _placed(line.order.place):
+                self.desk_of(line.instruction.by)
         self._refuse_release(lines)
         began, found, learned = self._zero(), list[CommandResult](), LearnedNames(self.station.vocabulary)
         known = self._stops()
@@ -282,12 +310,15 @@ class Fleet(ABC):
                 if not self._stops() <= known:
                     raise MisuseError("STOP ended the script, and this and what follows was not sent: release it first")
                 if said.sort in ("once", "standing"):
-                    prepared = self._prepare(said.text, self._terms(said, everybody, sure))
+                    desk = self.desk_of(said.by)
+                    prepared = self._prepare(said.text, self._terms(said, everybody, sure), desk)
                     self._warn(prepared, learned)
-                    sent = self._until(self._commit(prepared, count, sure), 0.0)
+                    sent: CommandResult | None = self._until(self._commit(desk, prepared, count, sure), 0.0)
                 else:
                     sent = self._order(said, sure)
-            self._played(line.order, sent._command)
+            self._played(line.order, None if sent is None else sent._command)
+            if sent is None:
+                continue
             known.add(sent.id)
             self._scripted.add(sent.id)
             found.append(CommandResult(self, sent._command, line.order))
@@ -300,7 +331,7 @@ class Fleet(ABC):
         from sleepcast.loop.mission import is_stopped_by_others
 
         first = next((line for line in lines if line.instruction.sort == "RELEASE"), None)
-        messages = (command.message for command in self.station.commands())
+        messages = (command.message for command in self._commands())
         if first is not None and is_stopped_by_others(messages, self._scripted | self._sent_by_desk()):
             with _placed(first.order.place):
                 raise MisuseError("STOP holds, which no script has sent, so that none ends it: release it first")
@@ -311,25 +342,31 @@ class Fleet(ABC):
 
     def _stops(self) -> set[str]:
         """The ids of the STOPs that were sent."""
-        return {command.id for command in self.station.commands() if command.kind is Kind.STOP}
+        return {command.id for command in self._commands() if command.kind is Kind.STOP}
 
     def _terms(self, said: Instruction, everybody: bool, sure: bool) -> Terms:
         """How a line of a script is meant that commands."""
         audience, standing = Audience.of(said.only, said.but), said.sort == "standing"
         return Terms(standing, said.within, everybody, audience, anyway=sure, undecided=True)
 
-    def _order(self, said: Instruction, sure: bool) -> CommandResult:
-        """Send another line now."""
+    def _order(self, said: Instruction, sure: bool) -> CommandResult | None:
+        """Send another line now; None for HOLD and AWAY, which robots do not answer."""
         match said.sort:
             case "STOP":
-                return self.stop(wait=0.0)
+                return self.stop(wait=0.0, by=said.by)
             case "RELEASE":
-                return self.release(wait=0.0)
-        return self.ask(said.text, wait=0.0, only=said.only, but=said.but, sure=sure)
+                return self.release(wait=0.0, by=said.by)
+            case "ask":
+                return self.ask(said.text, wait=0.0, only=said.only, but=said.but, sure=sure, by=said.by)
+        from sleepcast.loop.swarm import act_on
+
+        with self._turn():
+            sent = cast("Command | None", act_on(self.desk_of(said.by), said))
+        return None if sent is None else self._until(sent, 0.0)
 
     @abstractmethod
-    def _played(self, order: Order, sent: Command) -> None:
-        """A line was sent as this command."""
+    def _played(self, order: Order, sent: Command | None) -> None:
+        """A line was sent as this command; None: it has none."""
 
     def _to_play(self) -> Mission:
         """What was not sent yet of the own mission. Raises MisuseError where there is nothing to send."""
@@ -355,13 +392,14 @@ class Fleet(ABC):
         only: Sequence[str] | None = None,
         but: Sequence[str] | None = None,
         sure: bool = False,
+        by: str = "",
     ) -> CommandResult:
         """Ask for the value of an expression over the radio; nothing changes on the robots. The answers are in
-        `values`. sure: it is meant as it stands, though the fleet has no such name. Raises what `Station.ask`
-        raises."""
-        wait, only = in_seconds(wait, "wait"), robot_names(only)
+        `values`. sure: it is meant as it stands, though the fleet has no such name. by: the operator who asks, as for
+        `send`. Raises what `Station.ask` raises."""
+        wait, only, desk = in_seconds(wait, "wait"), robot_names(only), self.desk_of(by)
         with self._turn():
-            sent = self.station.ask(self._checked_question(text, sure, only), only=only, but=but, anyway=sure)
+            sent = desk.ask(self._checked_question(text, sure, only), only=only, but=but, anyway=sure)
         return self._until(sent, wait)
 
     def _checked_question(self, text: str, sure: bool, only: Sequence[str] | None) -> str | Checked:
@@ -387,18 +425,19 @@ class Fleet(ABC):
         if not prepared.unknown:
             _warn_of(checked, known)
 
-    def stop(self, *, wait: float | str = WAIT) -> CommandResult:
-        """Stop every body at once, until `release`."""
-        wait = in_seconds(wait, "wait")
+    def stop(self, *, wait: float | str = WAIT, by: str = "") -> CommandResult:
+        """Stop every body at once, until `release`. by: the operator who stops them, as for `send`."""
+        wait, desk = in_seconds(wait, "wait"), self.desk_of(by)
         with self._turn():
-            sent = self.station.stop()
+            sent = desk.stop()
         return self._until(sent, wait)
 
-    def release(self, *, wait: float | str = WAIT) -> CommandResult:
-        """End STOP on every robot; nothing old resumes by itself."""
-        wait = in_seconds(wait, "wait")
+    def release(self, *, wait: float | str = WAIT, by: str = "") -> CommandResult:
+        """End STOP on every robot; nothing old resumes by itself. by: the operator who releases them, as for
+        `send`."""
+        wait, desk = in_seconds(wait, "wait"), self.desk_of(by)
         with self._turn():
-            sent = self.station.release()
+            sent = desk.release()
         return self._until(sent, wait)
 
     @abstractmethod

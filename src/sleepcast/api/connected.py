@@ -21,7 +21,7 @@ from sleepcast.api.results import CommandResult
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.given_numbers import in_seconds, read_seconds
 from sleepcast.language import Explanation
-from sleepcast.station import Command, Preview, asking
+from sleepcast.station import Command, Preview, Station, asking
 from sleepcast.station.asking import AHEAD, ask_why, look_around, may_be_known_to_robots, prepare_with_robots
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.prepared import Prepared, Terms
@@ -102,7 +102,7 @@ class ConnectedFleet(Fleet):
                 look_around(self.station, self.telemetry)
                 self._looked = self.station.now
 
-    def _prepare(self, text: str, terms: Terms) -> Prepared:
+    def _prepare(self, text: str, terms: Terms, desk: Station) -> Prepared:
         with self._turn():
             return prepare_with_robots(self.station, self.telemetry, text, terms)
 
@@ -118,26 +118,29 @@ class ConnectedFleet(Fleet):
         only: Sequence[str] | None = None,
         but: Sequence[str] | None = None,
         sure: bool = False,
+        by: str = "",
     ) -> CommandResult:
         """See `Fleet`. Raises UnknownNameError for names that no robot has, too."""
         wait = in_seconds(wait, "wait")
+        self.desk_of(by)
         with self._turn():
             if not sure and may_be_known_to_robots(self.station, self.station.check(text)):
                 look_around(self.station, self.telemetry, patience=AHEAD)
         return super().ask(text, wait=wait, only=only, but=but, sure=sure)
 
-    def _played(self, order: Order, sent: Command) -> None:
+    def _played(self, order: Order, sent: Command | None) -> None:
         """Nothing: no scenario with a mission lies behind robots on the air."""
 
-    def _order(self, said: Instruction, sure: bool) -> CommandResult:
+    def _order(self, said: Instruction, sure: bool) -> CommandResult | None:
         if said.sort != "RELEASE":
             return super()._order(said, sure)
         with self._turn():
             sent = self.station.release(-inf)  # a script ends no STOP of others
         return self._until(sent, 0.0)
 
-    def release(self, *, wait: float | str = WAIT) -> CommandResult:
+    def release(self, *, wait: float | str = WAIT, by: str = "") -> CommandResult:
         wait = in_seconds(wait, "wait")
+        self.desk_of(by)
         with self._turn():
             sent = asking.release(self.station, self.telemetry)
         return self._until(sent, wait)

@@ -7,7 +7,7 @@ from contextlib import closing
 from math import isfinite
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,14 +49,13 @@ class SimulatedFleet(Fleet):
     def __init__(self, swarm: Swarm, station: Station) -> None:
         super().__init__(station)
         self.swarm = swarm
-        station.hold(True)  # a program is an open desk, as on the air
         self._histories: list[tuple[Every, History]] = []
         self._checked: dict[str, tuple[int, Checked, CheckError | None]] = {}
         """`FleetState.turns`, what was found in expressions then, and what is raised for them."""
         self._inputs: InputLog | None = None
         """All that came from outside since the start; None for a fleet whose start nobody saw."""
         scenario = swarm.simulator.scenario
-        self._mission = MissionLog(scenario.mission, station.commands, scenario.tick, swarm.given)
+        self._mission = MissionLog(scenario.mission, swarm.commands, scenario.tick, swarm.given, station.operator)
         self._recording: RunRecording | None = None
 
     def _watch_inputs(self) -> None:
@@ -101,13 +100,33 @@ class SimulatedFleet(Fleet):
         return result
 
     def why(self, robot: str, sent: CommandResult | None = None) -> Explanation:
-        return self.station.why(robot, None if sent is None else sent.id)
+        latest = next(reversed(self._commands()), None)
+        by = sent.by if sent is not None else latest.message.sender if latest is not None else ""
+        return self.desk_of(by).why(robot, None if sent is None else sent.id)
+
+    # ---- operators
+
+    @property
+    def operators(self) -> dict[str, str]:
+        return {name: role.value for name, role in self.swarm.operators.items()}
+
+    def desk_of(self, operator: str) -> Station:
+        return self.station if operator == self.station.operator else cast(Station, self.swarm.desk_of(operator))
+
+    def _sitting(self, operator: str) -> Station:
+        """See `Fleet`: a program is an open desk, so that what it drives goes on."""
+        desk = self.desk_of(operator)
+        desk.hold(True)
+        return desk
+
+    def _commands(self) -> list[Command]:
+        return cast("list[Command]", self.swarm.commands())
 
     # ---- the mission
 
     @property
     def mission(self) -> Mission:
-        commands = {command.id: command for command in self.station.commands()}
+        commands = {command.id: command for command in self._commands()}
         orders, sent = self._mission.orders, self._mission.sent()
         return Mission.of(
             orders,
@@ -116,6 +135,7 @@ class SimulatedFleet(Fleet):
                 for number, message in sent.items()
                 if message.id in commands
             },
+            self._mission.wordless(),
         )
 
     def _to_play(self) -> Mission:
@@ -127,8 +147,10 @@ class SimulatedFleet(Fleet):
     def _sent_by_desk(self) -> set[str]:
         return {sent for _, sent in self.swarm.given}
 
-    def _played(self, order: Order, sent: Command) -> None:
-        if order in self._mission.orders:
+    def _played(self, order: Order, sent: Command | None) -> None:
+        if sent is None:
+            self.swarm.given.append((order, ""))
+        elif order in self._mission.orders:
             self._mission.note(self._mission.orders.index(order), sent.message)
 
     def _zero(self) -> float:

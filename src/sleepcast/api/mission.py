@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, overload
 
@@ -16,10 +16,11 @@ if TYPE_CHECKING:
 class MissionLine:
     """A line of a mission. time: s of the run. text: what is sent, with the words before it, as in a script. wanted:
     what shall have become of it when the run ends, in words, as "matched 98, unknown at most 3"; "" for no matter.
-    result: what became of it, None while it is not sent."""
+    result: what became of it, None while it is not sent, and of HOLD and AWAY. sent: whether it was given."""
 
     order: Order
     result: CommandResult | None = None
+    sent: bool = False
 
     @property
     def time(self) -> float:
@@ -44,7 +45,7 @@ class MissionLine:
         return () if self.result is None else self.result.unmet
 
     def __repr__(self) -> str:
-        said = "not sent" if self.result is None else "sent"
+        said = "sent" if self.sent else "not sent"
         wanted = f"; wanted {self.wanted}" if self.wanted else ""
         return f"{self.order.in_short()} [{said}{wanted}]{''.join(f' {each}' for each in self.unmet)}"
 
@@ -57,10 +58,19 @@ class Mission(Sequence[MissionLine]):
         self._lines = tuple(MissionLine(order) for order in parse_mission(text, name))
 
     @classmethod
-    def of(cls, orders: Sequence[Order], results: Mapping[int, CommandResult] | None = None) -> Mission:
-        """These orders. results: of those that were sent, by their places."""
+    def of(
+        cls,
+        orders: Sequence[Order],
+        results: Mapping[int, CommandResult] | None = None,
+        wordless: Collection[int] = (),
+    ) -> Mission:
+        """These orders. results: of those that were sent, by their places. wordless: the places of those that were
+        given, too, and have no result."""
         found, results = cls(), results or {}
-        found._lines = tuple(MissionLine(order, results.get(number)) for number, order in enumerate(orders))
+        found._lines = tuple(
+            MissionLine(order, results.get(number), number in results or number in wordless)
+            for number, order in enumerate(orders)
+        )
         return found
 
     @overload
@@ -81,7 +91,7 @@ class Mission(Sequence[MissionLine]):
     def rest(self) -> Mission:
         """The lines that were not sent yet."""
         some = Mission()
-        some._lines = tuple(line for line in self._lines if line.result is None)
+        some._lines = tuple(line for line in self._lines if not line.sent)
         return some
 
     def sentence(self, by_itself: bool = False, halted: bool = False) -> str:

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 class AskedFleet(Protocol):
     """The fleet to which a command was sent."""
 
-    @property
-    def station(self) -> Station: ...
+    def desk_of(self, operator: str) -> Station:
+        """The desk of an operator."""
 
     def why(self, robot: str, sent: CommandResult | None = None) -> Explanation:
         """How a robot evaluated a command."""
@@ -42,9 +42,14 @@ class CommandResult:
         return self._command.text
 
     @property
+    def by(self) -> str:
+        """The operator who has sent it."""
+        return self._command.message.sender
+
+    @property
     def account(self) -> Account:
         """Everything that is known of it now."""
-        return self._fleet.station.accounting(self.id)
+        return self._fleet.desk_of(self.by).accounting(self.id)
 
     @property
     def matched(self) -> tuple[str, ...]:

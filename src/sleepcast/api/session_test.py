@@ -80,7 +80,7 @@ def unsent(order: Order, end: float) -> list[str]:
 def missed_in(swarm: Swarm, station: Station) -> list[str]:
     """A sentence for each count that the mission of a run wanted of what was sent, and that is otherwise now."""
     desks = {command.id: desk for desk, command in sent_commands(swarm, station)}
-    accounts = ((order, desks[sent].accounting(sent)) for order, sent in swarm.given if order.wanted)
+    accounts = ((order, desks[sent].accounting(sent)) for order, sent in swarm.given if order.wanted and sent)
     return [each for order, found in accounts for each in unmet(order, counts_of(found))]
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from itertools import islice
 from typing import Protocol, TypeAlias
 
 from sleepcast.channel import Kind, Message
@@ -18,12 +19,13 @@ from sleepcast.channel.message import FOR, NOT
 from sleepcast.core.errors import SleepcastError, in_file
 from sleepcast.language.reader import read
 from sleepcast.simulator import MissionError, Order
-from sleepcast.simulator.scenario.mission import Instruction, Sort, instruction
+from sleepcast.simulator.scenario.mission import Sort, instruction
 
 _SORTS: Mapping[Kind, Sort] = {Kind.COMMAND: "once", Kind.ASK: "ask", Kind.STOP: "STOP", Kind.RELEASE: "RELEASE"}
 _WORDLESS = (Kind.STOP, Kind.RELEASE)
-Words: TypeAlias = tuple[Sort, str, frozenset[str] | None, frozenset[str] | None]
-"""What orders are told apart by: their sort, their text, whom they are for, and whom they are not for."""
+Words: TypeAlias = tuple[str, Sort, str, frozenset[str] | None, frozenset[str] | None]
+"""What orders are told apart by: who sends them, their sort, their text, whom they are for, and whom they are not
+for."""
 
 
 def readable(order: Order) -> Order:
@@ -67,9 +69,10 @@ def named_robots(message: Message, key: str) -> tuple[str, ...] | None:
 
 
 class MissionLog:
-    """The orders of a mission, and what was sent of them. commands: what the desk has sent, oldest first. tick: s by
+    """The orders of a mission, and what was sent of them. commands: what all desks have sent, oldest first. tick: s by
     which an order is sent before its time, so that it is on the air then. given: orders that are known to have been
-    sent, with the ids of their messages; it grows, and belongs to the run."""
+    sent, with the ids of their messages, "" where they have none; it grows, and belongs to the run. first: the operator
+    who sends what names nobody."""
 
     def __init__(
         self,
@@ -77,14 +80,15 @@ class MissionLog:
         commands: Callable[[], Iterable[SentMessage]],
         tick: float,
         given: list[tuple[Order, str]],
+        first: str,
     ) -> None:
-        self.orders = tuple(orders)
+        self.orders, self._first = tuple(orders), first
         self._commands, self._tick, self._given = commands, tick, given
         self._sent: dict[int, Message] = {}
         self._seen: set[str] = set()
         self._waiting: dict[Words, deque[int]] = {}
         for number, order in enumerate(self.orders):
-            self._waiting.setdefault(_words(instruction(order)), deque()).append(number)
+            self._waiting.setdefault(self._words(order), deque()).append(number)
 
     def sent(self) -> Mapping[int, Message]:
         """The messages of the orders that were sent, by their place in `orders`."""
@@ -115,7 +119,7 @@ class MissionLog:
 
     def _take(self, number: int, message: Message) -> None:
         self._sent[number] = message
-        waiting = self._waiting[_words(instruction(self.orders[number]))]
+        waiting = self._waiting[self._words(self.orders[number])]
         if number in waiting:
             waiting.remove(number)
 
@@ -135,10 +139,23 @@ class MissionLog:
     def _in_time(self, number: int, message: Message) -> bool:
         return abs(message.issued - self.orders[number].time) < 1.5 * self._tick
 
+    def wordless(self) -> set[int]:
+        """The places of those that were given, and of which there is no message: HOLD and AWAY."""
+        found = set[int]()
+        for given in [order for order, sent in self._given if not sent]:
+            places = (number for number, each in enumerate(self.orders) if is_same(each, given) and number not in found)
+            found.update(islice(places, 1))
+        return found
+
     def rest(self) -> list[int]:
         """The places of those that were not sent yet."""
-        sent = self.sent()
-        return [number for number in range(len(self.orders)) if number not in sent]
+        settled = self.sent().keys() | self.wordless()
+        return [number for number in range(len(self.orders)) if number not in settled]
+
+    def _words(self, order: Order) -> Words:
+        found = instruction(order)
+        by = found.by or self._first
+        return by, found.sort, " ".join(found.text.split()), _names(found.only), _names(found.but)
 
 
 def is_same(order: Order, other: Order) -> bool:
@@ -146,16 +163,12 @@ def is_same(order: Order, other: Order) -> bool:
     return (order.time, order.text) == (other.time, other.text)
 
 
-def _words(found: Instruction) -> Words:
-    return found.sort, " ".join(found.text.split()), _names(found.only), _names(found.but)
-
-
 def _words_of(message: Message) -> Words | None:
     sort = order_sort(message)
     if sort is None:
         return None
     text = "" if sort in ("STOP", "RELEASE") else " ".join(message.text.split())
-    return sort, text, _names(named_robots(message, FOR)), _names(named_robots(message, NOT))
+    return message.sender, sort, text, _names(named_robots(message, FOR)), _names(named_robots(message, NOT))
 
 
 def _names(names: Sequence[str] | None) -> frozenset[str] | None:

@@ -39,7 +39,7 @@ from sleepcast.mind.authority import Tells
 from sleepcast.mind.views import Result
 from sleepcast.robot import RobotModel
 from sleepcast.simulator import MissionError, Order, Simulator
-from sleepcast.simulator.scenario.mission import LEASE_SECONDS, instruction
+from sleepcast.simulator.scenario.mission import LEASE_SECONDS, Instruction, instruction
 
 MAX_MINDS = 1_000_000
 """Robots of one run: with their minds and the desk they take a good gigabyte, and a tick takes some tenths of a
@@ -55,10 +55,15 @@ class SentCommand(Protocol):
 
     @property
     def id(self) -> str: ...
+    @property
+    def message(self) -> Message: ...
 
 
 class Desk(Protocol):
     """The operator's desk as the loop uses it."""
+
+    def commands(self) -> Sequence[SentCommand]:
+        """What it has sent, oldest first."""
 
     def send(
         self,
@@ -185,7 +190,7 @@ class Swarm:
         self.refused: Callable[[Order, MissionError], None] | None = None
         """Told of an order of the mission that cannot be sent; without it that is raised."""
         self.given: list[tuple[Order, str]] = []
-        """The orders of the mission that were sent, with the ids of their messages."""
+        """The orders of the mission that were sent, with the ids of their messages; "" for HOLD and AWAY."""
         self.halted = False
         """Whether somebody's STOP has ended the mission."""
         self.carried = Carried(scenario.tick)
@@ -222,17 +227,25 @@ class Swarm:
         """All desks, the first operator's first."""
         return [] if self.desk is None else [self.desk, *self.others]
 
+    def commands(self) -> list[SentCommand]:
+        """What all operators have sent, oldest first."""
+        return sorted((each for desk in self.desks for each in desk.commands()), key=lambda each: each.message.issued)
+
     def desk_for(self, order: Order) -> Desk:
         """The desk that sends an order. Raises MissionError where nobody of this name sits at one."""
-        by = instruction(order).by or next(iter(self.operators), "")
         with placed(order):
-            if by not in self._numbers and by:
-                known = ", ".join(self.operators) or "nobody is named"
-                raise MisuseError(f"no operator {by}{did_you_mean(by, self.operators)}: wanted one of {known}")
-            place = OPERATOR - self.number_of(by)
-            if place >= len(self.desks):
-                raise MisuseError(f"nobody sits at the desk of {by or 'the operator'}")
-            return self.desks[place]
+            return self.desk_of(instruction(order).by)
+
+    def desk_of(self, operator: str) -> Desk:
+        """The desk of an operator ("": the first). Raises MisuseError where nobody of this name sits at one."""
+        by = operator or next(iter(self.operators), "")
+        if by and by not in self._numbers:
+            known = f"wanted one of {', '.join(self.operators)}" if self.operators else "nobody is named in this run"
+            raise MisuseError(f"no operator {by}{did_you_mean(by, self.operators)}: {known}")
+        place = OPERATOR - self.number_of(by)
+        if place >= len(self.desks):
+            raise MisuseError(f"nobody sits at the desk of {by or 'the operator'}")
+        return self.desks[place]
 
     def number_of(self, sender: str) -> int:
         """The number of an operator on the radio."""
@@ -358,8 +371,7 @@ def _give_orders(swarm: Swarm) -> None:
                 raise
             swarm.refused(order, error)
             return
-        if sent is not None:
-            swarm.given.append((order, sent.id))
+        swarm.given.append((order, "" if sent is None else sent.id))
 
 
 @contextmanager
@@ -379,20 +391,10 @@ def give(
     given before its tick, for which it is good as well. Raises MissionError."""
     found = instruction(order)
     with placed(order):
-        match found.sort:
-            case "STOP":
-                return desk.stop()
-            case "RELEASE":
-                return desk.release()
-            case "HOLD" | "AWAY":
-                desk.hold(found.sort == "HOLD")
-                return None
-            case "lease":
-                deed, group = found.text.split()
-                seconds = LEASE_SECONDS if found.within is None else found.within
-                return desk.lease(LeaseAction(deed), group, seconds, found.to)
-            case "ask":
-                return desk.ask(found.text, only=found.only, but=found.but)
+        if not found.is_expression:
+            return act_on(desk, found)
+        if found.sort == "ask":
+            return desk.ask(found.text, only=found.only, but=found.but)
         return desk.send(
             found.text,
             standing=found.sort == "standing",
@@ -403,6 +405,22 @@ def give(
             confirmed=confirmed,
             undecided=undecided,
         )
+
+
+def act_on(desk: Desk, found: Instruction) -> SentCommand | None:
+    """Let the desk do what is no expression: STOP, RELEASE, something about a lease; and HOLD or AWAY, which say
+    nothing. Raises LeaseError."""
+    match found.sort:
+        case "STOP":
+            return desk.stop()
+        case "RELEASE":
+            return desk.release()
+        case "lease":
+            deed, group = found.text.split()
+            seconds = LEASE_SECONDS if found.within is None else found.within
+            return desk.lease(LeaseAction(deed), group, seconds, found.to)
+    desk.hold(found.sort == "HOLD")
+    return None
 
 
 def _think(swarm: Swarm) -> None:

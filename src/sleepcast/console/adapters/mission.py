@@ -29,8 +29,8 @@ class SwarmMission:
 
     def __init__(self, swarm: Swarm, station: Station, log: MissionLog | None = None) -> None:
         scenario = swarm.simulator.scenario
-        self._swarm, self._station = swarm, station
-        self._log = log or MissionLog(scenario.mission, station.commands, scenario.tick, swarm.given)
+        self._swarm = swarm
+        self._log = log or MissionLog(scenario.mission, swarm.commands, scenario.tick, swarm.given, station.operator)
         self._waiting: list[Order] = []
         """What is to be played when somebody has decided about the problem."""
         self.left_out: frozenset[int] = frozenset()
@@ -82,7 +82,7 @@ class SwarmMission:
 
     def _stop_holds(self) -> bool:
         """Whether a STOP holds that the mission has not sent, and so does not release."""
-        return self._swarm.is_stopped_by_others(each.message for each in self._station.commands())
+        return self._swarm.is_stopped_by_others(each.message for each in self._swarm.commands())
 
     def halt(self, why: str) -> None:
         if self.playing or self._waiting:
@@ -125,7 +125,7 @@ class SwarmMission:
         mission.extend(rest)
         if number == self.problem:
             self._go_on(_without(self._waiting, order))
-            self._swarm.heed_stops([each.message for each in self._station.commands()])
+            self._swarm.heed_stops([each.message for each in self._swarm.commands()])
 
     # ---- before each tick
 
@@ -151,7 +151,7 @@ class SwarmMission:
         """The first of its places of which nobody has decided yet; None if there is none, -1 for an order of which the
         scenario knows nothing."""
         places = [number for number, each in enumerate(self.orders) if is_same(each, order)]
-        settled = self._log.sent().keys() | self.left_out
+        settled = self._log.sent().keys() | self._log.wordless() | self.left_out
         return next((number for number in places if number not in settled), None if places else -1)
 
     def _refused(self, order: Order, error: MissionError) -> None:
@@ -165,6 +165,7 @@ class SwarmMission:
         sent = cast("Command | None", give(desk, order, confirmed=confirmed, undecided=False, ahead=ahead))
         if sent is None:
             self.left_out |= {number}  # it has an effect, but nobody is told of it
+            self._swarm.given.append((order, ""))
         elif number >= 0:
             self._log.note(number, sent.message)
         else:

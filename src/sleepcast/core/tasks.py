@@ -1,9 +1,10 @@
-"""Works that go on side by side in one thread."""
+"""Works that go on side by side in one thread, and waiting that can always be ended."""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Coroutine
+from contextlib import suppress
 from typing import Any
 
 
@@ -19,3 +20,11 @@ async def together(*works: Coroutine[Any, Any, None]) -> None:
     for error in ended:
         if isinstance(error, BaseException) and not isinstance(error, asyncio.CancelledError):
             raise error
+
+
+async def wait_at_most(event: asyncio.Event, seconds: float) -> None:
+    """Wait for the event, and no longer than this (s). `asyncio.wait_for` of Python 3.11 would lose a cancellation that
+    comes in the same turn as the event, and whoever waits in a loop would never end."""
+    with suppress(TimeoutError):
+        async with asyncio.timeout(seconds):
+            await event.wait()

@@ -13,6 +13,7 @@ from starlette.websockets import WebSocket
 from sleepcast.console.connection import PageConnection, encode
 from sleepcast.console.outgoing import Refused
 from sleepcast.core.clock import Clock
+from sleepcast.core.tasks import wait_at_most
 from sleepcast.experiment_page import messages
 from sleepcast.experiments.findings import CurveAxes, SweepFindings
 
@@ -80,10 +81,7 @@ class ExperimentSession:
             if view == self._view:
                 await self._tell(messages.DrawnCurves(view.x, view.y, view.by, found))
             pause = max(PERIOD, SHARE * (self._clock.now() - began))
-            try:
-                await asyncio.wait_for(self._changed.wait(), pause)
-            except TimeoutError:
-                continue
+            await wait_at_most(self._changed, pause)
 
     async def _tell(self, message: messages.ProgressNews | messages.DrawnCurves) -> None:
         """Send it, unless the page knows it already."""

@@ -189,8 +189,10 @@ class Server:
     async def _connect(self) -> None:
         self._events, self._since, self._gave_up = EventStream(), None, ""
         name = self._host if self._context else None
-        opening = asyncio.open_connection(self._host, self._port, ssl=self._context, server_hostname=name)
-        self._reader, self._writer = await asyncio.wait_for(opening, PATIENCE)
+        async with asyncio.timeout(PATIENCE):
+            self._reader, self._writer = await asyncio.open_connection(
+                self._host, self._port, ssl=self._context, server_hostname=name
+            )
 
     def _leave(self) -> None:
         if self._writer is not None:
@@ -202,7 +204,7 @@ class Server:
         unanswered = 0
         while True:
             try:
-                async with asyncio.timeout(ASK_EVERY):  # unlike wait_for, it never swallows that we are to end
+                async with asyncio.timeout(ASK_EVERY):
                     data = await self._reader.read(PIECE)
             except TimeoutError:
                 if self._events.answers and unanswered >= UNANSWERED:

@@ -49,6 +49,7 @@ from sleepcast.cli.tui import panes as panes
 from sleepcast.cli.tui.commands import CommandType
 from sleepcast.cli.tui.completion import SessionNames
 from sleepcast.cli.tui.session import TuiSession
+from sleepcast.core.tasks import wait_at_most
 
 if TYPE_CHECKING:
     from sleepcast.cli.tui.panes import Line
@@ -139,11 +140,10 @@ class Screen:
     async def _live(self, heard: asyncio.Event) -> None:
         """Hear the channel, and show what has changed, until the desk is left."""
         try:
-            while not self.session.leaving:
+            while not (self.session.leaving or self._app.is_done):
                 self.session.tick()
                 self._app.invalidate()
-                with contextlib.suppress(TimeoutError):
-                    await asyncio.wait_for(heard.wait(), min(REDRAW, max(0.0, self.session.due())))
+                await wait_at_most(heard, min(REDRAW, max(0.0, self.session.due())))
                 heard.clear()
                 await asyncio.sleep(0.0)  # a flood of datagrams must not keep a key waiting
         except Exception as error:

@@ -1,0 +1,31 @@
+"""Waiting in asyncio."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from sleepcast.core.tasks import wait_at_most
+
+
+def test_a_cancellation_is_not_lost_to_an_event_of_the_same_turn() -> None:
+    """A desk whose terminal was closed while a datagram came went on for ever."""
+
+    async def run() -> None:
+        event = asyncio.Event()
+        waiting = asyncio.create_task(wait_at_most(event, 60.0))
+        await asyncio.sleep(0.0)
+        event.set()
+        waiting.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await waiting
+
+    asyncio.run(run())
+
+
+def test_it_waits_no_longer_than_that() -> None:
+    async def run() -> None:
+        await wait_at_most(asyncio.Event(), 0.0)
+
+    asyncio.run(run())

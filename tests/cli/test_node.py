@@ -99,7 +99,7 @@ def test_orders_come_at_their_times(call: Call) -> None:
     assert status == 0
     assert "scout-7: a: 0.5" in out
     assert "scout-7: stopped" in out
-    assert "scout-7: fault, UNKNOWN" in out
+    assert "scout-7: fault, unknown" in out
     assert "tells others, whom nobody reaches from here: (ST)" in out
     assert "scout-7: " in err
     assert "UNHEARD" in err
@@ -166,7 +166,7 @@ def test_lines_that_are_typed_are_commands(call: Call, monkeypatch: pytest.Monke
     assert status == 0
     assert "r1: typed: 3\n" in out
     assert "r1: stopped, and at rest until RELEASE\nr1: released, and free to be moved again\n" in out
-    assert out.count("r1: fault, UNKNOWN") == 2
+    assert out.count("r1: fault, unknown") == 2
     assert err.count("r1: ") == 3  # two faults and the end
 
 
@@ -199,7 +199,7 @@ def test_golden_rules_are_nobodys_to_change(call: Call, tmp_path: Path, world: N
     golden.write_text("; what keeps it slow\n(RULE slow (VM 0.1m/s 0.1m/s))", encoding="utf-8")
     script = "@0.3s (FORGET slow)\n@0.6s (RULE slow (VM 0.5m/s 0.5m/s))\n@0.9s (ROLLBACK)\n"
     status, out, err = call(script, "--golden", str(golden))
-    assert (status, out.count("r1: fault, UNKNOWN")) == (0, 2), err
+    assert (status, out.count("r1: fault, unknown")) == (0, 2), err
     assert err.count("slow is built in: it cannot be changed over the air") == 2
     assert world.observe(0).real.x == pytest.approx(0.29, abs=0.05)
 

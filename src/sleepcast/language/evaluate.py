@@ -35,7 +35,9 @@ class Entered(Protocol):
     height: int
     locals: int
     slots: int
-    vocabulary: Vocabulary
+
+    @property
+    def vocabulary(self) -> Vocabulary: ...
 
     def run(self, memory: Memory, *arguments: float) -> float: ...
 

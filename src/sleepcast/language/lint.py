@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 from math import inf, isfinite
+from weakref import WeakKeyDictionary
 
 from sleepcast.core.model import Constant, HostFunction, Quantity
 from sleepcast.core.units import LENGTH, NONE, Dimension, dimension_of, to_si, value_in_words
@@ -108,10 +108,16 @@ def units_in(program: Entered) -> Callable[[Part], str]:
     return lambda part: beside[part] if part in beside else advice.unit(part)
 
 
-@lru_cache(maxsize=512)
+_UNITS: WeakKeyDictionary[Entered, str] = WeakKeyDictionary()
+
+
 def unit_of_program(program: Entered) -> str:
-    """The unit in which people read the value of a program; the same ones are asked again and again."""
-    return units_in(program)(program.root)
+    """The unit in which people read the value of a program; it is known for as long as there is the program, since the
+    same ones are asked again and again."""
+    found = _UNITS.get(program)
+    if found is None:
+        found = _UNITS[program] = units_in(program)(program.root)
+    return found
 
 
 class _Advice:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Sequence
 from math import nan
+from weakref import ref
 
 from sleepcast.core.errors import SleepcastError
 from sleepcast.language import special_forms
@@ -23,6 +24,7 @@ from sleepcast.language.parts import CHANCY, Part, acts, deciding, is_acting, wa
 from sleepcast.language.reader import Form, height, read_all
 from sleepcast.language.remembering import REMEMBERS, written_out
 from sleepcast.language.symbols import Group, Names, Operator, Stored, reaches, uses_in
+from sleepcast.language.vocabulary import Vocabulary
 
 MAX_STEPS = MAX_COST
 """Steps of one evaluation, all buffers and operators it enters included: about two milliseconds of a slow computer."""
@@ -48,7 +50,7 @@ class Program:
     and operators it names. free: keys of learned names it depends on; meanings: what they were when it was checked, as
     far as they had been learned. declares: rules and groups that the text itself makes. stores: keys that it stores
     expressions under, with what those use. test: the top-level test as a program of its own, None if everybody
-    matches. acts, chancy: of the whole program. slots: the length of values it needs. vocabulary: what its names mean.
+    matches. acts, chancy: of the whole program. slots: the length of values it needs.
     """
 
     def __init__(self, forms: Sequence[Form], root: Part, parameters: int, checker: Checker, steps: int) -> None:
@@ -59,7 +61,8 @@ class Program:
         self.meanings = {key: found for key, found in learned.items() if found is not None}
         self.stores = dict(checker.pending_uses)
         self.declares = {key: _DECLARES[sort] for key, sort in checker.pending.items() if sort in _DECLARES}
-        self.locals, self.cost, self.vocabulary = checker.locals, steps, checker.names.vocabulary
+        self.locals, self.cost = checker.locals, steps
+        self._vocabulary = ref(checker.names.vocabulary)  # whose library keeps this program for as long as it lives
         parts = walk(root)
         for index, part in enumerate(parts):
             part.index = index
@@ -69,6 +72,12 @@ class Program:
         self.test = self._find_test(checker) if parameters == 0 else None
         self.runs = 0
         self.code: Code | None = None
+
+    @property
+    def vocabulary(self) -> Vocabulary:
+        """What its names mean; an empty one when no robot has that any more."""
+        found = self._vocabulary()
+        return Vocabulary() if found is None else found
 
     def run(self, memory: Memory, *arguments: float) -> float:
         """Enter the program: charge its cost, evaluate it, give its value. Raises OutOfSteps."""

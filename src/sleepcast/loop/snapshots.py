@@ -65,9 +65,8 @@ class Cover(msgspec.Struct):
     version: str
 
 
-class SnapshotFile(Cover):
-    """The whole file. robots: their number, which bounds the rest. desk: None if there was none. others: of
-    further operators."""
+class SnapshotOfOneDesk(Cover):
+    """The whole file of format 1. robots: their number, which bounds the rest. desk: None if there was none."""
 
     robots: int
     simulator: bytes
@@ -75,7 +74,12 @@ class SnapshotFile(Cover):
     radio: bytes
     loop: bytes
     desk: bytes | None
-    others: list[bytes] = []
+
+
+class SnapshotFile(SnapshotOfOneDesk):
+    """The whole file. others: the desks of further operators."""
+
+    others: list[bytes]
 
 
 class GivenOrder(msgspec.Struct):
@@ -236,7 +240,11 @@ def _opened(data: bytes, name: str) -> SnapshotFile:
             f"update sleepcast (the snapshot was taken by version {cover.version[:40]})"
         )
     try:
-        document = msgspec.msgpack.decode(data, type=SnapshotFile)
+        if cover.format == 1:
+            first = msgspec.msgpack.decode(data, type=SnapshotOfOneDesk)
+            document = SnapshotFile(**msgspec.structs.asdict(first), others=[])
+        else:
+            document = msgspec.msgpack.decode(data, type=SnapshotFile)
     except UNREADABLE as error:
         raise SnapshotError(f"{name} is damaged: {error}. Take another snapshot, or run the scenario anew") from None
     if not 0 < document.robots <= MAX_MINDS:

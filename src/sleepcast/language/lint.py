@@ -27,13 +27,14 @@ from sleepcast.language.vocabulary import Variable, VariableKind, Vocabulary
 @dataclass(frozen=True, slots=True)
 class Checked:
     """A text that was checked. found: what is wrong or doubtful in it. program: None if there is any error. cost: its
-    static bound in steps. by: whose names make it wrong, in a sentence; or, where they do not count, who they are; ""
-    where it is the same for all."""
+    static bound in steps. vocabulary: what its names mean. by: whose names make it wrong, in a sentence; or, where they
+    do not count, who they are; "" where it is the same for all."""
 
     text: str
     found: Findings
     program: Program | None
     cost: int
+    vocabulary: Vocabulary
     by: str = ""
 
     @property
@@ -93,7 +94,7 @@ def check(text: str, names: Names) -> Checked:
     advice = _Advice(text, names.vocabulary, checker.findings)
     advice.on(program, checker)
     sound = None if checker.findings.counts["error"] else program
-    return Checked(text, checker.findings, sound, program.cost)
+    return Checked(text, checker.findings, sound, program.cost, names.vocabulary)
 
 
 def units_in(program: Entered) -> Callable[[Part], str]:

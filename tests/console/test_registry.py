@@ -62,11 +62,11 @@ class StoppedDesk(SimpleNamespace):
 
     recorded, lacks = False, NOT_HERE_AT_ALL
 
-    def stop(self) -> None:
-        self.said.append("stop")
+    def stop(self, by: str = "") -> None:
+        self.said.append(f"stop {by}".strip())
 
-    def release(self) -> None:
-        self.said.append("release")
+    def release(self, by: str = "") -> None:
+        self.said.append(f"release {by}".strip())
 
 
 class BarePage(Dialogue[Any]):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Set
+from collections.abc import Sequence, Set
 
 import msgspec
 
@@ -30,7 +30,8 @@ class CommandRow(msgspec.Struct, frozen=True):
     was counted, in words. unknown: those whose test was neither true nor false. held: those among the matched that were
     to move, and did not because STOP holds them. not_stored: those that have done it, but may forget it over a restart.
     waiting: why the silent ones could not answer yet, "" if they could. failing: rules that it brought and that fail
-    now. moving: those that have accepted STOP and are not at rest yet."""
+    now. moving: those that have accepted STOP and are not at rest yet. by: the operator who has sent it, "" where
+    nobody is named."""
 
     id: str
     kind: str
@@ -50,6 +51,7 @@ class CommandRow(msgspec.Struct, frozen=True):
     waiting: str = ""
     failing: tuple[ShownFailing, ...] = ()
     moving: int = 0
+    by: str = ""
 
 
 State = tuple[int, int, int, str, tuple[ShownFailing, ...]]
@@ -58,21 +60,36 @@ robots wait, which rules fail."""
 
 
 class AccountTable:
-    """The rows of one station; a row is made anew only when another robot has answered. swarm: on the map. began: when
-    its time began, s of the station's clock."""
+    """The rows of all operators' desks; a row is made anew only when another robot has answered. station: the first
+    one's. swarm: on the map. began: when its time began, s of the station's clock. others: the desks of further
+    operators."""
 
-    def __init__(self, station: Station, swarm: SwarmView, began: float = 0.0) -> None:
+    def __init__(self, station: Station, swarm: SwarmView, began: float = 0.0, others: Sequence[Station] = ()) -> None:
         self._station, self._swarm, self._began = station, swarm, began
+        self._others = {desk.operator: desk for desk in others}
         self._rows: dict[str, tuple[State, CommandRow]] = {}
         self._asked: dict[str, tuple[State, CommandRow]] = {}
         """The same of those that were asked for by their ids."""
         self.failing = FailingRules(station, swarm)
 
+    def commands(self) -> list[Command]:
+        """What all operators have sent, oldest first."""
+        found = [each for desk in (self._station, *self._others.values()) for each in desk.commands()]
+        return sorted(found, key=lambda each: each.message.issued) if self._others else found
+
+    def desk_of(self, command: Command) -> Station:
+        """The desk that has sent a command."""
+        return self._others.get(command.message.sender, self._station)
+
+    def desk_for(self, number: str) -> Station:
+        """The desk that has sent the command with this id; the first where nobody has."""
+        return next((self.desk_of(each) for each in self.commands() if each.id == number), self._station)
+
     def rows(self, held_up: str = "") -> list[CommandRow]:
         """The latest commands, oldest first. held_up: why time stands still, "" while it runs."""
         kept: dict[str, tuple[State, CommandRow]] = {}
-        commands = self._station.commands()[-MOST_ROWS:]
-        self.failing.look(commands)
+        commands = self.commands()[-MOST_ROWS:]
+        self.failing.look([each for each in commands if self.desk_of(each) is self._station])
         for command in commands:
             kept[command.id] = self._known(command, self._rows.get(command.id), held_up)
         self._rows = kept
@@ -80,7 +97,7 @@ class AccountTable:
 
     def rows_of(self, ids: Set[str]) -> dict[str, CommandRow]:
         """Those of these commands that are still known, by their ids, however many came after them."""
-        commands = [command for command in self._station.commands() if command.id in ids]
+        commands = [command for command in self.commands() if command.id in ids]
         self._asked = {each.id: self._known(each, self._asked.get(each.id)) for each in commands}
         return {key: row for key, (_, row) in self._asked.items()}
 
@@ -93,7 +110,7 @@ class AccountTable:
         state = len(command.answers), command.addressed, command.rest.version, waiting, self.failing.of(command.id)
         if known is not None and known[0] == state:
             return known
-        return state, self._row(command, self._station.accounting(command.id), *state[3:])
+        return state, self._row(command, self.desk_of(command).accounting(command.id), *state[3:])
 
     def _row(self, command: Command, found: Account, waiting: str, failing: tuple[ShownFailing, ...]) -> CommandRow:
         return CommandRow(
@@ -115,16 +132,17 @@ class AccountTable:
             waiting,
             failing,
             0 if found.rest is None else found.rest.n_stopping,
+            command.message.sender if self._others else "",
         )
 
     def outcomes(self, command: str, time: float) -> bytes:
         """For each robot, in the order of the scene's names, what its answer was at a time, as `station.SILENT` and
         the others. Raises NoSuchCommandError."""
-        return self._station.outcomes(command, time)[: len(self._swarm.scene.names)].tobytes()
+        return self.desk_for(command).outcomes(command, time)[: len(self._swarm.scene.names)].tobytes()
 
     def stop(self) -> Command | None:
         """The STOP that holds, None if none does."""
-        for command in reversed(self._station.commands()):
+        for command in reversed(self.commands()):
             if command.kind == "stop":
                 return command
             if command.kind == "release":
@@ -134,7 +152,7 @@ class AccountTable:
     def stop_sentence(self, stop: Command, held_up: str) -> str:
         """What has become of a STOP: never more than what the robots themselves have said. held_up: why time stands
         still, "" while it runs."""
-        found = self._station.accounting(stop.id)
+        found = self.desk_of(stop).accounting(stop.id)
         total = found.n_matched + found.n_silent
         if held_up == AT_START:
             return (

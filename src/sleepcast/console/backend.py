@@ -32,7 +32,7 @@ from sleepcast.console.sensing import BodyView
 from sleepcast.console.values import TelemetryValues, Values
 from sleepcast.console.view import KeptRule, MindView, ObstacleEditor, Picture, Scene, SwarmView
 from sleepcast.core.clock import Clock
-from sleepcast.core.errors import MisuseError
+from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.tasks import together
 from sleepcast.core.units import value_in_words
 from sleepcast.language import Variable
@@ -80,7 +80,8 @@ class Backend:
             mission.hold = self._hold
         self.swarm, self.station, self.clock = swarm, station, clock
         self.began = began
-        self.accounts = AccountTable(station, swarm, began)
+        self._desks: list[Station] = getattr(swarm, "desks", None) or [station]
+        self.accounts = AccountTable(station, swarm, began, self._desks[1:])
         self._stopped_at = -STOP_AGAIN
         self.kept: dict[type[Any], Any] = {}
         """What features keep for all pages, by its class."""
@@ -90,7 +91,7 @@ class Backend:
         self.plots = Plots(self.values, clock, measures)
         driver.watchers.append(self.plots.sample)
         self._fields = FieldMaps(swarm.field, clock)
-        self._pending: tuple[tuple[str, bool, Sort], Prepared] | None = None
+        self._pending: tuple[tuple[str, bool, Sort, str], Prepared] | None = None
         """The latest command that is not sent yet, since its sender was asked about it."""
         self.winks: dict[str, float] = {}
         """When each robot was asked to blink, s of the page's time."""
@@ -105,7 +106,12 @@ class Backend:
     def hello(self) -> outgoing.Hello:
         """What a page needs first."""
         scene = self.swarm.scene
-        return outgoing.Hello(scene, len(scene.names), names_of(self.swarm))
+        return outgoing.Hello(
+            scene,
+            len(scene.names),
+            names_of(self.swarm),
+            operators=getattr(self.swarm, "operators", None) or msgspec.UNSET,
+        )
 
     async def live(self) -> None:
         """Let time pass, and do what is to be done aside, until cancelled."""
@@ -149,21 +155,34 @@ class Backend:
 
     def send(self, asked: Send) -> outgoing.Sent:
         """Broadcast a text. count, confirmed: where the station asks for confirmation, see `Station.commit`."""
+        desk = self.desk_of(asked.by)
         if asked.sort == "ask":
-            sent = self.station.ask(asked.text)
+            sent = desk.ask(asked.text)
         else:
-            commit = self._send_in_stages if asked.sort == "stages" else self.station.commit
+            commit = self._send_in_stages if asked.sort == "stages" else desk.commit
             sent = commit(self._prepared(asked), count=asked.count, confirmed=asked.confirmed)
             self._pending = None
+            if len(self._desks) > 1:
+                desk.hold(True)  # who sends is there, so that what is driven goes on
         self.driver.begin()
         return outgoing.Sent(asked.serial, sent.id)
 
+    def desk_of(self, operator: str) -> Station:
+        """The desk of an operator, "" for the first. Raises MisuseError for one who has none here."""
+        found = self.station if not operator else next((d for d in self._desks if d.operator == operator), None)
+        if found is None:
+            known = [desk.operator for desk in self._desks]
+            raise MisuseError(
+                f"no operator {operator}{did_you_mean(operator, known)}: wanted one of {', '.join(known)}"
+            )
+        return found
+
     def _prepared(self, asked: Send) -> Prepared:
         """The command, as a page was asked about it before, if it was."""
-        what = (asked.text, asked.everybody, asked.sort)
+        what = (asked.text, asked.everybody, asked.sort, asked.by)
         if self._pending is None or self._pending[0] != what:
             terms = Terms(standing=asked.sort == "standing", everybody=asked.everybody, anyway=asked.confirmed)
-            self._pending = what, self.station.prepare(asked.text, terms)
+            self._pending = what, self.desk_of(asked.by).prepare(asked.text, terms)
         return self._pending[1]
 
     def _hold(self) -> None:
@@ -187,19 +206,20 @@ class Backend:
     def halt(self) -> None:
         """Nothing goes out in stages here."""
 
-    def stop(self) -> None:
-        """Stop every body. While a STOP holds that was given a moment ago, one more changes nothing."""
+    def stop(self, by: str = "") -> None:
+        """Stop every body. While a STOP holds that was given a moment ago, one more changes nothing. by: the operator
+        as whom; where nobody is called so, the first one stops."""
         now = self.clock.now()
         if not self.driver.latched or now - self._stopped_at >= STOP_AGAIN:
             self._stopped_at = now
-            self.station.stop()
+            next((each for each in self._desks if each.operator == by), self.station).stop()
         if self.mission is not None:
             self.mission.halt(STOPPED)
         self._latch(True)
 
-    def release(self) -> None:
-        """End STOP."""
-        self.station.release()
+    def release(self, by: str = "") -> None:
+        """End STOP, as this operator."""
+        self.desk_of(by).release()
         self._latch(False)
 
     def _latch(self, latched: bool) -> None:
@@ -211,11 +231,11 @@ class Backend:
     def explain(self, asked: Why) -> Explained | Awaitable[Explained | msgspec.Raw]:
         """How a robot evaluated a command."""
         try:
-            explanation = self.station.why(self.name_of(asked.robot), asked.command)
+            explanation = self.accounts.desk_for(asked.command or "").why(self.name_of(asked.robot), asked.command)
         except NoExplanationError:
             if self.past is None:
                 raise
-            sent = (each.message.issued for each in self.station.commands() if each.id == asked.command)
+            sent = (each.message.issued for each in self.accounts.commands() if each.id == asked.command)
             return self.past.why_now(next(sent, 0.0), asked)
         return Explained(asked.serial, show_why(explanation))
 
@@ -227,11 +247,11 @@ class Backend:
         """What these robots had answered to a question at a time, s of the page's time. Raises MisuseError for what is
         no question, and for a robot that there is not."""
         names = [self.name_of(robot) for robot in robots]
-        asked = next((each for each in self.station.commands() if each.id == command), None)
+        asked = next((each for each in self.accounts.commands() if each.id == command), None)
         if asked is not None and asked.kind != "ask":
             raise MisuseError(f"{command} was no question, so robots did not answer it with a value.")
-        found = self.station.answers(command, names, self.began + time)
-        unit = self.station.accounting(command).unit
+        found = self.accounts.desk_for(command).answers(command, names, self.began + time)
+        unit = self.accounts.desk_for(command).accounting(command).unit
         return [answer_in_words(answer, unit) for answer in found]
 
     def failed(self, rule: str, time: float = inf) -> bytes:

@@ -31,9 +31,9 @@ class PageDesk(Source, Protocol):
 
     async def live(self) -> None: ...
 
-    def stop(self) -> None: ...
+    def stop(self, by: str = "") -> None: ...
 
-    def release(self) -> None: ...
+    def release(self, by: str = "") -> None: ...
 
 
 D = TypeVar("D", bound=PageDesk)
@@ -68,10 +68,10 @@ class Dialogue(ABC, Generic[D]):
         serial: int | None = getattr(message, "serial", None)
         try:
             if isinstance(message, Stop):
-                self._desk.stop()
+                self._desk.stop(message.by)
                 return None
             if isinstance(message, Release):
-                self._desk.release()
+                self._desk.release(message.by)
                 return None
             return registry.answer(message, self._desk, self, self._then)
         except SleepcastError as error:

@@ -27,6 +27,7 @@ Serial = Annotated[int, Meta(ge=1, le=2**53 - 1)]
 Text = Annotated[str, Meta(max_length=16_384)]
 Number = Annotated[int, Meta(ge=1, le=2**53 - 1)]
 Id = Annotated[str, Meta(max_length=160)]
+Operator = Annotated[str, Meta(max_length=64)]
 Metres = Annotated[float, Meta(ge=-1e7, le=1e7)]
 T = TypeVar("T")
 Index = Annotated[int, Meta(ge=-1, le=10_000_000)]
@@ -39,11 +40,15 @@ class PageMessage(msgspec.Struct, forbid_unknown_fields=True, tag_field="type", 
 
 
 class Stop(PageMessage):
-    """Stop every body."""
+    """Stop every body. by: the operator as whom, "" for the first."""
+
+    by: Operator = ""
 
 
 class Release(PageMessage):
-    """End STOP."""
+    """End STOP. by: the operator as whom, "" for the first."""
+
+    by: Operator = ""
 
 
 class Drawn(PageMessage):

@@ -230,12 +230,12 @@ class NetworkBackend(Backend):
             self._releasing = None
             self._latch(False)
 
-    def stop(self) -> None:
+    def stop(self, by: str = "") -> None:
         """Stop every body. A RELEASE that has not gone out yet does not."""
         self._releasing = None
         super().stop()
 
-    def release(self) -> None:
+    def release(self, by: str = "") -> None:
         """End STOP, once robots have told whose STOPs hold."""
         self._releasing = self._fleet.awaited_release()
 

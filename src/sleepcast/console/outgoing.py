@@ -36,7 +36,8 @@ class Hello(Said):
     recording begins and ends, s; 0 where the swarm lives. part: of a recording in several files, from 1; 0 if there is
     one. air: whether the robots are on the air, where time is real. unheard: how many others are expected there. run:
     the number of this run on the page, from 1; 0 where no other can follow. note: what the map cannot show, in a
-    sentence. nomads: where the robots are Nomads."""
+    sentence. nomads: where the robots are Nomads. operators: as whom one may send, each with the role, the first one's
+    desk being the page's own; left out where nobody is named."""
 
     scene: Scene
     count: int
@@ -49,6 +50,7 @@ class Hello(Said):
     run: int = 0
     note: str = ""
     nomads: NomadKinds | None = None
+    operators: list[tuple[str, str]] | msgspec.UnsetType = msgspec.UNSET
 
 
 class Refused(Said):

@@ -239,8 +239,8 @@ class RenewableBackend(Backend):
         """What a page needs first. Pages of another run load themselves again."""
         return msgspec.structs.replace(super().hello(), run=self._number)
 
-    def stop(self) -> None:
-        super().stop()
+    def stop(self, by: str = "") -> None:
+        super().stop(by)
         self._runs.give_up("STOP was pressed: the new run was not started, and STOP holds in this one.")
 
     async def scenarios(self, asked: Scenarios) -> Offered:

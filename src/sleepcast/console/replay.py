@@ -225,11 +225,11 @@ class ReplayBackend:
         """On which robots a rule ("": any rule) failed at this time."""
         return self._film.failures_at(self.driver.time).robots(rule, len(self.scene.names))
 
-    def stop(self) -> None:
+    def stop(self, by: str = "") -> None:
         """Nothing moves in a recording that could be stopped, so time is."""
         self.driver.set_pace(running=False)
 
-    def release(self) -> None:
+    def release(self, by: str = "") -> None:
         """Time goes on."""
         self.driver.set_pace(running=True)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from array import array
 from dataclasses import replace
 from math import cos, inf, pi, sin
+from typing import cast
 
 import msgspec
 import numpy as np
@@ -25,6 +26,7 @@ from sleepcast.loop.swarm import Witness
 from sleepcast.simulator import Area, Circle, MapPicture, Scenario, Shape, Wall
 from sleepcast.simulator.scenario.robot_types import slices
 from sleepcast.simulator.scenario.sliders import Slider
+from sleepcast.station import Station
 
 ROUND = 32
 """Corners of a circle as it is drawn."""
@@ -50,6 +52,16 @@ class SwarmAdapter:
         self._fields = FieldPictures(swarm.simulator)
         self.minds = swarm.fleet
         self.vocabulary: Vocabulary = swarm.vocabulary
+
+    @property
+    def desks(self) -> list[Station]:
+        """The desks of the operators whom the run names, the first one's first."""
+        return cast("list[Station]", self._swarm.desks) if self._swarm.operators else []
+
+    @property
+    def operators(self) -> list[tuple[str, str]]:
+        """Those operators with their roles."""
+        return [(name, role.value) for name, role in self._swarm.operators.items()]
 
     @property
     def tick(self) -> int:

@@ -7,7 +7,7 @@ from typing import Protocol
 import msgspec
 
 from sleepcast.console.feature import answers, run_again
-from sleepcast.console.incoming import PageMessage, Serial, Text
+from sleepcast.console.incoming import Operator, PageMessage, Serial, Text
 from sleepcast.console.outgoing import Said, ShownFinding
 from sleepcast.console.view import Scene
 from sleepcast.core.errors import and_more
@@ -19,10 +19,11 @@ MOST_REASONS = 5
 
 
 class GetPreview(PageMessage, tag="preview"):
-    """Check a text and say who would obey it now."""
+    """Check a text and say who would obey it now. by: the operator who would send it, "" for the first."""
 
     serial: Serial
     text: Text
+    by: Operator = ""
 
 
 class Previewed(Said):
@@ -44,8 +45,9 @@ class Previewed(Said):
 class PreviewSource(Protocol):
     """Who can check and preview texts, for the robots on the map."""
 
-    @property
-    def station(self) -> Station: ...
+    def desk_of(self, operator: str) -> Station:
+        """The desk of an operator. Raises MisuseError for one who has none here."""
+
     @property
     def scene(self) -> Scene: ...
 
@@ -53,9 +55,9 @@ class PreviewSource(Protocol):
 @answers(then=run_again)
 def preview(source: PreviewSource, asked: GetPreview) -> Previewed:
     """What is wrong in a text, and who would obey it now."""
-    serial, text = asked.serial, asked.text
+    serial, text, station = asked.serial, asked.text, source.desk_of(asked.by)
     try:
-        checked = source.station.check(text)
+        checked = station.check(text)
     except ReadError as error:
         return Previewed(serial, [ShownFinding("error", error.reason, error.start, error.end, str(error))])
     findings = [_show_finding(finding, text) for finding in checked.findings]
@@ -64,7 +66,7 @@ def preview(source: PreviewSource, asked: GetPreview) -> Previewed:
         findings.append(ShownFinding("error", checked.by, 0, 0, checked.by))
     if checked.program is None:
         return Previewed(serial, findings, checked.cost)
-    return _previewed(serial, checked, findings, source.station.preview(checked), len(source.scene.names))
+    return _previewed(serial, checked, findings, station.preview(checked), len(source.scene.names))
 
 
 def _previewed(serial: int, checked: Checked, findings: list[ShownFinding], found: Preview, robots: int) -> Previewed:

@@ -122,12 +122,12 @@ class NomadsBackend:
 
     # ---- STOP
 
-    def stop(self) -> None:
+    def stop(self, by: str = "") -> None:
         """Stop every body and keep it so."""
         self.nomads.hold(True)
         self.driver.draw()
 
-    def release(self) -> None:
+    def release(self, by: str = "") -> None:
         """End STOP."""
         self.nomads.hold(False)
         self.driver.draw()

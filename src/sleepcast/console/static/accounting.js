@@ -92,7 +92,7 @@ export class Accounting extends EventTarget {
     text.title = row.text;
     text.className = "text";
     const heldUp = Object.assign(document.createElement("div"), { className: "held-up" });
-    text.append(time, ...sortOf(row), code, heldUp);
+    text.append(time, ...byOf(row), ...sortOf(row), code, heldUp);
     for (const outcome of OUTCOMES) line.insertCell().className = `count ${outcome.replace("_", "-")}`;
     if (row.kind === "ask") line.insertCell().className = "values";
     for (const cell of line.cells) cell.setAttribute("role", "cell");
@@ -177,6 +177,11 @@ export class Accounting extends EventTarget {
 }
 
 // What is said of a command that is not simply done once.
+// Who has sent it, where several may.
+function byOf(row) {
+  return row.by ? [Object.assign(document.createElement("span"), { className: "by", textContent: row.by, title: `Sent by ${row.by}` })] : [];
+}
+
 function sortOf(row) {
   const sort = row.kind === "ask" ? "ask" : row.standing ? "standing" : "";
   return sort ? [Object.assign(document.createElement("span"), { className: "sort", textContent: sort })] : [];

@@ -67,6 +67,7 @@ export class Prompt extends EventTarget {
       this.send();
     });
     this.find("sort").addEventListener("change", () => this.sorted());
+    this.find("by").addEventListener("change", () => this.changed());
     onceMore(this.find("meant-count"), () => this.send());
     this.search.addEventListener("take", (event) => this.set(event.detail));
     this.search.addEventListener("end", () => this.focus());
@@ -188,6 +189,22 @@ export class Prompt extends EventTarget {
     this.dispatchEvent(new CustomEvent("preview", { detail: this.sort === "ask" ? null : this.preview }));
   }
 
+  // ---- as whom
+
+  // operators: pairs of name and role, the first one's desk being the page's own; none where nobody is named.
+  setOperators(operators) {
+    const select = this.find("by");
+    const chosen = select.value;
+    select.replaceChildren(...operators.map(([name, role]) => new Option(`${name}, ${role}`, name, false, name === chosen)));
+    select.parentElement.hidden = operators.length === 0;
+  }
+
+  // What says in a message as whom it is sent; nothing where nobody is named.
+  get by() {
+    const { value } = this.find("by");
+    return value ? { by: value } : {};
+  }
+
   // ---- checking and previewing
 
   changed() {
@@ -240,7 +257,7 @@ export class Prompt extends EventTarget {
     if (this.refuseLong(text)) return;
     let answer;
     try {
-      answer = await this.wire.ask("preview", { text });
+      answer = await this.wire.ask("preview", { text, ...this.by });
     } catch {
       return; // the page says elsewhere that there is no connection; the next key asks again
     }
@@ -321,7 +338,7 @@ export class Prompt extends EventTarget {
     try {
       const typed = this.find("meant").hidden ? NaN : this.find("meant-count").valueAsNumber;
       const count = Number.isInteger(typed) && typed >= 0 ? typed : null;
-      const answer = await this.wire.ask("send", { text, everybody: box.checked, sort: this.sort, count, confirmed: text === this.doubted });
+      const answer = await this.wire.ask("send", { text, everybody: box.checked, sort: this.sort, count, confirmed: text === this.doubted, ...this.by });
       this.setSending(false);
       this.history.add(text);
       this.find("sort").value = "once"; // what comes next is not meant to stand because this was

@@ -37,13 +37,19 @@ export class Safety {
   }
 
   stop() {
-    const sent = this.wire.tell("stop");
+    const sent = this.wire.tell("stop", this.by);
     if (sent && this.latched) return; // said once more, and all is known
     this.answered();
     this.pressed = true;
     const unheard = "STOP was sent, but the station has not confirmed it. Do not rely on it.";
     if (sent) this.timer = setTimeout(() => this.say(unheard), PATIENCE);
     else this.say("STOP could not be sent: there is no connection to the station. It goes out as soon as there is one.");
+  }
+
+  // The operator as whom it goes out, where the run names any.
+  get by() {
+    const chosen = this.find("by")?.value;
+    return chosen ? { by: chosen } : {};
   }
 
   answered() {
@@ -54,7 +60,7 @@ export class Safety {
 
   release() {
     this.answered();
-    if (!this.wire.tell("release")) this.say("RELEASE could not be sent: there is no connection to the station.");
+    if (!this.wire.tell("release", this.by)) this.say("RELEASE could not be sent: there is no connection to the station.");
   }
 
   // What the station says: {latched, sentence, noticed}.

@@ -102,6 +102,7 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
     table.setScene(scene);
     field.setScene(scene);
     prompt.setNames(hello.names);
+    prompt.setOperators(hello.operators ?? []);
     sentence.setNoun(scene.noun);
   }
 

@@ -80,8 +80,9 @@ class Backend:
             mission.hold = self._hold
         self.swarm, self.station, self.clock = swarm, station, clock
         self.began = began
-        self._desks: list[Station] = getattr(swarm, "desks", None) or [station]
-        self.accounts = AccountTable(station, swarm, began, self._desks[1:])
+        desks: list[Station] = getattr(swarm, "desks", None) or [station]
+        self._desks = {desk.operator: desk for desk in desks}
+        self.accounts = AccountTable(station, swarm, began, desks[1:])
         self._stopped_at = -STOP_AGAIN
         self.kept: dict[type[Any], Any] = {}
         """What features keep for all pages, by its class."""
@@ -169,13 +170,10 @@ class Backend:
 
     def desk_of(self, operator: str) -> Station:
         """The desk of an operator, "" for the first. Raises MisuseError for one who has none here."""
-        found = self.station if not operator else next((d for d in self._desks if d.operator == operator), None)
-        if found is None:
-            known = [desk.operator for desk in self._desks]
-            raise MisuseError(
-                f"no operator {operator}{did_you_mean(operator, known)}: wanted one of {', '.join(known)}"
-            )
-        return found
+        if operator and operator not in self._desks:
+            near = did_you_mean(operator, self._desks)
+            raise MisuseError(f"no operator {operator}{near}: wanted one of {', '.join(self._desks)}")
+        return self._desks.get(operator, self.station)
 
     def _prepared(self, asked: Send) -> Prepared:
         """The command, as a page was asked about it before, if it was."""
@@ -212,7 +210,7 @@ class Backend:
         now = self.clock.now()
         if not self.driver.latched or now - self._stopped_at >= STOP_AGAIN:
             self._stopped_at = now
-            next((each for each in self._desks if each.operator == by), self.station).stop()
+            self._desks.get(by, self.station).stop()
         if self.mission is not None:
             self.mission.halt(STOPPED)
         self._latch(True)

@@ -225,7 +225,10 @@ class LivePast(Past):
     def _forget_inputs(self) -> None:
         """Forget the older half of what came from outside, up to the next state that is kept: what was before cannot be
         run again any more."""
-        tick = self.states.after(self._log.inputs.middle)
+        middle = self._log.inputs.middle
+        tick = self.states.after(middle)
+        if tick is None and self._log.size > self.budget.inputs:  # they come faster than states are packed
+            tick = self._state_from(middle)
         if tick is None:  # a state is on its way
             return
         self.states.forget_before(tick)
@@ -237,8 +240,8 @@ class LivePast(Past):
 
     def moment(self, tick: int, since: int | None = None) -> RunMoment:
         """See `Past`."""
-        if self.states.first is None and self._packer is not None:
-            self._packer.join()  # the first state is on its way
+        if self.states.first is None:
+            self._wait_for_state()  # the first one is on its way
         self._take_over()
         return super().moment(tick, since)
 
@@ -254,6 +257,19 @@ class LivePast(Past):
             self.states.add(at, state)
             self._diary.kept(cost)
             self._packed = self._packer = None
+
+    def _state_from(self, tick: int) -> int | None:
+        """The tick of the first state from this one on. The run waits for it."""
+        self._wait_for_state()
+        if self.states.after(tick) is None:
+            self._copy(self._view.tick)
+            self._wait_for_state()
+        return self.states.after(tick)
+
+    def _wait_for_state(self) -> None:
+        if self._packer is not None:
+            self._packer.join()
+        self._take_over()
 
     def _copy(self, tick: int) -> None:
         self._diary.begun()

@@ -235,14 +235,23 @@ class TestParallel:
         assert max(abs(env.fleet["speed"][env.possible_agents.index(name)]) for name in left) == 0.0
         env.close()
 
+    def test_who_leaves_in_the_last_step_is_not_cut_off(self) -> None:
+        env = gym.parallel_env("bravo", **RESCUE, done="(AND (= id 2) (> time 2.9s))")
+        env.reset(seed=1)
+        told: dict[str, dict[str, Any]] = {}
+        while env.agents:
+            _, _, _, _, told = env.step({name: np.zeros(2) for name in env.agents})
+        assert [name for name in env.possible_agents if not told[name].get("TimeLimit.truncated")] == ["scout2"]
+
     def test_an_episode_ends_for_all_when_its_goal_is_reached(self) -> None:
         env = gym.parallel_env("bravo", until="share (> time 0.5s) >= 1", **RESCUE)
         env.reset(seed=1)
         done: dict[str, bool] = {}
         while env.agents:
-            _, _, done, cut, _ = env.step({name: np.zeros(2) for name in env.agents})
+            _, _, done, cut, told = env.step({name: np.zeros(2) for name in env.agents})
         assert all(done.values())
         assert not any(cut.values())
+        assert not any(told.values()), "nobody was cut off"
 
     @pytest.mark.parametrize(
         "end",

@@ -53,3 +53,16 @@ def test_copies_without_a_seed_do_not_repeat_each_other() -> None:
     observed, _ = env.reset()
     assert not np.array_equal(observed[:4], observed[4:])
     env.close()
+
+
+def test_a_trainer_hears_that_an_episode_was_cut_off_by_the_time() -> None:
+    """Stable-Baselines3 adds the worth of what would have followed only where it is told so."""
+    vector = supersuit.pettingzoo_env_to_vec_env_v1(gym.parallel_env("bravo", **TASK))
+    env = supersuit.concat_vec_envs_v1(vector, 2, num_cpus=1)
+    env.reset(seed=5)
+    last: list[dict[str, object]] = [{}]
+    while not any(last):
+        _, _, _, _, last = env.step(np.zeros((8, 2), np.float32))
+    assert [each["TimeLimit.truncated"] for each in last] == [True] * 8
+    assert all("terminal_observation" in each for each in last)
+    env.close()

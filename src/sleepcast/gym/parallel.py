@@ -57,7 +57,8 @@ class RobotAgents(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
         self, actions: Mapping[str, Any]
     ) -> tuple[dict[str, Singles], dict[str, float], dict[str, bool], dict[str, bool], Infos]:
         """Let every agent act and time pass; agents that are done leave. When all have left, nothing happens any more.
-        Raises MisuseError for an action that is missing or does not fit."""
+        The information of an agent that was cut off by the time says so under Gym's old name as well, since SuperSuit
+        hands on no other to trainers. Raises MisuseError for an action that is missing or does not fit."""
         self._episodes.running()
         places = [self._place[name] for name in self.agents]
         chosen = self._chosen(actions)
@@ -66,13 +67,14 @@ class RobotAgents(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
         made = self._episodes.step(chosen)
         names, rows = self.agents, range(len(places))
         observed, reward, done = made.observed[places], made.reward[places], made.done[places] | made.ended
+        cut_off = made.over & ~done
         self.agents = [] if made.over else [name for name, gone in zip(names, done.tolist(), strict=True) if not gone]
         return (
             {names[row]: observed[row] for row in rows},
             {names[row]: float(reward[row]) for row in rows},
             {names[row]: bool(done[row]) for row in rows},
             dict.fromkeys(names, made.over),
-            {name: {} for name in names},
+            {names[row]: {"TimeLimit.truncated": True} if cut_off[row] else {} for row in rows},
         )
 
     def close(self) -> None:

@@ -8,8 +8,8 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from importlib.metadata import EntryPoint
 from math import hypot, inf, isclose, isnan, nan, pi
+from pathlib import Path
 from random import Random
 from typing import cast
 
@@ -17,6 +17,7 @@ import pytest
 
 from nomad.serving import LONGEST, Served, serving
 from nomad.troubled import TROUBLES, troubled
+from packages import install
 from processes import start
 from sleepcast.bridges import BodyError, BusyError, Opening, OutOfReachError, open_robot
 from sleepcast.bridges.body import MAX_ERRANDS, FencedError
@@ -467,10 +468,9 @@ def test_what_is_installed_is_named() -> None:
         open_robot("simm:maze")
 
 
-def test_a_body_that_nothing_would_stop_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    added = EntryPoint("loose", "bridges.test_nomad:Loose", "sleepcast.bodies")
-    monkeypatch.setattr(EntryPoint, "load", lambda _: lambda uri, opening: object())
-    monkeypatch.setattr("sleepcast.core.extensions.extensions", lambda _: {"loose": added})
+def test_a_body_that_nothing_would_stop_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    points = "[sleepcast.bodies]\nloose = loose_bodies:open_body\n"
+    install(tmp_path, monkeypatch, "loose", points, loose_bodies="def open_body(uri, opening): return object()")
     with pytest.raises(MisuseError, match="gives a object, which is no BridgedBody: nothing would bring it to rest"):
         open_robot("loose://here")
 

@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 
 from cli.calling import LONGEST
+from packages import install
 from sleepcast.cli import COMMANDS, main
+from sleepcast.core.extensions import BUILT_IN
 from sleepcast.core.version import VERSION
 
 QUICK = 0.150
@@ -18,6 +20,8 @@ QUICK = 0.150
 REFERENCE, REFERENCE_SECONDS = "import asyncio, http.client, xml.dom.minidom", 0.070
 """A part of Python's own library, and the seconds of work that its start takes on such a machine."""
 SLEEPCAST = [sys.executable, "-m", "sleepcast"]
+ALL = [*COMMANDS, *BUILT_IN["sleepcast.commands"]]
+"""Commands of a sleepcast to which no package adds any."""
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
@@ -29,10 +33,43 @@ def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--help"]) == 0
     page = capsys.readouterr().out
     listed = [line.split()[0] for line in page.partition("Commands:")[2].splitlines() if line.strip()]
-    assert listed == list(COMMANDS)
+    assert listed == ALL
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+def test_to_list_the_commands_imports_none_of_them() -> None:
+    """Of sleepcast, too: this is why the page of all commands is as quick as that of one."""
+    program = "import sys; from sleepcast.cli import main; main(['--help']); print(*sys.modules, file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    loaded = {name for name in done.stderr.split() if name.startswith("sleepcast.")}
+    assert {name for name in loaded if name.startswith("sleepcast.cli.")} == {
+        "sleepcast.cli.interrupts",
+        "sleepcast.cli.streams",
+    }
+    assert "importlib.metadata" not in done.stderr.split()
+
+
+def test_a_package_adds_a_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    good = "import click\n@click.command()\ndef mow():\n    print('mown')\n    return 3\nnone = 7\n"
+    points = "[sleepcast.commands]\nmow = good_lawn:mow\nbroken = broken_lawn:mow\nnone = good_lawn:none\n"
+    install(tmp_path, monkeypatch, "lawn-bots", points, good_lawn=good, broken_lawn="1 / 0")
+    assert main(["--help"]) == 0
+    assert "  mow             Of the package lawn-bots.\n" in capsys.readouterr().out
+    assert main(["mow"]) == 3
+    assert capsys.readouterr() == ("mown\n", "")
+    assert main(["broken"]) == 2
+    assert capsys.readouterr() == (
+        "",
+        'command "broken" of the package lawn-bots cannot be loaded: ZeroDivisionError: division by zero\n',
+    )
+    assert main(["none"]) == 2
+    assert capsys.readouterr() == ("", 'command "none" of the package lawn-bots is no click.Command but 7\n')
+    assert main(["moww"]) == 2
+    assert "unknown command 'moww' (did you mean mow?)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ALL)
 def test_help_of_every_command_has_examples(capsys: pytest.CaptureFixture[str], command: str) -> None:
     assert main([command, "--help"]) == 0
     page = capsys.readouterr().out

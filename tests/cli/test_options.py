@@ -7,7 +7,7 @@ import re
 import click
 import pytest
 
-from sleepcast.cli import COMMANDS, main, program
+from sleepcast.cli import main, program
 from sleepcast.cli.options import NumberRange, QuantityType
 from sleepcast.core.units import LENGTH, TIME
 
@@ -17,7 +17,7 @@ PLAIN = {"--rate", "--density", "--speed"}
 
 def commands() -> list[tuple[str, click.Command]]:
     context, found = click.Context(program), []
-    for name in COMMANDS:
+    for name in program.list_commands(context):
         command = program.get_command(context, name)
         assert command is not None
         inner = command.commands if isinstance(command, click.Group) else {}

@@ -16,6 +16,7 @@ from typing import Protocol, Self, cast
 from sleepcast.bridges.address import BodyAddress, BodyError, read_body_address
 from sleepcast.bridges.body import REST, BridgedBody, BusyError, Motion, OutOfReachError
 from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.extensions import BODIES, extensions, find_extension, load_extension
 from sleepcast.robot import Limits, Robot
 
 __all__ = [
@@ -33,7 +34,6 @@ __all__ = [
     "read_body_address",
 ]
 
-BODIES = "sleepcast.bodies"
 EXAMPLE = "nomad://127.0.0.1:7019#1 or sim:bravo"
 UNLIMITED = Limits(inf, inf, inf)
 
@@ -81,24 +81,20 @@ def open_robot(uri: str, opening: Opening | None = None) -> RealRobot:
 
     Raises BodyError for a URI that leads nowhere, SleepcastError if nobody is there.
     """
-    from sleepcast.core.extensions import extensions, find_extension, load_extension  # importing it takes time
-
     scheme = uri.partition(":")[0]
-    found = find_extension(BODIES, scheme)
-    if found is None:
+    added = find_extension(BODIES, scheme)
+    if added is None:
         schemes = tuple(extensions(BODIES))
-        there = (
-            f"; installed are {', '.join(schemes)}" if schemes else "; sleepcast is not installed, so there are none"
-        )
         raise BodyError(
-            f"{uri!r:.100} names no body{did_you_mean(scheme, schemes)}; wanted something like {EXAMPLE}{there}"
+            f"{uri!r:.100} names no body{did_you_mean(scheme, schemes)}; wanted something like {EXAMPLE}; "
+            f"installed are {', '.join(schemes)}"
         )
     opening = opening or Opening()
-    opens = cast(Callable[[str, Opening], object], load_extension(found, "body"))
+    opens = cast(Callable[[str, Opening], object], load_extension(added, "body"))
     body = opens(uri, opening)
     if not isinstance(body, BridgedBody):
         raise MisuseError(
-            f'body "{scheme}" of {found.value} gives a {type(body).__name__}, which is no BridgedBody: nothing would '
+            f'body "{scheme}" of {added.value} gives a {type(body).__name__}, which is no BridgedBody: nothing would '
             "bring it to rest without its mind, or keep its limits"
         )
     begin_body(body, opening.limits)

@@ -18,7 +18,9 @@ import click
 
 from sleepcast.cli.interrupts import INTERRUPTED
 from sleepcast.cli.streams import ReaderGone, complain, open_streams
-from sleepcast.core.errors import SleepcastError, did_you_mean
+from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
+from sleepcast.core.extensions import COMMANDS as ADDED
+from sleepcast.core.extensions import Extension, extensions, find_extension, load_extension
 from sleepcast.core.version import VERSION
 
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
@@ -27,37 +29,37 @@ READER_GONE = 141
 """The exit status of a program whose reader went away (128 + SIGPIPE)."""
 
 COMMANDS = {
-    "demo": ("sleepcast.cli.run", "demo"),
-    "run": ("sleepcast.cli.run", "run"),
-    "replay": ("sleepcast.cli.replay", "replay"),
-    "nserver": ("sleepcast.cli.nserver", "nserver"),
-    "sweep": ("sleepcast.cli.sweep", "sweep"),
-    "plot": ("sleepcast.cli.sweep", "plot"),
-    "scenarios": ("sleepcast.cli.scenarios", "scenarios"),
-    "prepare": ("sleepcast.cli.prepare", "prepare"),
-    "node": ("sleepcast.cli.node", "node"),
-    "swarm": ("sleepcast.cli.swarm", "swarm"),
-    "eval": ("sleepcast.cli.eval", "evaluate"),
-    "check": ("sleepcast.cli.check", "check"),
-    "check-exercise": ("sleepcast.cli.exercise", "check_exercise"),
-    "repl": ("sleepcast.cli.repl", "repl"),
-    "who": ("sleepcast.cli.who", "who"),
-    "send": ("sleepcast.cli.send", "send"),
-    "ask": ("sleepcast.cli.send", "ask"),
-    "stop": ("sleepcast.cli.stop", "stop"),
-    "release": ("sleepcast.cli.send", "release"),
-    "lease": ("sleepcast.cli.lease", "lease"),
-    "baseline": ("sleepcast.cli.baseline", "baseline"),
-    "desk": ("sleepcast.cli.desk", "desk"),
-    "journal": ("sleepcast.cli.journal", "journal"),
-    "why": ("sleepcast.cli.who", "why"),
-    "watch": ("sleepcast.cli.watch", "watch"),
-    "console": ("sleepcast.cli.console", "console"),
-    "bridge": ("sleepcast.cli.bridge", "bridge"),
-    "roster": ("sleepcast.cli.roster", "roster"),
-    "keys": ("sleepcast.cli.keys", "keys"),
+    "demo": ("sleepcast.cli.run", "demo", "Open a scenario in the browser."),
+    "run": ("sleepcast.cli.run", "run", "Run a scenario's mission and print the outcome."),
+    "replay": ("sleepcast.cli.replay", "replay", "Show a recording on the page, or check it."),
+    "sweep": ("sleepcast.cli.sweep", "sweep", "Run a scenario many times, with other settings and seeds."),
+    "plot": ("sleepcast.cli.sweep", "plot", "Draw a figure of what a sweep has found."),
+    "scenarios": ("sleepcast.cli.scenarios", "scenarios", "List the scenarios, or show the page of one."),
+    "prepare": ("sleepcast.cli.prepare", "prepare", "Compile the simulator now, so that no later start waits."),
+    "node": ("sleepcast.cli.node", "node", "Run one robot's mind with a real body."),
+    "swarm": ("sleepcast.cli.swarm", "swarm", "Run many robots on the air in one process."),
+    "eval": ("sleepcast.cli.eval", "evaluate", "Evaluate expressions in one memory."),
+    "check": ("sleepcast.cli.check", "check", "Check expressions for errors."),
+    "check-exercise": ("sleepcast.cli.exercise", "check_exercise", "Check an answer to an exercise."),
+    "repl": ("sleepcast.cli.repl", "repl", "Evaluate expressions interactively."),
+    "who": ("sleepcast.cli.who", "who", "Show which robots would obey an expression."),
+    "send": ("sleepcast.cli.send", "send", "Send an expression to robots on the air."),
+    "ask": ("sleepcast.cli.send", "ask", "Ask robots on the air for a value."),
+    "stop": ("sleepcast.cli.stop", "stop", "Stop every robot on the air."),
+    "release": ("sleepcast.cli.send", "release", "End a stop."),
+    "lease": ("sleepcast.cli.lease", "lease", "Control a group of robots exclusively for a while."),
+    "baseline": ("sleepcast.cli.baseline", "baseline", "Spare newcomers standing commands that were replaced."),
+    "desk": ("sleepcast.cli.desk", "desk", "A full-screen desk in this terminal, for robots on the air."),
+    "journal": ("sleepcast.cli.journal", "journal", "Read what was sent, received and decided."),
+    "why": ("sleepcast.cli.who", "why", "Ask a robot why it obeyed a command, or did not."),
+    "watch": ("sleepcast.cli.watch", "watch", "Watch robots on the air in a table."),
+    "console": ("sleepcast.cli.console", "console", "Open the operator's page for robots on the air."),
+    "bridge": ("sleepcast.cli.bridge", "bridge", "Connect other programs and fleets to the channel."),
+    "roster": ("sleepcast.cli.roster", "roster", "List the robots that were heard on the air."),
+    "keys": ("sleepcast.cli.keys", "keys", "Make keys, and choose which keys are trusted."),
 }
-"""Every subcommand with its module and its name there, in the order of the help page."""
+"""Every subcommand with its module, its name there, and what the help page says of it, in the order of that page. Those
+that packages add, plug-ins of sleepcast itself among them, stand behind these."""
 
 
 TIMES = ("--seconds", "--time", "--timeout", "--wait", "--within", "--for", "--duration", "--deadline", "--period")
@@ -65,30 +67,52 @@ TIMES = ("--seconds", "--time", "--timeout", "--wait", "--within", "--for", "--d
 
 
 class LazyGroup(click.Group):
-    """Subcommands that are imported when they are asked for."""
+    """Subcommands that are imported when they are asked for, and not to list them."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """The names, in the order in which a newcomer needs them."""
-        return list(COMMANDS)
+        return [*COMMANDS, *(name for name in extensions(ADDED) if name not in COMMANDS)]
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        """The command of that name, or None."""
-        if name not in COMMANDS:
-            return None
-        module, attribute = COMMANDS[name]
-        command: click.Command = getattr(import_module(module), attribute)
-        return command
+        """The command of that name, or None. Raises MisuseError for one of a package that cannot be loaded."""
+        if name in COMMANDS:
+            module, attribute, _ = COMMANDS[name]
+            command: click.Command = getattr(import_module(module), attribute)
+            return command
+        added = find_extension(ADDED, name)
+        return None if added is None else _load(added)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands, of which none is imported for that."""
+        added = extensions(ADDED)
+        with formatter.section("Commands"):
+            formatter.write_dl(
+                [
+                    (name, COMMANDS[name][2] if name in COMMANDS else added[name].about)
+                    for name in self.list_commands(ctx)
+                ]
+            )
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """As click does it, with our own words for a name that is no command."""
         name = args[0]
-        if name not in COMMANDS and not name.startswith("-"):
-            known = f"commands are {', '.join(COMMANDS)}"
-            hint = _scenario_hint(name) or did_you_mean(name, COMMANDS)
-            raise click.UsageError(f"unknown command {name!r}{hint}: {known}", ctx)
+        if name not in COMMANDS and not name.startswith("-") and find_extension(ADDED, name) is None:
+            names = self.list_commands(ctx)
+            hint = _scenario_hint(name) or did_you_mean(name, names)
+            raise click.UsageError(f"unknown command {name!r}{hint}: commands are {', '.join(names)}", ctx)
         return super().resolve_command(ctx, args)
+
+
+def _load(added: Extension) -> click.Command:
+    """The command that a package adds. Raises MisuseError."""
+    command = load_extension(added, "command")
+    if not isinstance(command, click.Command):
+        raise MisuseError(
+            f'command "{added.name}" of the package {added.package} is no click.Command but {command!r:.60}'
+        )
+    return command
 
 
 def _scenario_hint(name: str) -> str:

@@ -74,7 +74,7 @@ class BaselinePlan:
         return message.text or f"({', '.join(sorted(message.body.keys() - message.link.written().keys()))})"
 
 
-@click.command("baseline", short_help="Spare newcomers standing commands that were replaced.")
+@click.command("baseline")
 @click.option("--yes", is_flag=True, help="Send it without asking.")
 @operator
 def baseline(yes: bool, air: AirOptions, as_json: bool) -> int:

@@ -26,7 +26,7 @@ from sleepcast.cli.streams import announce, complain
 from sleepcast.core.errors import MisuseError
 
 
-@click.group("bridge", short_help="Connect other programs and fleets to the channel.")
+@click.group("bridge")
 def bridge() -> None:
     """Connect other programs to the channel: give minds to the robots of a ROS 2 fleet, show robots on maps, share a
     radio.

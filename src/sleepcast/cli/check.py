@@ -44,7 +44,7 @@ class Review:
     counts: Mapping[str, int]
 
 
-@click.command("check", cls=NegativeNumbersAllowed, short_help="Check expressions for errors.")
+@click.command("check", cls=NegativeNumbersAllowed)
 @click.argument("sources", metavar="TEXT|FILE|-...", nargs=-1, required=True)
 @click.option("--scenario", metavar="NAME", help="Check against the names that the robots of this scenario know.")
 @click.option("--strict", is_flag=True, help="Treat warnings as errors.")

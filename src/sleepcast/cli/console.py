@@ -19,7 +19,7 @@ STORY = (
 """What a stranger reads first."""
 
 
-@click.command("console", short_help="Open the operator's page for robots on the air.")
+@click.command("console")
 @click.option("--scenario", metavar="NAME|FILE", help="Draw the world of this scenario under the robots.")
 @every_option("requests")
 @click.option("--host", default="127.0.0.1", show_default=True, help="The address at which the page is served.")

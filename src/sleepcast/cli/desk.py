@@ -24,7 +24,7 @@ DUMB = frozenset({"", "dumb", "unknown"})
 """Terminals that cannot put a letter where it is wanted."""
 
 
-@click.command("desk", short_help="A full-screen desk in this terminal, for robots on the air.")
+@click.command("desk")
 @click.option(
     "--look",
     metavar="TIME",

@@ -29,7 +29,7 @@ class NegativeNumbersAllowed(click.Command):
         return super().parse_args(ctx, [f" {arg}" if _NEGATIVE_NUMBER.match(arg) else arg for arg in args])
 
 
-@click.command("eval", cls=NegativeNumbersAllowed, short_help="Evaluate expressions in one memory.")
+@click.command("eval", cls=NegativeNumbersAllowed)
 @click.argument("expressions", metavar="EXPR...", nargs=-1, required=True)
 @click.option(
     "--dialect",

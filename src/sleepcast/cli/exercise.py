@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from sleepcast.experiments.goals import Miss
 
 
-@click.command("check-exercise", cls=NegativeNumbersAllowed, short_help="Check an answer to an exercise.")
+@click.command("check-exercise", cls=NegativeNumbersAllowed)
 @click.argument("name", required=False)
 @click.argument("answer", metavar="[TEXT|FILE]", required=False)
 @click.option("--hint", is_flag=True, help="Show the hint as well.")

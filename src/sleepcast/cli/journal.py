@@ -37,7 +37,7 @@ NEVER = "never"
 HASH = re.compile("[0-9a-fA-F]{64}")
 
 
-@click.group("journal", short_help="Read what was sent, received and decided.", invoke_without_command=True)
+@click.group("journal", invoke_without_command=True)
 @click.pass_context
 def journal(context: click.Context) -> int:
     """Every command on the air is written into its fleet's journal, with its outcome. A journal is only appended to,

@@ -138,7 +138,7 @@ TRUST = click.option(
 JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead.")
 
 
-@click.group("keys", short_help="Make keys, and choose which keys are trusted.")
+@click.group("keys")
 def keys() -> None:
     """Robots obey the keys that they trust. A key has an owner, whose name its messages carry, and a role: an observer
     asks, an operator commands, a commander also changes which keys are trusted, a robot answers. Any trusted key may

@@ -22,7 +22,7 @@ SECONDS = "60s"
 DEEDS = ("take", "give", "request", "grant", "force")
 
 
-@click.command("lease", short_help="Control a group of robots exclusively for a while.")
+@click.command("lease")
 @click.argument("deed", type=click.Choice(DEEDS))
 @click.argument("group")
 @click.option(

@@ -19,7 +19,7 @@ SIMULATED = "sim"
 """The scheme of a body in the simulator."""
 
 
-@click.command("node", short_help="Run one robot's mind with a real body.")
+@click.command("node")
 @click.option("--name", default="r1", show_default=True, help="The robot's name.")
 @click.option("--body", "uri", metavar="URI", required=True, help="The body, as nomad://HOST:PORT#1 or sim.")
 @click.option(

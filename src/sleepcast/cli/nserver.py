@@ -39,7 +39,7 @@ QUICK = 3.0
 """Times real time beyond which ticks are worth compiling."""
 
 
-@click.command("nserver", short_help="Nomad server for Nclient programs.")
+@click.command("nserver")
 @click.argument("world", required=False, metavar="[WORLD]", type=click.Path(path_type=Path))
 @click.option(
     "--setup",

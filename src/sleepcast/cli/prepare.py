@@ -26,7 +26,7 @@ class PrepareError(SleepcastError):
     """There is nothing to compile with, or nowhere to keep it."""
 
 
-@click.command("prepare", short_help="Compile the simulator now, so that no later start waits.")
+@click.command("prepare")
 @click.option("--json", "as_json", is_flag=True, help="Print the outcome as one JSON object.")
 @click.option("--quiet", is_flag=True, help="Show no progress on standard error.")
 def prepare(as_json: bool, quiet: bool) -> int:

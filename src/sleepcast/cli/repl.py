@@ -31,7 +31,7 @@ _COMMENT = re.compile(r";[^\n]*")
 WELCOME = f"sleepcast {VERSION}: type an expression, :help for help, :quit or Ctrl-D to leave"
 
 
-@click.command("repl", short_help="Evaluate expressions interactively.")
+@click.command("repl")
 @click.option("--seed", type=SEED, default=0, show_default=True, help="Random seed (for PROB, DICE, ...).")
 def repl(seed: int) -> int:
     """Type expressions and see their values, all in one memory; :help says what else can be asked.

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from sleepcast.simulator.recording.recording import Recording
 
 
-@click.command("replay", short_help="Show a recording on the page, or check it.")
+@click.command("replay")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--headless", is_flag=True, help="Print what the recording holds instead.")
 @click.option("--json", "as_json", is_flag=True, help="Print it as one JSON object.")

@@ -21,7 +21,7 @@ HEARD, NONE = "heard", "none"
 """Values of --expect besides a number and a file: the robots that were heard, and none."""
 
 
-@click.command("roster", short_help="List the robots that were heard on the air.")
+@click.command("roster")
 @click.option("--fleet", default=FLEET, show_default=True, help="The fleet.")
 @click.option("--channel", metavar="URI", default=CHANNEL, show_default=True, help="The channel, for --expect.")
 @click.option(

@@ -135,7 +135,7 @@ def _common_options(function: Function) -> Function:
     return function
 
 
-@click.command("demo", short_help="Open a scenario in the browser.")
+@click.command("demo")
 @click.argument("name", required=False)
 @click.option("--headless", is_flag=True, help="Run the scenario's own mission without a page.")
 @_common_options
@@ -154,7 +154,7 @@ def demo(name: str | None, headless: bool, **options: Unpack[Options]) -> int:
     return _start("bravo" if name is None and options["from_"] is None else name, headless, options)
 
 
-@click.command("run", short_help="Run a scenario's mission and print the outcome.")
+@click.command("run")
 @click.argument("scenario", required=False)
 @click.option("--headless/--page", default=True, help="Without a page (the default), or on the operator's page.")
 @_common_options

@@ -17,7 +17,7 @@ WIDTH = 88
 """Characters of a line of prose on the page of a scenario, for reading."""
 
 
-@click.command("scenarios", short_help="List the scenarios, or show the page of one.")
+@click.command("scenarios")
 @click.argument("name", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead.")
 def scenarios(name: str | None, as_json: bool) -> int:

@@ -47,7 +47,7 @@ anyway_option = click.option(
 )
 
 
-@click.command("send", cls=NegativeNumbersAllowed, short_help="Send an expression to robots on the air.")
+@click.command("send", cls=NegativeNumbersAllowed)
 @click.argument("text")
 @click.option("--standing", is_flag=True, help="Reach every robot, including robots that join later.")
 @click.option("--all", "everybody", is_flag=True, help="Send it to every robot, without a test.")
@@ -214,7 +214,7 @@ def _in_stages(station: NetworkStation, prepared: Prepared, sender: Sender, as_j
     return 0 if whole else 1
 
 
-@click.command("ask", cls=NegativeNumbersAllowed, short_help="Ask robots on the air for a value.")
+@click.command("ask", cls=NegativeNumbersAllowed)
 @click.argument("text")
 @anyway_option
 @operator
@@ -242,7 +242,7 @@ def ask(text: str, anyway: bool, air: AirOptions, as_json: bool) -> int:
         return gathered(station, station.ask(checked, anyway=insists), PATIENCE, as_json)
 
 
-@click.command("release", short_help="End a stop.")
+@click.command("release")
 @operator
 def release(air: AirOptions, as_json: bool) -> int:
     """End `sleepcast stop`. No earlier command resumes by itself.

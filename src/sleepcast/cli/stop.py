@@ -43,7 +43,7 @@ NAMED = 3
 """Silent robots that are named while it goes on; the account at the end names more."""
 
 
-@click.command("stop", short_help="Stop every robot on the air.")
+@click.command("stop")
 @click.option(
     "--timeout",
     "--seconds",

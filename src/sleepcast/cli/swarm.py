@@ -50,7 +50,7 @@ class SwarmOptions:
     tells: Tells
 
 
-@click.command("swarm", short_help="Run many robots on the air in one process.")
+@click.command("swarm")
 @click.argument("count", metavar="N", type=click.IntRange(1, MOST))
 @click.option(
     "--channel", metavar="URI", default=CHANNEL, show_default=True, help="The channel on which commands arrive."

@@ -28,7 +28,7 @@ SHOWN_ERRORS = 3
 """Different errors of failed runs that are printed at the end."""
 
 
-@click.command("sweep", short_help="Run a scenario many times, with other settings and seeds.")
+@click.command("sweep")
 @click.argument("what", metavar="SCENARIO|FILE.toml|RESULTS")
 @click.option("--over", metavar="KEY=V,V", multiple=True, help="Values of a key of the scenario; may be repeated.")
 @click.option("--seeds", metavar="N", type=click.IntRange(min=1), help="Runs at each point (default: 1).")
@@ -353,7 +353,7 @@ def _verify(folder: Path, workers: int | str, most: int | None, *, as_json: bool
     return int(bool(different))
 
 
-@click.command("plot", short_help="Draw a figure of what a sweep has found.")
+@click.command("plot")
 @click.argument("results", type=click.Path(path_type=Path))
 @click.option("--x", required=True, metavar="COLUMN", help="Column for the x axis: a varied key, or time.")
 @click.option(

@@ -39,7 +39,7 @@ PAUSE = 0.05
 """Seconds between two looks at whether something has come."""
 
 
-@click.command("watch", cls=NegativeNumbersAllowed, short_help="Watch robots on the air in a table.")
+@click.command("watch", cls=NegativeNumbersAllowed)
 @click.argument("text", required=False)
 @click.option("--show", metavar="NAMES", help=f"Variables, e.g. x,y,fuel (default: {', '.join(USUAL)}, if known).")
 @every_option("requests")

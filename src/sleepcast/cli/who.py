@@ -72,7 +72,7 @@ class Obeyers:
             yield f"  from telemetry up to {self.oldest:.1f} s ago"
 
 
-@click.command("who", cls=NegativeNumbersAllowed, short_help="Show which robots would obey an expression.")
+@click.command("who", cls=NegativeNumbersAllowed)
 @click.argument("text")
 @click.option("--poll", is_flag=True, help="Let every robot evaluate it itself.")
 @click.option("--told", is_flag=True, help="Send nothing: use the telemetry received before.")
@@ -144,7 +144,7 @@ def _polled(station: NetworkStation, text: str) -> Obeyers:
     return found
 
 
-@click.command("why", short_help="Ask a robot why it obeyed a command, or did not.")
+@click.command("why")
 @click.argument("robot")
 @click.argument("command", required=False)
 @operator

@@ -15,25 +15,23 @@ from sleepcast.channel.transports.address import EXAMPLE, AddressError
 from sleepcast.channel.transports.transport import Transport
 from sleepcast.core.clock import Clock, UnixClock
 from sleepcast.core.errors import nearest
+from sleepcast.core.extensions import TRANSPORTS, extensions, find_extension, load_extension
 
 Opening = Callable[[str, Clock], Transport]
-TRANSPORTS = "sleepcast.transports"
 _PLAIN = re.compile(r"[\w.-]+:\d+(\?.*)?")
 
 
 def open_transport(uri: str, clock: Clock | None = None) -> Transport:
     """The transport at an address. clock: s, for the delays of `memory:`; None for this computer's. Raises AddressError
     for an address that cannot be read, and the transport's own error where it cannot be opened."""
-    from sleepcast.core.extensions import extensions, find_extension, load_extension  # importing it takes time
-
     scheme = uri.partition(":")[0]
-    found = find_extension(TRANSPORTS, scheme)
-    if found is None:
+    added = find_extension(TRANSPORTS, scheme)
+    if added is None:
         schemes = tuple(extensions(TRANSPORTS))
         known = ", ".join(f"{each}:" for each in schemes)
         wanted = f"wanted one that begins with {known}, for instance {EXAMPLE}"
         raise AddressError(f"{uri[:80]!r} is not a channel address{_slip(scheme, uri, schemes)}: {wanted}")
-    return cast(Opening, load_extension(found, "transport"))(uri, clock or UnixClock())
+    return cast(Opening, load_extension(added, "transport"))(uri, clock or UnixClock())
 
 
 def _slip(scheme: str, uri: str, schemes: Sequence[str]) -> str:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from sleepcast.channel.simulated_radio import RadioModel
 from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.extensions import extensions
 from sleepcast.core.given_numbers import MAX_SEED
 from sleepcast.core.model import NamedArea, ReadyCommand
 from sleepcast.core.settings import SettingsError, Table, checked_name, toml_document
@@ -391,8 +392,6 @@ def scenario_names() -> list[str]:
 
 def added_scenarios() -> dict[str, str]:
     """The scenarios that installed packages add, sorted by name, each with its package."""
-    from sleepcast.core.extensions import extensions  # importing it takes longer than reading a scenario
-
     return {name: entry.value for name, entry in extensions(ADDED).items()}
 
 

@@ -245,7 +245,7 @@ class Checker:
                 return self.scopes[at][key]
         return None
 
-    def sort_of(self, key):
+    def kind_of(self, key):
         """What a learned name is or will be: variable, rule, operator, group, or None."""
         found = self.pending.get(key)
         return self.mind.sort(key) or ("operator" if isinstance(found, int) else found)
@@ -258,7 +258,7 @@ class Checker:
             return "function"
         found = self.mind.binding(key)
         if found is None:
-            return self.sort_of(key)
+            return self.kind_of(key)
         if isinstance(found, Function):
             return "function"
         return "constant" if isinstance(found, tuple) else self.mind.kind(found) + " variable"
@@ -320,7 +320,7 @@ class Checker:
             self.emit(_ENTER)
             self.thing(key)
             return
-        sort = self.sort_of(key)
+        sort = self.kind_of(key)
         self.use(key)
         if sort == "variable":
             self.emit(_VARIABLE, self.mind.slot(key))
@@ -343,7 +343,7 @@ class Checker:
         found = self.mind.binding(key)
         if isinstance(found, Function):
             return self.host(form, found)
-        sort = "buffer" if buffer_number(key) is not None else self.sort_of(key)
+        sort = "buffer" if buffer_number(key) is not None else self.kind_of(key)
         if found is not None or sort not in (None, "operator"):
             raise Refused(_NO_FUNCTION_REFUSED, head, self.meaning(key))
         if sort is None and gives_way(key):

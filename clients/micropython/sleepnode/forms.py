@@ -215,7 +215,7 @@ def setq(c, form):
     if found is not None or is_fixed(key):
         constant = found is not None and not isinstance(found, Function)
         raise Refused(_FIXED_REFUSED, target, "constant" if constant else "function")
-    sort = c.sort_of(key)
+    sort = c.kind_of(key)
     if sort not in (None, "variable"):
         raise Refused(_NOT_VARIABLE_REFUSED, target, "an" if sort == "operator" else "a", sort)
     cost = c.part(value)

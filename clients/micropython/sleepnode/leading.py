@@ -30,7 +30,7 @@ def _acts(c, form, local):
     if isinstance(found, Function):
         if found.acts:
             return True
-    elif c.sort_of(head) == "operator":
+    elif c.kind_of(head) == "operator":
         pass
     elif arguments_of(head) is None:
         return False  # a function that the robot does not have does nothing, nor do its arguments

@@ -188,7 +188,7 @@ _OVERVIEW = (
 def _help_on(memory: StandardMemory, name: str) -> Iterator[str]:
     from sleepcast.language import HostFunction, Variable
     from sleepcast.language.functions import BUILT_IN, EXAMPLES
-    from sleepcast.language.symbols import SORTS
+    from sleepcast.language.symbols import KIND_NAMES
     from sleepcast.language.vocabulary import describe
 
     name = name.strip("()")
@@ -204,7 +204,7 @@ def _help_on(memory: StandardMemory, name: str) -> Iterator[str]:
         usage = binding.usage if isinstance(binding, HostFunction) else binding.name
         yield f"{usage}: {describe(binding)}, {binding.doc}"
     elif (learned := memory.node.declared(name.casefold())) is not None:
-        yield f"{learned.name}: {SORTS[type(learned)]}"
+        yield f"{learned.name}: {KIND_NAMES[type(learned)]}"
     else:
         known = (*memory.node.vocabulary.names(), *memory.node.heard())
         raise MisuseError(f'nothing is known of "{name}"{did_you_mean(name, known)}')

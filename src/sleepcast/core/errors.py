@@ -133,6 +133,11 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
+def with_article(noun: str) -> str:
+    """`a rule`, `an operator`."""
+    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
+
+
 def and_more(count: int) -> list[str]:
     """The line that ends a list from which so many are left out; none if none are."""
     return [f"and {count:,} more"] if count else []

@@ -51,14 +51,14 @@ class Stimulus:
     def tests(self) -> list[str]:
         """What must hold for it, as SLEEP."""
         sensed = "s" if self.source == "S" else "p"
-        found = [f"{sensed}Flag"]
+        tests = [f"{sensed}Flag"]
         if self.side != ANY:
-            found.append(f"(EQ {sensed}Bearing {SIDES[self.side]})")
+            tests.append(f"(EQ {sensed}Bearing {SIDES[self.side]})")
         if self.source not in (ANY, "S"):
-            found.append(f"(EQ pCaste {self.source})")
+            tests.append(f"(EQ pCaste {self.source})")
         if self.zone != ANY:
-            found.append(f"({ZONES[self.zone]} {sensed}Range {self.range})")
-        return found
+            tests.append(f"({ZONES[self.zone]} {sensed}Range {self.range})")
+        return tests
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,15 +81,15 @@ class Behaviour:
 
 def behaviours(text: str) -> list[Behaviour]:
     """All behaviours of `text`. Raises ReadError with the place of what is none."""
-    found = list(_BehaviourReader(text).all())
-    if not found:
+    known = list(_BehaviourReader(text).all())
+    if not known:
         raise ReadError("no behaviour @@: wanted one such as ((F, 3, *, *), PING, 0.9)", text, 0, 1)
-    return found
+    return known
 
 
-def rules(found: Sequence[Behaviour]) -> list[str]:
+def rules(behaviours: Sequence[Behaviour]) -> list[str]:
     """A SLEEP rule for each, named behaviour1, behaviour2 and so on."""
-    return [each.rule(f"behaviour{number}") for number, each in enumerate(found, 1)]
+    return [each.rule(f"behaviour{number}") for number, each in enumerate(behaviours, 1)]
 
 
 class _BehaviourReader:
@@ -98,7 +98,7 @@ class _BehaviourReader:
     def __init__(self, text: str) -> None:
         self.text = text
         self.tokens = [
-            _Token(found["token"], found.start(), found.end()) for found in _TOKEN.finditer(text) if found["token"]
+            _Token(match["token"], match.start(), match.end()) for match in _TOKEN.finditer(text) if match["token"]
         ]
         self.at = 0
 
@@ -127,14 +127,14 @@ class _BehaviourReader:
         if self.peek() == ANY:
             self.take()
             return ()
-        found = [self.event()]
+        events = [self.event()]
         while self.peek() == "&":
             joint = self.take()
-            found.append(self.event())
-            if sum((event.source == "S") == (found[-1].source == "S") for event in found) > 1:
-                one = "light" if found[-1].source == "S" else "ping"
+            events.append(self.event())
+            if sum((event.source == "S") == (events[-1].source == "S") for event in events) > 1:
+                one = "light" if events[-1].source == "S" else "ping"
                 raise self.error(joint, f"a second {one} in one event @@: a tick presents one, so this never holds")
-        return tuple(found)
+        return tuple(events)
 
     def event(self) -> Stimulus:
         self.need("(")
@@ -164,32 +164,32 @@ class _BehaviourReader:
         return self.tokens[self.at - 1]
 
     def need(self, wanted: str) -> None:
-        found = self.take()
-        if found.text != wanted:
-            raise self.error(found, f"{found.text} @@: wanted {wanted}")
+        token = self.take()
+        if token.text != wanted:
+            raise self.error(token, f"{token.text} @@: wanted {wanted}")
 
     def choice(self, choices: Sequence[str], what: str) -> str:
-        found = self.take()
-        if found.text.upper() not in choices:
-            raise self.error(found, f"{found.text} @@ is no {what}: wanted {', '.join(choices)}")
-        return found.text.upper()
+        token = self.take()
+        if token.text.upper() not in choices:
+            raise self.error(token, f"{token.text} @@ is no {what}: wanted {', '.join(choices)}")
+        return token.text.upper()
 
     def caste(self, wanted: str) -> str:
-        found = self.take()
-        if not re.fullmatch("[0-9]{1,6}", found.text):
-            raise self.error(found, f"{found.text} @@: wanted {wanted}")
-        return found.text
+        token = self.take()
+        if not re.fullmatch("[0-9]{1,6}", token.text):
+            raise self.error(token, f"{token.text} @@: wanted {wanted}")
+        return token.text
 
     def amount(self, wanted: str, units: Container[str], most: float) -> str:
         """A number from 0 to `most`, as it was written, bare or with one of the units."""
-        found = self.take()
+        token = self.take()
         try:
-            form = read(found.text)
+            form = read(token.text)
         except ReadError:
             form = None
         if not isinstance(form, Number) or form.unit not in units or not 0.0 <= form.value <= most:
-            raise self.error(found, f"{found.text} @@: wanted {wanted}")
-        return found.text
+            raise self.error(token, f"{token.text} @@: wanted {wanted}")
+        return token.text
 
     def error(self, token: _Token, reason: str) -> ReadError:
         return ReadError(reason, self.text, token.start, token.end)

@@ -91,8 +91,8 @@ class Findings:
 
     def shown(self) -> tuple[Finding, ...]:
         """Those that a person is shown, in the order of the text; of too many, those of the most weight."""
-        first = sorted(self.kept, key=lambda found: -found.weight)[:MAX_FINDINGS]
-        return tuple(sorted(first, key=lambda found: found.start))
+        first = sorted(self.kept, key=lambda finding: -finding.weight)[:MAX_FINDINGS]
+        return tuple(sorted(first, key=lambda finding: finding.start))
 
 
 class CheckError(MisuseError):
@@ -145,10 +145,14 @@ class Checker:
             self.findings.note("warning", message, form.start, form.end, unknown=unknown)
 
     def unknown(self, what: str, symbol: Symbol) -> None:
-        """Note that nobody has declared a name, if warnings are wanted. what: the sort of it."""
+        """Note that nobody has declared a name, if warnings are wanted. what: its kind."""
         if not self.warns:
             return
-        hint = self._unit(symbol) or self.suggestion(symbol.text)
+        before = _NUMBER_BEFORE.search(self.text[max(0, symbol.start - 32) : symbol.start])
+        if before and symbol.key in UNITS:  # it stands apart from its number
+            hint = f" (did you mean {before[1]}{symbol.text}?)"
+        else:
+            hint = self.suggestion(symbol.text)
         self.warn(f'unknown {what} "{symbol.text}" @@{hint}', symbol, symbol.text)
 
     def suggestion(self, name: str) -> str:
@@ -167,7 +171,7 @@ class Checker:
         if not self.warns or self.suggestions >= MAX_SUGGESTIONS:
             return
         self.suggestions += 1
-        pending = (key for key, sort in self.pending.items() if sort == "group")
+        pending = (key for key, kind in self.pending.items() if kind == "group")
         meant = slip_of(symbol.text, [*known_groups(self.names), *pending])
         if meant is not None:
             message, at = f'unknown group "{symbol.text}" @@ (did you mean {meant}?)', (symbol.start, symbol.end)
@@ -177,12 +181,12 @@ class Checker:
 
     def declare_all(self, form: Form) -> None:
         """Note the names that `form` itself declares, so that the rest of it may use them."""
-        sorts = {"defvar": "variable", "rule": "rule", "defun": "operator", "area": "operator", "join": "group"}
+        kinds = {"defvar": "variable", "rule": "rule", "defun": "operator", "area": "operator", "join": "group"}
         for inside in walk(form):
-            if isinstance(inside, List) and inside.head in sorts and len(inside.items) >= 2:
+            if isinstance(inside, List) and inside.head in kinds and len(inside.items) >= 2:
                 name = inside.items[1]
                 if isinstance(name, Symbol) and not (inside.head in WORDS and self.meaning(inside.head)):
-                    self.pending.setdefault(name.key, sorts[inside.head])
+                    self.pending.setdefault(name.key, kinds[inside.head])
                     if inside.head == "defun" and len(inside.items) > 2 and isinstance(inside.items[2], List):
                         self.pending_parameters[name.key] = len(inside.items[2].items)
 
@@ -204,13 +208,13 @@ class Checker:
         yield numbers
         self.scopes.pop()
 
-    def sort_of(self, key: str) -> str | None:
+    def kind_of(self, key: str) -> str | None:
         """What the learned name `key` is or will be: "variable", "rule", "group", "operator", or None."""
         self.free.add(key)
-        found = self.names.declared(key)
-        if found is None:
+        known = self.names.declared(key)
+        if known is None:
             return self.pending.get(key)
-        return {UserVariable: "variable", Stored: "rule", Operator: "operator", Group: "group"}[type(found)]
+        return {UserVariable: "variable", Stored: "rule", Operator: "operator", Group: "group"}[type(known)]
 
     def meaning(self, key: str) -> str | None:
         """What a name is already, for a person: `sensor variable`, `buffer`, `rule`, ...; None if it is free."""
@@ -219,7 +223,7 @@ class Checker:
         if key in FUNCTIONS:
             return "function"
         binding = self.names.vocabulary.bindings.get(key)
-        return describe(binding) if binding else self.sort_of(key)
+        return describe(binding) if binding else self.kind_of(key)
 
     def may_be_local(self, symbol: Symbol) -> None:
         """Note an error for a local name that would hide a constant: TRUE is TRUE everywhere."""
@@ -272,24 +276,19 @@ class Checker:
         return self._learned(symbol)
 
     def _learned(self, symbol: Symbol) -> Part:
-        sort = self.sort_of(symbol.key)
+        kind = self.kind_of(symbol.key)
         self.uses.add(symbol.key)  # even if it is nothing yet: it may become a rule
-        if sort == "variable":
+        if kind == "variable":
             return Part("var", symbol, slot=self.user_slot(symbol), name=symbol.key)
-        if sort == "rule":
+        if kind == "rule":
             return Part("fetch", symbol, name=symbol.key)
-        if sort == "group":
+        if kind == "group":
             return self.error(f"{symbol.text} @@ is a group: write (IN {symbol.text})", symbol)
-        if sort == "operator":
+        if kind == "operator":
             return self.error(f"{symbol.text} @@ is an operator: write ({symbol.text} ...)", symbol)
         if symbol.start not in self.joining:
             self.unknown("name", symbol)
         return Part("absent", symbol, name=symbol.key)
-
-    def _unit(self, symbol: Symbol) -> str:
-        """` (did you mean 50%?)` for a unit that stands apart from its number."""
-        before = _NUMBER_BEFORE.search(self.text[max(0, symbol.start - 32) : symbol.start])
-        return f" (did you mean {before[1]}{symbol.text}?)" if before and symbol.key in UNITS else ""
 
     def _call(self, form: List) -> Part:
         if not form.items:
@@ -306,22 +305,25 @@ class Checker:
         binding = self.names.vocabulary.bindings.get(head.key)
         if isinstance(binding, HostFunction):
             return self._host(form, binding)
-        sort = "buffer" if buffer_number(head.key) is not None else None
-        if binding is not None or sort or self.sort_of(head.key) not in (None, "operator"):
+        is_buffer = buffer_number(head.key) is not None
+        if binding is not None or is_buffer or self.kind_of(head.key) not in (None, "operator"):
             self.parts(form.items[1:])
             what = self.meaning(head.key)
             return self.error(f"{head.text} @@ is a {what}, not a function: its name alone gives its value", head)
-        if self.sort_of(head.key) == "operator":
+        if self.kind_of(head.key) == "operator":
             return self._operator(form, head)
         if head.key in WORDS:
             return self._builtin(form, WORDS[head.key])
-        return self._missing(form, head)
+        self.uses.add(head.key)
+        self.unknown("function", head)
+        self.parts(form.items[1:])
+        return Part("missing", form, name=head.text)
 
     def _is_callable(self, key: str) -> bool:
         return (
             key in FUNCTIONS
             or isinstance(self.names.vocabulary.bindings.get(key), HostFunction)
-            or self.sort_of(key) == "operator"
+            or self.kind_of(key) == "operator"
             or (key in WORDS and self.meaning(key) is None)
         )
 
@@ -344,7 +346,7 @@ class Checker:
 
     def _is_unknown(self, symbol: Symbol) -> bool:
         key = symbol.key
-        return self.local(key) is None and key not in self.names.vocabulary.bindings and self.sort_of(key) is None
+        return self.local(key) is None and key not in self.names.vocabulary.bindings and self.kind_of(key) is None
 
     def _builtin(self, form: List, function: Function) -> Part:
         if not self.counts(form, function.least, function.most, function):
@@ -386,23 +388,17 @@ class Checker:
 
     def parameters(self, key: str) -> int:
         """How many parameters an operator has or will have."""
-        found = self.names.declared(key)
-        return len(found.parameters) if isinstance(found, Operator) else self.pending_parameters.get(key, 0)
+        known = self.names.declared(key)
+        return len(known.parameters) if isinstance(known, Operator) else self.pending_parameters.get(key, 0)
 
     def _operator(self, form: List, head: Symbol) -> Part:
-        found, count = self.names.declared(head.key), self.parameters(head.key)
-        parameters = (found.name, *found.parameters) if isinstance(found, Operator) else (head.text, "...")
+        known, count = self.names.declared(head.key), self.parameters(head.key)
+        parameters = (known.name, *known.parameters) if isinstance(known, Operator) else (head.text, "...")
         usage = f"({' '.join(parameters)})"
         self.uses.add(head.key)
         if not self.counts(form, count, count, usage):
             return Part("const", form, number=nan)
         return Part("call", form, self.parts(form.items[1:]), name=head.key)
-
-    def _missing(self, form: List, head: Symbol) -> Part:
-        self.uses.add(head.key)
-        self.unknown("function", head)
-        self.parts(form.items[1:])
-        return Part("missing", form, name=head.text)
 
     # ---- stored expressions
 

@@ -115,14 +115,14 @@ def tokenise(text: str) -> list[int]:
             f"the message has {len(text)} characters, and at most {TEXT_CHARACTERS} are read: send less"
         )
     shorts: list[int] = []
-    for found in _TOKEN.finditer(text):
-        token = _short_of(found.group(), found.start() + 1)
+    for word in _TOKEN.finditer(text):
+        token = _short_of(word.group(), word.start() + 1)
         if token == END:
             break
         if len(shorts) == BUFFER_TOKENS:
             raise ClassicReadError(
                 f"the message has more than {BUFFER_TOKENS} tokens (one more stands at character "
-                f"{found.start() + 1}); the original wrote past its buffer here: store parts of it with SETQQ"
+                f"{word.start() + 1}); the original wrote past its buffer here: store parts of it with SETQQ"
             )
         shorts.append(token)
     return shorts
@@ -435,7 +435,7 @@ class Evaluator:
 
 
 def _kind(token: int) -> str:
-    """The sort of a token as the original's PRINT calls it."""
+    """The kind of a token as the original's PRINT calls it."""
     return "NUM" if token < VARIABLE else "VAR" if token < EXPRESSION else "EXP" if token < FUNCTION else "FUN"
 
 

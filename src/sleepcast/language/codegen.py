@@ -278,11 +278,16 @@ class _Generator(Emitter):
         return any(p.op == "const" and abs(p.number) <= limit for p in part.parts)
 
     def _comparison(self, part: Part) -> CodePiece:
+        holds, fails = self._compared(part)
+        return CodePiece(f"(1.0 if {holds} else 0.0 if {fails} else N)")
+
+    def _compared(self, part: Part) -> tuple[str, str]:
+        """A comparison of two operands as two tests: that it holds, and, to be evaluated after it, that it does not.
+        Neither is true if an operand is unknown."""
         left, right = self.values(part.parts)
         (a, again), (b, b_again) = self.atom(left), self.atom(right)
         yes, no = _COMPARE[part.name]
-        otherwise = f"{again}{no}{b_again}" if no else f"{again}<{b_again} or {again}>{b_again}"
-        return CodePiece(f"(1.0 if {a}{yes}{b} else 0.0 if {otherwise} else N)")
+        return f"{a}{yes}{b}", f"{again}{no}{b_again}" if no else f"{again}<{b_again} or {again}>{b_again}"
 
     # ---- tests: Python expressions that are true just if the value is
 
@@ -348,11 +353,8 @@ class _Generator(Emitter):
         if not rest:
             return self.safe(self.value(part)).code
         if part.op == "pure" and part.name in _COMPARE and len(part.parts) == 2:
-            left, right = self.values(part.parts)
-            (a, again), (b, b_again) = self.atom(left), self.atom(right)
-            yes, no = _COMPARE[part.name]
-            otherwise = f"{again}{no}{b_again}" if no else f"{again}<{b_again} or {again}>{b_again}"
-            return f"({self._nested(rest)} if {a}{yes}{b} else 0.0 if {otherwise} else N)"
+            holds, fails = self._compared(part)
+            return f"({self._nested(rest)} if {holds} else 0.0 if {fails} else N)"
         first, again = self.atom(self.value(part))
         return f"({self._nested(rest)} if {first}<0.0 or {again}>0.0 else {again})"
 
@@ -506,8 +508,8 @@ def _quotient(g: _Generator, part: Part, a: str, b: str) -> CodePiece:
 
 
 def _distance(g: _Generator, part: Part, x1: str, y1: str, x2: str, y2: str) -> CodePiece:
-    across, up, name = g.temporary(), g.temporary(), g.temporary()
-    code = f"sqrt(({across}:={x1}-{x2})*{across}+({up}:={y1}-{y2})*{up})"
+    dx, dy, name = g.temporary(), g.temporary(), g.temporary()
+    code = f"sqrt(({dx}:={x1}-{x2})*{dx}+({dy}:={y1}-{y2})*{dy})"
     return CodePiece(f"({name} if ({name}:={code})<I else A(m,{g.constant(part)},({x1},{y1},{x2},{y2})))")
 
 

@@ -6,8 +6,8 @@ ran (a `Recollection`). The course is walked again when somebody asks, which giv
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isnan, nan
 
@@ -22,7 +22,7 @@ from sleepcast.language.rehearsal import Answer, Rehearsal, Replay
 from sleepcast.language.vocabulary import Variable, VariableKind
 
 _BEGINS_NUMBER = frozenset("0123456789.+-")
-MOST_DIGITS = 17
+MAX_DIGITS = 17
 """Significant ones, which tell any two numbers apart."""
 HELD_VERDICT = "held by STOP, so it did not move"
 """What a robot did about a command that matched and would have moved it, while STOP held it."""
@@ -73,13 +73,13 @@ class Step:
         value: object = self.value
         if self.value is not None and isnan(self.value):
             value = "UNKNOWN"
-        found: dict[str, object] = {"text": self.text, "value": value, "start": self.start, "end": self.end}
+        written: dict[str, object] = {"text": self.text, "value": value, "start": self.start, "end": self.end}
         if self.fault:
-            found["fault"] = self.fault
+            written["fault"] = self.fault
         if self.note:
-            found["note"] = self.note
-        found["parts"] = [child.to_dict() for child in self.children]
-        return found
+            written["note"] = self.note
+        written["parts"] = [child.to_dict() for child in self.children]
+        return written
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,14 +190,6 @@ def foretell(program: Program, memory: Rehearsal) -> Foretold:
     return Foretold(value, memory.matched, _sentences(memory))
 
 
-@dataclass
-class _Course:
-    """Everything an explanation is made of while it is being made."""
-
-    tracer: Tracer
-    faults: dict[tuple[int, int], str] = field(default_factory=dict)
-
-
 def _walked(program: Program, memory: Rehearsal, walker: Walker) -> float:
     """The value that a walk of the whole program gives, in a memory made ready for it."""
     memory.values.extend([nan] * (program.slots - len(memory.values)))
@@ -220,9 +212,9 @@ def _explained(recollection: Recollection, memory: Rehearsal) -> Explanation:
     program = recollection.program
     tracer = Tracer(memory, program)
     value = _walked(program, memory, tracer)
-    course = _Course(tracer, {(id(part), 0): reason for part, reason in memory.faults})
+    reasons = {id(part): reason for part, reason in memory.faults}
     reason = "" if memory.matched else refusal(program, tracer)
-    root = _step(program.root, program.text, course, tracer, None if memory.matched else culprit(program, tracer))
+    root = _step(program.root, tracer, reasons, None if memory.matched else culprit(program, tracer))
     faults = _sentences(memory)
     return Explanation(
         *(program.text, value, memory.matched, reason, root),
@@ -231,20 +223,24 @@ def _explained(recollection: Recollection, memory: Rehearsal) -> Explanation:
     )
 
 
-def _step(part: Part, text: str, course: _Course, tracer: Tracer, wanting: Part | None) -> Step:
+def _step(part: Part, tracer: Tracer, faults: Mapping[int, str], wanting: Part | None) -> Step:
+    """A part and all inside it.
+
+    faults: what went wrong, by the ids of parts.
+    wanting: the part that was not true, None if that is none of these.
+    """
     children: list[Step] = []
     for inside in part.parts:
         # A WHEN is a COND of one clause with the same text: its pieces are shown as its own.
         pieces = inside.parts if inside.op == "clause" and inside.form is part.form else (inside,)
-        children += [_step(piece, text, course, tracer, wanting) for piece in pieces]
+        children += [_step(piece, tracer, faults, wanting) for piece in pieces]
     inner = tracer.inner.get(part.index)
     if inner is not None:
-        children.append(_step(inner.program.root, inner.program.text, course, inner, None))
+        children.append(_step(inner.program.root, inner, faults, None))
     note = shortfall(part, tracer) if part is wanting else ""
-    value = tracer.found.get(part.index)
-    fault = course.faults.get((id(part), 0))
+    value, form = tracer.values.get(part.index), part.form
     unit = _unit(part, value, tracer.unit)
-    return Step(show(part.form), value, part.form.start, part.form.end, fault, note, tuple(children), unit)
+    return Step(show(form), value, form.start, form.end, faults.get(id(part)), note, tuple(children), unit)
 
 
 # ---- the tracer: remembers the value of every part
@@ -255,7 +251,7 @@ class Tracer(Walker):
 
     def __init__(self, memory: Memory, program: Entered, arguments: Sequence[float] = ()) -> None:
         super().__init__(memory, program, arguments)
-        self.found: dict[int, float] = {}
+        self.values: dict[int, float] = {}
         self.inner: dict[int, Tracer] = {}
 
     @cached_property
@@ -265,7 +261,7 @@ class Tracer(Walker):
 
     def value(self, part: Part) -> float:
         value = super().value(part)
-        self.found[part.index] = value
+        self.values[part.index] = value
         return value
 
     def enter(self, part: Part, program: Entered | None, arguments: Sequence[float]) -> float:
@@ -293,18 +289,18 @@ class Tracer(Walker):
 
 def _moved(tracer: Tracer) -> bool:
     """Whether a part that was evaluated asked the body to move, also in what the program entered."""
-    evaluated = (part for part in walk(tracer.program.root) if part.index in tracer.found)
+    evaluated = (part for part in walk(tracer.program.root) if part.index in tracer.values)
     return any(_moves(part, tracer) for part in evaluated) or any(map(_moved, tracer.inner.values()))
 
 
 def _moves(part: Part, tracer: Tracer) -> bool:
     """Whether an evaluated part itself asks the body to move: what is unknown is not passed on to it."""
     if part.op == "write" and isinstance(part.data, Variable):
-        return part.data.kind is VariableKind.ACTUATOR and not isnan(tracer.found[part.index])
+        return part.data.kind is VariableKind.ACTUATOR and not isnan(tracer.values[part.index])
     if part.op != "host":
         return False
     function = host_of(part)
-    return function.acts and function.moves and not any(isnan(tracer.found.get(p.index, nan)) for p in part.parts)
+    return function.acts and function.moves and not any(isnan(tracer.values.get(p.index, nan)) for p in part.parts)
 
 
 # ---- why a test was not true
@@ -325,7 +321,7 @@ def culprit(program: Program, tracer: Tracer) -> Part | None:
 def _narrow(part: Part, tracer: Tracer) -> Part:
     """Inside an AND, its first operand that was evaluated and not true; and so on inwards."""
     while part.op == "and":
-        failed = next((p for p in part.parts if p.index in tracer.found and not is_true(tracer.found[p.index])), None)
+        failed = next((p for p in part.parts if p.index in tracer.values and not is_true(tracer.values[p.index])), None)
         if failed is None:
             break
         part = failed
@@ -352,12 +348,12 @@ def shortfall(part: Part, tracer: Tracer) -> str:
             operator = {"<": ">", ">": "<", "<=": ">=", ">=": "<="}.get(part.name, part.name)
         else:
             operator = part.name
-        have = tracer.found.get(left.index, nan)
+        have = tracer.values.get(left.index, nan)
         had, wanted = _apart((left, right), tracer)
         needed = wanted if right.op == "const" else f"{show(right.form)} ({wanted})"
         known = f"{show(left.form)} = {had}" if have == have else f"{show(left.form)} is unknown"
         return f"{known}, needed {'=' if operator == 'EQ' else operator} {needed}"
-    value = tracer.found.get(part.index, nan)
+    value = tracer.values.get(part.index, nan)
     if part.op == "in":
         return f"not a member of {show(part.form.items[1]) if isinstance(part.form, List) else part.name}"
     if part.op == "or":
@@ -370,9 +366,9 @@ def shortfall(part: Part, tracer: Tracer) -> str:
 def _apart(sides: Sequence[Part], tracer: Tracer) -> list[str]:
     """Both sides of a comparison in words: literals as they were written, and with as many digits as it takes to see
     that they differ: 49.999 % is not 50 %."""
-    values = [tracer.found.get(part.index, nan) for part in sides]
+    values = [tracer.values.get(part.index, nan) for part in sides]
     texts: list[str] = []
-    for digits in (None, *range(5, MOST_DIGITS + 1)):
+    for digits in (None, *range(5, MAX_DIGITS + 1)):
         texts = [
             as_written(show(part.form), tracer.unit(part)) or value_in_words(value, tracer.unit(part), digits)
             for part, value in zip(sides, values, strict=True)

@@ -122,21 +122,21 @@ def _logarithm(a: Sequence[float]) -> float:
 
 
 def _distance(a: Sequence[float]) -> float:
-    across, up = a[0] - a[2], a[1] - a[3]
-    return math.sqrt(across * across + up * up)
+    dx, dy = a[0] - a[2], a[1] - a[3]
+    return math.sqrt(dx * dx + dy * dy)
 
 
 def _edge_distance(a: Sequence[float]) -> float:
     px, py, x0, y0 = a[0], a[1], a[-2], a[-1]
     nearest, sign = math.inf, -1.0
     for x1, y1 in zip(a[2::2], a[3::2], strict=True):
-        across, up, from_x, from_y = x1 - x0, y1 - y0, px - x0, py - y0
-        t = (from_x * across + from_y * up) / (across * across + up * up or 1.0)
+        dx, dy, from_x, from_y = x1 - x0, y1 - y0, px - x0, py - y0
+        t = (from_x * dx + from_y * dy) / (dx * dx + dy * dy or 1.0)
         t = 0.0 if t < 0.0 else 1.0 if t > 1.0 else t
-        out_x, out_y = from_x - t * across, from_y - t * up
+        out_x, out_y = from_x - t * dx, from_y - t * dy
         square = out_x * out_x + out_y * out_y
         nearest = square if square < nearest else nearest
-        if (y0 <= py) != (y1 <= py) and (from_x * up < from_y * across) == (up > 0.0):
+        if (y0 <= py) != (y1 <= py) and (from_x * dy < from_y * dx) == (dy > 0.0):
             sign = -sign  # a ray to the east crosses this side
         x0, y0 = x1, y1
     return sign * math.sqrt(nearest) + 0.0

@@ -24,7 +24,7 @@ class LearnedNames:
 
     def heard(self) -> Iterable[str]:
         """Every learned name as written."""
-        return [found.name for found in self._learned.values()]
+        return [each.name for each in self._learned.values()]
 
     def learn(self, form: Form) -> None:
         """Take in what a checked expression declares: variables, buffers, rules, operators and groups."""

@@ -115,10 +115,10 @@ _UNITS: WeakKeyDictionary[Entered, str] = WeakKeyDictionary()
 def unit_of_program(program: Entered) -> str:
     """The unit in which people read the value of a program; it is known for as long as there is the program, since the
     same ones are asked again and again."""
-    found = _UNITS.get(program)
-    if found is None:
-        found = _UNITS[program] = units_in(program)(program.root)
-    return found
+    unit = _UNITS.get(program)
+    if unit is None:
+        unit = _UNITS[program] = units_in(program)(program.root)
+    return unit
 
 
 class _Advice:
@@ -129,12 +129,12 @@ class _Advice:
         self.dimensions: dict[Part, Dimension | None] = {}
 
     def on(self, program: Program, checker: Checker) -> None:
-        said = [(found.start, found.end) for found in self.findings.kept if found.confirm]
+        confirmed = [(each.start, each.end) for each in self.findings.kept if each.confirm]
         wrong = self.findings.counts["error"] > 0  # what is mended first
         for tree in (program.root, *checker.kept):
             self.dimension(tree)
             for form, message in () if wrong else doubts(tree, self.text, self.dimensions.__getitem__):
-                if not any(start <= form.start < end for start, end in said):
+                if not any(start <= form.start < end for start, end in confirmed):
                     self.findings.note("warning", message, form.start, form.end, confirm=True)
 
     def brief(self, form: Form) -> str:
@@ -149,12 +149,15 @@ class _Advice:
 
     def dimension(self, part: Part) -> Dimension | None:
         """The dimension of `part`'s value; what is doubtful inside it is noted on the way."""
-        found = self.dimensions[part] = self._dimension(part, [self.dimension(p) for p in part.parts])
-        return found
+        dimension = self.dimensions[part] = self._dimension(part, [self.dimension(p) for p in part.parts])
+        return dimension
 
     def _dimension(self, part: Part, inside: list[Dimension | None]) -> Dimension | None:
         if part.op == "const":
-            return part.form.dimension if isinstance(part.form, Number) else self._constant(part)
+            if isinstance(part.form, Number):
+                return part.form.dimension
+            constant = self.vocabulary.bindings.get(part.name)
+            return constant.dimension if isinstance(constant, Constant) else None
         if part.op in ("var", "linked"):
             return dimension_of(part.data.quantity.unit) if isinstance(part.data, Variable) else None
         if part.op == "pure":
@@ -174,40 +177,36 @@ class _Advice:
         if part.op == "if":
             self._may_be_unknown(part)
             branches = zip(inside[1:], part.parts[1:], strict=True)
-            found = {dimension for dimension, each in branches if dimension is not None or each.op != "const"}
-            return found.pop() if len(found) == 1 else None
+            dimensions = {dimension for dimension, each in branches if dimension is not None or each.op != "const"}
+            return dimensions.pop() if len(dimensions) == 1 else None
         if part.op in ("set_user", "set_local", "progn", "let"):
             return inside[-1] if inside else None
         return None
 
-    def _constant(self, part: Part) -> Dimension | None:
-        found = self.vocabulary.bindings.get(part.name)
-        return found.dimension if isinstance(found, Constant) else None
-
     def _same(self, part: Part, inside: list[Dimension | None]) -> Dimension | None:
         """All parts of one dimension: it, or a warning at the first that differs."""
-        found: Dimension | None = None
+        common: Dimension | None = None
         for dimension, operand in zip(inside, part.parts, strict=True):
             if dimension is None:
                 continue
-            if found is not None and dimension != found:
+            if common is not None and dimension != common:
                 where = part.name or part.op.upper()
                 self.warn(
-                    f"{self.brief(operand.form)} @@ is {dimension}, but the rest of {where} is {found}", operand.form
+                    f"{self.brief(operand.form)} @@ is {dimension}, but the rest of {where} is {common}", operand.form
                 )
                 return None
-            found = dimension
-        return found
+            common = dimension
+        return common
 
     def _pure(self, part: Part, inside: list[Dimension | None]) -> Dimension | None:
         rule = part.function.rule
         if part.name in ("/", "MOD"):
             self._divisor(part)
         if rule in ("same", "ratio", "compare"):
-            found = self._same(part, inside)
+            common = self._same(part, inside)
             if rule == "compare":
                 self._range(part)
-            return found if rule == "same" else NONE
+            return common if rule == "same" else NONE
         if rule == "truth":
             if part.name == "NOT" and part.parts[0].op == "in":
                 self.warn(f"{self.brief(part.form)} @@ is also true for robots not told about the group", part.form)
@@ -246,9 +245,9 @@ class _Advice:
 
     def _host(self, part: Part, inside: list[Dimension | None]) -> Dimension | None:
         function: HostFunction = host_of(part)
-        for wanted, found, operand in zip(function.dimensions, inside, part.parts, strict=False):
-            if wanted is not None and found is not None and found != wanted:
-                self.warn(f"{self.brief(operand.form)} @@ is {found}, but {function.name} wants {wanted}", operand.form)
+        for wanted, given, operand in zip(function.dimensions, inside, part.parts, strict=False):
+            if wanted is not None and given is not None and given != wanted:
+                self.warn(f"{self.brief(operand.form)} @@ is {given}, but {function.name} wants {wanted}", operand.form)
         return function.result
 
     # ---- declared ranges
@@ -432,10 +431,10 @@ def _test(part: Part, text: str, dimension: Callable[[Part], Dimension | None]) 
         for inside in part.parts:
             yield from _test(inside, text, dimension)
         return
-    found = dimension(part)
-    if found not in (None, NONE):
+    measured = dimension(part)
+    if measured not in (None, NONE):
         said = brief(part.form, text)
-        yield part.form, f"{said} @@ is {found}: as a test it is true unless it is 0 (did you mean (< {said} ...)?)"
+        yield part.form, f"{said} @@ is {measured}: as a test it is true unless it is 0 (did you mean (< {said} ...)?)"
 
 
 def _exactly(part: Part, text: str) -> Iterator[tuple[Form, str]]:

@@ -153,9 +153,9 @@ def angle(y: float, x: float) -> float:
 
     Unknown, which is no angle, if both are infinite.
     """
-    across, up = abs(x), abs(y)
-    swapped, behind = across < up, copysign(1.0, x) < 0.0
-    low, high = (across, up) if swapped else (up, across)
+    width, height = abs(x), abs(y)
+    swapped, behind = width < height, copysign(1.0, x) < 0.0
+    low, high = (width, height) if swapped else (height, width)
     if high > HUGE:
         low, high = 0.25 * low, 0.25 * high
     steep = low > STEEP * high

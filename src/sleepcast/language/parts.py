@@ -122,10 +122,10 @@ Data = Function | HostFunction | Variable | Storing | Defining | Template | Labe
 
 def walk(part: Part) -> list[Part]:
     """`part` and every part inside it, outside first, left to right."""
-    found = [part]
+    parts = [part]
     for inside in part.parts:
-        found.extend(walk(inside))
-    return found
+        parts.extend(walk(inside))
+    return parts
 
 
 def acts(part: Part) -> bool:

@@ -58,9 +58,9 @@ class Program:
         self.height = max(map(height, forms))
         self.uses, self.free = frozenset(checker.uses), frozenset(checker.free)
         learned = {key: checker.names.declared(key) for key in sorted(self.free)}
-        self.meanings = {key: found for key, found in learned.items() if found is not None}
+        self.meanings = {key: known for key, known in learned.items() if known is not None}
         self.stores = dict(checker.pending_uses)
-        self.declares = {key: _DECLARES[sort] for key, sort in checker.pending.items() if sort in _DECLARES}
+        self.declares = {key: _DECLARES[kind] for key, kind in checker.pending.items() if kind in _DECLARES}
         self.locals, self.cost = checker.locals, steps
         self._vocabulary = ref(checker.names.vocabulary)  # whose library keeps this program for as long as it lives
         parts = walk(root)
@@ -69,15 +69,14 @@ class Program:
         self.size = len(parts)
         self.slots = 1 + max((p.slot for p in parts if p.op in _SLOTTED), default=-1)
         self._look_at(parts)
-        self.test = self._find_test(checker) if parameters == 0 else None
         self.runs = 0
         self.code: Code | None = None
+        self.test = self._find_test() if parameters == 0 else None
 
     @property
     def vocabulary(self) -> Vocabulary:
         """What its names mean; an empty one when no robot has that any more."""
-        found = self._vocabulary()
-        return Vocabulary() if found is None else found
+        return self._vocabulary() or Vocabulary()
 
     def run(self, memory: Memory, *arguments: float) -> float:
         """Enter the program: charge its cost, evaluate it, give its value. Raises OutOfSteps."""
@@ -116,7 +115,7 @@ class Program:
         self.chancy = not CHANCY.isdisjoint(ops)
         self.asks = "host" in ops or "linked" in ops
 
-    def _find_test(self, checker: Checker) -> Program | None:
+    def _find_test(self) -> Program | None:
         part = deciding(self.root)
         if part is None:
             return None
@@ -128,14 +127,11 @@ class Program:
             return self
         root = tests[0] if len(tests) == 1 else Part("and" if part.op == "and" else "or", part.form, tests)
         test = Program.__new__(Program)
-        test._as_test(self, _within(self.root, part, root), checker)
+        test.__dict__.update(self.__dict__)
+        test.root = _within(self.root, part, root)
+        test.form, test.cost, test.test = test.root.form, cost(test.root), test
+        test._look_at(walk(test.root))
         return test
-
-    def _as_test(self, whole: Program, root: Part, checker: Checker) -> None:
-        self.__dict__.update(whole.__dict__)
-        self.root, self.form, self.cost = root, root.form, cost(root)
-        self._look_at(walk(root))
-        self.test, self.runs, self.code = self, 0, None
 
 
 def _watch(part: Part) -> tuple[Part, ...]:
@@ -206,28 +202,28 @@ class Library:
     ) -> Program:
         """The program of `text` for a robot with these names. asked: whether it is only asked. Raises ReadError (from
         `forms`) and CheckError."""
-        found = _suiting(self._programs.get((text, parameters), ()), names)
-        if found is not None:
-            return found
+        suiting = _suiting(self._programs.get((text, parameters), ()), names)
+        if suiting is not None:
+            return suiting
         if asked:
             return self._question(text, forms, names)
         program = _checked(text, forms(), names, parameters)
         self._count += 1
         if self._count > MAX_PROGRAMS:
             self._programs, self._count = {}, 1
-        self._programs.setdefault((text, parameters), []).append((_sorts(program, names), program))
+        self._programs.setdefault((text, parameters), []).append((_meanings(program, names), program))
         return program
 
     def _question(self, text: str, forms: Callable[[], Sequence[Form]], names: Names) -> Program:
         alike = self._questions.get(text, [])
-        found = _suiting(alike, names)
-        if found is None:
-            found = _checked(text, forms(), names)
-            self._questions[text] = [*alike[1 - MAX_ASKED :], (_sorts(found, names), found)]
+        program = _suiting(alike, names)
+        if program is None:
+            program = _checked(text, forms(), names)
+            self._questions[text] = [*alike[1 - MAX_ASKED :], (_meanings(program, names), program)]
             self._questions.move_to_end(text)
             if len(self._questions) > MAX_ASKED:
                 self._questions.popitem(last=False)
-        return found
+        return program
 
     def again(self, program: Program, names: Names, parameters: tuple[str, ...] = ()) -> Program:
         """A program that was checked when it came in, as its text reads now that its names mean something else.
@@ -240,10 +236,10 @@ class Library:
             return program
 
 
-def _suiting(kept: Iterable[tuple[tuple[object, ...], Program]], names: Names) -> Program | None:
+def _suiting(stored: Iterable[tuple[tuple[object, ...], Program]], names: Names) -> Program | None:
     """The one of a text's programs that is right for a robot with these names."""
-    for sorts, program in kept:
-        if sorts == _sorts(program, names) and not _circular(program, names):
+    for meanings, program in stored:
+        if meanings == _meanings(program, names) and not _circular(program, names):
             return program
     return None
 
@@ -274,13 +270,14 @@ def _circular(program: Program, names: Names) -> bool:
     return False
 
 
-def _sorts(program: Program, names: Names) -> tuple[object, ...]:
-    sorts: list[object] = []
+def _meanings(program: Program, names: Names) -> tuple[object, ...]:
+    """What the learned names of a program are on a robot: their types, and of operators the number of parameters."""
+    meanings: list[object] = []
     for key in sorted(program.free):
-        found = names.declared(key)
-        sort = program.declares.get(key, type(None)) if found is None else type(found)
-        sorts.append(len(found.parameters) if isinstance(found, Operator) else sort)
-    return tuple(sorts)
+        known = names.declared(key)
+        declared = program.declares.get(key, type(None)) if known is None else type(known)
+        meanings.append(len(known.parameters) if isinstance(known, Operator) else declared)
+    return tuple(meanings)
 
 
 def evaluate(program: Program, memory: Memory) -> float:

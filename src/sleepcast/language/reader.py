@@ -109,20 +109,20 @@ def walk(form: Form) -> Iterator[Form]:
     """`form` and every form inside it, outside first, left to right."""
     waiting = [form]
     while waiting:
-        found = waiting.pop()
-        yield found
-        if isinstance(found, List):
-            waiting.extend(reversed(found.items))
+        inner = waiting.pop()
+        yield inner
+        if isinstance(inner, List):
+            waiting.extend(reversed(inner.items))
 
 
 def height(form: Form) -> int:
     """How many lists stand inside one another in `form`: 0 for a number or a name."""
     deepest, waiting = 0, [(form, 0)]
     while waiting:
-        found, around = waiting.pop()
-        if isinstance(found, List):
+        inner, around = waiting.pop()
+        if isinstance(inner, List):
             deepest = max(deepest, around + 1)
-            waiting.extend((item, around + 1) for item in found.items)
+            waiting.extend((item, around + 1) for item in inner.items)
     return deepest
 
 
@@ -256,8 +256,8 @@ def written(row: Sequence[Form], text: str) -> str:
 
 def brief(form: Form, text: str) -> str:
     """What stands in `text` for `form`, on one line, its end left out where it is long."""
-    found = " ".join(text[form.start : min(form.end, form.start + MAX_BRIEF + 1)].split())
-    return found if form.end - form.start <= MAX_BRIEF else f"{found[:MAX_BRIEF]}..."
+    shortened = " ".join(text[form.start : min(form.end, form.start + MAX_BRIEF + 1)].split())
+    return shortened if form.end - form.start <= MAX_BRIEF else f"{shortened[:MAX_BRIEF]}..."
 
 
 # ---- what was probably meant by several forms in a row: `fuel > 50%` without parentheses, `IN bravo`, `5 m`. It only

@@ -51,10 +51,10 @@ def is_angle(part: Part) -> bool:
 
 def unit_to_read(part: Part, dimension: DimensionOf, vocabulary: Vocabulary) -> str:
     """The unit of a part's value. dimension: gives that of the value of a part, None where it is not known."""
-    found, own = dimension(part), _Made((*TURNED, *CHOSEN, *SIZED), dimension).unit(part)
-    if own and found in (None, UNITS[own].dimension):
+    known, own = dimension(part), _Made((*TURNED, *CHOSEN, *SIZED), dimension).unit(part)
+    if own and known in (None, UNITS[own].dimension):
         return own
-    return unit_of_dimension(found, vocabulary)
+    return unit_of_dimension(known, vocabulary)
 
 
 def unit_of_dimension(dimension: Dimension | None, vocabulary: Vocabulary) -> str:

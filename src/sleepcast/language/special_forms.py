@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable
 from math import nan
 
-from sleepcast.core.errors import decimal_comma
+from sleepcast.core.errors import decimal_comma, with_article
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language import areas
 from sleepcast.language.checker import STORE_STEPS, Checker, Special
@@ -50,7 +50,7 @@ def _special(*names: str) -> Callable[[Special], Special]:
 # ---- control
 
 
-@_special("and", "or", "known", "if", "progn")
+@_special("and", "or", "known", "if", "progn", "prob", "random", "gauss")
 def _plain(checker: Checker, form: List) -> Part:
     return Part(form.head or "", form, checker.parts(form.items[1:]))
 
@@ -165,8 +165,8 @@ def _setq(checker: Checker, form: List) -> Part:
         return checker.error(f"{target.text} @@ is a constant: it cannot be assigned", target)
     if isinstance(binding, HostFunction) or target.key in FUNCTIONS:
         return checker.error(f"{target.text} @@ is a function: it cannot be assigned", target)
-    sort = checker.sort_of(target.key)
-    if sort == "variable":
+    kind = checker.kind_of(target.key)
+    if kind == "variable":
         declared = checker.names.declared(target.key) is not None
         return Part(
             "set_user" if declared else "write",
@@ -175,9 +175,8 @@ def _setq(checker: Checker, form: List) -> Part:
             slot=checker.user_slot(target),
             name=target.key,
         )
-    if sort is not None:
-        article = "an" if sort == "operator" else "a"
-        return checker.error(f"{target.text} @@ is {article} {sort}, not a variable", target)
+    if kind is not None:
+        return checker.error(f"{target.text} @@ is {with_article(kind)}, not a variable", target)
     checker.warn(
         f'unknown name "{target.text}" @@{checker.suggestion(target.text)}: make it first with (DEFVAR {target.text})',
         target,
@@ -237,12 +236,12 @@ def _store(checker: Checker, form: List, target: Symbol, body: Form, *, activate
     return Part("store", form, name=key, number=steps, data=Storing(key, body, activate=activate, rank=rank))
 
 
-def _is_free_for(checker: Checker, target: Symbol, sort: str) -> bool:
+def _is_free_for(checker: Checker, target: Symbol, kind: str) -> bool:
     meaning = checker.meaning(target.key)
-    if meaning is None or meaning == sort:
+    if meaning is None or meaning == kind:
         return True
-    article = "an" if meaning[0] in "aeiou" else "a"
-    checker.error(f"{target.text} @@ is already {article} {meaning}: choose another name for the {sort}", target)
+    taken = with_article(meaning)
+    checker.error(f"{target.text} @@ is already {taken}: choose another name for the {kind}", target)
     return False
 
 
@@ -309,11 +308,10 @@ def _of_area(checker: Checker, form: List) -> Part:
         checker.part(target)
         return checker.error(f"{(form.head or '').upper()} @@ wants the name of an area", target)
     meaning = checker.meaning(target.key)
-    if meaning not in (None, "operator"):
-        article = "an" if meaning and meaning[0] in "aeiou" else "a"
-        return checker.error(f"{target.text} @@ is {article} {meaning}, not an area", target)
     if meaning is None:
         checker.unknown("area", target)
+    elif meaning != "operator":
+        return checker.error(f"{target.text} @@ is {with_article(meaning)}, not an area", target)
     elif checker.parameters(target.key):
         return checker.error(f"{target.text} @@ takes arguments, so it is not an area", target)
     checker.uses.add(target.key)
@@ -370,12 +368,7 @@ def _group(checker: Checker, form: List) -> Part:
     return Part("act", form, name=form.head or "", data=Label(target.text))
 
 
-# ---- chance, speaking
-
-
-@_special("prob", "random", "gauss")
-def _chance(checker: Checker, form: List) -> Part:
-    return Part(form.head or "", form, checker.parts(form.items[1:]))
+# ---- speaking
 
 
 @_special("report", "print")
@@ -440,15 +433,15 @@ _NAMING = frozenset({"setq", "defvar", "lease"})
 """Forms whose first argument is only a name."""
 
 
-def _collect_unquoted(checker: Checker, form: Form, found: list[Form]) -> None:
+def _collect_unquoted(checker: Checker, form: Form, unquoted: list[Form]) -> None:
     if isinstance(form, List):
         if form.head == UNQUOTE and len(form.items) == 2:
             if comma := _decimal_comma(checker, form):
                 checker.error(f"a comma in a number @@{comma}", form)
-            found.append(form.items[1])
+            unquoted.append(form.items[1])
         else:
             for item in form.items:
-                _collect_unquoted(checker, item, found)
+                _collect_unquoted(checker, item, unquoted)
 
 
 def _decimal_comma(checker: Checker, form: List) -> str:

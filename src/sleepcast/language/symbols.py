@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+from sleepcast.core.errors import with_article
 from sleepcast.language.vocabulary import Vocabulary, buffer_number
 
 
@@ -47,7 +48,7 @@ class Group:
 
 Declared = UserVariable | Stored | Operator | Group
 
-SORTS: dict[type, str] = {UserVariable: "user variable", Stored: "rule", Operator: "operator", Group: "group"}
+KIND_NAMES: dict[type, str] = {UserVariable: "user variable", Stored: "rule", Operator: "operator", Group: "group"}
 
 
 class Naming(Protocol):
@@ -104,7 +105,7 @@ class FreshNames:
 
     def heard(self) -> Iterable[str]:
         """Every name that it has learned from the start."""
-        return [found.name for found in self._given.values()]
+        return [each.name for each in self._given.values()]
 
 
 def known_groups(names: Names) -> list[str]:
@@ -134,15 +135,14 @@ def circle(key: str, uses: Iterable[str], uses_of: Callable[[str], Iterable[str]
     return " through " + ", ".join(k.upper() for k in way[:-1]) if len(way) > 1 else ""
 
 
-def clash(found: Declared | None, sort: type) -> str | None:
-    """Why a name cannot be learned as something of this sort, if it cannot: it means something else already."""
-    if found is None or isinstance(found, sort):
+def clash(known: Declared | None, wanted: type) -> str | None:
+    """Why a name cannot be learned as something of this type, if it cannot: it means something else already."""
+    if known is None or isinstance(known, wanted):
         return None
-    what = SORTS[type(found)]
-    return f"{found.name} is already {'an' if what[0] in 'aeiou' else 'a'} {what}"
+    return f"{known.name} is already {with_article(KIND_NAMES[type(known)])}"
 
 
 def uses_in(names: Names, key: str) -> frozenset[str]:
     """The keys that a learned rule, buffer or operator names."""
-    found = names.declared(key)
-    return found.uses if isinstance(found, Stored | Operator) else frozenset()
+    known = names.declared(key)
+    return known.uses if isinstance(known, Stored | Operator) else frozenset()

@@ -120,8 +120,8 @@ class Vocabulary:
         slot = 0
         for quantities, kind in kinds:
             for quantity in quantities:
-                found = VariableKind.SENSOR if slot in _READ_ONLY_SUPPORT else kind
-                self._declare(Variable(quantity, found, slot, quantity.name.casefold() in self.linked))
+                own_kind = VariableKind.SENSOR if slot in _READ_ONLY_SUPPORT else kind
+                self._declare(Variable(quantity, own_kind, slot, quantity.name.casefold() in self.linked))
                 slot += 1
         self.size = slot
         """Slots of the variables that every robot of this type has."""

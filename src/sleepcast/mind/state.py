@@ -17,7 +17,7 @@ from sleepcast.core.serial import SerialError
 from sleepcast.language.functions import MAX_PRIORITY
 from sleepcast.language.program import Library, Program
 from sleepcast.language.reader import read_all
-from sleepcast.language.symbols import SORTS, Declared, Group, Operator, Stored, UserVariable
+from sleepcast.language.symbols import KIND_NAMES, Declared, Group, Operator, Stored, UserVariable
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.mind.merging import MergingState
 
@@ -73,7 +73,7 @@ class MindState(msgspec.Struct, frozen=True):
 
 
 class SymbolState(msgspec.Struct, array_like=True):
-    """The meaning of a learned name. sort: one of `SORTS`."""
+    """The meaning of a learned name. sort: one of `KIND_NAMES`."""
 
     sort: str
     name: str
@@ -84,19 +84,19 @@ class SymbolState(msgspec.Struct, array_like=True):
     def of(cls, found: Declared) -> SymbolState:
         parameters = found.parameters if isinstance(found, Operator) else ()
         uses = tuple(sorted(found.uses)) if isinstance(found, Stored | Operator) else ()
-        return cls(SORTS[type(found)], found.name, parameters, uses)
+        return cls(KIND_NAMES[type(found)], found.name, parameters, uses)
 
     def made(self, key: str, vocabulary: Vocabulary) -> Declared:
         """The declaration of the name `key`. Raises SerialError."""
-        if self.sort == SORTS[UserVariable]:
+        if self.sort == KIND_NAMES[UserVariable]:
             if key not in vocabulary.user_slots:
                 raise SerialError(f"a user variable {key[:80]} without a place for its value")
             return UserVariable(self.name, vocabulary.user_slots[key])
-        if self.sort == SORTS[Stored]:
+        if self.sort == KIND_NAMES[Stored]:
             return Stored(self.name, frozenset(self.uses))
-        if self.sort == SORTS[Operator]:
+        if self.sort == KIND_NAMES[Operator]:
             return Operator(self.name, self.parameters, frozenset(self.uses))
-        if self.sort == SORTS[Group]:
+        if self.sort == KIND_NAMES[Group]:
             return Group(self.name)
         raise SerialError(f"{self.sort[:80]} is no sort of name")
 

@@ -45,7 +45,7 @@ from sleepcast.language.numerics import draw
 from sleepcast.language.parts import Part, Storing, acts, host_of, walk, written
 from sleepcast.language.program import Program
 from sleepcast.language.reader import read
-from sleepcast.language.rehearsal import CHANCE, DEED, Rehearsal, asks, does
+from sleepcast.language.rehearsal import ACTION, CHANCE, Rehearsal, asks, does
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, TIME_SLOT, Vocabulary
 
@@ -307,28 +307,28 @@ class QuietMemory(FleetMemory):
         return self._undecided(rows, asks(part.name))
 
     def defined(self, part: Part, rows: Rows) -> Mask:
-        self._undecided(self._alive(rows), DEED)
+        self._undecided(self._alive(rows), ACTION)
         return np.zeros(rows.size, np.bool_)
 
     @by_the_living
     def assign(self, part: Part, rows: Rows, values: Column) -> Column:
-        return self._undecided(rows, DEED)
+        return self._undecided(rows, ACTION)
 
     @by_the_living
     def write(self, part: Part, rows: Rows, values: Column) -> Column:
-        return self._undecided(rows, DEED)
+        return self._undecided(rows, ACTION)
 
     @by_the_living
     def define(self, part: Part, rows: Rows, values: Column) -> Column:
-        return self._undecided(rows, DEED)
+        return self._undecided(rows, ACTION)
 
     @by_the_living
     def store(self, part: Part, rows: Rows, values: Column) -> Column:
-        return self._undecided(rows, DEED)
+        return self._undecided(rows, ACTION)
 
     @by_the_living
     def act(self, part: Part, rows: Rows, *arguments: Column) -> Column:
-        return self._undecided(rows, DEED)
+        return self._undecided(rows, ACTION)
 
 
 # ---- the evaluation log

@@ -12,9 +12,11 @@ from sleepcast.language.vocabulary import FROZEN, MARKED, SLEEPING
 
 
 class Act(NamedTuple):
-    """flag: the slot of the support flag that it sets, and the value. rules: whether it changes which rules and
-    operators a robot has, or which of them run. teaches: whether a robot may evaluate afterwards what it
-    would not have before. irreversible: whether it loses what nobody may have any more."""
+    """flag: the slot of the support flag that it sets, and the value.
+    rules: whether it changes which rules and operators a robot has, or which of them run.
+    teaches: whether a robot may evaluate afterwards what it would not have before.
+    irreversible: whether it loses what nobody may have any more.
+    """
 
     flag: tuple[int, float] | None = None
     rules: bool = False

@@ -40,8 +40,11 @@ class _Token(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Stimulus:
-    """One ping, or the light (source S), with what is asked of it. side, source, zone: `ANY` where that does not
-    matter. range: as it was written, beside a zone that is not `ANY`."""
+    """One ping, or the light (source S), with what is asked of it.
+
+    side, source, zone: `ANY` where that does not matter.
+    range: as it was written, beside a zone that is not `ANY`.
+    """
 
     side: str
     source: str

@@ -20,8 +20,13 @@ from sleepcast.language.parts import Part
 
 
 class CodePiece(NamedTuple):
-    """Code for a value. code: a Python expression. atom: it can be repeated and has no effect. fixed: nothing
-    later changes it. slow: what to compute instead if `code` comes out not finite ("" if it cannot)."""
+    """Code for a value.
+
+    code: a Python expression.
+    atom: it can be repeated and has no effect.
+    fixed: nothing later changes it.
+    slow: what to compute instead if `code` comes out not finite ("" if it cannot).
+    """
 
     code: str
     atom: bool = False

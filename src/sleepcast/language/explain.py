@@ -30,8 +30,12 @@ HELD_VERDICT = "held by STOP, so it did not move"
 
 @dataclass(slots=True)
 class Recollection:
-    """What went into one evaluation. answers: what the memory gave back, in order. command: the message's id.
-    stopped: whether STOP held the body."""
+    """What went into one evaluation.
+
+    answers: what the memory gave back, in order.
+    command: the message's id.
+    stopped: whether STOP held the body.
+    """
 
     program: Program
     values: list[float]
@@ -45,8 +49,12 @@ class Recollection:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One part of an explained expression. value: SI, None: it was not evaluated. note: what a person should look at.
-    unit: in which people read the value."""
+    """One part of an explained expression.
+
+    value: SI, None: it was not evaluated.
+    note: what a person should look at.
+    unit: in which people read the value.
+    """
 
     text: str
     value: float | None
@@ -84,8 +92,12 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """Why an evaluation gave what it gave. reason: the first test that did not hold and by how much, "" if all did.
-    held: the robot obeyed and was to move, and STOP held it. priority: of the rule that it tells of."""
+    """Why an evaluation gave what it gave.
+
+    reason: the first test that did not hold and by how much, "" if all did.
+    held: the robot obeyed and was to move, and STOP held it.
+    priority: of the rule that it tells of.
+    """
 
     text: str
     value: float

@@ -34,7 +34,12 @@ class Undefined(ArithmeticError):
 
 
 class Function(NamedTuple):
-    """One built-in. arguments: how people write them. kind: "pure", "special" or "act". rule: how dimensions go."""
+    """One built-in.
+
+    arguments: how people write them.
+    kind: "pure", "special" or "act".
+    rule: how dimensions go.
+    """
 
     name: str
     least: int

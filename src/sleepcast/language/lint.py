@@ -26,9 +26,15 @@ from sleepcast.language.vocabulary import Variable, VariableKind, Vocabulary
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """A text that was checked. found: what is wrong or doubtful in it. program: None if there is any error. cost: its
-    static bound in steps. vocabulary: what its names mean. by: whose names make it wrong, in a sentence; or, where they
-    do not count, who they are; "" where it is the same for all."""
+    """A text that was checked.
+
+    found: what is wrong or doubtful in it.
+    program: None if there is any error.
+    cost: its static bound in steps.
+    vocabulary: what its names mean.
+    by: whose names make it wrong, in a sentence; or, where they do not count, who they are; "" where it is the same for
+        all.
+    """
 
     text: str
     found: Findings

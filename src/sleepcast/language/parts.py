@@ -36,8 +36,11 @@ CHANCY = frozenset({"prob", "dice", "random", "gauss"})
 class Part:
     """One node of a checked expression.
 
-    parts: the parts that are evaluated, in order. number: a constant's value, or a count. slot: in the values, or the
-    number of a local name. name: the key of what is named. data: what else the op needs, see `checker`.
+    parts: the parts that are evaluated, in order.
+    number: a constant's value, or a count.
+    slot: in the values, or the number of a local name.
+    name: the key of what is named.
+    data: what else the op needs, see `checker`.
     watch: for the top-level test of a program, how many leading parts are the test (`and`), or 1 (`if`, `clause`).
     index: the part's own number in its program, outside first, left to right.
     """

@@ -46,11 +46,16 @@ class OutOfSteps(Exception):
 class Program:
     """A checked expression that can be entered. body: its parts, evaluated in order (an operator may have several).
 
-    cost: steps charged when entered. height: levels of parentheses inside one another. uses: keys of buffers, rules
-    and operators it names. free: keys of learned names it depends on; meanings: what they were when it was checked, as
-    far as they had been learned. declares: rules and groups that the text itself makes. stores: keys that it stores
-    expressions under, with what those use. test: the top-level test as a program of its own, None if everybody
-    matches. acts, chancy: of the whole program. slots: the length of values it needs.
+    cost: steps charged when entered.
+    height: levels of parentheses inside one another.
+    uses: keys of buffers, rules and operators it names.
+    free: keys of learned names it depends on.
+    meanings: what they were when it was checked, as far as they had been learned.
+    declares: rules and groups that the text itself makes.
+    stores: keys that it stores expressions under, with what those use.
+    test: the top-level test as a program of its own, None if everybody matches.
+    acts, chancy: of the whole program.
+    slots: the length of values it needs.
     """
 
     def __init__(self, forms: Sequence[Form], root: Part, parameters: int, checker: Checker, steps: int) -> None:

@@ -47,7 +47,12 @@ class Form:
 
 
 class Number(Form):
-    """A literal. value: in SI, finite. unit: its suffix, a key of `UNITS`, "" for a bare number. text: as written."""
+    """A literal.
+
+    value: in SI, finite.
+    unit: its suffix, a key of `UNITS`, "" for a bare number.
+    text: as written.
+    """
 
     __slots__ = ("text", "unit", "value")
 

@@ -29,7 +29,8 @@ Answer = float | bool | Entered | NotedFault | None
 class Rehearsal:
     """A memory in which nothing happens: assignments hold within the one evaluation, acts give 1 and do nothing.
 
-    values: copied. fetch, operator, read: how to reach the robot's programs and linked variables, if there are any.
+    values: copied.
+    fetch, operator, read: how to reach the robot's programs and linked variables, if there are any.
     has: whether there is a user variable of this key; without it, one that has no value is taken not to be there.
     """
 
@@ -192,7 +193,7 @@ def apply_flags(memory: Rehearsal, part: Part) -> None:
 # ---- why a test cannot be judged from a robot's numbers alone
 
 CHANCE = "its test depends on chance"
-DEED = "its test does something itself"
+ACTION = "its test does something itself"
 
 
 def asks(name: str) -> str:

@@ -31,7 +31,7 @@ from sleepcast.language.evaluate import Entered, is_true
 from sleepcast.language.explain import Explanation
 from sleepcast.language.parts import Part, acts, walk
 from sleepcast.language.program import Program, evaluate
-from sleepcast.language.rehearsal import CHANCE, DEED, asks, does, holds
+from sleepcast.language.rehearsal import ACTION, CHANCE, asks, does, holds
 from sleepcast.language.symbols import Declared, Operator
 from sleepcast.language.vocabulary import Variable, Vocabulary
 from sleepcast.station.roster import Index, Roster, Seconds
@@ -433,7 +433,7 @@ class PreviewMemory:
         raise self._deed(part)
 
     def _deed(self, part: Part) -> Undecided:
-        return Undecided(DEED)
+        return Undecided(ACTION)
 
 
 class TelemetryRows:
@@ -508,7 +508,7 @@ def _obstacle(program: Program) -> str:
     if test is None:
         return ""
     if any(part.op in _DEEDS for part in walk(test.root)):
-        return DEED
+        return ACTION
     for part in walk(program.root):
         if part.form is test.form:
             break

@@ -77,9 +77,14 @@ class Desk(Protocol):
         confirmed: bool,
         undecided: bool,
     ) -> SentCommand:
-        """Broadcast an expression; everybody: confirms that it is meant for all robots; confirmed: as it stands;
-        undecided: even if its test is unknown on all of them. The rest: see `Instruction`. Gives what keeps account of
-        it."""
+        """Broadcast an expression.
+
+        everybody: confirms that it is meant for all robots.
+        confirmed: as it stands.
+        undecided: even if its test is unknown on all of them.
+
+        The rest: see `Instruction`. Gives what keeps account of it.
+        """
 
     def ask(self, text: str, *, only: Sequence[str] | None, but: Sequence[str] | None) -> SentCommand:
         """Ask robots for the value of an expression."""
@@ -93,7 +98,7 @@ class Desk(Protocol):
     def on_air(self, message: Message) -> None:
         """A message of its own goes out now, in this tick: it may have been posted before the tick began."""
 
-    def lease(self, deed: LeaseAction, group: str, seconds: float, to: str) -> SentCommand:
+    def lease(self, action: LeaseAction, group: str, seconds: float, to: str) -> SentCommand:
         """Do something about the lease of a group. to: who is granted it."""
 
     def hold(self, lasts: bool) -> None:
@@ -137,10 +142,13 @@ class Witness(Protocol):
 class Swarm:
     """A simulator, a mind for each body, and the radio between them and the operator; also their common clock.
 
-    fleet: all minds together; minds: each by its robot's name. desk: the operator's desk, if there is one; it sends
-    through `post`. mission: orders that the desk sends automatically. Raises MissionError for an order that is not
-    an expression, MisuseError for too many robots, VocabularyError if names of the scenario clash with the
-    language's.
+    fleet: all minds together.
+    minds: each by its robot's name.
+    desk: the operator's desk, if there is one; it sends through `post`.
+    mission: orders that the desk sends automatically.
+
+    Raises MissionError for an order that is not an expression, MisuseError for too many robots, VocabularyError if
+    names of the scenario clash with the language's.
     """
 
     def __init__(self, simulator: Simulator, mission: Sequence[Order] = ()) -> None:
@@ -242,10 +250,10 @@ class Swarm:
         if by and by not in self._numbers:
             known = f"wanted one of {', '.join(self.operators)}" if self.operators else "nobody is named in this run"
             raise MisuseError(f"no operator {by}{did_you_mean(by, self.operators)}: {known}")
-        place = OPERATOR - self.number_of(by)
-        if place >= len(self.desks):
+        index = OPERATOR - self.number_of(by)
+        if index >= len(self.desks):
             raise MisuseError(f"nobody sits at the desk of {by or 'the operator'}")
-        return self.desks[place]
+        return self.desks[index]
 
     def number_of(self, sender: str) -> int:
         """The number of an operator on the radio."""
@@ -386,40 +394,45 @@ def placed(order: Order) -> Iterator[None]:
 def give(
     desk: Desk, order: Order, *, confirmed: bool = False, undecided: bool = True, ahead: float = 0.0
 ) -> SentCommand | None:
-    """Let the desk send an order; gives what it keeps account of it by, None for one that says nothing. confirmed:
-    whatever is doubted. undecided: whether a test that is unknown on all robots is no doubt. ahead: s by which it is
-    given before its tick, for which it is good as well. Raises MissionError."""
-    found = instruction(order)
+    """Let the desk send an order; gives what it keeps account of it by, None for one that says nothing.
+
+    confirmed: whatever is doubted.
+    undecided: whether a test that is unknown on all robots is no doubt.
+    ahead: s by which it is given before its tick, for which it is good as well.
+
+    Raises MissionError.
+    """
+    wanted = instruction(order)
     with placed(order):
-        if not found.is_expression:
-            return act_on(desk, found)
-        if found.sort == "ask":
-            return desk.ask(found.text, only=found.only, but=found.but)
+        if not wanted.is_expression:
+            return act_on(desk, wanted)
+        if wanted.sort == "ask":
+            return desk.ask(wanted.text, only=wanted.only, but=wanted.but)
         return desk.send(
-            found.text,
-            standing=found.sort == "standing",
-            deadline=None if found.within is None else found.within + ahead,
+            wanted.text,
+            standing=wanted.sort == "standing",
+            deadline=None if wanted.within is None else wanted.within + ahead,
             everybody=True,
-            only=found.only,
-            but=found.but,
+            only=wanted.only,
+            but=wanted.but,
             confirmed=confirmed,
             undecided=undecided,
         )
 
 
-def act_on(desk: Desk, found: Instruction) -> SentCommand | None:
+def act_on(desk: Desk, wanted: Instruction) -> SentCommand | None:
     """Let the desk do what is no expression: STOP, RELEASE, something about a lease; and HOLD or AWAY, which say
     nothing. Raises LeaseError."""
-    match found.sort:
+    match wanted.sort:
         case "STOP":
             return desk.stop()
         case "RELEASE":
             return desk.release()
         case "lease":
-            deed, group = found.text.split()
-            seconds = LEASE_SECONDS if found.within is None else found.within
-            return desk.lease(LeaseAction(deed), group, seconds, found.to)
-    desk.hold(found.sort == "HOLD")
+            action, group = wanted.text.split()
+            seconds = LEASE_SECONDS if wanted.within is None else wanted.within
+            return desk.lease(LeaseAction(action), group, seconds, wanted.to)
+    desk.hold(wanted.sort == "HOLD")
     return None
 
 
@@ -475,11 +488,12 @@ def _sample(swarm: Swarm) -> None:
 
 
 class Pace:
-    """Computes how many ticks are due so that a run goes `factor` times as fast as real time.
+    """Computes how many ticks are due so that a run goes `factor` times as fast as real time. A run that cannot keep up
+    drops the missed ticks.
 
-    factor: simulated seconds per second of `clock`; infinite for as fast as possible. paused: no tick is due; single
-    steps are still possible. A run that cannot keep up drops the missed ticks. step: makes a tick, None for
-    one of the swarm alone.
+    factor: simulated seconds per second of `clock`; infinite for as fast as possible.
+    paused: no tick is due; single steps are still possible.
+    step: makes a tick, None for one of the swarm alone.
     """
 
     def __init__(self, clock: Clock, swarm: Swarm, factor: float, step: Callable[[], None] | None = None) -> None:

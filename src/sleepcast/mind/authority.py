@@ -83,7 +83,7 @@ class Lease:
 class LeaseRequest:
     """A message's request about a lease. seconds: its duration; to: the new holder, for a grant."""
 
-    deed: LeaseAction
+    action: LeaseAction
     group: str
     seconds: float
     to: str
@@ -93,12 +93,12 @@ class LeaseRequest:
         """The request in a message's body; None if it is malformed."""
         if not isinstance(body, Mapping):
             return None
-        deed, group, seconds, to = body.get(DO), body.get(GROUP), body.get(SECONDS, 0.0), body.get(TO, "")
-        if deed not in tuple(LeaseAction) or not isinstance(group, str) or not 0 < len(group) <= MAX_NAME:
+        action, group, seconds, to = body.get(DO), body.get(GROUP), body.get(SECONDS, 0.0), body.get(TO, "")
+        if action not in tuple(LeaseAction) or not isinstance(group, str) or not 0 < len(group) <= MAX_NAME:
             return None
         if not isinstance(seconds, float | int) or not 0.0 <= seconds <= MAX_LEASE or not isinstance(to, str):
             return None
-        return LeaseRequest(LeaseAction(str(deed)), group, float(seconds), to[:MAX_NAME])
+        return LeaseRequest(LeaseAction(str(action)), group, float(seconds), to[:MAX_NAME])
 
 
 class Leases:
@@ -115,45 +115,45 @@ class Leases:
     def after(self, message: Message, now: float) -> tuple[Leases, str, str]:
         """What they are once a message's request is carried out, the group's key, and the reason for a refusal, "" if
         there is none."""
-        wish = LeaseRequest.of(message.body[LEASE])
-        if wish is None:
+        request = LeaseRequest.of(message.body[LEASE])
+        if request is None:
             return self, "", "a lease that says nothing which can be meant"
-        found = Leases(self._held)
-        refusal = found.settle(wish, message, now)
-        return found, wish.group.casefold(), refusal
+        leases = Leases(self._held)
+        refusal = leases.settle(request, message, now)
+        return leases, request.group.casefold(), refusal
 
-    def settle(self, wish: LeaseRequest, message: Message, now: float) -> str:
+    def settle(self, request: LeaseRequest, message: Message, now: float) -> str:
         """Carry out a request at `now` (s of the mind's time); returns the reason for a refusal, or "". What its sender
         holds already is never shortened: who wants that gives it back."""
-        refusal = self._refusal(wish, message, now)
+        refusal = self._refusal(request, message, now)
         if refusal:
             return refusal
-        key, held = wish.group.casefold(), self._find(wish.group, now)
-        self._make_room(wish, now)
-        if wish.deed is LeaseAction.GIVE:
+        key, held = request.group.casefold(), self._find(request.group, now)
+        self._make_room(request, now)
+        if request.action is LeaseAction.GIVE:
             self._held.pop(key, None)
         else:
-            holder = wish.to if wish.deed is LeaseAction.GRANT else message.sender
+            holder = request.to if request.action is LeaseAction.GRANT else message.sender
             mine = held is not None and held.holder == message.sender
-            until = max(held.until, now + wish.seconds) if held is not None and mine else now + wish.seconds
+            until = max(held.until, now + request.seconds) if held is not None and mine else now + request.seconds
             self._held[key] = Lease(holder, until, message.sender)
         return ""
 
-    def _refusal(self, wish: LeaseRequest, message: Message, now: float) -> str:
-        held = self._find(wish.group, now)
+    def _refusal(self, request: LeaseRequest, message: Message, now: float) -> str:
+        held = self._find(request.group, now)
         mine = held is not None and held.holder == message.sender
         if message.role == Role.ROBOT:
             return "robots have no leases"
-        if wish.deed is LeaseAction.FORCE:
+        if request.action is LeaseAction.FORCE:
             may = message.role in ("", Role.COMMANDER)
-            return "" if may else f"only a commander may force {wish.group} from others"
-        if wish.deed is LeaseAction.GRANT:
+            return "" if may else f"only a commander may force {request.group} from others"
+        if request.action is LeaseAction.GRANT:
             if not mine:
-                return f"{message.sender} does not have {wish.group}, so cannot grant it"
-            return "" if wish.to else f"say to whom {wish.group} is granted"
+                return f"{message.sender} does not have {request.group}, so cannot grant it"
+            return "" if request.to else f"say to whom {request.group} is granted"
         if held is not None and not mine:
-            return _held_by(held, wish.group, now)
-        if wish.deed is not LeaseAction.GIVE and held is None and self._greediest(now) == message.sender:
+            return _held_by(held, request.group, now)
+        if request.action is not LeaseAction.GIVE and held is None and self._greediest(now) == message.sender:
             return f"no room for another lease: there are {MAX_LEASES}, most of them of {message.sender}"
         return ""
 
@@ -164,10 +164,10 @@ class Leases:
             return ""
         return Counter(lease.by for lease in living.values()).most_common(1)[0][0]
 
-    def _make_room(self, wish: LeaseRequest, now: float) -> None:
+    def _make_room(self, request: LeaseRequest, now: float) -> None:
         """Whoever took most of all leases loses the one that ends first, so that they leave some for others."""
-        greediest = self._greediest(now)
-        if wish.deed in (LeaseAction.GIVE, LeaseAction.GRANT) or wish.group.casefold() in self._held or not greediest:
+        greediest, needs_none = self._greediest(now), request.action in (LeaseAction.GIVE, LeaseAction.GRANT)
+        if needs_none or request.group.casefold() in self._held or not greediest:
             return
         theirs = {group: lease.until for group, lease in self._held.items() if lease.by == greediest}
         del self._held[min(theirs, key=theirs.__getitem__)]
@@ -192,8 +192,8 @@ class Leases:
             self._held[group] = Lease(str(holder), now + min(float(seconds), MAX_LEASE), str(holder))
 
     def _find(self, group: str, now: float) -> Lease | None:
-        found = self._held.get(group.casefold())
-        return found if found is not None and now < found.until else None
+        lease = self._held.get(group.casefold())
+        return lease if lease is not None and now < lease.until else None
 
     def _living(self, now: float) -> dict[str, Lease]:
         """The leases that have not ended; the others are removed."""
@@ -210,7 +210,7 @@ def _held_by(lease: Lease, group: str, now: float) -> str:
 
 DEAD_MAN_SECONDS = 1.0
 """Default lease in s, as in the programs of the thesis (`conf_tm(1)`)."""
-LEAST_DEAD_MAN, MOST_DEAD_MAN = 0.2, 3_600.0
+MIN_DEAD_MAN, MAX_DEAD_MAN = 0.2, 3_600.0
 """Bounds of the lease, s: heartbeats come at a third of the lease, and losing one must not end it; beyond an hour it
 protects nothing."""
 OFF = "off"
@@ -225,9 +225,11 @@ AT_REST = "at rest: nobody drives it any more"
 class Driving(NamedTuple):
     """Who drives one robot: what its dead man's switch goes by. Times are s of its mind.
 
-    driver: the operator on whose word the body moves, "" if it is not driven. only: whether nobody but the driver keeps
-    it going: a neighbour has told what moves it, for that operator. heard: whether a sign of an operator has come since
-    the last tick; latest: the tick that followed the latest sign."""
+    driver: the operator on whose word the body moves, "" if it is not driven.
+    only: whether nobody but the driver keeps it going: a neighbour has told what moves it, for that operator.
+    heard: whether a sign of an operator has come since the last tick.
+    latest: the tick that followed the latest sign.
+    """
 
     driver: str = ""
     only: bool = False
@@ -282,9 +284,9 @@ def read_lease(text: str) -> float:
     if text.strip().casefold() == OFF:
         return inf
     try:
-        return in_si(text, TIME, LEAST_DEAD_MAN, MOST_DEAD_MAN)
+        return in_si(text, TIME, MIN_DEAD_MAN, MAX_DEAD_MAN)
     except QuantityError:
-        wanted = f"wanted {LEAST_DEAD_MAN:g}s to {MOST_DEAD_MAN:g}s, or {OFF}"
+        wanted = f"wanted {MIN_DEAD_MAN:g}s to {MAX_DEAD_MAN:g}s, or {OFF}"
         raise MisuseError(f"a lease of {text!r:.40}: {wanted}{decimal_comma(text)}") from None
 
 
@@ -321,19 +323,19 @@ class Authority:
 
     def may_stop(self, message: Message, now: float) -> bool:
         """Whether to obey a STOP: always, unless a RELEASE has ended it."""
-        found = self.latch.stop(message)
-        if found is None:
+        latch = self.latch.stop(message)
+        if latch is None:
             return False
-        self._since |= dict.fromkeys(found.begun(self.latch, message), arrived(message, now))
-        self._since = {mark.life: self._since.get(mark.life, 0.0) for mark in found.holding}
-        self.latch = found
+        self._since |= dict.fromkeys(latch.begun(self.latch, message), arrived(message, now))
+        self._since = {mark.life: self._since.get(mark.life, 0.0) for mark in latch.holding}
+        self.latch = latch
         return True
 
     def may_release(self, message: Message) -> bool:
         """Whether to obey a RELEASE: it ends all STOPs that hold."""
-        found = self.latch.release(message)
-        self.latch = found or self.latch
-        return found is not None and not found.holding
+        latch = self.latch.release(message)
+        self.latch = latch or self.latch
+        return latch is not None and not latch.holding
 
     def stops(self, now: float) -> list[list[object]]:
         """See `stops_told`."""
@@ -384,10 +386,10 @@ _RANKS: WeakKeyDictionary[Program, bool] = WeakKeyDictionary()
 
 def _ranks(program: Program) -> bool:
     """Whether a program gives a rule a priority; looked up once, for robots tell the same again and again."""
-    found = _RANKS.get(program)
-    if found is None:
-        found = _RANKS[program] = ranked(program.form) is not None
-    return found
+    gives = _RANKS.get(program)
+    if gives is None:
+        gives = _RANKS[program] = ranked(program.form) is not None
+    return gives
 
 
 def minds_leases(message: Message) -> bool:
@@ -529,7 +531,7 @@ class Latch(NamedTuple):
 
     def written(self) -> dict[str, object]:
         """What `restored` reads, as plain data."""
-        return {sort: [list(mark) for mark in marks] for sort, marks in self._asdict().items()}
+        return {field: [list(mark) for mark in marks] for field, marks in self._asdict().items()}
 
 
 def stops_told(latch: Latch, since: Callable[[Life], float], now: float) -> list[list[object]]:
@@ -564,7 +566,7 @@ def marks_of(said: object) -> list[StopMark]:
 
 def marks_and_ages(said: object) -> list[tuple[StopMark, float]]:
     """The marks in a body's field, each with its age in s, 0 if it has none."""
-    found = []
+    marks = []
     for each in said[:MAX_MARKS] if isinstance(said, list | tuple) else ():
         match each:
             case [str() as sender, int() as epoch, int() as number, *rest]:
@@ -572,21 +574,21 @@ def marks_and_ages(said: object) -> list[tuple[StopMark, float]]:
                     more = rest[0] if rest else None
                     age = more if isinstance(more, float) and more >= 0.0 else 0.0
                     key = more if isinstance(more, str) and len(more) <= MAX_NAME else ""
-                    found.append((StopMark(sender, epoch, number, key), age))
-    return found
+                    marks.append((StopMark(sender, epoch, number, key), age))
+    return marks
 
 
 def restored(state: Mapping[str, object]) -> Latch:
     """The latch that was `written`; missing fields are empty, and so are the keys of one of an earlier version."""
-    return Latch(*(_with((), marks_of(state.get(sort))) for sort in Latch._fields))
+    return Latch(*(_with((), marks_of(state.get(field))) for field in Latch._fields))
 
 
 def _with(marks: Iterable[StopMark], more: Iterable[StopMark]) -> tuple[StopMark, ...]:
     """The highest mark of each sender and epoch, the latest ones last."""
-    found = {mark.life: mark for mark in marks}
+    latest = {mark.life: mark for mark in marks}
     for mark in more:
-        found[mark.life] = max(found.pop(mark.life, mark), mark, key=lambda each: each.number)
-    return tuple(found.values())
+        latest[mark.life] = max(latest.pop(mark.life, mark), mark, key=lambda each: each.number)
+    return tuple(latest.values())
 
 
 def _roomy(marks: tuple[StopMark, ...]) -> tuple[StopMark, ...]:

@@ -25,8 +25,12 @@ Account = tuple[str, Kind]
 
 
 class EvaluationBudget:
-    """See the module. clock: s; work: s of work of the thread that evaluates, so that nobody pays for what else runs on
-    the machine. look: takes STOPs that have come, and halts the bodies."""
+    """See the module.
+
+    clock: s.
+    work: s of work of the thread that evaluates, so that nobody pays for what else runs on the machine.
+    look: takes STOPs that have come, and halts the bodies.
+    """
 
     def __init__(self, clock: Clock, work: Clock, look: Callable[[], None]) -> None:
         self.held_back = False

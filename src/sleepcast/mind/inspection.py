@@ -51,7 +51,12 @@ class Knowledge(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Self:
-    """What a robot knows of itself. values: by slot; peek: gives a value wherever it is stored; groups: keys."""
+    """What a robot knows of itself.
+
+    values: by slot.
+    peek: gives a value wherever it is stored.
+    groups: keys.
+    """
 
     vocabulary: Vocabulary
     learned: Knowledge
@@ -83,8 +88,8 @@ def answer_inspection(
     what, of = body.get(LOOK), body.get(OF)
     try:
         if what == Inspection.TELEMETRY:
-            found = telemetry(robot, state).body()
-            return {TELEMETRY: found, **({STOPS: state.stops} if state.stops else {})}
+            record = telemetry(robot, state).body()
+            return {TELEMETRY: record, **({STOPS: state.stops} if state.stops else {})}
         if what == Inspection.VOCABULARY:
             return {TELEMETRY: _fitting(vocabulary_text(robot.vocabulary), "it has more names")}
         if what == Inspection.MIND:
@@ -107,8 +112,8 @@ def telemetry(robot: Self, state: BodyState) -> TelemetryRecord:
         packed([robot.peek(slot) for slot in slots]),
         sum(1 << i - 1 for i in range(1, BUFFERS) if robot.values[ACTIVE0 + i] > 0.0),
         bits([rule.active for rule in in_order(robot.learned.rules)]),
-        {found.name: robot.values[found.slot] for found in symbols.values() if isinstance(found, UserVariable)},
-        [found.name for key, found in symbols.items() if key in robot.groups],
+        {each.name: robot.values[each.slot] for each in symbols.values() if isinstance(each, UserVariable)},
+        [each.name for key, each in symbols.items() if key in robot.groups],
         state.stopped,
         state.driven,
         state.doubt,
@@ -122,11 +127,11 @@ def mind_text(learned: Knowledge) -> str:
     symbols = learned.symbols.items()
     return as_text(
         MindRecord(
-            [found.name for _, found in symbols if isinstance(found, Group)],
+            [each.name for _, each in symbols if isinstance(each, Group)],
             [
-                (found.name, list(found.parameters), learned.operators[key].text)
-                for key, found in symbols
-                if isinstance(found, Operator)
+                (each.name, list(each.parameters), learned.operators[key].text)
+                for key, each in symbols
+                if isinstance(each, Operator)
             ],
             [(rule.name, rule.text, rule.protected) for rule in in_order(learned.rules)],
             {rule.name: rule.shown_priority for rule in in_order(learned.rules) if rule.shown_priority},
@@ -140,9 +145,10 @@ def _fitting(text: str, too_long: str) -> str:
     return text
 
 
-def foretold(message: Message, found: Foretold, *, undecided: bool) -> Details:
+def foretold(message: Message, outcome: Foretold, *, undecided: bool) -> Details:
     """What an answer to a question says besides the value, where it asks whether the robot would obey. undecided:
     whether its test was unknown."""
     if MATCHED not in message.body:
         return NOTHING
-    return {MATCHED: found.matched, UNKNOWN: True} if undecided and not found.matched else {MATCHED: found.matched}
+    unknown = {UNKNOWN: True} if undecided and not outcome.matched else {}
+    return {MATCHED: outcome.matched, **unknown}

@@ -62,18 +62,18 @@ class Merging:
 
     def begun(self, place: CommandOrder | None) -> Merging:
         """The same state at the beginning of such changes."""
-        found = self._copy()
-        found.begin(place)
-        return found
+        merging = self._copy()
+        merging.begin(place)
+        return merging
 
     def draft(self) -> Merging:
         """This state, which the changes of a command leave as it is; itself where there is nothing to be merged."""
         return self if self.place is None else self._copy()
 
     def _copy(self) -> Merging:
-        found = Merging.of(self.state())
-        found.place, found._makes = self.place, self._makes
-        return found
+        copy = Merging.of(self.state())
+        copy.place, copy._makes = self.place, self._makes
+        return copy
 
     def key(self) -> Hashable:
         """Is equal for equal states."""
@@ -136,9 +136,9 @@ class Merging:
     @staticmethod
     def of(state: MergingState) -> Merging:
         """A robot's merging state as it was."""
-        found = Merging()
-        found.restore(state)
-        return found
+        merging = Merging()
+        merging.restore(state)
+        return merging
 
     def restore(self, state: MergingState) -> None:
         """Restore the state."""

@@ -49,9 +49,11 @@ BUFFER_KEYS = tuple(f"e{number}" for number in range(1, BUFFERS))
 class Rule:
     """A rule or buffer: its key, its name as written, text, program, and whether it runs at every tick.
 
-    key: e1 to e63, or the case-folded name. protected: it cannot be changed by radio. priority: of its host; rules with
-    a higher one are evaluated later (so their writes win) and are served first when the budget does not suffice for
-    all. rank: the `:priority` of its RULE, which decides in the same way among rules of the same `priority`.
+    key: e1 to e63, or the case-folded name.
+    protected: it cannot be changed by radio.
+    priority: of its host; rules with a higher one are evaluated later (so their writes win) and are served first when
+        the budget does not suffice for all.
+    rank: the `:priority` of its RULE, which decides in the same way among rules of the same `priority`.
     """
 
     key: str
@@ -139,18 +141,18 @@ class RuleBase:
 
     def heard(self) -> Iterable[str]:
         """Every learned name as written."""
-        return [found.name for found in self.symbols.values()]
+        return [each.name for each in self.symbols.values()]
 
     @property
     def merges(self) -> bool:
         """Whether the changes are those of a command that is merged with others."""
         return self.merging.place is not None
 
-    def learn(self, key: str, found: Declared) -> None:
+    def learn(self, key: str, meaning: Declared) -> None:
         """Set the meaning of a name."""
         before = self.symbols.get(key)
-        self.symbols[key] = found
-        if type(before) is not type(found) or isinstance(found, Operator):
+        self.symbols[key] = meaning
+        if type(before) is not type(meaning) or isinstance(meaning, Operator):
             self.resolve_again(key)
 
     def unlearn(self, key: str) -> None:
@@ -167,9 +169,9 @@ class RuleBase:
                     self.rules[name] = replace(rule, program=program)
                     self.effects.append(Effect("same", name))
         for name, program in self.operators.items():
-            found = self.symbols[name]
-            if key in program.free and isinstance(found, Operator):
-                self.operators[name] = self.library.again(program, self, found.parameters)
+            meaning = self.symbols[name]
+            if key in program.free and isinstance(meaning, Operator):
+                self.operators[name] = self.library.again(program, self, meaning.parameters)
 
     def program_for(self, key: str, text: str, parameters: tuple[str, ...]) -> Program | str:
         """The program of a text to be stored under `key`, or the reason for a refusal."""
@@ -186,12 +188,12 @@ class RuleBase:
 
     def put(self, key: str, name: str, text: str, program: Program, *, flag: bool, rank: int = 0) -> None:
         """Store an expression; an existing one keeps its place and its flag. flag: of the buffer, if it is new."""
-        found = self.rules.get(key)
-        if found is None:
+        before = self.rules.get(key)
+        if before is None:
             self.rules[key] = Rule(key, name, text, program, flag, rank=rank)
             self.effects.append(Effect("new", key))
         else:
-            self.rules[key] = replace(found, text=text, program=program, rank=rank)
+            self.rules[key] = replace(before, text=text, program=program, rank=rank)
             self.effects.append(Effect("renewed", key))
 
     def remove(self, key: str) -> None:

@@ -50,9 +50,11 @@ class MindState(msgspec.Struct, frozen=True):
     """One robot: the names it has learned with their values and texts, the groups it is in, its rules, whether it is
     stopped, who has leases of its groups, and which command has changed what; nothing that is built in.
 
-    flags: values of the support variables from `marked` to `active63`. proven: the rules that ROLLBACK restores;
-    ticks: for how many the present rules have run without a fault, None if one has failed. authority: see
-    `Authority.state`; doubt: see `Node`.
+    flags: values of the support variables from `marked` to `active63`.
+    proven: the rules that ROLLBACK restores.
+    ticks: for how many the present rules have run without a fault, None if one has failed.
+    authority: see `Authority.state`.
+    doubt: see `Node`.
     """
 
     stopped: bool
@@ -73,32 +75,32 @@ class MindState(msgspec.Struct, frozen=True):
 
 
 class SymbolState(msgspec.Struct, array_like=True):
-    """The meaning of a learned name. sort: one of `KIND_NAMES`."""
+    """The meaning of a learned name. kind: one of `KIND_NAMES`."""
 
-    sort: str
+    kind: str
     name: str
     parameters: tuple[str, ...] = ()
     uses: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, found: Declared) -> SymbolState:
-        parameters = found.parameters if isinstance(found, Operator) else ()
-        uses = tuple(sorted(found.uses)) if isinstance(found, Stored | Operator) else ()
-        return cls(KIND_NAMES[type(found)], found.name, parameters, uses)
+    def of(cls, declared: Declared) -> SymbolState:
+        parameters = declared.parameters if isinstance(declared, Operator) else ()
+        uses = tuple(sorted(declared.uses)) if isinstance(declared, Stored | Operator) else ()
+        return cls(KIND_NAMES[type(declared)], declared.name, parameters, uses)
 
     def made(self, key: str, vocabulary: Vocabulary) -> Declared:
         """The declaration of the name `key`. Raises SerialError."""
-        if self.sort == KIND_NAMES[UserVariable]:
+        if self.kind == KIND_NAMES[UserVariable]:
             if key not in vocabulary.user_slots:
                 raise SerialError(f"a user variable {key[:80]} without a place for its value")
             return UserVariable(self.name, vocabulary.user_slots[key])
-        if self.sort == KIND_NAMES[Stored]:
+        if self.kind == KIND_NAMES[Stored]:
             return Stored(self.name, frozenset(self.uses))
-        if self.sort == KIND_NAMES[Operator]:
+        if self.kind == KIND_NAMES[Operator]:
             return Operator(self.name, self.parameters, frozenset(self.uses))
-        if self.sort == KIND_NAMES[Group]:
+        if self.kind == KIND_NAMES[Group]:
             return Group(self.name)
-        raise SerialError(f"{self.sort[:80]} is no sort of name")
+        raise SerialError(f"{self.kind[:80]} is no kind of name")
 
 
 class ProgramState(msgspec.Struct, array_like=True):
@@ -110,7 +112,9 @@ class ProgramState(msgspec.Struct, array_like=True):
 
     @classmethod
     def of(cls, program: Program, parameters: tuple[str, ...]) -> ProgramState:
-        return cls(program.text, parameters, {key: SymbolState.of(found) for key, found in program.meanings.items()})
+        return cls(
+            program.text, parameters, {key: SymbolState.of(meaning) for key, meaning in program.meanings.items()}
+        )
 
     def made(self, vocabulary: Vocabulary, library: Library) -> Program:
         """The program compiled again. Raises SerialError."""

@@ -88,10 +88,10 @@ class QuantityRecord(msgspec.Struct, array_like=True):
     shown_as: str
 
     @classmethod
-    def of(cls, found: Quantity, doc: int) -> QuantityRecord:
+    def of(cls, quantity: Quantity, doc: int) -> QuantityRecord:
         """doc: characters kept of its description."""
-        bounds = _finite(found.low), _finite(found.high), _finite(found.freshness)
-        return cls(found.name, found.unit, *bounds, found.doc[:doc], found.shown_as)
+        bounds = _finite(quantity.low), _finite(quantity.high), _finite(quantity.freshness)
+        return cls(quantity.name, quantity.unit, *bounds, quantity.doc[:doc], quantity.shown_as)
 
     def made(self) -> Quantity:
         if not is_name(self.name) or not {self.unit, self.shown_as} <= {*UNITS, ""}:
@@ -112,8 +112,8 @@ class ConstantRecord(msgspec.Struct, array_like=True):
     doc: Words
 
     @classmethod
-    def of(cls, found: Constant, doc: int) -> ConstantRecord:
-        return cls(found.name, _finite(found.value), found.dimension, found.doc[:doc])
+    def of(cls, constant: Constant, doc: int) -> ConstantRecord:
+        return cls(constant.name, _finite(constant.value), constant.dimension, constant.doc[:doc])
 
     def made(self) -> Constant:
         _named(self.name)
@@ -134,10 +134,18 @@ class FunctionRecord(msgspec.Struct, array_like=True):
     doc: Words
 
     @classmethod
-    def of(cls, found: HostFunction, doc: int) -> FunctionRecord:
-        least = len(found.dimensions) if found.least is None else found.least
-        flags = found.acts, found.labelled, found.irreversible
-        return cls(found.name, list(found.dimensions), least, found.arguments, found.result, *flags, found.doc[:doc])
+    def of(cls, function: HostFunction, doc: int) -> FunctionRecord:
+        least = len(function.dimensions) if function.least is None else function.least
+        flags = function.acts, function.labelled, function.irreversible
+        return cls(
+            function.name,
+            list(function.dimensions),
+            least,
+            function.arguments,
+            function.result,
+            *flags,
+            function.doc[:doc],
+        )
 
     def made(self) -> HostFunction:
         _named(self.name)
@@ -160,31 +168,35 @@ class VocabularyRecord(msgspec.Struct, omit_defaults=True):
     forms: Annotated[list[Name], msgspec.Meta(max_length=MAX_NAMES)] = []
 
     @classmethod
-    def of(cls, found: Vocabulary, doc: int) -> VocabularyRecord:
+    def of(cls, vocabulary: Vocabulary, doc: int) -> VocabularyRecord:
         return cls(
-            found.name,
-            [QuantityRecord.of(each, doc) for each in found.sensors],
-            [QuantityRecord.of(each, doc) for each in found.actuators],
-            [ConstantRecord.of(each, doc) for each in found.constants],
-            [FunctionRecord.of(each, doc) for each in found.functions],
-            sorted(found.forms),
+            vocabulary.name,
+            [QuantityRecord.of(each, doc) for each in vocabulary.sensors],
+            [QuantityRecord.of(each, doc) for each in vocabulary.actuators],
+            [ConstantRecord.of(each, doc) for each in vocabulary.constants],
+            [FunctionRecord.of(each, doc) for each in vocabulary.functions],
+            sorted(vocabulary.forms),
         )
 
     def made(self) -> Vocabulary:
         """The vocabulary, without callable functions."""
         return Vocabulary(
             self.name,
-            tuple(found.made() for found in self.sensors),
-            tuple(found.made() for found in self.actuators),
-            constants=tuple(found.made() for found in self.constants),
-            functions=tuple(found.made() for found in self.functions),
+            tuple(each.made() for each in self.sensors),
+            tuple(each.made() for each in self.actuators),
+            constants=tuple(each.made() for each in self.constants),
+            functions=tuple(each.made() for each in self.functions),
             forms=frozenset(self.forms),
         )
 
 
 class MindRecord(msgspec.Struct, omit_defaults=True):
-    """What a robot has learned. operators: name, parameters, text. rules: name, text, whether it is built in.
-    priorities: of the rules that have another than 0, by their names."""
+    """What a robot has learned.
+
+    operators: name, parameters, text.
+    rules: name, text, whether it is built in.
+    priorities: of the rules that have another than 0, by their names.
+    """
 
     groups: Annotated[list[Name], msgspec.Meta(max_length=MAX_GROUPS)]
     operators: Annotated[list[tuple[Name, list[Name], Text]], msgspec.Meta(max_length=MAX_OPERATORS)]
@@ -195,11 +207,14 @@ class MindRecord(msgspec.Struct, omit_defaults=True):
 class TelemetryRecord(msgspec.Struct):
     """A robot's current state.
 
-    type, mind: digests of the texts. values: float64, little endian, SI, NaN for unknown: every variable of the
-    vocabulary in its order, except for the active flags of buffers, which are bits of `active`. running: which of
-    the mind's rules are active, as bits, lowest first. user: user variables; groups: those it is in. catching_up:
-    whether it rests until it has the standing commands that others have. motion: see `rest_state`; None if it is not
-    stopped, or does not tell.
+    type, mind: digests of the texts.
+    values: float64, little endian, SI, NaN for unknown: every variable of the vocabulary in its order, except for the
+        active flags of buffers, which are bits of `active`.
+    running: which of the mind's rules are active, as bits, lowest first.
+    user: user variables.
+    groups: those it is in.
+    catching_up: whether it rests until it has the standing commands that others have.
+    motion: see `rest_state`; None if it is not stopped, or does not tell.
     """
 
     type: Annotated[bytes, msgspec.Meta(min_length=DIGEST_BYTES, max_length=DIGEST_BYTES)]
@@ -247,8 +262,8 @@ class StepRecord(msgspec.Struct, array_like=True):
     @classmethod
     def of(cls, root: Step, most: int) -> StepRecord:
         """The first `most` parts of a tree, level by level."""
-        found = cls._alone(root)
-        level, sent = [(root, found)], 1
+        tree = cls._alone(root)
+        level, sent = [(root, tree)], 1
         while level:
             below: list[tuple[Step, StepRecord]] = []
             for step, record in level:
@@ -257,7 +272,7 @@ class StepRecord(msgspec.Struct, array_like=True):
                     below.append((child, record.parts[-1]))
                     sent += 1
             level = below
-        return found
+        return tree
 
     @classmethod
     def _alone(cls, step: Step) -> StepRecord:
@@ -288,19 +303,19 @@ class ExplanationRecord(msgspec.Struct, omit_defaults=True):
     priority: int = 0
 
     @classmethod
-    def of(cls, found: Explanation, most: int) -> ExplanationRecord:
+    def of(cls, explanation: Explanation, most: int) -> ExplanationRecord:
         """most: parts of the expression that are included."""
         return cls(
-            found.text[: MAX_TEXT // 8],
-            _known(found.value),
-            found.matched,
-            found.reason[: 4 * MAX_STEP_TEXT],
-            [fault[: 4 * MAX_STEP_TEXT] for fault in found.faults[:10]],
-            found.command,
-            found.time,
-            StepRecord.of(found.root, most),
-            found.held,
-            found.priority,
+            explanation.text[: MAX_TEXT // 8],
+            _known(explanation.value),
+            explanation.matched,
+            explanation.reason[: 4 * MAX_STEP_TEXT],
+            [fault[: 4 * MAX_STEP_TEXT] for fault in explanation.faults[:10]],
+            explanation.command,
+            explanation.time,
+            StepRecord.of(explanation.root, most),
+            explanation.held,
+            explanation.priority,
         )
 
     def made(self) -> Explanation:
@@ -320,22 +335,22 @@ _TEXTS: WeakKeyDictionary[Vocabulary, str] = WeakKeyDictionary()
 
 def vocabulary_text(vocabulary: Vocabulary) -> str:
     """The names of a type as JSON; without descriptions if it would be too long."""
-    found = _TEXTS.get(vocabulary)
-    if found is None:
-        found = as_text(VocabularyRecord.of(vocabulary, MAX_DOC))
-        if len(found.encode()) > MAX_TEXT_BYTES:
-            found = as_text(VocabularyRecord.of(vocabulary, 0))
-        _TEXTS[vocabulary] = found
-    return found
+    text = _TEXTS.get(vocabulary)
+    if text is None:
+        text = as_text(VocabularyRecord.of(vocabulary, MAX_DOC))
+        if len(text.encode()) > MAX_TEXT_BYTES:
+            text = as_text(VocabularyRecord.of(vocabulary, 0))
+        _TEXTS[vocabulary] = text
+    return text
 
 
 def why_text(explanation: Explanation) -> str:
     """An explanation as JSON: only its upper parts if it would be too long."""
     for most in STEPS_SENT:
-        found = as_text(ExplanationRecord.of(explanation, most))
-        if len(found.encode()) <= MAX_TEXT_BYTES:
+        text = as_text(ExplanationRecord.of(explanation, most))
+        if len(text.encode()) <= MAX_TEXT_BYTES:
             break
-    return found
+    return text
 
 
 def as_text(record: msgspec.Struct) -> str:
@@ -369,13 +384,13 @@ def _finite(value: float) -> float | None:
 def read_telemetry(record: object) -> TelemetryRecord:
     """The telemetry in a body. Raises TelemetryError."""
     try:
-        found = msgspec.convert(record, TelemetryRecord, strict=True)
+        telemetry = msgspec.convert(record, TelemetryRecord, strict=True)
     except UNREADABLE as error:
         raise TelemetryError(str(error)) from None
-    found.groups = [name for name in found.groups if is_name(name)]
-    if len(found.values) % 8:
-        raise TelemetryError(f"{len(found.values)} bytes of numbers of eight bytes each")
-    return found
+    telemetry.groups = [name for name in telemetry.groups if is_name(name)]
+    if len(telemetry.values) % 8:
+        raise TelemetryError(f"{len(telemetry.values)} bytes of numbers of eight bytes each")
+    return telemetry
 
 
 def motion_of(state: RestState) -> Motion:
@@ -408,7 +423,7 @@ def read_vocabulary(text: str) -> Vocabulary:
 def read_mind(text: str) -> MindRecord:
     """What a robot has learned. Raises TelemetryError."""
     record = _decoded(MindRecord, text)
-    for name in (*record.groups, *(found[0] for found in (*record.operators, *record.rules))):
+    for name in (*record.groups, *(each[0] for each in (*record.operators, *record.rules))):
         _named(name)
     for _, parameters, _ in record.operators:
         for name in parameters:

@@ -24,9 +24,12 @@ class Fault:
 class RuleView:
     """A rule or buffer as shown to people.
 
-    lease: time (s) at which it is deactivated, inf for never. last_value, last_fault, steps: of its last evaluation.
-    firings: evaluations in which its test held. priority: rules with a higher one are evaluated later; of its
-    host, or the `:priority` of its RULE. protected: built in. unit: in which people read the last value.
+    lease: time (s) at which it is deactivated, inf for never.
+    last_value, last_fault, steps: of its last evaluation.
+    firings: evaluations in which its test held.
+    priority: rules with a higher one are evaluated later; of its host, or the `:priority` of its RULE.
+    protected: built in.
+    unit: in which people read the last value.
     """
 
     name: str

@@ -73,11 +73,14 @@ def sensor(
 ) -> Declaration:
     """A variable that the host measures and expressions read.
 
-    unit: of the host's number, a key of `units.UNITS`, "" for a plain number. low, high: its range, in that unit.
-    freshness: seconds after which a measurement counts as unknown; the host gives the time of measurement through
-    the attribute, field or key `measured_at` (seconds, by the robot's clock) or through `VariableTable.measured`.
-    field: the attribute, field path or key, if it differs from the variable's name. name: of the variable, if it
-    differs from the getter's. Raises LinkError for invalid values.
+    unit: of the host's number, a key of `units.UNITS`, "" for a plain number.
+    low, high: its range, in that unit.
+    freshness: seconds after which a measurement counts as unknown; the host gives the time of measurement through the
+        attribute, field or key `measured_at` (seconds, by the robot's clock) or through `VariableTable.measured`.
+    field: the attribute, field path or key, if it differs from the variable's name.
+    name: of the variable, if it differs from the getter's.
+
+    Raises LinkError for invalid values.
     """
     return _checked(Declaration(False, unit, low, high, freshness, measured_at, None, field, name, doc))
 
@@ -105,15 +108,17 @@ def actuator(
     return _checked(Declaration(True, unit, low, high, rest=rest, field=field, name=name, doc=doc))
 
 
-def _checked(found: Declaration) -> Declaration:
-    _check_unit(found.unit)
-    if not found.low < found.high:
-        raise LinkError(f"low={found.low:g} is not below high={found.high:g}")
-    if not found.freshness > 0:
-        raise LinkError(f"freshness={found.freshness:g} is not a number of seconds above 0")
-    if found.measured_at and math.isinf(found.freshness):
-        raise LinkError(f"measured_at={found.measured_at!r} has no use without a freshness limit; give freshness= too")
-    return found
+def _checked(declaration: Declaration) -> Declaration:
+    _check_unit(declaration.unit)
+    if not declaration.low < declaration.high:
+        raise LinkError(f"low={declaration.low:g} is not below high={declaration.high:g}")
+    if not declaration.freshness > 0:
+        raise LinkError(f"freshness={declaration.freshness:g} is not a number of seconds above 0")
+    if declaration.measured_at and math.isinf(declaration.freshness):
+        raise LinkError(
+            f"measured_at={declaration.measured_at!r} has no use without a freshness limit; give freshness= too"
+        )
+    return declaration
 
 
 def _check_unit(unit: str) -> None:
@@ -163,13 +168,13 @@ class Operation:
 
 def declared_in(kind: type) -> dict[str, Declaration | Operation]:
     """The declarations of a class, by attribute, base classes first; an overridden attribute keeps its declaration."""
-    found: dict[str, Declaration | Operation] = {}
+    declared: dict[str, Declaration | Operation] = {}
     for base in reversed(kind.__mro__):
         for name, member in vars(base).items():
             mark = getattr(member.fget if isinstance(member, property) else member, MARK, None)
             if isinstance(mark, Declaration | Operation):
-                found[name] = mark
-    return found
+                declared[name] = mark
+    return declared
 
 
 @overload
@@ -189,9 +194,9 @@ def function(
 ) -> Method | Operation:
     """A method that computes a number and changes nothing.
 
-    units: one for each argument, as for `sensor`, None where any number is accepted. result: the unit of the
-    returned number; a method may also return None, which counts as 1. name: the name in expressions, if it differs
-    from the method's.
+    units: one for each argument, as for `sensor`, None where any number is accepted.
+    result: the unit of the returned number; a method may also return None, which counts as 1.
+    name: the name in expressions, if it differs from the method's.
     """
     made = _operation(Operation(False, None if units is None else tuple(units), result, False, name, doc))
     return made if method is None else made(method)

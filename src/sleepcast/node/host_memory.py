@@ -33,10 +33,14 @@ class LinkError(MisuseError):
 
 
 class NumberType(NamedTuple):
-    """The numbers that a field holds. sort: "float", "int" or "bool"; least, most: its bounds, inclusive."""
+    """The numbers that a field holds.
+
+    kind: "float", "int" or "bool".
+    least, most: its bounds, inclusive.
+    """
 
     typename: str
-    sort: str = "float"
+    kind: str = "float"
     least: float = -sys.float_info.max
     most: float = sys.float_info.max
 
@@ -45,9 +49,9 @@ class NumberType(NamedTuple):
 
         Raises LinkError if it lies outside the field's bounds.
         """
-        if self.sort == "bool":
+        if self.kind == "bool":
             return value != 0.0
-        fitted = round(value) if self.sort == "int" else value
+        fitted = round(value) if self.kind == "int" else value
         if not self.least <= fitted <= self.most:
             raise LinkError(
                 f"{label} cannot be set to {value:.15g}: it is a {self.typename},"
@@ -72,22 +76,22 @@ class HostNumber(NamedTuple):
     fixed: str = ""
 
 
-def as_number(found: object, label: str) -> float:
+def as_number(value: object, label: str) -> float:
     """Convert a host's value to float: numbers and booleans of any kind; None and anything not finite are unknown
     (NaN).
 
     Raises LinkError for anything that is not a number, including a text of digits.
     """
-    if found is None:
+    if value is None:
         return math.nan
-    if not hasattr(found, "__float__") and not hasattr(found, "__index__"):
-        raise LinkError(f"{label} holds {found!r:.60}, which is not a number")
+    if not hasattr(value, "__float__") and not hasattr(value, "__index__"):
+        raise LinkError(f"{label} holds {value!r:.60}, which is not a number")
     try:
-        number = float(found)  # type: ignore[arg-type]  # float() asks for one of the two methods above
+        number = float(value)  # type: ignore[arg-type]  # float() asks for one of the two methods above
     except OverflowError:
         return math.nan
     except (TypeError, ValueError) as error:
-        raise LinkError(f"{label} holds {found!r:.60}, which is not one number") from error
+        raise LinkError(f"{label} holds {value!r:.60}, which is not one number") from error
     return number if math.isfinite(number) else math.nan
 
 
@@ -130,7 +134,7 @@ PATH_STEP = re.compile(r"\.?([^\W\d]\w*)|\[(\d+)\]")
 
 # Simple ctypes types by their codes, which are those of the module `struct`.
 SIGNED, UNSIGNED = frozenset("bhilq"), frozenset("BHILQ")
-MOST_FLOAT = {"f": float.fromhex("0x1.fffffep127"), "d": ANY_NUMBER.most, "g": ANY_NUMBER.most}
+MAX_FLOAT = {"f": float.fromhex("0x1.fffffep127"), "d": ANY_NUMBER.most, "g": ANY_NUMBER.most}
 
 
 def field(host: object, path: str) -> HostNumber:
@@ -154,10 +158,10 @@ def field(host: object, path: str) -> HostNumber:
 
 def _steps(path: str, host: str) -> list[str | int]:
     """`pose.sonar[3]` as ["pose", "sonar", 3]."""
-    found = list(PATH_STEP.finditer(path))
-    if not found or path.startswith(".") or "".join(step.group() for step in found) != path:
+    steps = list(PATH_STEP.finditer(path))
+    if not steps or path.startswith(".") or "".join(step.group() for step in steps) != path:
         raise LinkError(f"{path!r} is no path to a field of {host}; write for example velocity, pose.x or sonar[3]")
-    return [step[1] or int(step[2]) for step in found]
+    return [step[1] or int(step[2]) for step in steps]
 
 
 def _in_structure(host: Structure, steps: list[str | int]) -> HostNumber:
@@ -168,7 +172,8 @@ def _in_structure(host: Structure, steps: list[str | int]) -> HostNumber:
     kind: Any = type(host)
     for at, step in enumerate(steps):
         if at:
-            owner = _inside(owner, steps[at - 1])
+            before = steps[at - 1]
+            owner = owner[before] if isinstance(before, int) else getattr(owner, before)
         if isinstance(step, int):
             _check_index(step, getattr(kind, "_length_", None), label)
             kind, bits, label = kind._type_, None, f"{label}[{step}]"
@@ -183,29 +188,25 @@ def _in_structure(host: Structure, steps: list[str | int]) -> HostNumber:
     return HostNumber(label, partial(getattr, owner, last), partial(setattr, owner, last), holds)
 
 
-def _inside(owner: Any, step: str | int) -> Any:
-    return owner[step] if isinstance(step, int) else getattr(owner, step)
-
-
 def _fields_of(kind: type) -> dict[str, tuple[Any, int | None]]:
     """Type and width in bits (None: the type's own) of each field, including those of base classes and anonymous
     parts."""
-    found: dict[str, tuple[Any, int | None]] = {}
+    fields: dict[str, tuple[Any, int | None]] = {}
     for base in reversed(kind.__mro__):
         anonymous = vars(base).get("_anonymous_", ())
         for name, of, *width in vars(base).get("_fields_", ()):
             if name in anonymous:
-                found.update(_fields_of(of))
-            found[name] = (of, width[0] if width else None)
-    return found
+                fields.update(_fields_of(of))
+            fields[name] = (of, width[0] if width else None)
+    return fields
 
 
 def _simple(kind: Any, bits: int | None, label: str) -> NumberType:
     letter = getattr(kind, "_type_", None)
     if letter == "?":
         return NumberType(kind.__name__, "bool")
-    if letter in tuple(MOST_FLOAT):
-        return NumberType(kind.__name__, "float", -MOST_FLOAT[letter], MOST_FLOAT[letter])
+    if letter in tuple(MAX_FLOAT):
+        return NumberType(kind.__name__, "float", -MAX_FLOAT[letter], MAX_FLOAT[letter])
     if not isinstance(letter, str) or letter not in SIGNED | UNSIGNED:
         raise _no_number(label, kind.__name__)
     import ctypes
@@ -242,17 +243,17 @@ def _in_record(host: Record, steps: list[str | int]) -> HostNumber:
     return HostNumber(label, fetch, partial(setitem, owner, last), holds)
 
 
-def _scalar(found: Record, label: str) -> NumberType:
-    kind, typename = found.dtype.kind, found.dtype.type.__name__
-    if found.ndim or kind not in "biuf":
-        raise _no_number(label, f"{typename} of shape {found.shape}" if found.ndim else typename)
+def _scalar(record: Record, label: str) -> NumberType:
+    kind, typename = record.dtype.kind, record.dtype.type.__name__
+    if record.ndim or kind not in "biuf":
+        raise _no_number(label, f"{typename} of shape {record.shape}" if record.ndim else typename)
     if kind == "b":
         return NumberType(typename, "bool")
     if kind in "iu":
-        return _integer(typename, 8 * found.dtype.itemsize, signed=kind == "i")
+        return _integer(typename, 8 * record.dtype.itemsize, signed=kind == "i")
     import numpy
 
-    most = min(float(numpy.finfo(found.dtype).max), ANY_NUMBER.most)
+    most = min(float(numpy.finfo(record.dtype).max), ANY_NUMBER.most)
     return NumberType(typename, "float", -most, most)
 
 

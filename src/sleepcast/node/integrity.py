@@ -49,11 +49,11 @@ def row_sum(*row: Value) -> int:
 
 def sum_of(connection: sqlite3.Connection, tables: Sequence[str]) -> int:
     """Combined checksum of all rows of these tables."""
-    found = 0
+    combined = 0
     for table in tables:
         for row in connection.execute(f"SELECT * FROM {table}"):
-            found ^= row_sum(table, *row)
-    return found
+            combined ^= row_sum(table, *row)
+    return combined
 
 
 @dataclass(slots=True)
@@ -79,10 +79,10 @@ class Seal:
             )
         except ValueError:
             raise DamageError("its seal is missing") from None
-        found = cls(store, generation, doubt, rows)
-        if own_sum != found._own_sum():
+        seal = cls(store, generation, doubt, rows)
+        if own_sum != seal._own_sum():
             raise DamageError("its rows are not those that were written")
-        return found
+        return seal
 
     def watch(self, connection: sqlite3.Connection, tables: Sequence[str]) -> None:
         """Track every row of these tables that this connection writes or removes."""
@@ -131,14 +131,14 @@ class Marker:
         """The contents; None if there is no marker. Raises DamageError if it cannot be read."""
         try:
             with self.file.open("rb") as opened:
-                found = msgspec.json.decode(opened.read(MAX_MARKER), type=StoreMark)
+                mark = msgspec.json.decode(opened.read(MAX_MARKER), type=StoreMark)
         except (FileNotFoundError, NotADirectoryError):
             return None
         except (OSError, msgspec.MsgspecError, ValueError) as error:
             raise DamageError(str(error)) from None
-        if found.sum != found.own_sum():
+        if mark.sum != mark.own_sum():
             raise DamageError("it is not as it was written")
-        return found
+        return mark
 
     def write(self, seal: Seal) -> None:
         """Record the store's progress. Raises OSError."""

@@ -62,9 +62,10 @@ class VariableSlot(NamedTuple):
 class VariableTable:
     """The variables and functions of one robot; see the module.
 
-    name, sensors, actuators, constants, functions: contents of the vocabulary besides what is linked. like: the
-    vocabulary of another robot of this type, to be shared; then everything comes from there, and exactly its linked
-    names must be linked. body: the linked object, on which its functions are called; None if no object is linked.
+    name, sensors, actuators, constants, functions: contents of the vocabulary besides what is linked.
+    like: the vocabulary of another robot of this type, to be shared; then everything comes from there, and exactly its
+        linked names must be linked.
+    body: the linked object, on which its functions are called; None if no object is linked.
     """
 
     def __init__(
@@ -114,12 +115,14 @@ class VariableTable:
                 " no body to be called on; let one class hold both"
             )
         self._open()
-        for name, found in declared.items():
-            if isinstance(found, Declaration):
+        for name, declaration in declared.items():
+            if isinstance(declaration, Declaration):
                 doc = first_line(getattr(kind, name))
-                self._add(found.name or name, found, found.field or name, partial(attribute, robot), doc)
+                self._add(
+                    declaration.name or name, declaration, declaration.field or name, partial(attribute, robot), doc
+                )
             else:
-                self._functions.append(found.host_function(kind, name))
+                self._functions.append(declaration.host_function(kind, name))
                 _check_name(self._functions[-1].name)
         self.body = robot
         return self
@@ -133,15 +136,15 @@ class VariableTable:
         from sleepcast.node.host_memory import field  # only programs with structures need it
 
         self._open()
-        for name, found in links.items():
-            self._add(name, found, found.field or name, partial(field, struct))
+        for name, declaration in links.items():
+            self._add(name, declaration, declaration.field or name, partial(field, struct))
         return self
 
     def link_mapping(self, mapping: Mapping[str, object], links: Mapping[str, Declaration]) -> Self:
         """Link entries of a mapping, as `link_struct` does fields. An entry that is None or missing is unknown."""
         self._open()
-        for name, found in links.items():
-            self._add(name, found, found.field or name, partial(entry, mapping))
+        for name, declaration in links.items():
+            self._add(name, declaration, declaration.field or name, partial(entry, mapping))
         return self
 
     def _open(self) -> None:
@@ -149,17 +152,17 @@ class VariableTable:
             raise LinkError(f"the vocabulary of {self._name} is in use already; link everything before asking for it")
 
     def _add(
-        self, name: str, found: Declaration, where: str, look_up: Callable[[str], HostNumber], doc: str = ""
+        self, name: str, declaration: Declaration, where: str, look_up: Callable[[str], HostNumber], doc: str = ""
     ) -> None:
         _check_name(name)
         place = look_up(where)
-        if found.acts and place.store is None:
+        if declaration.acts and place.store is None:
             raise LinkError(
                 f"{place.label} cannot be the actuator {name}, because it is {place.fixed}, or declare it a sensor"
             )
-        measured = look_up(found.measured_at) if found.measured_at else None
-        rest = None if found.rest is None else si(found.rest, found.unit)
-        self._links.append(VariableSlot(found.quantity(name, doc), found.acts, place, measured, rest))
+        measured = look_up(declaration.measured_at) if declaration.measured_at else None
+        rest = None if declaration.rest is None else si(declaration.rest, declaration.unit)
+        self._links.append(VariableSlot(declaration.quantity(name, doc), declaration.acts, place, measured, rest))
 
     # ---- used by the robot's mind
 
@@ -280,9 +283,9 @@ class VariableTable:
                 raise LinkError(f"{self._name} links {link.quantity.name}, which the vocabulary it shares does not")
             if shared.quantity != link.quantity or shared.kind is not kind:
                 raise LinkError(f"{self._name} links {link.quantity.name} otherwise than the vocabulary it shares")
-        for found in self._functions:
-            if not isinstance(vocabulary.bindings.get(found.name.casefold()), HostFunction):
-                raise LinkError(f"{self._name} has a function {found.name}, which the vocabulary it shares does not")
+        for each in self._functions:
+            if not isinstance(vocabulary.bindings.get(each.name.casefold()), HostFunction):
+                raise LinkError(f"{self._name} has a function {each.name}, which the vocabulary it shares does not")
 
     def _bind(self, vocabulary: Vocabulary) -> None:
         """Resolve names to slots: afterwards no name is looked up."""
@@ -324,10 +327,10 @@ def _reader(place: HostNumber, unit: str) -> Callable[[], float]:
 
     def read() -> float:
         try:
-            found = fetch()
+            value = fetch()
         except Exception as error:  # no exception of the host's own code may end the robot's mind
             raise LinkError(f"{label} cannot be read: {type(error).__name__}: {error}") from error
-        number = found if type(found) is float else as_number(found, label)
+        number = value if type(value) is float else as_number(value, label)
         if unit:
             number = to_si(number, unit)
         return number if -inf < number < inf else nan

@@ -34,7 +34,7 @@ from sleepcast.language.vocabulary import (
 )
 from sleepcast.mind import rules
 from sleepcast.mind.inspection import Self
-from sleepcast.mind.limits import FAILED, MAX_FAULTS, PROVEN_TICKS
+from sleepcast.mind.limits import MAX_FAULTS, PROVEN_TICKS
 from sleepcast.mind.merging import Merging
 from sleepcast.mind.rules import (
     UNKNOWN_CASTE,
@@ -69,10 +69,10 @@ class OutputPort:
 class RobotMemory:
     """See the module. values: the variables by slot, NaN if unknown. Implements `Memory`."""
 
-    def __init__(self, variables: VariableTable, voice: OutputPort, *, number: int, seed: int, body: object) -> None:
+    def __init__(self, variables: VariableTable, output: OutputPort, *, number: int, seed: int, body: object) -> None:
         self.variables, self.vocabulary = variables, variables.vocabulary
-        self.library = library_of(self.vocabulary)
-        self.voice, self.body = voice, body
+        self.library = _LIBRARIES.setdefault(self.vocabulary, Library())
+        self.output, self.body = output, body
         self.values = [0.0] * (ACTIVE0 + BUFFERS) + [nan] * (self.vocabulary.size - ACTIVE0 - BUFFERS)
         self.values[MARKING] = 1.0
         self.values[ID], self.values[TIME_SLOT], self.values[TICK] = float(number), 0.0, 0.0
@@ -163,10 +163,10 @@ class RobotMemory:
     def _write(self, part: Part, value: float) -> float:
         variable = part.data
         if not isinstance(variable, Variable):
-            found = self.base.symbols.get(part.name)
-            if not isinstance(found, UserVariable):
+            declared = self.base.symbols.get(part.name)
+            if not isinstance(declared, UserVariable):
                 return self.refuse(part, no_variable(part.name))
-            self.values[found.slot] = value
+            self.values[declared.slot] = value
         elif value != value:
             self.dropped += 1
             return self.refuse(part, unknown_assigned(variable))
@@ -179,37 +179,36 @@ class RobotMemory:
                 return self.refuse(part, str(error))
             self.actuated.add(part.slot)
             self.moved |= variable.kind is VariableKind.ACTUATOR
-        elif self._is_built_in(part.slot):
-            return self.refuse(part, built_in(f"E{part.slot - ACTIVE0}"))
+        elif ACTIVE0 < part.slot < ACTIVE0 + BUFFERS:
+            return self._write_flag(part, value)
         else:
             self.values[part.slot] = value
             if variable.kind is VariableKind.ACTUATOR:
                 self.actuated.add(part.slot)
                 self.moved = True
-            elif ACTIVE0 < part.slot < ACTIVE0 + BUFFERS:
-                self._flag_assigned(f"e{part.slot - ACTIVE0}", part.slot, value > 0.0)
         return value
 
-    def _flag_assigned(self, key: str, slot: int, wanted: bool) -> None:
+    def _write_flag(self, part: Part, value: float) -> float:
+        """Assign to the variable that says whether a buffer runs."""
+        number = part.slot - ACTIVE0
+        key, wanted = f"e{number}", value > 0.0
+        rule = self.base.rules.get(key)
+        if rule is not None and rule.protected:
+            return self.refuse(part, built_in(f"E{number}"))
         flag = self.base.merging.flag(key, wanted) is True
-        if flag is not wanted:
-            self.values[slot] = float(flag)
+        self.values[part.slot] = value if flag is wanted else float(flag)
         self.changing()
-        if key in self.base.rules:
+        if rule is not None:
             self.base.assign_flag(key, flag)
         self.records.changed()
-
-    def _is_built_in(self, slot: int) -> bool:
-        """Whether `slot` is the active flag of a protected buffer."""
-        rule = self.base.rules.get(f"e{slot - ACTIVE0}")
-        return rule is not None and rule.protected
+        return value
 
     def defined(self, part: Part) -> bool:
         """Whether the user variable exists."""
-        there = isinstance(self.base.symbols.get(part.name), UserVariable)
+        exists = isinstance(self.base.symbols.get(part.name), UserVariable)
         if self.answers is not None:
-            self.answers.append(there)
-        return there
+            self.answers.append(exists)
+        return exists
 
     def define(self, part: Part, value: float) -> float:
         """DEFVAR of a new name."""
@@ -278,7 +277,7 @@ class RobotMemory:
     def change(self, part: Part, refusal: str | None) -> bool:
         """Apply what an act has changed in the rule base, or record its refusal as a fault; returns whether it was
         done."""
-        self.records.carry_out()
+        self.records.apply_effects()
         if refusal is not None:
             self.refuse(part, refusal)
         return refusal is None
@@ -286,7 +285,7 @@ class RobotMemory:
     def restore(self, rule_set: RuleSet) -> None:
         """Replace all rules by these, except those built in."""
         rules.roll_back(self.base, [rule for rule, _ in rule_set.values()])
-        self.records.carry_out()
+        self.records.apply_effects()
         self.records.restore_leases(rule_set)
 
     def changing(self) -> None:
@@ -294,15 +293,6 @@ class RobotMemory:
         if self.tick - self.unproven_since >= PROVEN_TICKS:
             self.proven = self.records.rule_set()
         self.unproven_since = self.tick
-
-    def rule_faulted(self) -> None:
-        """A rule has met a fault: its rule set is unproven again."""
-        self.changing()
-
-    def rule_failed(self) -> None:
-        """A rule has been deactivated because of its faults: the remaining rule set does not become proven by doing
-        nothing."""
-        self.unproven_since = FAILED
 
     # ---- acts
 
@@ -336,11 +326,7 @@ Act = Callable[..., float]
 """Implementation of one act: (memory, part, *arguments) to its value."""
 
 _LIBRARIES: WeakKeyDictionary[Vocabulary, Library] = WeakKeyDictionary()
-
-
-def library_of(vocabulary: Vocabulary) -> Library:
-    """The programs shared by every robot of one vocabulary."""
-    return _LIBRARIES.setdefault(vocabulary, Library())
+"""The programs shared by every robot of one vocabulary."""
 
 
 # ---- acts: what an expression may do besides assigning and storing; `mind.rules` defines what each means
@@ -396,7 +382,7 @@ def _rollback(memory: RobotMemory, part: Part) -> float:
 
 
 def _report(memory: RobotMemory, part: Part, *arguments: float) -> float:
-    memory.voice.report(label_of(part), arguments)
+    memory.output.report(label_of(part), arguments)
     return arguments[-1] if arguments else 1.0
 
 
@@ -406,18 +392,18 @@ def _tell(memory: RobotMemory, part: Part, *arguments: float) -> float:
     if not isinstance(part.data, Template):
         raise TypeError(f"a part of op {part.op} tells nothing")
     hops = min(part.data.hops, memory.hops)
-    if memory.voice.may_tell(hops):  # first: only what is sent needs a text
+    if memory.output.may_tell(hops):  # first: only what is sent needs a text
         text = part.data.text(arguments)
         if len(text) > MAX_TEXT:
             return memory.refuse(part, too_long(text))
-        memory.voice.tell(text, hops)
+        memory.output.tell(text, hops)
     return 1.0
 
 
 def _ping(memory: RobotMemory, part: Part, caste: float = 0.0) -> float:
     if caste != caste:
         return memory.refuse(part, UNKNOWN_CASTE)
-    memory.voice.ping(caste)
+    memory.output.ping(caste)
     return 1.0
 
 

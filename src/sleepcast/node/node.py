@@ -56,6 +56,7 @@ from sleepcast.mind.evaluation_budget import EvaluationBudget
 from sleepcast.mind.inspection import NOTHING, BodyState, Details, answer_inspection, foretold
 from sleepcast.mind.limits import (
     ASKS_TOO_MUCH,
+    FAILED,
     MAX_BACKLOG,
     MAX_FAULTS_IN_ROW,
     MAX_OUTBOX,
@@ -89,18 +90,27 @@ Recollected = tuple[Program, list[float], frozenset[str], list[Answer], float, i
 class Node:
     """One robot's mind.
 
-    stopped: whether a STOP holds; doubt: why it is stopped although no STOP may have come, "" otherwise; authority:
-    whose orders count; catching_up: see `catch_up`. lost: messages lost because a queue or the outbox was full.
+    stopped: whether a STOP holds.
+    doubt: why it is stopped although no STOP may have come, "" otherwise.
+    authority: whose orders count.
+    catching_up: see `catch_up`.
+    lost: messages lost because a queue or the outbox was full.
     evaluated: the latest messages that it answered, their outcomes, and the robot's time; its owner stores them and
-    empties the list. zero: start of its time, s of Unix time, where that matters; clock: gives that time, None if the
-    tick's time will do. keys_last: whether the keys that its channel trusts are stored, as far as they must be. budget:
-    of the evaluations in its process, None if they need not be measured.
+        empties the list.
+    zero: start of its time, s of Unix time, where that matters.
+    clock: gives that time, None if the tick's time will do.
+    keys_last: whether the keys that its channel trusts are stored, as far as they must be.
+    budget: of the evaluations in its process, None if they need not be measured.
 
-    number: its `id` in expressions and random streams. seed: of the run. body: target of its vocabulary's functions
-    (default: the linked object); if it is a `Robot` it is also stopped, released and held still. variables: linked
-    variables, if any. lease: seconds for which a driven body continues while no operator is heard. tells: what others
-    may have it do by TELL. on_air: whether it uses a real channel instead of a simulated one: then more messages may
-    wait, and the orders of several operators are merged.
+    number: its `id` in expressions and random streams.
+    seed: of the run.
+    body: target of its vocabulary's functions (default: the linked object); if it is a `Robot` it is also stopped,
+        released and held still.
+    variables: linked variables, if any.
+    lease: seconds for which a driven body continues while no operator is heard.
+    tells: what others may have it do by TELL.
+    on_air: whether it uses a real channel instead of a simulated one: then more messages may wait, and the orders of
+        several operators are merged.
     """
 
     def __init__(
@@ -152,7 +162,7 @@ class Node:
         self._reported_in, self._reported = 0, 0
         self._telling_until = 0.0
         """When everything that it has told would be paid off at `TELLS_A_SECOND`, s: a leaky bucket in one number."""
-        self._told_less = False
+        self._rate_limited = False
         """Whether a TELL has been refused since the robot was last below its rate."""
 
     # ---- state
@@ -215,24 +225,24 @@ class Node:
 
     def rules(self) -> list[RuleView]:
         """Every stored expression, in order of evaluation."""
-        found = []
+        views = []
         for rule in in_order(self._memory.base.rules):
             r = self._memory.records[rule.key]
             done = r.last_value, r.last_fault, r.steps, r.firings, r.lease
             rank, unit = (rule.shown_priority, rule.protected), unit_of_program(rule.program)
-            found.append(RuleView(rule.name, rule.text, rule.active, *done, *rank, unit))
-        return found
+            views.append(RuleView(rule.name, rule.text, rule.active, *done, *rank, unit))
+        return views
 
     def variables(self) -> list[tuple[str, float]]:
         """Every variable by name, in the order of the vocabulary, user variables last."""
         memory = self._memory
-        found = [
+        declared = [
             (binding.name, memory.peek(binding.slot))
             for binding in self.vocabulary.bindings.values()
             if isinstance(binding, Variable)
         ]
         learned = [d for d in memory.base.symbols.values() if isinstance(d, UserVariable)]
-        return found + [(d.name, memory.values[d.slot]) for d in learned]
+        return declared + [(d.name, memory.values[d.slot]) for d in learned]
 
     def actuators(self) -> dict[str, float]:
         """The actuators in the list of values that were assigned since the last call, by name."""
@@ -276,8 +286,8 @@ class Node:
 
     def take_outbox(self) -> list[Message]:
         """What it has said since the last call."""
-        found, self.outbox = self.outbox, []
-        return found
+        outbox, self.outbox = self.outbox, []
+        return outbox
 
     def _asks_too_much(self, message: Message) -> bool:
         """Whether so many questions of this sender wait already that another one is refused; it is told so."""
@@ -318,13 +328,11 @@ class Node:
 
     def _obey_waiting(self, now: float) -> None:
         """Deal with the messages that wait, in their order; those of a sender who has had its share wait on."""
-        if self.budget is None:
+        budget = self.budget
+        if budget is None:
             for _ in range(min(len(self._queue), MAX_QUEUE)):
                 self._obey(self._queue.popleft(), now)
-        else:
-            self._obey_at(self.budget, now)
-
-    def _obey_at(self, budget: EvaluationBudget, now: float) -> None:
+            return
         held, left = deque[Message](), {Kind.COMMAND: MAX_QUEUE, Kind.ASK: MAX_QUEUE}
         try:
             while self._queue:
@@ -415,9 +423,8 @@ class Node:
             self.halt()
         except SleepcastError as error:
             fault = str(error)
-        if is_addressed(
-            message.body, self.name
-        ):  # every robot that receives STOP stops; robots that it is not addressed to need not report it again
+        # Every robot that receives STOP stops; robots that it is not addressed to need not report it again.
+        if is_addressed(message.body, self.name):
             motion = self._motion()
             self._answer(message, "stopped", fault=fault, details={} if motion is None else {MOTION: [*motion]})
 
@@ -500,10 +507,10 @@ class Node:
             return
         record.last_fault = str(memory.faults[0])
         record.faults_in_row += 1
-        memory.rule_faulted()
+        memory.changing()  # its rule set is unproven again
         if record.faults_in_row >= MAX_FAULTS_IN_ROW and not record.gone and not rule.protected:
             memory.records.deactivate(rule.key)
-            memory.rule_failed()
+            memory.unproven_since = FAILED  # those that are left do not become proven by doing nothing
             self._report(f"rule {rule.name} deactivated", (), {RULE: rule.name})
 
     def _obey(self, message: Message, now: float) -> None:
@@ -537,9 +544,9 @@ class Node:
             return
         if message.kind is Kind.ASK:
             rehearsal = memory.rehearsal()
-            found = foretell(program, rehearsal)
-            details = foretold(message, found, undecided=rehearsal.undecided)
-            self._answer(message, "answer", found.value, "; ".join(found.faults), details)
+            answer = foretell(program, rehearsal)
+            details = foretold(message, answer, undecided=rehearsal.undecided)
+            self._answer(message, "answer", answer.value, "; ".join(answer.faults), details)
             return
         answered = HOPS not in message.body  # nobody counts what becomes of what robots tell each other
         value = self._evaluate(program, message, answered=answered)
@@ -607,11 +614,11 @@ class Node:
         over = begin - self._now > (TELL_BURST - 1) / TELLS_A_SECOND
         if hops < 1 or over:
             self.lost += 1
-            if not self._told_less:
-                self._told_less = True
+            if not self._rate_limited:
+                self._rate_limited = True
                 self._report(TELLS_TOO_OFTEN if hops >= 1 else TELLS_TOO_FAR, ())
             return False
-        self._told_less &= begin > self._now
+        self._rate_limited &= begin > self._now
         self._telling_until = begin + 1.0 / TELLS_A_SECOND
         return True
 

@@ -23,9 +23,12 @@ RuleSet = dict[str, tuple[Rule, float]]
 class RuleRecord:
     """The performance of one rule or buffer.
 
-    rule: its current state. lease: time (s) at which it is deactivated, inf for never. last_value, last_fault,
-    steps: of its last evaluation. firings: number of evaluations in which its test held. faults_in_row: number of
-    latest consecutive evaluations with a fault. gone: whether the rule was forgotten.
+    rule: its current state.
+    lease: time (s) at which it is deactivated, inf for never.
+    last_value, last_fault, steps: of its last evaluation.
+    firings: number of evaluations in which its test held.
+    faults_in_row: number of latest consecutive evaluations with a fault.
+    gone: whether the rule was forgotten.
     """
 
     rule: Rule
@@ -39,9 +42,10 @@ class RuleRecord:
 
 
 class RuleRecords:
-    """The records of all rules of one robot, by key. base: the rules; values: the robot's variables, which include the
-    flags of buffers.
+    """The records of all rules of one robot, by key.
 
+    base: the rules.
+    values: the robot's variables, which include the flags of buffers.
     version: increases with every change.
     """
 
@@ -65,7 +69,7 @@ class RuleRecords:
         """What orders the rules: see `mind.rules.levels`."""
         return levels(self._base.rules)
 
-    def carry_out(self) -> None:
+    def apply_effects(self) -> None:
         """Apply the effects of the last changes of the rule base to this robot."""
         if not self._base.effects:
             return
@@ -99,7 +103,7 @@ class RuleRecords:
     def deactivate(self, key: str) -> None:
         """Clear the flag of a rule."""
         self._base.activate(key, False)
-        self.carry_out()
+        self.apply_effects()
 
     def expire(self, now: float) -> list[Rule]:
         """Deactivate those whose lease has ended, and return them; what the host has protected since goes on."""

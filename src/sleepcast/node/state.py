@@ -35,13 +35,13 @@ def mind_of(node: Node) -> MindState:
         node.stopped,
         node.authority.state(memory.time),
         tuple(values[: ACTIVE0 + BUFFERS]),
-        {found.name: values[found.slot] for found in learned if isinstance(found, UserVariable)},
-        tuple(found.name for found in learned if isinstance(found, Group)),
+        {each.name: values[each.slot] for each in learned if isinstance(each, UserVariable)},
+        tuple(each.name for each in learned if isinstance(each, Group)),
         tuple(sorted(memory.groups)),
         tuple(
-            OperatorState(found.name, found.parameters, memory.base.operators[key].text)
-            for key, found in memory.base.symbols.items()
-            if isinstance(found, Operator)
+            OperatorState(each.name, each.parameters, memory.base.operators[key].text)
+            for key, each in memory.base.symbols.items()
+            if isinstance(each, Operator)
         ),
         _packed(memory.records.rule_set(), memory.time),
         _packed(memory.proven, memory.time),
@@ -55,7 +55,7 @@ def fingerprint(node: Node) -> tuple[object, ...]:
     """A value that is equal while `mind_of` stays the same, except for times that advance on their own."""
     memory = node.memory
     proven = memory.tick - memory.unproven_since >= PROVEN_TICKS
-    own = [memory.values[found.slot] for found in memory.base.symbols.values() if isinstance(found, UserVariable)]
+    own = [memory.values[each.slot] for each in memory.base.symbols.values() if isinstance(each, UserVariable)]
     values = (*memory.values[: ACTIVE0 + BUFFERS], *own)
     # NaN is not equal to itself, so numbers are compared as text.
     return (
@@ -153,7 +153,7 @@ def _packed(rules: RuleSet, now: float) -> tuple[RuleState, ...]:
 
 
 def _unpacked(rules: tuple[RuleState, ...], memory: RobotMemory, away: float, lost: list[str]) -> RuleSet:
-    found = {}
+    rule_set = {}
     for rule in rules:
         key = rule.name.casefold()
         if _is_protected(memory, key):
@@ -162,8 +162,8 @@ def _unpacked(rules: tuple[RuleState, ...], memory: RobotMemory, away: float, lo
         program = _program(memory, f"rule {rule.name}", rule.text, (), lost)
         if program is not None:
             lease = inf if rule.left is None else memory.time + rule.left - away
-            found[key] = (Rule(key, rule.name, rule.text, program, rule.active, rank=rule.rank), lease)
-    return found
+            rule_set[key] = (Rule(key, rule.name, rule.text, program, rule.active, rank=rule.rank), lease)
+    return rule_set
 
 
 def _program(memory: RobotMemory, what: str, text: str, parameters: tuple[str, ...], lost: list[str]) -> Program | None:

@@ -79,8 +79,12 @@ INTERRUPTED = "interrupted"
 
 @dataclass(slots=True)
 class StoredRobot:
-    """One robot of the store. known: ids of stored messages, with the number of times their evaluation was begun;
-    begun: those begun in this life; fingerprint: of the mind when last checked."""
+    """One robot of the store.
+
+    known: ids of stored messages, with the number of times their evaluation was begun.
+    begun: those begun in this life.
+    fingerprint: of the mind when last checked.
+    """
 
     number: int
     node: Node
@@ -91,8 +95,11 @@ class StoredRobot:
 
 
 class Store:
-    """See the module. clock: Unix time. say: called with a sentence when something goes wrong with the file, and when
-    it is over. doubt: why what robots knew before may be lost, "" if it is not.
+    """See the module.
+
+    clock: Unix time.
+    say: called with a sentence when something goes wrong with the file, and when it is over.
+    doubt: why what robots knew before may be lost, "" if it is not.
 
     Raises StoreError for a file that is in use, not a store, or of a newer format. A damaged one is set aside.
     """
@@ -127,19 +134,18 @@ class Store:
     def life(self, name: str) -> int:
         """Begin a new life of this robot; returns its number, higher than those of all its lives before."""
         before = self._remembered(name)
-        later = before.epoch + SystemRandom().randint(
-            1, APART
-        )  # copies of a store, with clocks that stand still, differ
+        # Copies of a store, with clocks that stand still, are to differ.
+        later = before.epoch + SystemRandom().randint(1, APART)
         before.epoch = max(int(self._clock.now() * 1000.0), later)
         self._unwritten.lives[before.number] = name, before
         return before.epoch
 
     def _remembered(self, name: str) -> Remembered:
-        found = self._content.robots.get(name)
-        if found is None:
+        robot = self._content.robots.get(name)
+        if robot is None:
             number = 1 + max((each.number for each in self._content.robots.values()), default=0)
-            found = self._content.robots[name] = Remembered(number, self._clock.now())
-        return found
+            robot = self._content.robots[name] = Remembered(number, self._clock.now())
+        return robot
 
     def _heard(self, kept: Remembered) -> DeliveryState:
         return DeliveryState(tuple(kept.streams), tuple(kept.windows), tuple(self._content.standing))
@@ -204,12 +210,13 @@ class Store:
 
     def standing(self) -> str:
         """A sentence that says which robots are stopped because a STOP may have been lost, and why; "" if none is."""
-        found = [robot.node for robot in self._robots.values() if robot.node.doubt]
-        if not found:
+        doubtful = [robot.node for robot in self._robots.values() if robot.node.doubt]
+        if not doubtful:
             return ""
-        names = found[0].name if len(found) == 1 else f"{found[0].name} to {found[-1].name} ({len(found)} robots)"
-        found[0].remark(f"stands until RELEASE: {found[0].doubt}")
-        return f"{names}: {found[0].doubt}, so a STOP may be forgotten; stands still until RELEASE (sleepcast release)"
+        first, last = doubtful[0], doubtful[-1]
+        names = first.name if first is last else f"{first.name} to {last.name} ({len(doubtful)} robots)"
+        first.remark(f"stands until RELEASE: {first.doubt}")
+        return f"{names}: {first.doubt}, so a STOP may be forgotten; stands still until RELEASE (sleepcast release)"
 
     # ---- an operator
 
@@ -337,24 +344,24 @@ class Store:
         del waits.evaluated[:-MAX_UNWRITTEN]
 
     def _look(self, robot: StoredRobot, now: float) -> None:
-        found = fingerprint(robot.node)
-        if found != robot.fingerprint:
-            robot.fingerprint = found
+        current = fingerprint(robot.node)
+        if current != robot.fingerprint:
+            robot.fingerprint = current
             self._unwritten.minds[robot.number] = now, pack(mind_of(robot.node), MAX_MIND)
 
     # ---- the file
 
     def _open(self) -> None:
-        found, failure = Examined(), ""
+        examined, failure = Examined(), ""
         try:
             try:
                 self._lock = lock(self.file)
             except OSError as error:
                 failure = _reason(error)
-            found = examine(self.file)
-            self._content = found.content or Content()
+            examined = examine(self.file)
+            self._content = examined.content or Content()
             if not failure:
-                self._connection, self._seal = self._connect(found)
+                self._connection, self._seal = self._connect(examined)
         except StoreError:
             self._unlock()
             raise
@@ -365,27 +372,27 @@ class Store:
                 f"{self.file} cannot be written: {failure}. Nothing is kept there: after a restart everything since "
                 "now will have been forgotten"
             )
-            self._doubt(found.doubt or "cannot be written")
+            self._doubt(examined.doubt or "cannot be written")
         else:
-            if found.doubt:
-                self._doubt(found.doubt)
+            if examined.doubt:
+                self._doubt(examined.doubt)
                 self._write(self._clock.now())
             elif self._seal.generation == NEWBORN:
                 self._mark(self._clock.now(), at_once=True)  # before it holds anything that could be lost
 
-    def _connect(self, found: Examined) -> tuple[sqlite3.Connection, Seal]:
+    def _connect(self, examined: Examined) -> tuple[sqlite3.Connection, Seal]:
         """Open the store for writing: a new one in place of one that is damaged or missing."""
-        if found.content is not None:
-            if found.doubt:
-                self._say(f"{self.file} {found.doubt}. What it says is taken, but a STOP may have come after that")
-            return connect(self.file, found.seal)
+        if examined.content is not None:
+            if examined.doubt:
+                self._say(f"{self.file} {examined.doubt}. What it says is taken, but a STOP may have come after that")
+            return connect(self.file, examined.seal)
         aside = set_aside(self.file, self._clock.now())
-        if found.doubt:
-            what = f" ({found.damage})" if found.damage else f", although {self._marker.file.name} speaks of it"
+        if examined.doubt:
+            what = f" ({examined.damage})" if examined.damage else f", although {self._marker.file.name} speaks of it"
             kept = f"It was set aside as {aside.name}, and what" if aside is not None else "What"
             lost = f"{kept} was learned is forgotten: rules come again from the other robots"
-            self._say(f"{self.file} {found.doubt}{what}. {lost}")
-        return connect(self.file, create(self.file, found.doubt and _told(found.doubt)))
+            self._say(f"{self.file} {examined.doubt}{what}. {lost}")
+        return connect(self.file, create(self.file, examined.doubt and _told(examined.doubt)))
 
     def _doubt(self, reason: str) -> None:
         """Each robot that was here may have lost a STOP, and is stopped. The store gets a new identity, so that no old

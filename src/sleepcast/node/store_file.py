@@ -134,8 +134,12 @@ class Content:
 
 @dataclass(slots=True)
 class Examined:
-    """The result of examining a store. content, seal: of an undamaged file; a store of format 1 has no seal. doubt: the
-    problem, as the end of a sentence about the store, "" if there is none; damage: the same in detail."""
+    """The result of examining a store.
+
+    content, seal: of an undamaged file; a store of format 1 has no seal.
+    doubt: the problem, as the end of a sentence about the store, "" if there is none.
+    damage: the same in detail.
+    """
 
     content: Content | None = None
     seal: Seal | None = None
@@ -199,9 +203,9 @@ def _checked(connection: sqlite3.Connection, file: Path) -> tuple[Content, Seal 
             f"{file} is a store of format {version}, and this sleepcast reads {FORMAT}: take a newer one, or another "
             "file"
         )
-    (found,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
-    if found != "ok":
-        raise DamageError(found)
+    (verdict,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
+    if verdict != "ok":
+        raise DamageError(verdict)
     if version < FORMAT:
         return read_all(connection), None
     with closing(sqlite3.connect(":memory:")) as model:
@@ -222,18 +226,18 @@ def _shape(connection: sqlite3.Connection) -> set[tuple[str, ...]]:
 def create(file: Path, doubt: str) -> Seal:
     """Create an unused store, atomically, even if the process ends here. doubt: see `Seal`. Raises sqlite3.Error and
     OSError."""
-    beside = file.with_name(f".{file.name}.new")
-    for part in _parts(beside):
+    temporary = file.with_name(f".{file.name}.new")
+    for part in _parts(temporary):
         part.unlink(missing_ok=True)
-    os.close(os.open(beside, os.O_RDWR | os.O_CREAT, 0o600))
-    with closing(sqlite3.connect(beside, isolation_level=None)) as connection:
+    os.close(os.open(temporary, os.O_RDWR | os.O_CREAT, 0o600))
+    with closing(sqlite3.connect(temporary, isolation_level=None)) as connection:
         connection.execute("PRAGMA journal_mode = WAL")
         connection.executescript(SCHEMA + SEAL)
         connection.execute(f"PRAGMA application_id = {APPLICATION}")
         connection.execute(f"PRAGMA user_version = {FORMAT}")
         seal = Seal(doubt=doubt)
         seal.write(connection)
-    os.replace(beside, file)
+    os.replace(temporary, file)
     settle(file.parent)
     return seal
 
@@ -280,12 +284,12 @@ def set_aside(file: Path, now: float) -> Path | None:
         aside = file.with_name(f"{file.name}.broken-{now:.0f}" + (f"-{attempt}" if attempt else ""))
         if not any(os.path.lexists(part) for part in _parts(aside)):
             break
-    found = False
+    moved = False
     for part, to in zip(_parts(file), _parts(aside), strict=True):
         if os.path.lexists(part):
             os.replace(part, to)
-            found = True
-    return aside if found else None
+            moved = True
+    return aside if moved else None
 
 
 def _parts(file: Path) -> list[Path]:
@@ -295,11 +299,11 @@ def _parts(file: Path) -> list[Path]:
 
 def read_all(connection: sqlite3.Connection) -> Content:
     """The contents of a file, except for past evaluations. Raises sqlite3.DatabaseError if it is damaged."""
-    found = Content()
+    content = Content()
     by_number: dict[int, Remembered] = {}
     try:
         for number, name, *rest, mind in connection.execute("SELECT * FROM robots"):
-            found.robots[name] = by_number[number] = Remembered(number, *rest)
+            content.robots[name] = by_number[number] = Remembered(number, *rest)
             if mind is not None:
                 by_number[number].mind = unpack(MindState, mind, MAX_MIND, f"what {name} has learned")
         for robot, key, epoch, *rest in connection.execute("SELECT * FROM streams"):
@@ -311,13 +315,13 @@ def read_all(connection: sqlite3.Connection) -> Content:
         query = "SELECT key, epoch, sequence, datagrams FROM standing ORDER BY number"
         for key, epoch, sequence, datagrams in connection.execute(query):
             parts = msgspec.msgpack.decode(datagrams, type=tuple[bytes, ...])
-            found.standing.append(StandingCommand((key, epoch), sequence, parts))
+            content.standing.append(StandingCommand((key, epoch), sequence, parts))
     except (msgspec.DecodeError, SerialError, ValueError, RecursionError, SleepcastError) as error:
         raise sqlite3.DatabaseError(f"what is in it cannot be read: {error}") from None
     except KeyError as error:
         raise sqlite3.DatabaseError(f"it speaks of a robot {error} that is not there") from None
-    del found.standing[:-MAX_ROWS]  # which of them still count, their receiver knows: the oldest may
-    return found
+    del content.standing[:-MAX_ROWS]  # which of them still count, their receiver knows: the oldest may
+    return content
 
 
 @contextmanager
@@ -347,9 +351,13 @@ Evaluated = tuple[int, str, str, float, str, float | None]
 
 @dataclass(slots=True)
 class WriteBatch:
-    """Changes waiting to be written, mostly by the robot's number; the fields are those of the tables. taken: messages
-    and how often they were begun; finished: those of them that are finished. minds: time and packed state. lives:
-    names, and what is known of their lives."""
+    """Changes waiting to be written, mostly by the robot's number; the fields are those of the tables.
+
+    taken: messages and how often they were begun.
+    finished: those of them that are finished.
+    minds: time and packed state.
+    lives: names, and what is known of their lives.
+    """
 
     streams: dict[tuple[int, StreamId], StreamProgress] = field(default_factory=dict)
     windows: dict[tuple[int, bytes, str, int], StoredWindow] = field(default_factory=dict)

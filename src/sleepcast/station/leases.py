@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from sleepcast.channel import Message
 from sleepcast.channel.message import DO, GROUP, LEASE, MAX_NAME, SECONDS, TO, LeaseAction, Role
-from sleepcast.core.errors import MisuseError, printable, slip_of
+from sleepcast.core.errors import MisuseError, printable, slip_of, with_article
 from sleepcast.language import Names, ReadError, Symbol, read
 from sleepcast.language.symbols import known_groups
 
@@ -22,7 +22,7 @@ class LeaseError(MisuseError):
     """A lease that no robot could grant."""
 
 
-def lease_body(deed: LeaseAction, group: str, seconds: float, to: str = "") -> dict[str, object]:
+def lease_body(action: LeaseAction, group: str, seconds: float, to: str = "") -> dict[str, object]:
     """As it stands in a message. Raises LeaseError."""
     try:
         named = isinstance(read(group), Symbol)
@@ -32,9 +32,9 @@ def lease_body(deed: LeaseAction, group: str, seconds: float, to: str = "") -> d
         raise LeaseError(f"{group!r:.80} is not a group's name: wanted one word, e.g. bravo")
     if not 0.0 <= seconds <= MAX_LEASE:
         raise LeaseError(f"a lease is for 0 to {MAX_LEASE:g} s, not {seconds:g} s: renew it if you need it longer")
-    if deed is LeaseAction.GRANT and not to:
+    if action is LeaseAction.GRANT and not to:
         raise LeaseError(f"say to whom {group} is granted (--to NAME)")
-    return {LEASE: {DO: deed.value, GROUP: group, SECONDS: seconds, TO: to}}
+    return {LEASE: {DO: action.value, GROUP: group, SECONDS: seconds, TO: to}}
 
 
 def validate_holder(name: str, trust: Trust) -> None:
@@ -43,7 +43,7 @@ def validate_holder(name: str, trust: Trust) -> None:
     if roles and not roles & {Role.OPERATOR, Role.COMMANDER}:
         role = min(roles)
         raise LeaseError(
-            f"{name} is {'an' if role is Role.OBSERVER else 'a'} {role}, who commands no robots, so that nobody could "
+            f"{name} is {with_article(role)}, who commands no robots, so that nobody could "
             "command the group: grant it to an operator"
         )
 
@@ -58,15 +58,15 @@ def doubt_of(group: str, names: Names) -> str:
 def in_words(body: Mapping[str, object]) -> str:
     """What a message of our own says of a lease: `LEASE take bravo`; "" if it says nothing of any."""
     match body.get(LEASE):
-        case {"do": str() as deed, "group": str() as group}:
-            return f"LEASE {deed} {group}"
+        case {"do": str() as action, "group": str() as group}:
+            return f"LEASE {action} {group}"
     return ""
 
 
 def describe_request(message: Message) -> str:
     """What another operator does about a lease, in words; "" for messages about something else."""
     match message.body.get(LEASE):
-        case {"do": str() as deed, "group": str() as group}:
+        case {"do": str() as action, "group": str() as group}:
             words = {
                 LeaseAction.TAKE.value: f"{message.sender} takes {group}",
                 LeaseAction.GIVE.value: f"{message.sender} gives {group} back",
@@ -76,5 +76,5 @@ def describe_request(message: Message) -> str:
                 LeaseAction.GRANT.value: f"{message.sender} grants {group} to somebody else",
                 LeaseAction.FORCE.value: f"{message.sender} has taken {group} by force",
             }
-            return words.get(deed, "")
+            return words.get(action, "")
     return ""

@@ -421,9 +421,9 @@ class Station:
         """End STOP on every robot; nothing old resumes by itself."""
         return self._broadcast(Kind.RELEASE)
 
-    def lease(self, deed: LeaseAction, group: str, seconds: float, to: str = "") -> Command:
+    def lease(self, action: LeaseAction, group: str, seconds: float, to: str = "") -> Command:
         """Do something about the lease of a group, for so many seconds. to: who is granted it. Raises LeaseError."""
-        return self._broadcast(Kind.COMMAND, seconds=DEADLINE, body=lease_body(deed, group, seconds, to))
+        return self._broadcast(Kind.COMMAND, seconds=DEADLINE, body=lease_body(action, group, seconds, to))
 
     def hold(self, lasts: bool) -> None:
         """Send heartbeats from now on, so that robots that are driven go on; or no more."""

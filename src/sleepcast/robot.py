@@ -33,8 +33,10 @@ AHEAD = pi / 4.0
 class Limits:
     """What a body never exceeds, whatever it is asked to do.
 
-    speed: m/s, forwards and backwards alike. turn_rate: rad/s to either side. acceleration: m/s2, braking
-    included. fence: least x, least y, greatest x, greatest y in m; the body turns back there. None: no fence.
+    speed: m/s, forwards and backwards alike.
+    turn_rate: rad/s to either side.
+    acceleration: m/s2, braking included.
+    fence: least x, least y, greatest x, greatest y in m; the body turns back there. None: no fence.
     least_range: m to what is in its way, before which it comes to rest; 0 for none.
     """
 
@@ -71,9 +73,12 @@ class Limits:
         """Whether a body may do what it wants and could still come to rest in time: within the fence, and no nearer to
         anything than the least range. One that is beyond the fence may come back.
 
-        pose: x and y in m, heading in rad; speed, wanted: m/s along its heading; turn: rad/s by which it may turn; lag:
-        s for which nobody will look again. nearest: m to the nearest thing between two angles, rad counter-clockwise
-        from the heading; NaN where that is not known, which does not let it go on.
+        pose: x and y in m, heading in rad.
+        speed, wanted: m/s along its heading.
+        turn: rad/s by which it may turn.
+        lag: s for which nobody will look again.
+        nearest: m to the nearest thing between two angles, rad counter-clockwise from the heading; NaN where that is
+            not known, which does not let it go on.
         """
         towards = speed if abs(speed) > STANDING else wanted
         if towards == 0.0:
@@ -247,9 +252,13 @@ class Pose(NamedTuple):
 class Condition:
     """What there is to know of one simulated body at `time` (s of simulated time).
 
-    believed: the pose that its encoders give; real: where it is. speeds: of its axes, 0 for one that it lacks. moving:
-    which axes are turning or about to. sonars: m, what each last read, NaN before it has ever fired; infrared: m,
-    likewise, empty for none. touched: angle of each contact that the bumper feels, rad from the heading.
+    believed: the pose that its encoders give.
+    real: where it is.
+    speeds: of its axes, 0 for one that it lacks.
+    moving: which axes are turning or about to.
+    sonars: m, what each last read, NaN before it has ever fired.
+    infrared: m, likewise, empty for none.
+    touched: angle of each contact that the bumper feels, rad from the heading.
     battery: from 0, empty, to 1.
     """
 
@@ -362,7 +371,7 @@ class SimulatedWorld(Protocol):
     def remove(self, corners: Corners) -> bool:
         """Take the polygon with these corners away; False if there is none."""
 
-    def move(self, corners: Corners, across: float, up: float) -> bool:
+    def move(self, corners: Corners, dx: float, dy: float) -> bool:
         """Move the polygon with these corners by so many m; False if there is none."""
 
     def fill(self, polygons: Sequence[Corners]) -> bool:

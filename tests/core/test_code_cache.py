@@ -124,10 +124,10 @@ def test_what_was_not_used_for_longest_goes_first(cache: CodeCache, monkeypatch:
         cache.save(name, bytes(1_000))
         os.utime(cache.folders[0] / name, (number, number))
     assert cache.load("a") is not None  # it has been used now
-    monkeypatch.setattr(code_cache, "MOST", 3_500)
+    monkeypatch.setattr(code_cache, "MAX_BYTES", 3_500)
     cache.save("e", bytes(1_000))
     assert sorted(file.name for file in cache.folders[0].iterdir()) == ["a", "d", "e"]
-    monkeypatch.setattr(code_cache, "LONGEST", 10)
+    monkeypatch.setattr(code_cache, "MAX_PIECE", 10)
     assert not cache.save("f", bytes(11))
 
 

@@ -379,7 +379,7 @@ def test_whatever_stands_in_a_part_it_is_refused_or_runs(part: str, data: st.Dat
 
 
 def test_a_huge_part_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(serial, "LEAST_ROOM", 1024**2)
+    monkeypatch.setattr(serial, "MIN_ROOM", 1024**2)
     bomb = document(whole())
     bomb.fleet = zlib.compress(bytes(50 * 1024**2), 9)
     assert "has more than" in refused(msgspec.msgpack.encode(bomb))

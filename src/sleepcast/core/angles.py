@@ -45,8 +45,8 @@ def widest_gap(angles: Floats) -> float:
 
 def wrapped(angles: Floats) -> Floats:
     """The same angles within -pi..pi."""
-    found: Floats = angles - TURN * np.round(angles / TURN)
-    return found
+    turned: Floats = angles - TURN * np.round(angles / TURN)
+    return turned
 
 
 def quantile(angles: Floats, share: float) -> float:
@@ -59,6 +59,6 @@ def _mean_vector(angles: Floats) -> tuple[float, float]:
     """Direction and length of the mean of unit vectors; NaN for the direction if they cancel."""
     if not angles.size:
         return nan, nan
-    across, up = float(np.cos(angles).mean()), float(np.sin(angles).mean())
-    length = sqrt(across * across + up * up)
-    return (atan2(up, across) if length > CANCELLED else nan), length
+    x, y = float(np.cos(angles).mean()), float(np.sin(angles).mean())
+    length = sqrt(x * x + y * y)
+    return (atan2(y, x) if length > CANCELLED else nan), length

@@ -25,24 +25,24 @@ STEP = 5 * LINE
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
-_places = count(0, STEP)
+_offsets = count(0, STEP)
 
 
-def block(size: int, place: int = 0) -> NDArray[np.uint8]:
-    """So many bytes that hold anything, beginning at this place, a multiple of LINE, of a page."""
-    found = np.empty(size + 2 * PAGE, np.uint8)
-    first = -found.ctypes.data % PAGE + place
-    return found[first : first + size]
+def block(size: int, offset: int = 0) -> NDArray[np.uint8]:
+    """So many bytes that hold anything, beginning at this offset, a multiple of LINE, in a page."""
+    memory = np.empty(size + 2 * PAGE, np.uint8)
+    first = -memory.ctypes.data % PAGE + offset
+    return memory[first : first + size]
 
 
-def filled(value: float, sort: type[Scalar], *shape: int) -> NDArray[Scalar]:
+def filled(value: float, dtype: type[Scalar], *shape: int) -> NDArray[Scalar]:
     """An array of this shape, full of this value."""
-    size = prod(shape) * np.dtype(sort).itemsize
+    size = prod(shape) * np.dtype(dtype).itemsize
     if size < PAGE:
-        return np.full(shape, value, sort)
-    found = block(size, next(_places) % PAGE).view(sort).reshape(shape)
-    found[...] = value
-    return found
+        return np.full(shape, value, dtype)
+    array = block(size, next(_offsets) % PAGE).view(dtype).reshape(shape)
+    array[...] = value
+    return array
 
 
 # Scratch memory: the same for every task of every tick. Fresh memory costs more than the work that is done in it, and
@@ -64,9 +64,9 @@ class Arena:
             self._block = block(max(self._used, most))
         self._used = 0
 
-    def take(self, sort: type[Scalar], *shape: int) -> NDArray[Scalar]:
+    def take(self, dtype: type[Scalar], *shape: int) -> NDArray[Scalar]:
         """An array that holds anything. Where the block is too small it is memory of its own, this time."""
-        size = prod(shape) * np.dtype(sort).itemsize
+        size = prod(shape) * np.dtype(dtype).itemsize
         start, self._used = self._used, self._used + size + -size % LINE
-        found = self._block[start : start + size] if self._used <= len(self._block) else block(size)
-        return found.view(sort).reshape(shape)
+        memory = self._block[start : start + size] if self._used <= len(self._block) else block(size)
+        return memory.view(dtype).reshape(shape)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 
 class Backoff:
-    """first, longest: the pauses at first and at most, s. pause: the next one, s."""
+    """first, longest: the pauses at first and at most, s.
+    pause: the next one, s.
+    """
 
     __slots__ = ("first", "longest", "pause")
 

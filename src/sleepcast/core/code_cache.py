@@ -1,4 +1,4 @@
-"""Native code that outlives a process: one private folder for each sort of it, in the user's cache folder.
+"""Native code that outlives a process: one private folder for each kind of it, in the user's cache folder.
 
 What lies there is run, so a folder or a file counts only if nobody but this user (or root) can write to it. It is
 opened once, judged, and then used through its descriptor, so that it cannot be replaced meanwhile.
@@ -20,31 +20,31 @@ from stat import S_ISDIR, S_ISREG, S_IWGRP, S_IWOTH
 
 from sleepcast.core.files import cache_folder
 
-MOST = 32 * 1024 * 1024
-"""Bytes of one sort of code at most; what was not used for longest goes first. All kernels of one version take some 3
+MAX_BYTES = 32 * 1024 * 1024
+"""Bytes of one kind of code at most; what was not used for longest goes first. All kernels of one version take some 3
 MB, the rules of one scenario some 30 kB: room for ten versions, or for a thousand scenarios."""
-LONGEST = 8 * 1024 * 1024
+MAX_PIECE = 8 * 1024 * 1024
 """Bytes of one piece at most: some ten times the largest there is."""
 DIGEST = sha256().digest_size
 
 
 class CodeCache:
-    """The pieces of one sort, by name. A name tells everything that the code depends on."""
+    """The pieces of one kind, by name. A name tells everything that the code depends on."""
 
-    def __init__(self, sort: str) -> None:
-        self._sort = sort
+    def __init__(self, kind: str) -> None:
+        self._kind = kind
 
     @property
     def folders(self) -> tuple[Path, Path]:
         """Where code is kept, and where else if it cannot be kept there."""
-        other = Path(tempfile.gettempdir()) / f"sleepcast-{os.geteuid()}-{self._sort}"
-        return cache_folder() / self._sort, other
+        other = Path(tempfile.gettempdir()) / f"sleepcast-{os.geteuid()}-{self._kind}"
+        return cache_folder() / self._kind, other
 
     def load(self, name: str) -> bytes | None:
         """The piece of this name; None if there is none."""
         for folder in self.folders:
-            with suppress(OSError), _opened(folder) as place, open(_file(name, place), "rb") as file:
-                data = file.read(DIGEST + LONGEST)
+            with suppress(OSError), _opened(folder) as directory, open(_file(name, directory), "rb") as file:
+                data = file.read(DIGEST + MAX_PIECE)
                 if data[:DIGEST] == _digest(name, data[DIGEST:]):
                     with suppress(OSError):
                         os.utime(file.fileno())  # it has been used
@@ -54,31 +54,31 @@ class CodeCache:
     def holding(self, prefix: str) -> Path | None:
         """The folder with pieces whose names begin so; None if there are none."""
         for folder in self.folders:
-            with suppress(OSError), _opened(folder) as place:
-                if any(name.startswith(prefix) for name in os.listdir(place)):
+            with suppress(OSError), _opened(folder) as directory:
+                if any(name.startswith(prefix) for name in os.listdir(directory)):
                     return folder
         return None
 
     def count(self, prefix: str) -> int:
         """How many pieces there are whose names begin so."""
-        found = 0
+        count = 0
         for folder in self.folders:
-            with suppress(OSError), _opened(folder) as place:
-                found += sum(name.startswith(prefix) for name in os.listdir(place))
-        return found
+            with suppress(OSError), _opened(folder) as directory:
+                count += sum(name.startswith(prefix) for name in os.listdir(directory))
+        return count
 
     def save(self, name: str, data: bytes) -> bool:
         """Keep a piece under this name; gives whether that could be done."""
-        if len(data) > LONGEST:
+        if len(data) > MAX_PIECE:
             return False
         for folder in self.folders:
             with suppress(OSError):
                 folder.parent.mkdir(parents=True, exist_ok=True)
                 with suppress(FileExistsError):
                     folder.mkdir(mode=0o700)
-                with _opened(folder) as place:
-                    _replace(place, name, _digest(name, data) + data)
-                    _make_room(place)
+                with _opened(folder) as directory:
+                    _replace(directory, name, _digest(name, data) + data)
+                    _make_room(directory)
                 return True
         return False
 
@@ -86,17 +86,17 @@ class CodeCache:
 @contextmanager
 def _opened(folder: Path) -> Iterator[int]:
     """The descriptor of a folder. Raises OSError for one that somebody else can write to."""
-    place = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    directory = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
     try:
-        _judge(os.fstat(place))
-        yield place
+        _judge(os.fstat(directory))
+        yield directory
     finally:
-        os.close(place)
+        os.close(directory)
 
 
-def _file(name: str, place: int) -> int:
+def _file(name: str, directory: int) -> int:
     """The descriptor of a file in a folder. Raises OSError for one that somebody else can write to."""
-    file = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, dir_fd=place)
+    file = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, dir_fd=directory)
     try:
         _judge(os.fstat(file))
     except OSError:
@@ -105,9 +105,9 @@ def _file(name: str, place: int) -> int:
     return file
 
 
-def _judge(found: os.stat_result) -> None:
-    plain = S_ISDIR(found.st_mode) or S_ISREG(found.st_mode)
-    if not plain or found.st_uid not in (os.geteuid(), 0) or found.st_mode & (S_IWGRP | S_IWOTH):
+def _judge(status: os.stat_result) -> None:
+    plain = S_ISDIR(status.st_mode) or S_ISREG(status.st_mode)
+    if not plain or status.st_uid not in (os.geteuid(), 0) or status.st_mode & (S_IWGRP | S_IWOTH):
         raise PermissionError("somebody else can write to it")
 
 
@@ -115,31 +115,31 @@ def _digest(name: str, data: bytes) -> bytes:
     return sha256(name.encode() + b"\0" + data).digest()
 
 
-def _replace(place: int, name: str, data: bytes) -> None:
+def _replace(directory: int, name: str, data: bytes) -> None:
     """Let a file of the folder hold this, all of it or nothing."""
-    beside = f".{token_hex(8)}.new"
+    temporary = f".{token_hex(8)}.new"
     try:  # from before there is a file: who is interrupted leaves none behind
-        file = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600, dir_fd=place)
+        file = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600, dir_fd=directory)
         with open(file, "wb") as output:
             output.write(data)
-        os.replace(beside, name, src_dir_fd=place, dst_dir_fd=place)
+        os.replace(temporary, name, src_dir_fd=directory, dst_dir_fd=directory)
     except BaseException:
         with suppress(OSError):
-            os.unlink(beside, dir_fd=place)
+            os.unlink(temporary, dir_fd=directory)
         raise
 
 
-def _make_room(place: int) -> None:
-    """Take away what was not used for longest, until the rest is no more than `MOST`."""
-    found = []
-    with os.scandir(place) as entries:
+def _make_room(directory: int) -> None:
+    """Take away what was not used for longest, until the rest is no more than `MAX_BYTES`."""
+    files = []
+    with os.scandir(directory) as entries:
         for entry in entries:
             with suppress(FileNotFoundError):  # another process takes away as well
                 status = entry.stat(follow_symlinks=False)
-                found.append((status.st_mtime, status.st_size, entry.name))
-    room = MOST
-    for _, size, name in sorted(found, reverse=True):
+                files.append((status.st_mtime, status.st_size, entry.name))
+    room = MAX_BYTES
+    for _, size, name in sorted(files, reverse=True):
         room -= size
         if room < 0:
             with suppress(OSError):
-                os.unlink(name, dir_fd=place)
+                os.unlink(name, dir_fd=directory)

@@ -50,8 +50,12 @@ def room(most: int, share: int = 4) -> int:
 
 
 class Doorkeeper:
-    """See the module. most: connections at one time; patience: seconds for which one may keep its place without a
-    sign of life; say: tells the person at the terminal, seldom."""
+    """See the module.
+
+    most: connections at one time.
+    patience: seconds for which one may keep its place without a sign of life.
+    say: tells the person at the terminal, seldom.
+    """
 
     def __init__(self, most: int, patience: float, clock: Clock, say: Callable[[str], None]) -> None:
         self._most, self._patience, self._clock, self._say = most, patience, clock, say

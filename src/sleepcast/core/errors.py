@@ -56,7 +56,7 @@ def _nearest(name: str, candidates: tuple[str, ...]) -> str | None:
     return written[best].upper() if name.isupper() and best != key else written[best]
 
 
-LEAST_SLIPPED = 4
+MIN_SLIPPED = 4
 """Characters of a name at least of which another one may be a slip: shorter ones are alike by chance."""
 
 
@@ -67,7 +67,7 @@ def slip_of(name: str, candidates: Iterable[str]) -> str | None:
     key, known = name.casefold(), {candidate.casefold(): candidate for candidate in candidates}
     if key in known:
         return None
-    slips = (other for other in known if len(other) >= LEAST_SLIPPED and _is_slip(key, other))
+    slips = (other for other in known if len(other) >= MIN_SLIPPED and _is_slip(key, other))
     return next((known[other] for other in slips), None)
 
 
@@ -82,8 +82,8 @@ def _is_slip(name: str, other: str) -> bool:
 
 def did_you_mean(name: str, candidates: Iterable[str]) -> str:
     """` (did you mean X?)` for the candidate nearest to `name`, or an empty string."""
-    found = nearest(name, candidates)
-    return f" (did you mean {found}?)" if found else ""
+    meant = nearest(name, candidates)
+    return f" (did you mean {meant}?)" if meant else ""
 
 
 _COMMA = re.compile(r"\s*([+-]?\d{1,15}),(\d{1,15})(\s*[A-Za-z%][A-Za-z/0-9]*|)\s*")
@@ -94,10 +94,10 @@ THOUSANDS = 3
 def decimal_comma(text: object) -> str:
     """`. Decimals have a point, not a comma: 12.5` for a number with a comma, or an empty text. A comma that may stand
     between thousands is named as both."""
-    found = _COMMA.fullmatch(text) if isinstance(text, str) else None
-    if found is None:
+    match = _COMMA.fullmatch(text) if isinstance(text, str) else None
+    if match is None:
         return ""
-    whole, rest, unit = found.groups()
+    whole, rest, unit = match.groups()
     also = f", or {whole}{rest}{unit} if thousands are meant" if len(rest) == THOUSANDS else ""
     return f". Decimals have a point, not a comma: {whole}.{rest}{unit}{also}"
 
@@ -123,9 +123,9 @@ def in_file(place: str, sentence: str) -> str:
     within = list(_WITHIN.finditer(first))
     if not within or not file or not line.isdigit():
         return f"{place}: {sentence}"
-    found = within[-1]
-    shown = f"{file}:{int(line) + int(found[1]) - 1}"
-    return f"{shown}: {first[: found.start()]}{first[found.end() :]}{newline}{rest}"
+    spot = within[-1]
+    shown = f"{file}:{int(line) + int(spot[1]) - 1}"
+    return f"{shown}: {first[: spot.start()]}{first[spot.end() :]}{newline}{rest}"
 
 
 def printable(text: str) -> str:

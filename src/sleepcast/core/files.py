@@ -53,16 +53,16 @@ def replace_file(file: Path, data: bytes, *, private: bool = False) -> None:
     target = Path(os.path.realpath(file))
     if target.exists() and not target.is_file():
         raise OSError(None, "that is no file")
-    beside = target.with_name(f".{target.name}.{os.getpid()}.new")
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.new")
     try:
-        with open(beside, "xb", opener=_private if private else None) as output:
+        with open(temporary, "xb", opener=_private if private else None) as output:
             output.write(data)
             output.flush()
             os.fsync(output.fileno())
-        os.replace(beside, target)
+        os.replace(temporary, target)
         settle(target.parent)
     except BaseException:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
 
 

@@ -65,8 +65,8 @@ class LocalMap:
         near = [math.hypot(a, b) <= FARTHEST for a, b in zip(x, y, strict=True)]
         safe = [(a, b) if ok else (0.0, 0.0) for a, b, ok in zip(x, y, near, strict=True)]
         longitudes, latitudes = self._down.transform([a for a, _ in safe], [b for _, b in safe])
-        found = zip(latitudes, longitudes, near, strict=True)
-        return [(latitude, longitude) if ok else (math.nan, math.nan) for latitude, longitude, ok in found]
+        places = zip(latitudes, longitudes, near, strict=True)
+        return [(latitude, longitude) if ok else (math.nan, math.nan) for latitude, longitude, ok in places]
 
     def metres(self, latitude: float, longitude: float) -> tuple[float, float] | None:
         """x and y, m, of a point on the Earth; None if it is farther than `FARTHEST` or is no place."""

@@ -21,12 +21,12 @@ def whole_number(value: object, what: str, low: int, high: int) -> int:
     """`value`, of any integer type, as a plain int from `low` to `high`. what: it is, for the error. Raises MisuseError
     for anything else: a text, a float and a truth value are no whole numbers."""
     try:
-        found = None if isinstance(value, bool) else index(value)  # type: ignore[arg-type]  # that is the question
+        number = None if isinstance(value, bool) else index(value)  # type: ignore[arg-type]  # that is the question
     except TypeError:
-        found = None
-    if found is None or not low <= found <= high:
+        number = None
+    if number is None or not low <= number <= high:
         raise MisuseError(f"{what} {_shown(value)}: wanted a whole number from {low} to {high}")
-    return found
+    return number
 
 
 def read_seed(value: object) -> int:
@@ -39,13 +39,13 @@ def read_seconds(value: object, what: str, high: float = inf) -> float:
     for the error. Raises MisuseError."""
     given = in_seconds(value, what) if isinstance(value, str) else value
     try:
-        found = -1.0 if isinstance(given, bytes | bool) else float(given)  # type: ignore[arg-type]  # as above
+        seconds = -1.0 if isinstance(given, bytes | bool) else float(given)  # type: ignore[arg-type]  # as above
     except (TypeError, ValueError, OverflowError):
-        found = -1.0
-    if not 0.0 <= found <= high or found == inf:
+        seconds = -1.0
+    if not 0.0 <= seconds <= high or seconds == inf:
         most = "0 or more" if high == inf else f"from 0 to {high:g}"
         raise MisuseError(f'{what} {_shown(value)}: wanted a number of seconds, {most}, or a text such as "30s"')
-    return found
+    return seconds
 
 
 def in_seconds(value: float | str, what: str) -> float:
@@ -54,14 +54,14 @@ def in_seconds(value: float | str, what: str) -> float:
     if not isinstance(value, str):
         return value
     try:
-        found = measure_of(value, TIME, 0.0)
+        measure = measure_of(value, TIME, 0.0)
     except QuantityError as error:
         raise MisuseError(f"{what} {_shown(value)}: {error}") from error
-    if not found.unit:
+    if not measure.unit:
         raise MisuseError(
             f'{what} {_shown(value)}: wanted a number of seconds, 0 or more, or a text with its unit, such as "30s"'
         )
-    return found.value
+    return measure.value
 
 
 def _shown(value: object) -> str:

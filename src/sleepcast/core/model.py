@@ -15,9 +15,10 @@ from sleepcast.core.units import Dimension, dimension_of
 class Quantity:
     """A named physical value that a robot has: what minds and bodies both say of it.
 
-    unit: a key of `UNITS` or "" for a plain number; the value itself is always held in SI. low, high: its declared
-    range in SI, -inf..inf where none is. freshness: seconds after which a measured value counts as unknown, inf for
-    never. shown_as: the unit in which people read it ("%", "mi"); the same as `unit` unless said otherwise.
+    unit: a key of `UNITS` or "" for a plain number; the value itself is always held in SI.
+    low, high: its declared range in SI, -inf..inf where none is.
+    freshness: seconds after which a measured value counts as unknown, inf for never.
+    shown_as: the unit in which people read it ("%", "mi"); the same as `unit` unless said otherwise.
     """
 
     name: str
@@ -60,14 +61,16 @@ class NamedArea:
 class HostFunction:
     """A function of the robot's own software.
 
-    dimensions: one for each argument, None where any will do; `least` arguments must be given. result: dimension of
-    the value. acts: whether it does something to the world (then an unknown argument never reaches it). labelled:
-    whether its only argument is a text in quotes. `call(body, *arguments)` returns a float or None (which counts as 1).
+    dimensions: one for each argument, None where any will do; `least` arguments must be given.
+    result: dimension of the value.
+    acts: whether it does something to the world (then an unknown argument never reaches it).
+    labelled: whether its only argument is a text in quotes.
+    call: `call(body, *arguments)` returns a float or None (which counts as 1).
     many: does the same for many bodies at once, `many(bodies, robots, *arguments)` with an array for each argument and
-    one of results (None: all 1); None if their bodies cannot. bodies: those of the whole fleet.
+        one of results (None: all 1); None if their bodies cannot. `bodies` are those of the whole fleet.
     irreversible: whether it cannot be undone, so that a desk asks for how many robots it is meant.
-    moves: whether it moves the robot's body, if it acts. unit: in which people read the value, where its dimension does
-    not say that: "deg" for a direction.
+    moves: whether it moves the robot's body, if it acts.
+    unit: in which people read the value, where its dimension does not say that: "deg" for a direction.
     """
 
     name: str
@@ -91,10 +94,13 @@ class HostFunction:
 
 @dataclass(frozen=True, slots=True)
 class ReadyCommand:
-    """A command that a scenario offers on its page, with the words that a person would say. blank: its text with the
-    names of numbers in braces; "" where there are none. needs: the number of the one to be sent before,
-    from 1; 0 for none. together: whether it works only with the others of which this is said, which a page sends in
-    their order at one press."""
+    """A command that a scenario offers on its page, with the words that a person would say.
+
+    blank: its text with the names of numbers in braces; "" where there are none.
+    needs: the number of the one to be sent before, from 1; 0 for none.
+    together: whether it works only with the others of which this is said, which a page sends in their order at one
+        press.
+    """
 
     title: str
     text: str

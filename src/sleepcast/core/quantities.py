@@ -44,19 +44,19 @@ def as_measure(value: object) -> Measure | None:
 def measure_of(value: object, dimension: Dimension | None, low: float = -inf, high: float = inf) -> Measure:
     """What stands there, which must be of this dimension (None: of any) and from `low` to `high`, SI. Raises
     QuantityError."""
-    found, wanted = as_measure(value), f"{dimension or 'a value'}{_example(dimension)}"
-    if found is None:
+    measure, wanted = as_measure(value), f"{dimension or 'a value'}{_example(dimension)}"
+    if measure is None:
         raise QuantityError(refusal(wanted, value))
-    if found.unit and found.unit not in UNITS:
+    if measure.unit and measure.unit not in UNITS:
         units = [unit for unit, known in UNITS.items() if dimension in (None, known.dimension)]
-        raise QuantityError(f'unknown unit in "{value}"{did_you_mean(found.unit, units)}; wanted {wanted}')
-    if dimension is not None and found.unit and UNITS[found.unit].dimension != dimension:
-        raise QuantityError(f'wanted {wanted}, not "{value}", {UNITS[found.unit].dimension}')
-    if not isfinite(found.value) and (low, high) == (-inf, inf):
+        raise QuantityError(f'unknown unit in "{value}"{did_you_mean(measure.unit, units)}; wanted {wanted}')
+    if dimension is not None and measure.unit and UNITS[measure.unit].dimension != dimension:
+        raise QuantityError(f'wanted {wanted}, not "{value}", {UNITS[measure.unit].dimension}')
+    if not isfinite(measure.value) and (low, high) == (-inf, inf):
         raise QuantityError(refusal(wanted, value))
-    if not isfinite(found.value) or not low <= found.value <= high:
-        raise QuantityError(refusal(f"{dimension or 'a value'} {_between(low, high, found.unit)}", value))
-    return found
+    if not isfinite(measure.value) or not low <= measure.value <= high:
+        raise QuantityError(refusal(f"{dimension or 'a value'} {_between(low, high, measure.unit)}", value))
+    return measure
 
 
 def in_si(value: object, dimension: Dimension | None, low: float = -inf, high: float = inf) -> float:

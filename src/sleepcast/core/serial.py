@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 LEVEL = 1
 """Of the compression: higher ones take several times as long to save a few per cent."""
 
-LEAST_ROOM = 512 * 1024**2
+MIN_ROOM = 512 * 1024**2
 """Bytes for what does not grow with the robots: a full journal, and copies on the air as many as a radio takes."""
 ROOM_FOR_ONE = 4_096
 """Bytes for one robot: four times what its body and mind may take."""
@@ -71,12 +71,12 @@ class Array(msgspec.Struct, frozen=True, array_like=True):
         apart = little.reshape(-1).view(np.uint8).reshape(-1, little.dtype.itemsize)
         return cls(little.dtype.str, values.shape, apart.T.tobytes())
 
-    def made(self, sort: type[Scalar], shape: tuple[int, ...], name: str) -> NDArray[Scalar]:
-        """The array, which must hold scalars of this sort and have this shape. name: for the error. Raises
+    def made(self, dtype: type[Scalar], shape: tuple[int, ...], name: str) -> NDArray[Scalar]:
+        """The array, which must hold scalars of this type and have this shape. name: for the error. Raises
         SerialError."""
         import numpy as np
 
-        wanted = np.dtype(sort).newbyteorder("<")
+        wanted = np.dtype(dtype).newbyteorder("<")
         if self.dtype != wanted.str or self.shape != shape:
             raise SerialError(f"{name} is {self._kind()}, wanted {wanted.str}{list(shape)}")
         if len(self.data) != prod(shape) * wanted.itemsize:
@@ -84,14 +84,14 @@ class Array(msgspec.Struct, frozen=True, array_like=True):
         apart = np.frombuffer(self.data, np.uint8).reshape(wanted.itemsize, -1)
         if wanted.kind == "b" and (apart > 1).any():
             raise SerialError(f"{name} holds something that is neither true nor false")
-        found = apart.T.copy(order="C").view(wanted).reshape(shape)
-        return found.astype(sort, copy=False)
+        values = apart.T.copy(order="C").view(wanted).reshape(shape)
+        return values.astype(dtype, copy=False)
 
-    def column(self, sort: type[Scalar], most: int, name: str) -> NDArray[Scalar]:
+    def column(self, dtype: type[Scalar], most: int, name: str) -> NDArray[Scalar]:
         """The same for one dimension of any length up to `most`."""
         if len(self.shape) != 1 or not 0 <= self.shape[0] <= most:
             raise SerialError(f"{name} is {self._kind()}, wanted a list of at most {most}")
-        return self.made(sort, self.shape, name)
+        return self.made(dtype, self.shape, name)
 
     def _kind(self) -> str:
         return f"{self.dtype[:8]}{list(self.shape)[:4]}"
@@ -123,7 +123,7 @@ def within(values: NDArray[np.generic], low: float, high: float, name: str) -> N
 
 def room_for(robots: int) -> int:
     """Bytes that a parcel about so many robots may have, before it is compressed."""
-    return LEAST_ROOM + ROOM_FOR_ONE * robots
+    return MIN_ROOM + ROOM_FOR_ONE * robots
 
 
 def pack(body: msgspec.Struct, most: int) -> bytes:
@@ -133,10 +133,10 @@ def pack(body: msgspec.Struct, most: int) -> bytes:
 
 def plain(body: msgspec.Struct, most: int) -> bytes:
     """A parcel before it is compressed: a copy of everything in it. Raises SerialError for more than `most` bytes."""
-    found = msgspec.msgpack.encode(body)
-    if len(found) > most:
-        raise SerialError(f"{len(found)} bytes, at most {most} have room")
-    return found
+    data = msgspec.msgpack.encode(body)
+    if len(data) > most:
+        raise SerialError(f"{len(data)} bytes, at most {most} have room")
+    return data
 
 
 def compressed(plain: bytes) -> bytes:

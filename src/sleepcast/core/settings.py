@@ -105,15 +105,15 @@ class Document:
                 here = here.get(part)
             else:
                 here = here[part] if isinstance(part, int) and isinstance(here, list) and part < len(here) else None
-        found = as_measure(here)
-        if found is None or (found.unit and found.unit not in UNITS):
+        measure = as_measure(here)
+        if measure is None or (measure.unit and measure.unit not in UNITS):
             if self.is_changed(key):
                 self._check_tables(_parts(key))
                 raise self.error(
                     _parts(key), "is missing" if here is None else f"wanted a number, not {shown_value(here)}"
                 )
             raise MisuseError(f"this file has no number at {key:.80}")
-        return found
+        return measure
 
     def _check_tables(self, where: Path_) -> None:
         """Raises SettingsError for what stands in place of a table around a key."""
@@ -183,7 +183,7 @@ def toml_document(path: Path, text: str | None = None) -> Document:
 
 def key_lines(text: str) -> dict[Path_, int]:
     """The line, from 1, of every key and table. Tables in an array have their index in the path."""
-    found: dict[Path_, int] = {}
+    lines: dict[Path_, int] = {}
     table: Path_ = ()
     counts: dict[Path_, int] = {}
     quoted = ""  # the mark that ends a text of several lines
@@ -195,14 +195,14 @@ def key_lines(text: str) -> dict[Path_, int]:
         if header := _HEADER.match(line):
             table = _path(header[2])
             for end in range(1, len(table) + 1):
-                found.setdefault(table[:end], number)
+                lines.setdefault(table[:end], number)
             if header[1] == "[[":
                 counts[table] = counts.get(table, -1) + 1
                 table = (*table, counts[table])
-            found.setdefault(table, number)
+            lines.setdefault(table, number)
         elif key := _KEY.match(line):
-            found.setdefault((*table, *_path(key[1])), number)
-    return found
+            lines.setdefault((*table, *_path(key[1])), number)
+    return lines
 
 
 def key_path(key: str) -> Path_:

@@ -34,9 +34,9 @@ class Carried:
     def ticks(self, seconds: float) -> int:
         """How many ticks the next length is, s, with what the ones before have left over."""
         wanted = self.rest + seconds / self._tick
-        found = round(wanted)
-        self.rest = wanted - found
-        return found
+        given = round(wanted)
+        self.rest = wanted - given
+        return given
 
 
 class Every:
@@ -51,10 +51,10 @@ class Every:
 
     def following(self, number: int) -> int:
         """The next tick after this one on which a multiple falls."""
-        found = max(number, tick_at((self._passed(number) + 1) / self._share, 1.0) - 2) + 1
-        while not self.due(found):
-            found += 1
-        return found
+        later = max(number, tick_at((self._passed(number) + 1) / self._share, 1.0) - 2) + 1
+        while not self.due(later):
+            later += 1
+        return later
 
     def _passed(self, number: int) -> int:
         """How many multiples above 0 have come by the end of this tick."""

@@ -31,8 +31,8 @@ for."""
 def readable(order: Order) -> Order:
     """The order itself. Raises MissionError, with its place, for a text that nobody can read."""
     try:
-        if (found := instruction(order)).is_expression:
-            read(found.text)
+        if (wanted := instruction(order)).is_expression:
+            read(wanted.text)
     except SleepcastError as error:
         raise MissionError(in_file(order.place, str(error))) from error
     return order
@@ -69,10 +69,14 @@ def named_robots(message: Message, key: str) -> tuple[str, ...] | None:
 
 
 class MissionLog:
-    """The orders of a mission, and what was sent of them. commands: what all desks have sent, oldest first. tick: s by
-    which an order is sent before its time, so that it is on the air then. given: orders that are known to have been
-    sent, with the ids of their messages, "" where they have none; it grows, and belongs to the run. first: the operator
-    who sends what names nobody."""
+    """The orders of a mission, and what was sent of them.
+
+    commands: what all desks have sent, oldest first.
+    tick: s by which an order is sent before its time, so that it is on the air then.
+    given: orders that are known to have been sent, with the ids of their messages, "" where they have none; it grows,
+        and belongs to the run.
+    first: the operator who sends what names nobody.
+    """
 
     def __init__(
         self,
@@ -91,19 +95,19 @@ class MissionLog:
             self._waiting.setdefault(self._words(order), deque()).append(number)
 
     def sent(self) -> Mapping[int, Message]:
-        """The messages of the orders that were sent, by their place in `orders`."""
+        """The messages of the orders that were sent, by their index in `orders`."""
         new = [command.message for command in self._commands() if command.message.id not in self._seen]
         given = {sent: order for order, sent in self._given} if new else {}
         for message in new:
             self._seen.add(message.id)
             order = given.get(message.id)
-            number = self._like(message) if order is None else self._place(order)
+            number = self._like(message) if order is None else self._number_of(order)
             if number is not None:
                 self._take(number, message)
         return self._sent
 
     def note(self, number: int, message: Message) -> None:
-        """This message is the order at this place, once more if it was sent before."""
+        """This message is the order of this number, once more if it was sent before."""
         before = self._sent.get(number)
         self._given[:] = [each for each in self._given if before is None or each[1] != before.id]
         self._given.append((self.orders[number], message.id))
@@ -131,31 +135,31 @@ class MissionLog:
             return waiting[0]
         return None
 
-    def _place(self, order: Order) -> int | None:
-        """The place of this order, the first that was not sent of several that are the same."""
-        places = [number for number, each in enumerate(self.orders) if is_same(each, order)]
-        return next((number for number in places if number not in self._sent), next(iter(places), None))
+    def _number_of(self, order: Order) -> int | None:
+        """The index of this order, the first that was not sent of several that are the same."""
+        alike = [number for number, each in enumerate(self.orders) if is_same(each, order)]
+        return next((number for number in alike if number not in self._sent), next(iter(alike), None))
 
     def _in_time(self, number: int, message: Message) -> bool:
         return abs(message.issued - self.orders[number].time) < 1.5 * self._tick
 
     def wordless(self) -> set[int]:
-        """The places of those that were given, and of which there is no message: HOLD and AWAY."""
-        found = set[int]()
+        """The indices of those that were given, and of which there is no message: HOLD and AWAY."""
+        wordless = set[int]()
         for given in [order for order, sent in self._given if not sent]:
-            places = (number for number, each in enumerate(self.orders) if is_same(each, given) and number not in found)
-            found.update(islice(places, 1))
-        return found
+            alike = (i for i, each in enumerate(self.orders) if is_same(each, given) and i not in wordless)
+            wordless.update(islice(alike, 1))
+        return wordless
 
     def rest(self) -> list[int]:
-        """The places of those that were not sent yet."""
+        """The indices of those that were not sent yet."""
         settled = self.sent().keys() | self.wordless()
         return [number for number in range(len(self.orders)) if number not in settled]
 
     def _words(self, order: Order) -> Words:
-        found = instruction(order)
-        by = found.by or self._first
-        return by, found.sort, " ".join(found.text.split()), _names(found.only), _names(found.but)
+        wanted = instruction(order)
+        by = wanted.by or self._first
+        return by, wanted.sort, " ".join(wanted.text.split()), _names(wanted.only), _names(wanted.but)
 
 
 def is_same(order: Order, other: Order) -> bool:

@@ -49,8 +49,13 @@ class MindChannel(Channel, Protocol):
 
 @dataclass(slots=True)
 class TickTiming:
-    """Timing of a run. ticks: number so far; late: those that began when the next one was already due; worst: greatest
-    delay of a tick, s. measured: time of the last new reading."""
+    """Timing of a run.
+
+    ticks: number so far.
+    late: those that began when the next one was already due.
+    worst: greatest delay of a tick, s.
+    measured: time of the last new reading.
+    """
 
     ticks: int = 0
     late: int = 0
@@ -70,8 +75,13 @@ class TickTiming:
 
 @dataclass(slots=True)
 class EmbodiedMind:
-    """A mind in a real body. clock: of the mind. keeper: stores what it knows. start: when the mind's time was 0, s of
-    that clock. is_catching_up: see `Node.catch_up`."""
+    """A mind in a real body.
+
+    clock: of the mind.
+    keeper: stores what it knows.
+    start: when the mind's time was 0, s of that clock.
+    is_catching_up: see `Node.catch_up`.
+    """
 
     node: Node
     robot: Robot
@@ -128,10 +138,13 @@ def run_robots(
     """Run minds in their bodies while `going`, called before each tick, returns true; then stop the bodies. It may add
     minds to those that run.
 
-    clock: of the ticks. tick: period in s; 0 for one body in step, whose `sense` waits for the next tick itself (and
-    which is its own clock). sleep: waits that many s of `clock`. fails: takes a mind whose tick has raised
-    SleepcastError, which then ends alone; without it the run ends. Raises whatever robots and channels raise, once the
-    bodies are stopped.
+    clock: of the ticks.
+    tick: period in s; 0 for one body in step, whose `sense` waits for the next tick itself (and which is its own
+        clock).
+    sleep: waits that many s of `clock`.
+    fails: takes a mind whose tick has raised SleepcastError, which then ends alone; without it the run ends.
+
+    Raises whatever robots and channels raise, once the bodies are stopped.
     """
     due, running = clock.now(), RunningMinds(minds, clock, tick, fails)
     try:
@@ -229,9 +242,16 @@ class Member:
 
 @dataclass(slots=True)
 class NetworkSwarm:
-    """See the module. multiplexer: has the ports of the receiver and of all sessions. clock: for the pace of the ticks;
-    air: Unix time, for sessions. watch: timing of the run. guard: of the bodies' limits. keeper: stores what the minds
-    know, and is that of each member. time: of the minds, which began when their nodes say, s."""
+    """See the module.
+
+    multiplexer: has the ports of the receiver and of all sessions.
+    clock: for the pace of the ticks.
+    air: Unix time, for sessions.
+    watch: timing of the run.
+    guard: of the bodies' limits.
+    keeper: stores what the minds know, and is that of each member.
+    time: of the minds, which began when their nodes say, s.
+    """
 
     simulator: Simulator
     members: Sequence[Member]

@@ -33,7 +33,7 @@ class Inputs:
 
     def between(self, after: int, until: int) -> Inputs:
         """What came after the tick `after`, up to that of `until`."""
-        (first, earliest), (end, latest) = self.places(after), self.places(until)
+        (first, earliest), (end, latest) = self.counts(after), self.counts(until)
         return Inputs(self.posted[first:end], self.changes[earliest:latest])
 
     @property
@@ -44,7 +44,7 @@ class Inputs:
 
     def forget(self, tick: int) -> None:
         """Leave out all up to this tick."""
-        posted, changes = self.places(tick)
+        posted, changes = self.counts(tick)
         del self.posted[:posted], self.changes[:changes]
 
     def leaves(self, other: Inputs) -> int | None:
@@ -53,7 +53,7 @@ class Inputs:
         changed = _apart(self.changes, other.changes, lambda each: each.tick)
         return min((tick for tick in (posted, changed) if tick is not None), default=None)
 
-    def places(self, tick: int) -> tuple[int, int]:
+    def counts(self, tick: int) -> tuple[int, int]:
         """How many messages and how many changes had come when this tick was over."""
         posted = bisect_right(self.posted, tick, key=lambda each: each[0])
         return posted, bisect_right(self.changes, tick, key=lambda each: each.tick)
@@ -114,10 +114,10 @@ class InputLog:
 
     def ticking(self) -> None:
         """A tick begins. Changes in the world since the last one came from outside."""
-        found = self._world.look(self._simulator.tick + 1, own=False)
-        if found is not None:
-            self.inputs.changes.append(found)
-            self.size += size_of_change(found)
+        change = self._world.look(self._simulator.tick + 1, own=False)
+        if change is not None:
+            self.inputs.changes.append(change)
+            self.size += size_of_change(change)
 
     def posted(self, message: Message) -> None:
         """The operator's message goes on the air in this tick."""
@@ -176,7 +176,7 @@ class Rerun:
     def follow(self, inputs: Inputs) -> None:
         """Go on with these inputs, in place of those that were known."""
         self._inputs = inputs
-        self._posted, self._changes = inputs.places(self.tick)
+        self._posted, self._changes = inputs.counts(self.tick)
 
 
 def _change(world: World, change: WorldChange) -> None:

@@ -91,9 +91,14 @@ class GivenOrder(msgspec.Struct):
 
 
 class LoopState(msgspec.Struct):
-    """The loop's own state. orders: of the mission, not sent yet: time (s), text and place in its script. posted: what
-    the operator has sent since the last tick. rest: what runs have left over, see `Carried`. wanted: of each of the
-    orders, unless nobody wants anything; given: those that were sent and say what shall become of them."""
+    """The loop's own state.
+
+    orders: of the mission, not sent yet: time (s), text and place in its script.
+    posted: what the operator has sent since the last tick.
+    rest: what runs have left over, see `Carried`.
+    wanted: of each of the orders, unless nobody wants anything.
+    given: those that were sent and say what shall become of them.
+    """
 
     orders: list[tuple[float, str, str]]
     posted: list[Message]
@@ -201,10 +206,13 @@ def resume(
 ) -> Swarm:
     """Resume a swarm from a snapshot, bit for bit.
 
-    seed: None keeps the swarm's own; another one makes a fork: the same past with another random future. threads:
-    for the bodies. desk: makes the operator's desk for a swarm, which then gets the state of the old one. name: of
-    the snapshot, for errors. Raises SnapshotError for bytes that are not a snapshot, of a newer version, or damaged,
-    and MisuseError for a seed that is none.
+    seed: None keeps the swarm's own; another one makes a fork: the same past with another random future.
+    threads: for the bodies.
+    desk: makes the operator's desk for a swarm, which then gets the state of the old one.
+    name: of the snapshot, for errors.
+
+    Raises SnapshotError for bytes that are not a snapshot, of a newer version, or damaged, and MisuseError for a seed
+    that is none.
     """
     seed = None if seed is None else read_seed(seed)  # here, where the snapshot is not to blame
     document = _opened(data, name)

@@ -32,14 +32,14 @@ class Conditions(Cursor):
 
     def conditions(self) -> Test | None:
         """All conditions up to the acts, None if there are none."""
-        found = None
+        test = None
         while self.begins_condition():
             try:
-                found = self.either()
+                test = self.either()
             except Stuck as stuck:
                 self.note(stuck)
                 self.joint()
-        return found
+        return test
 
     def joint(self) -> bool:
         """Go past AND between two conditions."""
@@ -57,16 +57,16 @@ class Conditions(Cursor):
 
     def either(self) -> Test:
         """Conditions with OR between them."""
-        found = [self.every()]
+        tests = [self.every()]
         while self.take("or"):
-            found.append(self.every())
-        if len(found) == 1:
-            return found[0]
-        return Test(call("OR", *(each.form for each in found)))
+            tests.append(self.every())
+        if len(tests) == 1:
+            return tests[0]
+        return Test(call("OR", *(each.form for each in tests)))
 
     def every(self) -> Test:
         """Conditions with AND between them, or beside each other."""
-        found = [self.condition()]
+        conditions = [self.condition()]
         while True:
             before = self.at
             self.take_mark(",")
@@ -74,12 +74,12 @@ class Conditions(Cursor):
                 self.at = before
                 break
             try:
-                found.append(self.condition())
+                conditions.append(self.condition())
             except Stuck as stuck:
                 self.note(stuck)
-        if len(found) == 1:
-            return Test(found[0])
-        return Test(call("AND", *found), tuple(found))
+        if len(conditions) == 1:
+            return Test(conditions[0])
+        return Test(call("AND", *conditions), tuple(conditions))
 
     def condition(self) -> Form:
         """One condition, perhaps with NOT before it."""
@@ -234,15 +234,15 @@ class Conditions(Cursor):
 
     def amount_of(self, comparator: str, limit: Form) -> Form:
         self.take("of")
-        found = call(comparator, self.variable(), limit)
+        test = call(comparator, self.variable(), limit)
         self._comparator, self._comparing = comparator, True
-        return found
+        return test
 
     def range(self, low: Form, high: Form, operator: str) -> Form:
         self.take("of")
-        found = call(operator, low, self.variable(), high)
+        test = call(operator, low, self.variable(), high)
         self._comparing = True
-        return found
+        return test
 
     def whose(self) -> Form:
         """A variable, and what is said of it."""
@@ -250,9 +250,9 @@ class Conditions(Cursor):
         linked = self.word() in ARE
         self.at += linked
         negated = self.take("not")
-        found = self.said_of(name, linked, negated)
+        test = self.said_of(name, linked, negated)
         self._comparing = True
-        return found
+        return test
 
     def said_of(self, name: Form, linked: bool, negated: bool) -> Form:
         if self.take("set"):

@@ -127,13 +127,13 @@ class Cursor:
 
     def begins_act(self) -> bool:
         word = self.word()
-        return word in PLURAL or (word in ARE and self.word(1) == "now") or self.deed() is not None
+        return word in PLURAL or (word in ARE and self.word(1) == "now") or self.action() is not None
 
-    def deed(self) -> str | None:
+    def action(self) -> str | None:
         """The body's function that a verb here names."""
         word = self.word()
-        found = self.lexicon.deed(word) if word and word not in RESERVED else None
-        return None if found is None else found.name
+        function = self.lexicon.action(word) if word and word not in RESERVED else None
+        return None if function is None else function.name
 
     def suggested(self, words: Iterable[str]) -> str:
         """One of these words that is like what stands here, while it is told at all: looking for it takes a while."""
@@ -143,23 +143,23 @@ class Cursor:
 
     def own(self, name: str) -> Symbol:
         """A variable that the sentence does not name, but needs."""
-        found = self.lexicon.name(name)
-        if found is None:
+        declared = self.lexicon.name(name)
+        if declared is None:
             raise Stuck(f"these robots have no variable {name}", max(0, self.at - 1))
-        return Symbol(found)
+        return Symbol(declared)
 
     def variable(self) -> Symbol:
         """The name of a variable or constant."""
         token = self.token
         if token.kind != WORD or token.text in RESERVED:
             self.stuck("wanted the name of a variable" if token.kind == END else "wanted the name of a variable here")
-        found = self.lexicon.name(token.written)
-        if found is None:  # what follows may well be understood
+        declared = self.lexicon.name(token.written)
+        if declared is None:  # what follows may well be understood
             suggested = self.suggested(self.lexicon.names())
             message = f'"{self.said()}" is no variable that these robots know{suggested}'
             self.unclear.append(Unclear(token.start, token.end, message))
         self.at += 1
-        return Symbol(found or token.written)
+        return Symbol(declared or token.written)
 
     def value(self) -> Form:
         """A number, or the name of a variable or constant."""
@@ -176,11 +176,11 @@ class Cursor:
                 self.stuck(f'"{self.said()}" is no number with a unit')
             self.stuck("wanted a number")
         try:
-            found = read(f"{token.text}{token.unit}")
+            number = read(f"{token.text}{token.unit}")
         except ReadError as error:
             self.stuck(error.reason)
         self.at += 1
-        return found
+        return number
 
     def open_name(self, what: str) -> Symbol:
         """A name that need not be known: of a group, a rule or an area."""
@@ -208,8 +208,8 @@ class Cursor:
         if token.kind != LABEL:
             self.stuck("wanted a text in quotes")
         try:
-            found = read(f'"{token.text}"')
+            label = read(f'"{token.text}"')
         except ReadError as error:
             self.stuck(error.reason)
         self.at += 1
-        return found
+        return label

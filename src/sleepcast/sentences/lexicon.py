@@ -131,8 +131,10 @@ def _nobody(name: str) -> int | None:
 class Lexicon:
     """The words of one fleet.
 
-    noun: what its robots are called, in the plural. titles: of places, by their names. number_of: the number (the
-    variable `id`) of the robot with a name, None if there is no such robot. groups: of which robots have heard.
+    noun: what its robots are called, in the plural.
+    titles: of places, by their names.
+    number_of: the number (the variable `id`) of the robot with a name, None if there is no such robot.
+    groups: of which robots have heard.
     """
 
     vocabulary: Vocabulary
@@ -163,39 +165,39 @@ class Lexicon:
 
     def function(self, name: str) -> HostFunction | None:
         """The function of the robots' bodies with this name."""
-        found = self.vocabulary.bindings.get(name.casefold())
-        return found if isinstance(found, HostFunction) else None
+        binding = self.vocabulary.bindings.get(name.casefold())
+        return binding if isinstance(binding, HostFunction) else None
 
-    def deed(self, word: str) -> HostFunction | None:
+    def action(self, word: str) -> HostFunction | None:
         """The function without arguments that a verb names: WANDER for "wander" and "wanders"."""
         for name in (word, word.removesuffix("s")):
-            found = self.function(name)
-            if found is not None and not found.dimensions and found.acts:
-                return found
+            function = self.function(name)
+            if function is not None and not function.dimensions and function.acts:
+                return function
         return None
 
     def places(self) -> dict[tuple[str, ...], str]:
         """The names of places, by the words that they are called by."""
         names = {*self.vocabulary.bindings, *self.vocabulary.user_slots}
-        found = [key[:-2] for key in names if key.endswith("_x") and f"{key[:-2]}_y" in names and len(key) > 2]
+        places = [key[:-2] for key in names if key.endswith("_x") and f"{key[:-2]}_y" in names and len(key) > 2]
         titles = {key.casefold(): words_of(title) for key, title in self.titles.items()}
         called: dict[tuple[str, ...], set[str]] = {}
-        for place in found:
+        for place in places:
             title = titles.get(place, ())
             for phrase in {title, *((word,) for word in title if word not in RESERVED)} - {()}:
                 called.setdefault(phrase, set()).add(place)
         alone = {phrase: whose.pop() for phrase, whose in called.items() if len(whose) == 1}
-        return alone | {(place,): place for place in found if place not in RESERVED}
+        return alone | {(place,): place for place in places if place not in RESERVED}
 
     def place_titles(self) -> dict[str, str]:
         """How each place is called in writing: by its title, if it has one that no other place has."""
         titles = {key.casefold(): title for key, title in self.titles.items()}
         called = self.places()
-        found = {}
+        shown = {}
         for place in set(called.values()):
             title = titles.get(place, "")
-            found[place] = title if called.get(words_of(title)) == place else place
-        return found
+            shown[place] = title if called.get(words_of(title)) == place else place
+        return shown
 
 
 def words_of(title: str) -> tuple[str, ...]:

@@ -38,8 +38,12 @@ class SentenceError(MisuseError):
 
 @dataclass(frozen=True, slots=True)
 class ParsedSentence:
-    """What a sentence means. form: the expression, None if anything is unclear; unclear: what, in order. doubts: what
-    is understood, and probably a slip."""
+    """What a sentence means.
+
+    form: the expression, None if anything is unclear.
+    unclear: what, in order.
+    doubts: what is understood, and probably a slip.
+    """
 
     form: Form | None
     unclear: tuple[Unclear, ...] = ()
@@ -125,24 +129,24 @@ class _Parser(Conditions):
 
     def numbered(self) -> Test | None:
         """The numbers of robots, `7` or `1, 2 and 5`; None if there are none."""
-        found: list[Form] = []
+        tests: list[Form] = []
         while self.token.kind == NUMBER and not self.token.unit and self.token.text.isdigit():
-            found.append(call("=", Symbol("id"), self.number()))
+            tests.append(call("=", Symbol("id"), self.number()))
             following = self.tokens[min(self.at + 1, len(self.tokens) - 1)]
             if following.kind != NUMBER or not (self.take_mark(",") or self.take("and") or self.take("or")):
                 break
-        if len(found) > 1:
-            return Test(call("OR", *found))
-        return Test(found[0]) if found else None
+        if len(tests) > 1:
+            return Test(call("OR", *tests))
+        return Test(tests[0]) if tests else None
 
     # ---- acts
 
     def acts(self) -> list[Form]:
         """Everything that the robots are to do."""
-        found: list[Form] = []
+        acts: list[Form] = []
         while self.token.kind != END:
             try:
-                found.append(self.act())
+                acts.append(self.act())
             except Stuck as stuck:
                 self.note(stuck)
             if self.token.kind == END:
@@ -152,7 +156,7 @@ class _Parser(Conditions):
                 self.take_joint()
             elif self.token.kind == END:
                 self.note(Stuck("wanted what else the robots are to do", self.at))
-        return found
+        return acts
 
     def take_joint(self) -> bool:
         """Go past what stands between two acts."""
@@ -163,7 +167,7 @@ class _Parser(Conditions):
         return self.at > before
 
     def act(self) -> Form:
-        function = self.deed()
+        function = self.action()
         if function is not None:
             self.at += 1
             return call(function)
@@ -213,12 +217,12 @@ class _Parser(Conditions):
 
     def body(self, name: str) -> str:
         """A function of the robots' bodies, which the verb before this position needs."""
-        found = self.lexicon.function(name)
-        if found is None:
+        function = self.lexicon.function(name)
+        if function is None:
             verb = self.tokens[self.at - 1]
             self.unclear.append(Unclear(verb.start, verb.end, f"these robots have no function {name}"))
             return name
-        return found.name
+        return function.name
 
     def driving(self) -> Form:
         function = self.body("DRIVE")
@@ -231,16 +235,16 @@ class _Parser(Conditions):
         return call(function, speed, Number(0.0, "deg/s", "0deg/s"))
 
     def reporting(self) -> Form:
-        found: list[Form] = [self.label()] if self.token.kind == LABEL else []
-        if found and not self.names_value():
-            return call("REPORT", *found)
-        found.append(self.variable())
+        values: list[Form] = [self.label()] if self.token.kind == LABEL else []
+        if values and not self.names_value():
+            return call("REPORT", *values)
+        values.append(self.variable())
         while True:
             before = self.at
             if not (self.take_mark(",") or self.take("and")) or not self.names_value():
                 self.at = before
-                return call("REPORT", *found)
-            found.append(self.variable())
+                return call("REPORT", *values)
+            values.append(self.variable())
 
     def names_value(self) -> bool:
         return self.token.kind == WORD and not self.begins_act() and self.lexicon.name(self.token.written) is not None

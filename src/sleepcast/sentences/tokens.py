@@ -23,9 +23,12 @@ _TOKEN = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Token:
-    """A piece of a sentence from offset `start` up to, not including, `end`. text: of a word, case-folded; of a number,
-    its digits; of a label, what stands in the quotes. unit: of a number, a key of `UNITS` or "". written: a word as
-    it stands."""
+    """A piece of a sentence from offset `start` up to, not including, `end`.
+
+    text: of a word, case-folded; of a number, its digits; of a label, what stands in the quotes.
+    unit: of a number, a key of `UNITS` or "".
+    written: a word as it stands.
+    """
 
     kind: str
     text: str
@@ -38,9 +41,9 @@ class Token:
 def cut(text: str) -> list[Token]:
     """The tokens of a sentence, the last one of the kind END. Articles are left out, and a full stop at the end."""
     length = len(text.rstrip().removesuffix("."))
-    found = [token for match in _TOKEN.finditer(text, 0, length) if (token := _token(match)).text != ARTICLE]
-    end = found[-1].end if found else length
-    return _with_units([*found, Token(END, "", end, end)])
+    tokens = [token for match in _TOKEN.finditer(text, 0, length) if (token := _token(match)).text != ARTICLE]
+    end = tokens[-1].end if tokens else length
+    return _with_units([*tokens, Token(END, "", end, end)])
 
 
 def _token(match: re.Match[str]) -> Token:
@@ -61,7 +64,7 @@ def _token(match: re.Match[str]) -> Token:
 
 def _with_units(tokens: list[Token]) -> list[Token]:
     """The tokens with the units that stand as words behind their numbers drawn into these."""
-    found: list[Token] = []
+    joined: list[Token] = []
     at = 0
     while at < len(tokens):
         token = tokens[at]
@@ -71,8 +74,8 @@ def _with_units(tokens: list[Token]) -> list[Token]:
             if used:
                 token = Token(NUMBER, token.text, token.start, tokens[at + used - 1].end, unit)
                 at += used
-        found.append(token)
-    return found
+        joined.append(token)
+    return joined
 
 
 def _unit(words: list[str]) -> tuple[str, int]:

@@ -302,10 +302,10 @@ class _Writer:
         return f"({self.value(x)}, {self.value(y)})"
 
     def variable(self, name: Symbol) -> str:
-        found = self.lexicon.name(name.text)
-        if found is None:
+        declared = self.lexicon.name(name.text)
+        if declared is None:
             raise _Beyond
-        return found
+        return declared
 
     def value(self, form: Form) -> str:
         if isinstance(form, Number):
@@ -348,13 +348,13 @@ class _Writer:
             case "tell", [told] if last and not self._telling:
                 self.tell(told)
             case head, [] if head:
-                self.deed(head)
+                self.action(head)
             case head, [Symbol() as rule]:
                 self.do(_verb(WITH_RULE, head), "rule", rule.text)
             case _:
                 raise _Beyond
 
-    def deed(self, head: str) -> None:
+    def action(self, head: str) -> None:
         """An act without arguments."""
         if head.upper() in WITHOUT_OBJECT.values():
             self.do(_verb(WITHOUT_OBJECT, head))

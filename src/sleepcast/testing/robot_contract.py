@@ -42,7 +42,9 @@ class Rig:
 class BridgeRig(Rig):
     """A body whose courier was not begun, so that time passes for it only here, and the same for its robot.
 
-    body: not in step, with this clock. advance: lets so many s pass for the robot. cut, mend: the way to the robot.
+    body: not in step, with this clock.
+    advance: lets so many s pass for the robot.
+    cut, mend: the way to the robot.
     step: s between two rounds.
     """
 
@@ -226,10 +228,10 @@ class BridgeContract(RobotContract):
                 for _ in range(40):
                     rig.body.act(Setpoint(sign * limits.speed, turn * limits.turn_rate))
                     rig.wait(0.2)
-                    found = rig.sensed()
-                    assert left <= found["x"] <= right
-                    assert bottom <= found["y"] <= top
-                    farthest = max(farthest, hypot(found["x"] - start["x"], found["y"] - start["y"]))
+                    sensed = rig.sensed()
+                    assert left <= sensed["x"] <= right
+                    assert bottom <= sensed["y"] <= top
+                    farthest = max(farthest, hypot(sensed["x"] - start["x"], sensed["y"] - start["y"]))
         assert farthest > way / 3.0, "it does drive"
 
     def test_a_robot_that_was_gone_is_at_rest_when_it_is_back(self, rig: BridgeRig) -> None:

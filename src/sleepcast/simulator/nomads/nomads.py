@@ -289,8 +289,8 @@ class NomadWorld:
     def remove(self, corners: Corners) -> bool:
         return self._changed(self._obstacles.remove(corners))
 
-    def move(self, corners: Corners, across: float, up: float) -> bool:
-        return self._changed(self._obstacles.move(corners, across, up))
+    def move(self, corners: Corners, dx: float, dy: float) -> bool:
+        return self._changed(self._obstacles.move(corners, dx, dy))
 
     def fill(self, polygons: Sequence[Corners]) -> bool:
         return self._changed(self._obstacles.fill(polygons))

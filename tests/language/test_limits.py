@@ -53,7 +53,7 @@ def fill_buffers(robot: Machine, wrapper: str, levels: int) -> int:
     return height(read(text))
 
 
-@pytest.mark.parametrize("levels", [3, 8, MAX_NESTING - 3])
+@pytest.mark.parametrize("levels", [3, pytest.param(8, marks=pytest.mark.nightly), MAX_NESTING - 3])
 @pytest.mark.parametrize("wrapper", WRAPPERS)
 @pytest.mark.parametrize("name", sorted(MACHINES))
 def test_the_deepest_chain_of_calls_is_evaluated_and_one_deeper_is_a_fault(

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from sleepcast.core.files import cache_folder
 from slow import SLOW
 
 # Programs under test are stopped by Ctrl-C. They inherit what this process does at it, and where a shell runs the tests
@@ -30,6 +31,9 @@ settings.register_profile("ordinary", deadline=None, suppress_health_check=BUSY,
 settings.register_profile("nightly", deadline=None, suppress_health_check=BUSY, max_examples=10_000, print_blob=True)
 settings.register_profile("quick", settings.get_profile("ordinary"), max_examples=20)
 settings.load_profile("ordinary")
+
+# Homes are made up for tests; what is compiled, and what libraries know of this machine, is found there all the same.
+os.environ["XDG_CACHE_HOME"] = str(cache_folder().parent)
 
 TESTS = Path(__file__).parent
 

@@ -426,8 +426,14 @@ def pictures() -> ModuleType:
 # ---- commands and programs
 
 
-SHELL = {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}", "LANG": "C.UTF-8", "COLUMNS": "100"}
-"""What the commands see: this environment's sleepcast, no screen, no settings of the person who runs the tests."""
+SHELL = {
+    "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+    "LANG": "C.UTF-8",
+    "COLUMNS": "100",
+    "XDG_CACHE_HOME": os.environ["XDG_CACHE_HOME"],
+}
+"""What the commands see: this environment's sleepcast and what is compiled already, no screen, no settings of the person
+who runs the tests."""
 
 
 @each("sh")

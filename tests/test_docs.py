@@ -432,8 +432,8 @@ SHELL = {
     "COLUMNS": "100",
     "XDG_CACHE_HOME": os.environ["XDG_CACHE_HOME"],
 }
-"""What the commands see: this environment's sleepcast and what is compiled already, no screen, no settings of the person
-who runs the tests."""
+"""What the commands see: this environment's sleepcast and what is compiled already, no screen, no settings of whoever
+runs the tests."""
 
 
 @each("sh")

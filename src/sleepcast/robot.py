@@ -12,7 +12,7 @@ counter-clockwise from the x axis.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass
 from math import cos, isnan, nan, pi, remainder
 from typing import NamedTuple, Protocol, runtime_checkable
@@ -394,3 +394,75 @@ class SimulatedWorld(Protocol):
 
     def round(self, robot: int, centre: tuple[float, float], radius: float, begin: float, end: float) -> Contact | None:
         """The same on a circular way round `centre` (m), from the angle `begin` to `end` (rad)."""
+
+
+# ---- a server of such robots, for those who drive them beside its own wire
+
+
+class ServedRobot(Protocol):
+    """A simulated robot of a server. Several clients may drive it: the last word counts."""
+
+    @property
+    def robot(self) -> int:
+        """Its index in the world."""
+
+    @property
+    def world(self) -> SimulatedWorld: ...
+
+    @property
+    def steers(self) -> bool:
+        """See `SimulatedWorld`."""
+
+    @property
+    def holders(self) -> Set[str]:
+        """Who keeps it at rest, whatever is asked."""
+
+    def condition(self) -> Condition:
+        """What there is to know of it now."""
+
+    def admit(self, client: str) -> None:
+        """This client is connected to it."""
+
+    def dismiss(self, client: str) -> None:
+        """And is no longer."""
+
+    def driven_by(self, who: str) -> str:
+        """It is about to be moved by this client. Gives a sentence if until now one alone did, and that was another."""
+
+    def let_go_by(self, who: str) -> bool:
+        """This client no longer drives it; whether it was the last that did."""
+
+    def drive(self, speed: float, turn_rate: float) -> None:
+        """Go on at this speed, m/s along its heading, and turn rate, rad/s counter-clockwise, as far as it can."""
+
+
+class Companion(Protocol):
+    """Another way to the robots of a server, beside its own wire, which takes part in every tick."""
+
+    def before_tick(self) -> None:
+        """Drive robots as they are told."""
+
+    def after_tick(self) -> None:
+        """Tell how they are now."""
+
+    def released(self) -> None:
+        """The person at the page has let all robots go: what nobody answers for any more ends as well."""
+
+
+class RobotServer(Protocol):
+    """A server of simulated robots, as its companions see it."""
+
+    @property
+    def world(self) -> SimulatedWorld: ...
+
+    @property
+    def robots(self) -> Sequence[ServedRobot]:
+        """By their index in the world."""
+
+    @property
+    def say(self) -> Callable[[str], None]:
+        """Tells the person at the terminal."""
+
+    def hold(self, still: bool, by: str, robot: int | None) -> None:
+        """Keep one robot (None: all) at rest from now on, whatever is asked, or no longer as far as `by` is
+        concerned."""

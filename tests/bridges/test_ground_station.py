@@ -316,7 +316,7 @@ def test_a_stop_is_ended_by_what_comes_with_it_in_one_batch(
 ) -> None:
     robot = open_robot("sim", Opening(False, UNLIMITED, 1, 0))
     life = NodeProcess(
-        "r1", robot, None, None, None, nomad=False, number=1, seed=0, lease=inf, ground=ground, typed=False
+        "r1", robot, None, None, None, number=1, seed=0, lease=inf, ground=ground, typed=False
     )
     life.begin(StartScript(), StartScript())
     mind = life.mind(in_step=True)
@@ -335,7 +335,7 @@ def test_it_is_free_between_two_ticks_in_which_it_is_armed(ground: GroundStation
     ground station is told once more how the robot is."""
     robot = open_robot("sim", Opening(False, UNLIMITED, 1, 0))
     life = NodeProcess(
-        "r1", robot, None, None, None, nomad=False, number=1, seed=0, lease=inf, ground=ground, typed=False
+        "r1", robot, None, None, None, number=1, seed=0, lease=inf, ground=ground, typed=False
     )
     life.begin(StartScript(), StartScript())
     mind = life.mind(in_step=True)

@@ -66,14 +66,21 @@ class RealRobot(Robot, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """How a body is to be opened. in_step: every `sense` waits for the body's next tick, and nothing happens between
-    two of them (for a simulation whose time waits for its programs). limits: kept as well as the body's own. number:
-    the robot's id. seed: of a simulated body's chance."""
+    """How a body is to be opened.
+
+    in_step: every `sense` waits for the body's next tick, and nothing happens between two of them (for a simulation
+        whose time waits for its programs).
+    limits: kept as well as the body's own.
+    number: the robot's id.
+    seed: of a simulated body's chance.
+    vocabulary: in which units its functions are wanted; a body that has no such vocabulary keeps to SI.
+    """
 
     in_step: bool = False
     limits: Limits = UNLIMITED
     number: int = 0
     seed: int = 0
+    vocabulary: str = "standard"
 
 
 def open_robot(uri: str, opening: Opening | None = None) -> RealRobot:

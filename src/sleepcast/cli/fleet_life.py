@@ -212,7 +212,6 @@ class FleetProcess:
             None,
             session,
             store,
-            nomad=False,
             number=number_in(name),
             seed=options.seed,
             lease=options.lease,

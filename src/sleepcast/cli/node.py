@@ -132,7 +132,7 @@ def node(
             raise MisuseError("a body in the simulator has the vocabulary that its scenario says: no --vocabulary")
         number = number_in(name) if number is None else number
         kept = UNLIMITED if limits is None else read_limits(limits)
-        robot = stack.enter_context(open_robot(uri, Opening(lockstep, kept, number, seed)))
+        robot = stack.enter_context(open_robot(uri, Opening(lockstep, kept, number, seed, vocabulary)))
         station = None
         if ground is not None:
             from sleepcast.bridges.mavlink.ground_station import open_ground_station
@@ -140,14 +140,12 @@ def node(
             most = robot.model.limits.speed, robot.model.limits.turn_rate
             station = stack.enter_context(closing(open_ground_station(ground, number, most)))
         interrupts.defer()
-        nomad = vocabulary == NOMAD
         life = NodeProcess(
             name,
             robot,
             listener,
             session,
             store,
-            nomad=nomad,
             number=number,
             seed=seed,
             lease=seconds_unattended,

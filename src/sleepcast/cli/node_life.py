@@ -30,7 +30,6 @@ from sleepcast.loop.real import EmbodiedMind, TickTiming, run_robots
 from sleepcast.mind.authority import Tells
 from sleepcast.node.node import Node
 from sleepcast.node.store import Store
-from sleepcast.nomad.vocabulary import nomad_vocabulary
 from sleepcast.simulator.scenario.mission import Order, parse_mission
 
 MAX_SENTENCE = 300
@@ -99,7 +98,7 @@ def install(node: Node, golden: StartScript) -> None:
 
 class NodeProcess:
     """A mind in a body. listener: where plain datagrams come in, if they do. session: the radio, if there is one.
-    store: what outlives this life, if anything does. nomad: whether functions with Nclient's names take its units.
+    store: what outlives this life, if anything does.
     lease: s for which a body that is driven goes on while no operator is heard. tells: see `Node`. ground: the ground
     station that sees it, if one does. typed: whether lines of standard input are for it."""
 
@@ -111,7 +110,6 @@ class NodeProcess:
         session: ChannelSession | None,
         store: Store | None,
         *,
-        nomad: bool,
         number: int,
         seed: int,
         lease: float,
@@ -121,7 +119,7 @@ class NodeProcess:
     ) -> None:
         self.robot, self.listener, self.session, self.store, self.watch = robot, listener, session, store, TickTiming()
         self.ground, self._typed = ground, typed
-        names = vocabulary_of(nomad_vocabulary(robot.model) if nomad else robot.model)
+        names = vocabulary_of(robot.model)
         air = session is not None
         self.node = Node(name, names, number=number, seed=seed, body=robot, lease=lease, tells=tells, on_air=air)
         self._orders: tuple[Order, ...] = ()

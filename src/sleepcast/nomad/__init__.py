@@ -9,7 +9,6 @@ come in with connections and the server. Lengths in inches live in `units` alone
 from sleepcast.nomad.relay import RealAddress, real_robot
 from sleepcast.nomad.server import (
     DEFAULT_PORT,
-    Companion,
     Nserver,
     ServerError,
     ServerPace,
@@ -22,7 +21,6 @@ from sleepcast.nomad.windows import RobotWindow, Sketch, Windows
 
 __all__ = [
     "DEFAULT_PORT",
-    "Companion",
     "Nserver",
     "RealAddress",
     "RobotWindow",

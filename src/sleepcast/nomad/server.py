@@ -13,7 +13,6 @@ import socket
 from collections.abc import Callable, Mapping, Sequence
 from ipaddress import ip_address
 from math import inf
-from typing import Protocol
 
 from sleepcast.core.clock import Clock, WallClock
 from sleepcast.core.doorkeeper import QUEUE, TURNS, Doorkeeper, room, sentences_of
@@ -24,7 +23,7 @@ from sleepcast.nomad.session import Service
 from sleepcast.nomad.simulated_robot import SimulatedRobot
 from sleepcast.nomad.windows import Windows
 from sleepcast.nomad.wire import HEADER, ByteOrder, decode
-from sleepcast.robot import SimulatedWorld
+from sleepcast.robot import Companion, SimulatedWorld
 
 DEFAULT_PORT = 7019
 """Where programs of the Nomad's day look for the server."""
@@ -53,19 +52,6 @@ class ServerError(SleepcastError):
     """The server cannot listen there."""
 
 
-class Companion(Protocol):
-    """Another way to the same robots, beside the wire, which takes part in every tick."""
-
-    def before_tick(self) -> None:
-        """Drive robots as they are told."""
-
-    def after_tick(self) -> None:
-        """Tell how they are now."""
-
-    def released(self) -> None:
-        """The person at the page has let all robots go: what nobody answers for any more ends as well."""
-
-
 class Nserver:
     """The server of one world's robots.
 
@@ -90,7 +76,8 @@ class Nserver:
         robots = [SimulatedRobot(world, robot, windows.robots[robot]) for robot in range(world.count)]
         said = ThrottledLog(say, clock or WallClock())
         self.service = Service(world, windows, robots, said, tk_order, may_quit, lockstep, headless, dict(real or {}))
-        self.world, self.windows = world, windows
+        self.world, self.windows, self.robots = world, windows, robots
+        self.say: Callable[[str], None] = said
         self.room = memoryview(bytearray(MAX_READ))
         self.lines: set[ServerConnection] = set()
         self.companions: list[Companion] = []
@@ -165,7 +152,7 @@ class Nserver:
         for companion in self.companions:
             companion.before_tick()
         self.world.step()
-        for simulated_robot in self.service.simulated_robots:
+        for simulated_robot in self.robots:
             simulated_robot.after_tick()
         for companion in self.companions:
             companion.after_tick()
@@ -173,7 +160,7 @@ class Nserver:
             line.look()
         if not self.service.headless and self.world.time - self._glanced >= GLANCE:
             self._glanced = self.world.time
-            for simulated_robot in self.service.simulated_robots:
+            for simulated_robot in self.robots:
                 simulated_robot.glance()
 
     # ---- for the page
@@ -205,13 +192,13 @@ class Nserver:
     @property
     def held(self) -> bool:
         """Whether the page keeps all robots at rest."""
-        return all(PAGE in simulated_robot.holders for simulated_robot in self.service.simulated_robots)
+        return all(PAGE in simulated_robot.holders for simulated_robot in self.robots)
 
     def hold(self, still: bool, by: str = PAGE, robot: int | None = None) -> None:
         """Keep one robot (None: all) at rest from now on, whatever is asked, or no longer as far as `by` is concerned;
         real ones too."""
         for simulated_robot in (
-            self.service.simulated_robots if robot is None else [self.service.simulated_robots[robot]]
+            self.robots if robot is None else [self.robots[robot]]
         ):
             simulated_robot.hold(still, by)
         if still:
@@ -250,7 +237,7 @@ class Nserver:
 
     async def _keep_pace(self, pace: ServerPace) -> None:
         tick = self.world.tick
-        for simulated_robot in self.service.simulated_robots:
+        for simulated_robot in self.robots:
             simulated_robot.speed = pace.speed
         loop = asyncio.get_running_loop()
         pace.look(tick)

@@ -15,6 +15,8 @@ from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME
 from sleepcast.nomad.units import CONFIGURED_PAUSE, TENTH, TENTH_DEGREE
 from sleepcast.robot import RobotModel
 
+VOCABULARY = "nomad"
+"""Its name for `--vocabulary`."""
 TURNING = frozenset({"VM", "PR", "SP", "AC", "DP", "DA", "PLACE_ROBOT"})
 """Functions whose plain numbers are angles."""
 NAMES = TURNING | {"CONF_SN"}

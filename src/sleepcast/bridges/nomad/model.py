@@ -14,6 +14,7 @@ from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, 
 from sleepcast.nomad.client import PORT, Nomad
 from sleepcast.nomad.state import RING
 from sleepcast.nomad.units import INCH, INFRARED_STEP, NOTHING_HEARD, NOTHING_NEAR
+from sleepcast.nomad.vocabulary import VOCABULARY, nomad_vocabulary
 from sleepcast.robot import Geometry, Limits, RobotModel
 
 _RANGE = NOTHING_HEARD * INCH
@@ -182,7 +183,8 @@ def open_body(uri: str, opening: Opening) -> NomadRobot:
     port = PORT if address.port is None else address.port
     nomad = Nomad.connect(address.host, port, robot=robot, timeout=PATIENCE)
     try:
-        return NomadRobot(nomad, base, model_of(base), in_step=opening.in_step)
+        model = nomad_vocabulary(model_of(base)) if opening.vocabulary == VOCABULARY else model_of(base)
+        return NomadRobot(nomad, base, model, in_step=opening.in_step)
     except BaseException:
         nomad.close()
         raise

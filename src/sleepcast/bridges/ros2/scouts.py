@@ -33,7 +33,7 @@ from sleepcast.bridges.ros2.mapping import CLOCK, FASTEST, is_namespace
 from sleepcast.bridges.ros2.messages import Bool, Clock, TFMessage, Twist, TwistStamped, ros_type, seconds, time_of
 from sleepcast.bridges.ros2.sensors import TOLD, PublishedTopic, RobotSensors
 from sleepcast.core.errors import MisuseError
-from sleepcast.nomad import Nserver, SimulatedRobot
+from sleepcast.robot import RobotServer, ServedRobot
 
 FORGOTTEN = 0.5
 """Simulated seconds for which a velocity holds."""
@@ -74,14 +74,14 @@ def namespaces(name: str, robots: int) -> list[str]:
 class Ros2Scouts:
     """See the module; a `Companion` of the server. names: the namespace of each robot."""
 
-    def __init__(self, nserver: Nserver, network: Ros2Network, names: Sequence[str]) -> None:
+    def __init__(self, server: RobotServer, network: Ros2Network, names: Sequence[str]) -> None:
         self.names, self.domain = tuple(names), network.domain
-        self._nserver, self._network, self._say = nserver, network, nserver.service.say
+        self._server, self._network, self._say = server, network, server.say
         self._clock = network.writer(CLOCK, Clock, "reliable")
         programs = Programs()
         self._robots = [
-            Ros2Robot(nserver, simulated_robot, network, name, programs)
-            for simulated_robot, name in zip(nserver.service.simulated_robots, names, strict=True)
+            Ros2Robot(server, robot, network, name, programs)
+            for robot, name in zip(server.robots, names, strict=True)
         ]
         self._ends = {CLOCK: End((Clock,)), **{topic: end for robot in self._robots for topic, end in robot.ends()}}
         self._others: Mapping[str, Sequence[DiscoveredEndpoint]] = {}
@@ -126,7 +126,7 @@ class Ros2Scouts:
         """Hear what has come, also while time stands still, and say what does not fit."""
         self.before_tick()
         with self._goes_on():
-            if self._nserver.world.time == self._told:
+            if self._server.world.time == self._told:
                 self._tell_time()  # those who have come meanwhile have not heard it
             others = self._network.others()
             if others is not self._others:
@@ -152,7 +152,7 @@ class Ros2Scouts:
                 self._say(sentence)
 
     def _tell_time(self) -> None:
-        self._told = self._nserver.world.time
+        self._told = self._server.world.time
         with saying(CLOCK):
             self._clock.write(Clock(time_of(self._told)))
 
@@ -212,9 +212,9 @@ class Ros2Robot:
     """One robot in ROS 2. name: its namespace."""
 
     def __init__(
-        self, nserver: Nserver, robot: SimulatedRobot, network: Ros2Network, name: str, programs: Programs
+        self, server: RobotServer, robot: ServedRobot, network: Ros2Network, name: str, programs: Programs
     ) -> None:
-        self._nserver, self._robot, self._world, self._say = nserver, robot, robot.world, nserver.service.say
+        self._server, self._robot, self._world, self._say = server, robot, robot.world, server.say
         self._name, self._programs = name, programs
         self._driving, self._stopping = f"{name}/cmd_vel", f"{name}/stop"
         self._velocities = [network.reader(self._driving, each, "reliable") for each in VELOCITIES]
@@ -376,7 +376,7 @@ class Ros2Robot:
     def _hold(self) -> None:
         held = self._stopping in self._robot.holders
         if held is not bool(self._stoppers):
-            self._nserver.hold(not held, self._stopping, self._robot.robot)
+            self._server.hold(not held, self._stopping, self._robot.robot)
             end = f"is free again ({self._stopping})" if held else f"must stand, until {self._stopping} says false"
             self._say(f"robot {self._robot.robot + 1} {end}")
 

@@ -29,7 +29,7 @@ from sleepcast.bridges.ros2.messages import (
     time_of,
     turned_by,
 )
-from sleepcast.nomad import SimulatedRobot
+from sleepcast.robot import ServedRobot
 
 RAYS, FARTHEST = 360, 8.0
 """The lidar: a ray a degree, and m to what it sees at most. It makes no errors."""
@@ -55,7 +55,7 @@ class PublishedTopic(NamedTuple):
 class RobotSensors:
     """See the module. robot: the one that is told of."""
 
-    def __init__(self, robot: SimulatedRobot) -> None:
+    def __init__(self, robot: ServedRobot) -> None:
         self._robot, self._world = robot, robot.world
         self._before: tuple[float, float, float] | None = None
         """When the inertial unit last measured, and heading and speed then."""

@@ -44,9 +44,10 @@ def room(rooms: str = "", libraries: str = "", late: str = "") -> Room:
 PIPELINES = {  # rooms within a room, and its modules: each imports only what stands before it
     "simulator": (
         *("simd", "world", "scenario", "sonar", "motion", "fast", "engine", "bodies", "simulation", "single_robot"),
-        *("packing", "snapshot", "recording", "nomads", "kernel_warm_up"),
+        *("packing", "snapshot", "recording", "kernel_warm_up"),
     ),
-    "bridges": ("address", "body", "nomad", "crazyflie", "mavlink", "ros2"),
+    "bridges": ("address", "body", "crazyflie", "mavlink", "ros2"),
+    "nomad": ("wire", "client", "bridge", "server", "world", "panes", "command"),
 }
 GROUND = frozenset({"core"})  # everybody may import it
 HOUSE = {
@@ -55,18 +56,17 @@ HOUSE = {
     "sentences": room("language"),
     "channel": room(libraries="msgspec numpy cbor2 nacl zenoh"),
     "robot": room(),
-    "nomad": room("robot"),
     "mind": room("language channel robot", "msgspec"),
     "node": room("language channel robot mind", "msgspec", late="numpy"),
     "fleet": room("language channel robot mind", "numpy msgspec", late="llvmlite"),
     "simulator": room("channel robot", "numpy msgspec mcap lz4 zstandard numba llvmlite tinycss2", late="yaml PIL"),
-    "bridges": room("nomad robot", "cyclonedds", late="cflib pymavlink"),
+    "bridges": room("robot", "cyclonedds", late="cflib pymavlink"),
     "testing": room("robot bridges"),
     "loop": room("language channel mind node fleet simulator robot", "msgspec"),
     "station": room("language channel mind", "msgspec numpy"),
     "tak": room("channel station", late="takproto google"),
     "console": room(
-        "language sentences channel robot nomad node fleet simulator loop station",
+        "language sentences channel robot node fleet simulator loop station",
         "starlette uvicorn msgspec numpy",
     ),
     "notebook": room("loop station console", "anywidget traitlets msgspec"),
@@ -75,12 +75,15 @@ HOUSE = {
     "experiment_page": room("loop console experiments", "starlette msgspec"),
     "gym": room("language api experiments", "gymnasium pettingzoo numpy"),
     "cli": room(
-        "language sentences channel robot mind nomad node fleet simulator bridges loop station tak api experiments "
+        "language sentences channel robot mind node fleet simulator bridges loop station tak api experiments "
         "experiment_page console",
         "click rich prompt_toolkit msgspec numpy",
     ),
     "__main__": room("cli"),
+    # plug-ins, which nobody imports: they are found by entry points
+    "nomad": room("channel robot simulator bridges console cli", "click starlette msgspec numpy"),
 }
+PLUG_INS = ("nomad",)
 FRONT = room("api language")  # of the package itself, which only passes on names
 MESSAGES = frozenset({"msgspec", "typing_extensions"})  # msgspec takes the second where there is one
 LIGHT = {  # what these rooms may load of the libraries when they are imported: a short job starts with them
@@ -189,6 +192,11 @@ def test_every_room_is_in_the_table_and_every_row_has_a_room() -> None:
     standing = {room_of(module) for module in modules()} - {""}
     assert not standing - set(HOUSE), "rooms that the table does not know"
     assert not set(HOUSE) - standing, "rows of the table without a room"
+
+
+def test_nobody_imports_a_plug_in() -> None:
+    for plug_in in PLUG_INS:
+        assert [name for name, entry in HOUSE.items() if plug_in in entry.rooms] == []
 
 
 def test_the_table_itself_has_no_circle() -> None:

@@ -13,12 +13,12 @@ import pytest
 from sleepcast.bridges.crazyflie.quadcopter import model_of as crazyflie
 from sleepcast.bridges.mavlink.vehicle import COPTER, ROVER
 from sleepcast.bridges.mavlink.vehicle import model_of as mavlink
-from sleepcast.bridges.nomad.model import BASES
-from sleepcast.bridges.nomad.model import model_of as nomad
 from sleepcast.bridges.ros2.mapping import TURTLEBOT, read_mapping
 from sleepcast.bridges.ros2.robot import model_of as ros2
 from sleepcast.core.model import HostFunction, Quantity
 from sleepcast.core.units import NONE, UNITS, Dimension
+from sleepcast.nomad.bridge.model import BASES
+from sleepcast.nomad.bridge.model import model_of as nomad
 from sleepcast.robot import Limits, RobotModel
 from sleepcast.simulator import Simulator, find_scenario
 from sleepcast.simulator.scenario.scenario import scenario_names

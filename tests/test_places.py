@@ -144,7 +144,7 @@ FEATURES = {
     "the sensor front_range": Feature(
         "a sensor",
         r"\bfront_range\b",
-        {"bridges/nomad/model.py": "a Nomad behind a server, which has a row of its own"},
+        {"nomad/bridge/model.py": "a Nomad behind a server, which has a row of its own"},
     ),
     "noise of a sensor": Feature(
         "noise of a sensor",
@@ -152,7 +152,7 @@ FEATURES = {
         {"simulator/sonar/fields.py": "hands the noise on to the kernel"},
     ),
     "the neighbours' MEAN_X": Feature("a function of a robot's neighbours", r"\bMEAN_X\b"),
-    "the slip of wheels": Feature("how robots drive", r"\bslip_noise\b", {"simulator/setups/": "a setup that slips"}),
+    "the slip of wheels": Feature("how robots drive", r"\bslip_noise\b", {"nomad/world/robots/": "a setup that slips"}),
     "counting encoders": Feature("what encoders count", r"""wheels\.counts|\b_counts\(table|import encoders"""),
     "the topic of failing rules": Feature("what recordings hold", r"""\bFAILING\b|["']/failing["']"""),
     "what a test says was never sent": Feature("what a saved test holds", r"\bnever_sent\b"),

@@ -25,7 +25,7 @@ from dataclasses import asdict, dataclass
 from benchmarks.children import ROOT
 from benchmarks.nomad.serve import HOST, STATE
 from benchmarks.report import Bar, described, machine, middle, number, table
-from sleepcast.nomad.wire import HEADER, Layout, decode, encode_request
+from sleepcast.nomad.wire.encoding import HEADER, Layout, decode, encode_request
 
 GS = encode_request(Layout.FOUR, 15)
 CLOCK = -3

@@ -12,8 +12,8 @@ import sys
 
 from sleepcast.core.clock import WallClock
 from sleepcast.nomad import Nserver, ServerPace, Windows
+from sleepcast.nomad.world.building import nomad_world
 from sleepcast.robot import Axes
-from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
 STATE = bytes.fromhex("00500031") + bytes(196)
 """As many bytes as the smallest reply with the state."""

@@ -10,7 +10,7 @@ import sys
 
 from sleepcast.core.clock import WallClock
 from sleepcast.nomad import Nserver, ServerPace, Windows
-from sleepcast.simulator.nomads.nomad_worlds import nomad_world
+from sleepcast.nomad.world.building import nomad_world
 
 TICK = 0.5
 PORT = 7019

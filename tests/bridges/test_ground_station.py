@@ -315,9 +315,7 @@ def test_a_stop_is_ended_by_what_comes_with_it_in_one_batch(
     ground: GroundStation, desk: Desk, batch: list[tuple[float, ...]], early: bool
 ) -> None:
     robot = open_robot("sim", Opening(False, UNLIMITED, 1, 0))
-    life = NodeProcess(
-        "r1", robot, None, None, None, number=1, seed=0, lease=inf, ground=ground, typed=False
-    )
+    life = NodeProcess("r1", robot, None, None, None, number=1, seed=0, lease=inf, ground=ground, typed=False)
     life.begin(StartScript(), StartScript())
     mind = life.mind(in_step=True)
     for each in batch:
@@ -334,9 +332,7 @@ def test_it_is_free_between_two_ticks_in_which_it_is_armed(ground: GroundStation
     """Arming that comes while a mind thinks is acknowledged, and ends the STOP in the next tick: before that, the
     ground station is told once more how the robot is."""
     robot = open_robot("sim", Opening(False, UNLIMITED, 1, 0))
-    life = NodeProcess(
-        "r1", robot, None, None, None, number=1, seed=0, lease=inf, ground=ground, typed=False
-    )
+    life = NodeProcess("r1", robot, None, None, None, number=1, seed=0, lease=inf, ground=ground, typed=False)
     life.begin(StartScript(), StartScript())
     mind = life.mind(in_step=True)
     desk.order(185, 1.0)

@@ -57,10 +57,10 @@ from sleepcast.bridges.ros2.scouts import FORGOTTEN, MAX_ROBOTS, Ros2Scouts, nam
 from sleepcast.bridges.ros2.sensors import FARTHEST, GRAVITY
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.extras import installing
-from sleepcast.nomad.client import Nomad
-from sleepcast.nomad.requests import RequestType
+from sleepcast.nomad.client.nomad import Nomad
+from sleepcast.nomad.wire.requests import RequestType
+from sleepcast.nomad.world.building import nomad_world
 from sleepcast.robot import Pose, Setpoint
-from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
 PATIENCE = 60.0
 """Seconds that a busy machine may take."""

@@ -17,8 +17,8 @@ from cli.calling import LONGEST, Called, called, called_here
 from cli.test_swarm import account
 from nomad.serving import Served, serving
 from processes import SLEEPCAST, live_in, running
+from sleepcast.nomad.world.building import nomad_world
 from sleepcast.simulator.engine import NumPyMachine
-from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
 
 @pytest.fixture

@@ -15,8 +15,8 @@ from sleepcast.experiments.plan import read_experiment
 from sleepcast.language import Vocabulary, check
 from sleepcast.language.learned_names import LearnedNames
 from sleepcast.mind.authority import read_lease
+from sleepcast.nomad.world.sites import read_site
 from sleepcast.simulator import parse_mission, read_scenario
-from sleepcast.simulator.nomads.sites import read_site
 from sleepcast.simulator.recording.recorder import read_rotation
 
 POINT = "Decimals have a point, not a comma: "

@@ -23,9 +23,9 @@ from sleepcast.cli import main
 from sleepcast.cli.node_life import install, read_start_script
 from sleepcast.language import Vocabulary
 from sleepcast.node.node import Node
+from sleepcast.nomad.world.building import nomad_world
+from sleepcast.nomad.world.nomad_world import NomadWorld
 from sleepcast.simulator.engine import NumPyMachine
-from sleepcast.simulator.nomads.nomad_worlds import nomad_world
-from sleepcast.simulator.nomads.nomads import NomadWorld
 
 TICK = 0.1
 

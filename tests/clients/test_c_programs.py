@@ -16,7 +16,7 @@ import pytest
 
 from clients.compiling import SOURCES, Workshop, in_ways, workshop
 from processes import running
-from sleepcast.nomad.client import Nomad, Pose
+from sleepcast.nomad.client.nomad import Nomad, Pose
 
 INCH = 0.0254
 LONGEST = 60.0

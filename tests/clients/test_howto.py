@@ -10,7 +10,7 @@ import pytest
 
 from clients.compiling import CLIENTS, workshop
 from nomad.serving import LONGEST, serving
-from sleepcast.simulator.nomads.nomad_worlds import nomad_world
+from sleepcast.nomad.world.building import nomad_world
 
 PAGE = CLIENTS.parents[1] / "docs" / "howto" / "nomad.md"
 TEXT = PAGE.read_text(encoding="utf-8")

@@ -17,10 +17,10 @@ import pytest
 from nomad.serving import LONGEST, Served, serving
 from processes import running
 from sleepcast.channel.plain_datagrams import Datagrams, send
-from sleepcast.nomad.client import Nomad
+from sleepcast.nomad.client.nomad import Nomad
+from sleepcast.nomad.world.building import nomad_world
+from sleepcast.nomad.world.nomad_world import NomadWorld
 from sleepcast.simulator.engine import NumPyMachine
-from sleepcast.simulator.nomads.nomad_worlds import nomad_world
-from sleepcast.simulator.nomads.nomads import NomadWorld
 
 PROGRAMS = Path(__file__).resolve().parent.parent.parent / "clients" / "python"
 WALL = [(1.2, -1.0), (1.4, -1.0), (1.4, 1.0), (1.2, 1.0)]

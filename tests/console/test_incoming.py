@@ -75,11 +75,6 @@ GOOD = {
     "play": {"serial": 1, "on": False},
     "sendline": {"serial": 1, "line": 2, "again": True},
     "skipline": {"serial": 1, "line": 2},
-    "perform": {"serial": 1, "robot": 0, "order": "vm", "numbers": [50, -50], "text": ""},
-    "drive": {"robot": 0, "numbers": [50, 50, 0]},
-    "click": {"serial": 1, "robot": 0, "x": 1.5, "y": -2.5},
-    "load": {"serial": 1, "name": "room.txt", "text": "3 0 0 100 0 0 100"},
-    "save": {"serial": 1},
 }
 
 
@@ -94,7 +89,9 @@ def test_every_message_of_the_page_is_read(kind: str) -> None:
 
 
 def test_no_message_was_forgotten_here() -> None:
-    assert set(GOOD) == {each.__struct_config__.tag for each in messages()}
+    """Those of packages are theirs to try."""
+    own = [each for each in messages() if each.__module__.startswith("sleepcast.console.")]
+    assert set(GOOD) == {each.__struct_config__.tag for each in own}
 
 
 @pytest.mark.parametrize(
@@ -133,11 +130,6 @@ def test_no_message_was_forgotten_here() -> None:
         '{"type": "savetest", "serial": 1, "tick": 5, "name": "../rescue"}',
         '{"type": "savetest", "serial": 1, "tick": 5, "name": "a", "goals": [{"text": "x", "how": "~", "number": 1}]}',
         '{"type": "setup", "serial": 1, "scenario": "' + "x" * 501 + '"}',
-        '{"type": "perform", "serial": 1, "robot": -1, "order": "st", "numbers": []}',
-        '{"type": "perform", "serial": 1, "robot": 0, "order": "vm", "numbers": [2147483648]}',
-        '{"type": "drive", "robot": 0, "numbers": [1, 2]}',
-        '{"type": "click", "serial": 1, "robot": 0, "x": 1e6, "y": 0}',
-        json.dumps({"type": "load", "serial": 1, "name": "a", "text": "#" * 100_001}),
         b"\xff\xfe",
         b"\x00" * 40,
         "[" * 100_000,

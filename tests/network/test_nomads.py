@@ -14,7 +14,7 @@ ADDRESS = "10.83.0.1"
 SERVE = ("-m", "sleepcast", "nserver", "--headless", "--robots", "2", "--host", "0.0.0.0")
 DRIVE = """
 import sys
-from sleepcast.nomad.client import Nomad
+from sleepcast.nomad.client.nomad import Nomad
 address, robot, how = sys.argv[1:]
 nomad = Nomad.connect(address, robot=int(robot))
 nomad.vm(10, 10)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from sleepcast.nomad import Nserver, Windows
-from sleepcast.nomad.answers import answer
-from sleepcast.nomad.session import ClientSession, Wait
-from sleepcast.nomad.wire import HEADER, Layout, Parser, decode, encode_request
+from sleepcast.nomad.server.answers import answer
+from sleepcast.nomad.server.session import ClientSession, Wait
+from sleepcast.nomad.wire.encoding import HEADER, Layout, Parser, decode, encode_request
+from sleepcast.nomad.world.building import nomad_world
 from sleepcast.robot import SimulatedWorld
-from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
 PORT = 7771
 EVERYTHING = (0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x0E, 0x00)

@@ -19,9 +19,9 @@ from math import hypot, pi
 from pathlib import Path
 
 from scenarios.stopping import CLEAR, SCENARIO, Outcome, Pose, Stop, distance, ruler
-from sleepcast.nomad.client import Nomad
-from sleepcast.nomad.client import Pose as Place
-from sleepcast.nomad.units import metres, radians
+from sleepcast.nomad.client.nomad import Nomad
+from sleepcast.nomad.client.nomad import Pose as Place
+from sleepcast.nomad.wire.units import metres, radians
 
 LONGEST, LONGEST_TRIAL = 60.0, 300.0
 """Seconds on the wall that a busy machine is given for any one step, and for a whole trial."""
@@ -41,9 +41,9 @@ ROBOTS = 2
 PATIENT = f"""
 import sys
 from sleepcast.cli import main
-from sleepcast.nomad import server
+from sleepcast.nomad.server import nserver
 
-server.PATIENCE = {LONGEST}
+nserver.PATIENCE = {LONGEST}
 sys.exit(main(sys.argv[1:]))
 """
 """`sleepcast` on a busy machine, where a program may be slow to ask."""

@@ -4,8 +4,8 @@
 all messages have in common. `features/` has a module for each thing that a page can ask, and `registry` collects them;
 `backend` is the desk behind them (`replay`: for a recording, `network`: for robots on the air), `driver` lets swarm and
 server take turns, `frames` draws the moving picture, `renewal` puts another run in the place of the one that is shown;
-`static/` is the page, served as written. What is shown is a `view`; `adapters/` puts things into that shape. `nomads/`
-has what only Nomads have.
+`static/` is the page, served as written. What is shown is a `view`; `adapters/` puts things into that shape. Pages
+of packages, those of Nomads among them, use all of this.
 """
 
 from sleepcast.console.network import SafetyOrder
@@ -16,7 +16,6 @@ from sleepcast.console.server import (
     serve,
     serve_backend,
     serve_fleet,
-    serve_nomads,
     serve_runs,
 )
 from sleepcast.console.view import KeptRule, MapLabel, MindView, NamedOutline, Outline, PaceControl, Scene, SwarmView
@@ -37,6 +36,5 @@ __all__ = [
     "serve",
     "serve_backend",
     "serve_fleet",
-    "serve_nomads",
     "serve_runs",
 ]

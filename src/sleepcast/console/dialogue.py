@@ -2,7 +2,7 @@
 
 STOP and RELEASE go to the desk at once; every question goes to `registry`, which knows who answers it. What one page
 has for itself is here: what it was told already and the robot that it looks at. `swarm_dialogue` adds the time at which
-it looks and its table, `nomads/dialogue` its windows and the hand that drives.
+it looks and its table; packages add what pages of theirs have.
 """
 
 from __future__ import annotations

@@ -20,9 +20,6 @@ MAX_FACTOR = 10_000.0
 MIN_FACTOR = 0.01
 """The slowest motion in which anything is still seen to move."""
 
-FARTHEST = 1e5
-"""m: no world of Nomads is so large, and no number of their wire so long."""
-
 Serial = Annotated[int, Meta(ge=1, le=2**53 - 1)]
 Text = Annotated[str, Meta(max_length=16_384)]
 Number = Annotated[int, Meta(ge=1, le=2**53 - 1)]

@@ -13,7 +13,6 @@ from sleepcast.console.account_table import CommandRow
 from sleepcast.console.completion import ShownName
 from sleepcast.console.failing import ShownFailing
 from sleepcast.console.marks import Mark
-from sleepcast.console.nomads.orders import NomadOrder
 from sleepcast.console.view import Outline, Scene
 
 
@@ -21,23 +20,19 @@ class Said(msgspec.Struct, tag_field="type", tag=str.lower):
     """Anything that the desk says to a page."""
 
 
-class NomadKinds(msgspec.Struct, frozen=True):
-    """What a page needs of Nomads beside the scene. tenth: m of a unit of length in orders; degree: rad of a unit of
-    angle; steers: whether the axes of each robot are way, direction and turret, and not two wheels."""
-
-    tenth: float
-    degree: float
-    steers: list[bool]
-    orders: list[NomadOrder]
-
-
 class Hello(Said):
-    """The first words: what there is to see, and the names that a text may use. began, recorded: the time at which a
-    recording begins and ends, s; 0 where the swarm lives. part: of a recording in several files, from 1; 0 if there is
-    one. air: whether the robots are on the air, where time is real. unheard: how many others are expected there. run:
-    the number of this run on the page, from 1; 0 where no other can follow. note: what the map cannot show, in a
-    sentence. nomads: where the robots are Nomads. operators: as whom one may send, each with the role, the first one's
-    desk being the page's own; left out where nobody is named."""
+    """The first words: what there is to see, and the names that a text may use.
+
+    began, recorded: the time at which a recording begins and ends, s; 0 where the swarm lives.
+    part: of a recording in several files, from 1; 0 if there is one.
+    air: whether the robots are on the air, where time is real.
+    unheard: how many others are expected there.
+    run: the number of this run on the page, from 1; 0 where no other can follow.
+    note: what the map cannot show, in a sentence.
+    nomads: what the panes of Nomads need besides, where the robots are Nomads.
+    operators: as whom one may send, each with the role, the first one's desk being the page's own; left out where
+        nobody is named.
+    """
 
     scene: Scene
     count: int
@@ -49,7 +44,7 @@ class Hello(Said):
     unheard: int = 0
     run: int = 0
     note: str = ""
-    nomads: NomadKinds | None = None
+    nomads: msgspec.Struct | None = None
     operators: list[tuple[str, str]] | msgspec.UnsetType = msgspec.UNSET
 
 

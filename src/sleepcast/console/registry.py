@@ -1,13 +1,16 @@
 """All features of the page: it collects the modules in `features/`, reads what a page asks, and has it answered.
 
-What no source supports is refused here, and nowhere else. STOP and RELEASE do not come by here: `dialogue` hands them
+Those of other pages are collected when such a page is served. What no source supports is refused here,
+and nowhere else. STOP and RELEASE do not come by here: `dialogue` hands them
 to the desk at once.
 """
 
 from __future__ import annotations
 
+from functools import lru_cache
 from importlib import import_module
 from pkgutil import iter_modules
+from types import ModuleType
 from typing import ClassVar, Protocol, Union
 
 import msgspec
@@ -17,12 +20,17 @@ from sleepcast.console.feature import BEGINNINGS, HANDLERS, NOT_HERE_AT_ALL, Han
 from sleepcast.console.incoming import Drawn, PageMessage, Release, Stop, read
 from sleepcast.core.errors import MisuseError
 
-for _module in iter_modules(features.__path__, f"{features.__name__}."):
-    import_module(_module.name)
-
 AT_ONCE: tuple[type[PageMessage], ...] = (Stop, Release, Drawn)
 """What is no feature: it goes the shortest way."""
-_DECODER: msgspec.json.Decoder[PageMessage] = msgspec.json.Decoder(Union[(*AT_ONCE, *HANDLERS)])
+
+
+def collect(package: ModuleType) -> None:
+    """Import all modules of a folder of features, which lets their questions be asked."""
+    for module in iter_modules(package.__path__, f"{package.__name__}."):
+        import_module(module.name)
+
+
+collect(features)
 
 
 class Source(Protocol):
@@ -40,7 +48,12 @@ def messages() -> tuple[type[PageMessage], ...]:
 
 def decode(data: str | bytes) -> PageMessage:
     """The message in `data`. Raises PageMessageError."""
-    return read(_DECODER, data)
+    return read(_decoder(len(HANDLERS)), data)
+
+
+@lru_cache(maxsize=1)  # questions only come to it while packages are loaded
+def _decoder(questions: int) -> msgspec.json.Decoder[PageMessage]:
+    return msgspec.json.Decoder(Union[(*AT_ONCE, *HANDLERS)])
 
 
 def answer(asked: PageMessage, desk: Source, page: object = None, then: Then | None = None) -> Reply:

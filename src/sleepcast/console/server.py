@@ -39,9 +39,6 @@ from sleepcast.console.driver import Driver
 from sleepcast.console.incoming import MAX_BYTES
 from sleepcast.console.lobby import Greeter, Lobby, LobbyServer, Quiet, protocol_in
 from sleepcast.console.network import FleetOnAir, NetworkBackend
-from sleepcast.console.nomads.backend import NomadsBackend
-from sleepcast.console.nomads.dialogue import NomadDialogue
-from sleepcast.console.nomads.view import Nomads
 from sleepcast.console.past import Past
 from sleepcast.console.renewal import RunSwitcher
 from sleepcast.console.replay import ReplayBackend
@@ -161,34 +158,6 @@ def serve_backend(
         around=around,
     )
     asyncio.run(pages)
-
-
-async def serve_nomads(
-    nomads: Nomads,
-    clock: Clock,
-    *,
-    address: Address,
-    say: Callable[[str], None],
-    port_option: str = "--port",
-) -> None:
-    """Serve the page of Nomads until Ctrl-C, or until they have ended.
-
-    The rest is as for `serve_pages`.
-    """
-    desk = NomadsBackend(nomads, clock)
-
-    def app(door: PageAccess) -> Starlette:
-        return make_app(
-            "index.html", door, lambda socket: PageSession(socket, NomadDialogue(desk), clock).run(), panes=NOMADS
-        )
-
-    await serve_pages(
-        app,
-        desk.live,
-        address=address,
-        say=say,
-        port_option=port_option,
-    )
 
 
 async def serve_pages(
@@ -334,8 +303,6 @@ PORT = re.compile(r":\d+$")
 MAX_PAGES = 16
 """Pages that may be open at one time; each gets its own frames."""
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
-NOMADS = "nomads"
-"""The class of the page's body by which it has the panes of Nomads, and not those of a swarm; see `static/main.js`."""
 STATIC = Path(str(files("sleepcast.console"))) / "static"
 
 REFUSED = (
@@ -395,8 +362,14 @@ def make_app(
     more: Sequence[Route] = (),
     panes: str = "",
 ) -> Starlette:
-    """The application. page: its file in `static/`. attend: serves one open page until it goes away; there are
-    `MAX_PAGES` at most. more: routes of this page alone. panes: which there are, if not those of a swarm."""
+    """The application.
+
+    page: its file in `static/`.
+    door: who may come in.
+    attend: serves one open page until it goes away; there are `MAX_PAGES` at most.
+    more: routes of this page alone.
+    panes: the class of the page's body, by which it has other panes than those of a swarm; see `static/main.js`.
+    """
     open_pages: set[WebSocket] = set()
     body = f'<body class="{panes}">' if panes else "<body>"
 

@@ -22,11 +22,11 @@ BUILT_IN: dict[str, dict[str, str]] = {
     BODIES: {
         "crazyflie": "sleepcast.bridges.crazyflie.quadcopter:open_body",
         "mavlink": "sleepcast.bridges.mavlink.vehicle:open_body",
-        "nomad": "sleepcast.bridges.nomad.model:open_body",
+        "nomad": "sleepcast.nomad.bridge.model:open_body",
         "ros2": "sleepcast.bridges.ros2.robot:open_body",
         "sim": "sleepcast.cli.simulated_body:open_body",
     },
-    COMMANDS: {"nserver": "sleepcast.cli.nserver:nserver"},
+    COMMANDS: {"nserver": "sleepcast.nomad.command.nserver:nserver"},
     TRANSPORTS: {
         "memory": "sleepcast.channel.transports.memory:MemoryTransport",
         "udp": "sleepcast.channel.transports.udp:open_udp",

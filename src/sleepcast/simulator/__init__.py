@@ -8,7 +8,6 @@ motion     driving, steps and contact, in NumPy and as kernels
 engine     array backends: NumPy always, or `fast` with the kernels
 bodies     the robots' state as columns; their sonars, bumpers and sensors
 simulation the simulator itself; `snapshot` saves and resumes it, `recording` writes runs to files and reads them
-nomads     drives these bodies axis by axis, as a Nomad server does
 
 Each imports only what stands above it; tests/test_layout.py checks that.
 """

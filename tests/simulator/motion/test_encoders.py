@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from simulator.test_sorts import SORTS, mixed
+from sleepcast.nomad.world.building import nomad_world
+from sleepcast.nomad.world.setups import SETUPS
 from sleepcast.robot import Axes
 from sleepcast.simulator import SettingsError, Simulator
 from sleepcast.simulator.engine import choose
-from sleepcast.simulator.nomads.nomad_worlds import nomad_world
-from sleepcast.simulator.nomads.setups import SETUPS
 from small_worlds import scouts
 
 TRACK = 0.3452

@@ -80,8 +80,7 @@ class Ros2Scouts:
         self._clock = network.writer(CLOCK, Clock, "reliable")
         programs = Programs()
         self._robots = [
-            Ros2Robot(server, robot, network, name, programs)
-            for robot, name in zip(server.robots, names, strict=True)
+            Ros2Robot(server, robot, network, name, programs) for robot, name in zip(server.robots, names, strict=True)
         ]
         self._ends = {CLOCK: End((Clock,)), **{topic: end for robot in self._robots for topic, end in robot.ends()}}
         self._others: Mapping[str, Sequence[DiscoveredEndpoint]] = {}

@@ -1,0 +1,1 @@
+"""What only Nomads are asked by their page, a module for each feature; see `console.feature`."""

@@ -30,6 +30,7 @@ from sleepcast.console.swarm_dialogue import SwarmDialogue
 from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.loop import Pace
+from sleepcast.loop.snapshots import copy_of
 from sleepcast.simulator import Changes, load
 from small_worlds import IN_MAZE, SCOUTS, SMALL, write
 
@@ -200,6 +201,57 @@ class TestRenewing:
             swarm.run(20.0)
             notes = [said for said in desk.news(-1) if isinstance(said, Note)]
             assert notes == [Note("No robot can move any more: 15 have no battery left, and 5 are frozen.", True)]
+
+
+OPERATORS = "".join(
+    f'[operators.{name}]\nrole = "{role}"\n'
+    for name, role in {"chief": "commander", "anna": "operator", "bert": "commander"}.items()
+)
+
+
+class TestSeveralOperators:
+    def test_each_desk_goes_back_with_a_run_that_goes_on_from_an_earlier_moment(self, tmp_path: Path) -> None:
+        maker = maker_of(tmp_path, SMALL + OPERATORS)
+        with runs_of(maker) as runs:
+            swarm = maker.swarm
+            assert swarm is not None
+            early = put(runs.desk, Send, 1, "(WHEN (< id 6) (MARK))", by="anna").command
+            swarm.run(2.0)
+            state = copy_of(swarm).packed()
+            swarm.run(0.1)
+            late = put(runs.desk, Send, 2, "(WHEN (> id 6) (MARK))", by="anna").command
+            put(runs.desk, Send, 3, "(WHEN (> id 9) (MARK))", by="bert")
+            swarm.run(2.0)
+            forked = maker.fork(runs._run, state)
+            assert isinstance(forked.swarm, SwarmAdapter)
+            assert forked.past is not None
+            chief, anna, bert = forked.swarm.desks
+            assert [len(desk.commands()) for desk in (chief, anna, bert)] == [0, 1, 0]
+            assert anna.accounting(early).n_matched == 5
+            assert [(row.id, row.by) for row in forked.past.film.rows.values][-1] == (early, "anna")
+            assert anna.send("(WHEN (> id 6) (MARK))").message.sequence > int(late.partition(".")[2])
+
+    def test_a_stop_of_any_of_them_must_be_confirmed_first(self, tmp_path: Path) -> None:
+        maker = maker_of(tmp_path, SMALL + OPERATORS)
+        with runs_of(maker) as runs:
+            runs.desk.stop("bert")
+            with pytest.raises(MisuseError, match="not all robots have confirmed it yet"):
+                asyncio.run(put(runs.desk, Renew, 1))
+
+    def test_a_rule_that_fails_is_told_of_the_command_that_brought_it(self, tmp_path: Path) -> None:
+        maker = maker_of(tmp_path, SMALL + OPERATORS)
+        with runs_of(maker) as runs:
+            swarm = maker.swarm
+            assert swarm is not None
+            rule = "(WHEN (> id {}) (RULE odd (SETQ drive_speed (/ 1 0))))"
+            brought = {
+                by: put(runs.desk, Send, 1, rule.format(id), by=by).command for by, id in (("chief", 0), ("bert", 15))
+            }
+            swarm.run(2.0)
+            refused = put(runs.desk, Send, 1, rule.format(0), by="anna").command
+            swarm.run(2.0)
+            failing = {row.id: [each.robots for each in row.failing] for row in runs.desk.commands().rows}
+            assert failing == {brought["chief"]: [15], brought["bert"]: [5], refused: []}
 
 
 def frame_of(page: Page, tick: int) -> bytes:

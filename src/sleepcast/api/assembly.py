@@ -61,6 +61,11 @@ def station_of(swarm: Swarm, journal: Journal | None = None) -> Station:
     return _station(swarm, first, journal)
 
 
+def others_of(swarm: Swarm) -> list[Station]:
+    """The desks of the further operators, in the scenario's order."""
+    return cast("list[Station]", swarm.others)
+
+
 def _station(swarm: Swarm, operator: str, journal: Journal | None) -> Station:
     return Station(
         swarm.vocabulary,

@@ -9,7 +9,7 @@ from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING
 
-from sleepcast.api.assembly import assemble, assemble_from, station_of, warm_up
+from sleepcast.api.assembly import assemble, assemble_from, others_of, station_of, warm_up
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.cli.page_tests import PageTests
 from sleepcast.cli.streams import complain
@@ -154,22 +154,22 @@ class PageRuns:
     def fork(self, run: ShownRun, state: bytes) -> ShownRun:
         """A run that goes on from a state of this one, with its desk and its past. Its mission is played by whoever
         wants that: another future is what somebody does."""
-        old, before = run.station, run.past
+        seen, before = run.swarm, run.past
+        assert isinstance(seen, SwarmAdapter)
         assert isinstance(before, LivePast)
         swarm = resume(state, threads=self._beginning.threads, name="the state of this run")
         swarm.mission.clear()
-        station = station_of(swarm, None if isinstance(old.journal, MemoryJournal) else old.journal)
-        station.restore(old.state())
-        station.go_back(swarm.now())
-        swarm.desk = station
-        seen = run.swarm
-        assert isinstance(seen, SwarmAdapter)
-        found = self._run(swarm, station, self._current, run.pace.factor, seen.map_picture)
-        assert isinstance(found.past, LivePast)
-        found.past.go_on(before, state)
-        if isinstance(found.mission, SwarmMission) and run.mission is not None:
-            found.mission.take_over(run.mission.sent())
-        return found
+        journal = run.station.journal
+        swarm.desk = station = station_of(swarm, None if isinstance(journal, MemoryJournal) else journal)
+        for desk, old in zip([station, *others_of(swarm)], [run.station, *seen.desks[1:]], strict=True):
+            desk.restore(old.state())
+            desk.go_back(swarm.now())
+        forked = self._run(swarm, station, self._current, run.pace.factor, seen.map_picture)
+        assert isinstance(forked.past, LivePast)
+        forked.past.go_on(before, state)
+        if isinstance(forked.mission, SwarmMission) and run.mission is not None:
+            forked.mission.take_over(run.mission.sent())
+        return forked
 
     def _run(
         self,

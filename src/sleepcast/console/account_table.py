@@ -70,7 +70,7 @@ class AccountTable:
         self._rows: dict[str, tuple[State, CommandRow]] = {}
         self._asked: dict[str, tuple[State, CommandRow]] = {}
         """The same of those that were asked for by their ids."""
-        self.failing = FailingRules(station, swarm)
+        self.failing = FailingRules(swarm, self.desk_of, dict(getattr(swarm, "operators", ())))
 
     def commands(self) -> list[Command]:
         """What all operators have sent, oldest first."""
@@ -89,7 +89,7 @@ class AccountTable:
         """The latest commands, oldest first. held_up: why time stands still, "" while it runs."""
         kept: dict[str, tuple[State, CommandRow]] = {}
         commands = self.commands()[-MOST_ROWS:]
-        self.failing.look([each for each in commands if self.desk_of(each) is self._station])
+        self.failing.look(commands)
         for command in commands:
             kept[command.id] = self._known(command, self._rows.get(command.id), held_up)
         self._rows = kept

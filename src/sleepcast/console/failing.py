@@ -7,12 +7,13 @@ recorded, so that it can be told of any of its moments.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import msgspec
 import numpy as np
 
+from sleepcast.channel.message import Role
 from sleepcast.console.view import SwarmView
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.fleet.failing import MOST_TOLD, FailingRule
@@ -66,10 +67,15 @@ class Failures:
 
 
 class FailingRules:
-    """The rules that failed when `look` was last called (`now`)."""
+    """The rules that failed when `look` was last called (`now`).
 
-    def __init__(self, station: Station, swarm: SwarmView) -> None:
-        self._station, self._swarm = station, swarm
+    swarm: on the map
+    desk_of: gives the desk that has sent a command
+    roles: of the operators whom the run names; commands of others than commanders bring no rules
+    """
+
+    def __init__(self, swarm: SwarmView, desk_of: Callable[[Command], Station], roles: Mapping[str, str]) -> None:
+        self._swarm, self._desk_of, self._roles = swarm, desk_of, roles
         self.now = Failures()
         self._by_command: dict[str, tuple[ShownFailing, ...]] = {}
         self._stored: dict[str, frozenset[str]] = {}
@@ -78,7 +84,7 @@ class FailingRules:
         """See what fails now, and by which of these commands, the oldest first, it came."""
         rules = self._swarm.failing()
         self.now = Failures.of(rules, len(self._swarm.scene.names))
-        found: dict[str, list[ShownFailing]] = {}
+        brought: dict[str, list[ShownFailing]] = {}
         for rule in rules[:MOST_TOLD]:
             left = rule.robots
             for command in reversed(commands):
@@ -90,22 +96,24 @@ class FailingRules:
                 obeyed[known] = np.isin(codes[left[known]], _OBEYED)
                 if obeyed.any():
                     mine = ShownFailing(rule.name, int(np.count_nonzero(obeyed)), 0, rule.reason)
-                    found.setdefault(command.id, []).append(mine)
+                    brought.setdefault(command.id, []).append(mine)
                     left = left[~obeyed]
-        self._by_command = {command: tuple(rules) for command, rules in found.items()}
+        self._by_command = {command: tuple(failing) for command, failing in brought.items()}
         latest = {command.id for command in commands}
         self._stored = {command: keys for command, keys in self._stored.items() if command in latest}
 
     def _stores(self, command: Command) -> frozenset[str]:
-        """The keys of the rules that a command stores."""
-        known = self._stored.get(command.id)
-        if known is None:
+        """The keys of the rules that a command stores, where its sender may change rules."""
+        if self._roles.get(command.message.sender, Role.COMMANDER) != Role.COMMANDER:
+            return frozenset()
+        keys = self._stored.get(command.id)
+        if keys is None:
             try:
-                program = self._station.check(command.message.text).program
+                program = self._desk_of(command).check(command.message.text).program
             except SleepcastError:  # STOP has no text, and what a name means may have changed
                 program = None
-            known = self._stored[command.id] = frozenset() if program is None else frozenset(program.stores)
-        return known
+            keys = self._stored[command.id] = frozenset() if program is None else frozenset(program.stores)
+        return keys
 
     def of(self, command: str) -> tuple[ShownFailing, ...]:
         """What fails of what the command with this id brought."""

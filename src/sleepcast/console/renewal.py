@@ -267,7 +267,7 @@ class RenewableBackend(Backend):
     def _refuse_doubt(self) -> None:
         """Raise MisuseError while it is not clear whether STOP is obeyed."""
         stop = self.accounts.stop()
-        if stop is not None and not self.station.accounting(stop.id).complete:
+        if stop is not None and not self.accounts.desk_of(stop).accounting(stop.id).complete:
             raise MisuseError(
                 "STOP was sent, and not all robots have confirmed it yet. Let time run until they have, "
                 "or release STOP; then start the new run."

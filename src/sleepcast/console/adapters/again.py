@@ -36,9 +36,11 @@ from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import Pace, Swarm, resume
 from sleepcast.loop.rerun import Rerun
 from sleepcast.loop.snapshots import copy_of
+from sleepcast.loop.swarm import Desk
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.snapshot import scenario_of
 from sleepcast.station import Station
+from sleepcast.station.station import DESK
 
 LOOK = 0.02
 """Seconds of work between two looks whether the answer is still wanted."""
@@ -72,8 +74,7 @@ class _Again:
         self.run, self.began = moment.run, moment.base
         self.differs: int | None = None
         self.swarm = swarm
-        station = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm)
-        swarm.desk = station
+        station = _sit_down(swarm)
         self.rerun = Rerun(swarm, moment.inputs)
         self.view = SwarmAdapter(swarm)
         clock = _StillClock()
@@ -90,6 +91,14 @@ class _Again:
         wanted = moment.checks.get(self.rerun.tick)
         if wanted is not None and self.differs is None and digest(self.view.poses()) != wanted:
             self.differs = self.rerun.tick
+
+
+def _sit_down(swarm: Swarm) -> Station:
+    """Give every operator of a swarm a desk, which hears what robots say; the first one's."""
+    names = swarm.operators or [DESK]
+    first, *others = (Station(swarm.vocabulary, swarm.minds, swarm.post, swarm, operator=name) for name in names)
+    swarm.desk, swarm.others = first, list[Desk](others)
+    return first
 
 
 class ReplayWorker:
@@ -184,7 +193,7 @@ class ReplayWorker:
             swarm = resume(question.moment.state)
         else:
             swarm = Swarm(Simulator(scenario_of(data), seed))
-        swarm.desk = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm)
+        _sit_down(swarm)
         if not swarm.simulator.tick:
             swarm.send_initial_telemetry()
         return Found(swarm.simulator.tick, state=copy_of(swarm).packed())

@@ -60,7 +60,7 @@ class LivePast(Past):
         self._view, self._swarm, self._station, self._clock = view, swarm, station, clock
         self._log = InputLog(swarm)
         self.inputs = self._log.inputs
-        self._accounts = AccountTable(station, view)
+        self._accounts = AccountTable(station, view, others=view.desks[1:])
         self._rows: dict[str, CommandRow] = {}
         self._groups = GroupCodes()
         self._every = max(TICKS_PER_PICTURE, round(scenario.speed_up / PICTURES_PER_SECOND / scenario.tick))

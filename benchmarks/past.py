@@ -102,7 +102,7 @@ def measure(robots: int, minutes: float, questions: int) -> dict[str, float]:
     ran = time.perf_counter() - began
     took = asyncio.run(answers(past, robots, questions))
     past.close()
-    pictures = past.film.poses
+    pictures = past.timeline.poses
     return {
         "robots": robots,
         "minutes": minutes,

@@ -156,7 +156,7 @@ def command_window(command: Command) -> float:
 def main() -> None:
     air = AirOptions(sys.argv[1], FLEET, None, None, None, None)
     with closing(session_for(air, None, robot=False, say=lambda _: None)) as session:
-        desk = Desk(NetworkStation(session, UnixClock(), Vocabulary(), {}, caution=SendPolicy()))
+        desk = Desk(NetworkStation(session, UnixClock(), Vocabulary(), {}, policy=SendPolicy()))
         obey(desk, desk.idle)
 
 

@@ -35,7 +35,7 @@ class Operator:
 
     def __init__(self, station: NetworkStation) -> None:
         self._station = station
-        station.caution = SendPolicy()
+        station.policy = SendPolicy()
 
     def send(
         self, text: str, standing: bool = False, deadline: float | None = None, only: list[str] | None = None

@@ -62,12 +62,12 @@ def test_each_part_holds_what_went_before(parts: list[Path], world: Path) -> Non
     assert last.posted == whole.posted
     assert last.accounting == whole.accounting
     assert last.states[200] == whole.states[200]
-    film, wanted = load_timeline(last), load_timeline(whole)
-    marks = film.marks_at(19.0)
+    timeline, wanted = load_timeline(last), load_timeline(whole)
+    marks = timeline.marks_at(19.0)
     assert marks == wanted.marks_at(19.0)
     assert any(marks.groups)
-    assert film.poses.at(19.0) == wanted.poses.at(19.0)
-    assert {name: rules.at(19.0) for name, rules in film.rules.items()} == {
+    assert timeline.poses.at(19.0) == wanted.poses.at(19.0)
+    assert {name: rules.at(19.0) for name, rules in timeline.rules.items()} == {
         name: rules.at(19.0) for name, rules in wanted.rules.items()
     }
 
@@ -241,8 +241,8 @@ def test_what_the_scenario_lets_happen_is_recorded_and_happens_once_when_it_is_r
     assert [(each.tick, each.own) for each in load_recording(file).obstacles] == [(10, False), (10, True), (20, True)]
     done = called("replay", str(file), "--verify", "--quiet")
     assert done.status == 0, done.out
-    film = load_timeline(load_recording(file))
-    shown = film.obstacles.at(1.5)
+    timeline = load_timeline(load_recording(file))
+    shown = timeline.obstacles.at(1.5)
     assert shown is not None
     assert outlines(Circle(8.0, 6.0, 0.5)) in shown
 
@@ -255,12 +255,12 @@ def changed_first(recording: Recording) -> int:
 
 def test_the_page_shows_what_was_solid_when(changed: Recording) -> None:
     earlier = load_recording(changed.file.with_name("run.mcap"))
-    film, scene = load_timeline(earlier), load_timeline(earlier).scene.obstacles
+    timeline, scene = load_timeline(earlier), load_timeline(earlier).scene.obstacles
     wall = Wall(((2.0, 2.0), (8.0, 2.0)))
-    shown = film.obstacles.at(2.5)
+    shown = timeline.obstacles.at(2.5)
     assert shown == (*scene, outlines(Circle(5.0, 5.0, 0.4)), outlines(wall))
-    assert film.obstacles.at(3.5) == (*scene[1:], outlines(Wall(((2.0, 5.0), (8.0, 5.0)))))
-    assert load_timeline(changed).obstacles.at(5.0) == film.obstacles.at(3.5)
+    assert timeline.obstacles.at(3.5) == (*scene[1:], outlines(Wall(((2.0, 5.0), (8.0, 5.0)))))
+    assert load_timeline(changed).obstacles.at(5.0) == timeline.obstacles.at(3.5)
     with Program("replay", changed.file) as program, open_page(program) as page:
         told = page.until("obstacles", lambda found: True)
         assert len(told["obstacles"]) == len(scene)

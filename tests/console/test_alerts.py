@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sleepcast.console.features import alerts
-from sleepcast.console.features.alerts import LOOK_EVERY, MOST_ALERTS, MOST_FIRINGS, TOGETHER, AlertBoard
+from sleepcast.console.features.alerts import LOOK_EVERY, MAX_ALERTS, MAX_FIRINGS, TOGETHER, AlertBoard
 from sleepcast.console.values import Column, Index, Mask
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
@@ -191,7 +191,7 @@ def test_what_is_no_test_is_refused(watch: Watch, text: str) -> None:
 
 
 def test_there_are_so_many_and_no_more(watch: Watch) -> None:
-    for _ in range(MOST_ALERTS):
+    for _ in range(MAX_ALERTS):
         watch.board.add(LOW)
     with pytest.raises(MisuseError, match="remove one"):
         watch.board.add(LOW)
@@ -199,12 +199,12 @@ def test_there_are_so_many_and_no_more(watch: Watch) -> None:
 
 def test_only_the_latest_firings_are_kept(watch: Watch) -> None:
     watch.board.add(LOW)
-    for _ in range(MOST_FIRINGS + 1):
+    for _ in range(MAX_FIRINGS + 1):
         watch.fuel(s7=0.9)
         watch.look()
         watch.fuel(s7=0.1)
         watch.look()
-    assert watch.board.shown().alerts[0].fired == MOST_FIRINGS + 1
+    assert watch.board.shown().alerts[0].fired == MAX_FIRINGS + 1
     assert watch.board.robots(2)
     with pytest.raises(MisuseError, match="not known any more"):
         watch.board.robots(1)

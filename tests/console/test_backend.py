@@ -10,7 +10,7 @@ import pytest
 from console.asking import put
 from counting import ONCE, counted
 from sleepcast.channel.message import Kind, Message
-from sleepcast.console.account_table import MOST_ROWS, AccountTable
+from sleepcast.console.account_table import MAX_ROWS, AccountTable
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
@@ -57,7 +57,7 @@ class Stand:
 @pytest.fixture
 def stand(tmp_path: Path) -> Stand:
     swarm = Swarm(simulator(tmp_path))
-    swarm.desk = station = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm, caution=SendPolicy(doubts=True))
+    swarm.desk = station = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm, policy=SendPolicy(doubts=True))
     clock = ManualClock()
     on_page = SwarmAdapter(swarm)
     found = Stand(
@@ -231,7 +231,7 @@ class TestSending:
     def test_what_commands_store_is_known_of_those_only_that_are_shown(
         self, stand: Stand, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr("sleepcast.console.account_table.MOST_ROWS", 3)
+        monkeypatch.setattr("sleepcast.console.account_table.MAX_ROWS", 3)
         table = AccountTable(stand.station, SwarmAdapter(stand.swarm))
         put(stand.desk, Send, 1, "(RULE guard (SETQ drive_speed (/ 1 0)))", True)
         for number in range(8):
@@ -279,10 +279,10 @@ class TestSending:
         assert stand.desk.commands().rows[-1].matched == 20
 
     def test_only_the_latest_commands_are_shown(self, stand: Stand) -> None:
-        for _ in range(MOST_ROWS + 3):
+        for _ in range(MAX_ROWS + 3):
             put(stand.desk, Send, 1, FULL, False)
         rows = stand.desk.commands().rows
-        assert len(rows) == MOST_ROWS
+        assert len(rows) == MAX_ROWS
         assert rows[-1].id == stand.station.commands()[-1].id
 
     def test_an_unknown_command_has_no_outcomes(self, stand: Stand) -> None:

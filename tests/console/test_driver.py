@@ -98,13 +98,13 @@ def test_the_next_picture_after_a_stop_is_of_the_tick_that_heard_it(tmp_path: Pa
 
     async def job() -> None:
         await driver.frame_after(2)
-        driver.hurry()
+        driver.expedite()
         sent, drawn = driver.swarm.tick, driver.number
         assert tick_in(await driver.frame_after(drawn)) >= sent + HEARD_AFTER
         assert driver.number == drawn + 1
         driver.set_pace(running=False)
         drawn = driver.number
-        driver.hurry()  # no tick will hear it now
+        driver.expedite()  # no tick will hear it now
         assert driver.number == drawn + 1
 
     drive(driver, job)

@@ -204,9 +204,9 @@ def test_a_recording_draws_a_still_field_once(tmp_path: Path, monkeypatch: pytes
         return still_picture(scenario, name)
 
     monkeypatch.setattr("sleepcast.console.adapters.recording.still_picture", draw)
-    film = TimelineBuilder(load_recording(file)).film
-    assert film.field is not None
-    assert film.field("warmth") is film.field("warmth")
+    timeline = TimelineBuilder(load_recording(file)).timeline
+    assert timeline.field is not None
+    assert timeline.field("warmth") is timeline.field("warmth")
     assert drawn == ["warmth"]
 
 
@@ -216,8 +216,8 @@ def test_a_recording_shows_still_fields_and_says_why_it_cannot_show_others(tmp_p
     swarm.desk = station_of(swarm)
     past = LivePast(SwarmAdapter(swarm), swarm, desk_of(swarm), WallClock())
     swarm.step()
-    film = replace(past.film, field=lambda name: still_picture(scenario, name))
-    desk = ReplayBackend(film, ReplayDriver(film, ManualClock()))
+    timeline = replace(past.timeline, field=lambda name: still_picture(scenario, name))
+    desk = ReplayBackend(timeline, ReplayDriver(timeline, ManualClock()))
     found = put(desk, Field, 1, "warmth")
     assert isinstance(found, Fielded)
     assert found.picture.columns == MOST

@@ -17,8 +17,8 @@ from console.running import PATIENCE, Page, Program, open_page
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.differences import first_difference
 from sleepcast.console.failing import ShownFailing
-from sleepcast.console.kept import KeptStates
-from sleepcast.console.marks import MOST_MARKS, Marks
+from sleepcast.console.marks import MAX_MARKS, Marks
+from sleepcast.console.snapshots import SnapshotStore
 from sleepcast.fleet.rows import Rows
 from sleepcast.language.vocabulary import Variable, VariableKind
 from sleepcast.loop import Swarm, resume
@@ -30,7 +30,7 @@ from swarms import desk_of, drive, station_of, swarm_of
 
 expect.set_options(timeout=1000 * PATIENCE)
 
-GHOSTS = 255
+ALTERNATE = 255
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def time_of(frame: bytes) -> float:
 
 def run_to(page: Page, until: float) -> None:
     page.tell("pace", running=True)
-    while page.frame()[0] == GHOSTS or time_of(page.frames[-1]) < until:
+    while page.frame()[0] == ALTERNATE or time_of(page.frames[-1]) < until:
         pass
 
 
@@ -66,9 +66,9 @@ def test_a_run_goes_on_from_an_earlier_moment(program: Program) -> None:
     with open_page(program) as page:
         span = page.until("span", lambda found: found["forked"] is not None)
         assert (span["forked"], span["difference"]) == (pytest.approx(then), "")
-        while page.frame()[0] == GHOSTS:
+        while page.frame()[0] == ALTERNATE:
             pass
-        assert time_of(next(frame for frame in page.frames if frame[0] != GHOSTS)) == pytest.approx(then)
+        assert time_of(next(frame for frame in page.frames if frame[0] != ALTERNATE)) == pytest.approx(then)
         rows = page.until("commands", lambda found: bool(found["rows"]))["rows"]
         assert [row["text"] for row in rows] == ["(WHEN (> battery 50%) (JOIN early))"]
         assert rows[0]["matched"] + rows[0]["not_matched"] == 20
@@ -77,7 +77,7 @@ def test_a_run_goes_on_from_an_earlier_moment(program: Program) -> None:
         span = page.until("span", lambda found: found["difference"] != "")
         assert re.search(r"\(tick \d+\): Plan of \S+ is 7, and was unknown before", span["difference"])
         assert then < span["differs"] < then + 1.0
-        assert any(frame[0] == GHOSTS and len(frame) == 8 + 12 * 20 for frame in page.frames)
+        assert any(frame[0] == ALTERNATE and len(frame) == 8 + 12 * 20 for frame in page.frames)
         drawn = page.ask("plotted", number=plot)
         assert drawn["columns"][0][0] < then < drawn["columns"][0][-1]
         assert drawn["earlier"][0][0] <= then < then + 3.0 < drawn["earlier"][0][-1]
@@ -216,7 +216,7 @@ def test_a_desk_goes_back_to_what_it_knew() -> None:
 
 
 def test_states_are_thinned_by_their_age() -> None:
-    states = KeptStates(0.1, 50 * 100)
+    states = SnapshotStore(0.1, 50 * 100)
     for tick in range(0, 300_000, 100):
         states.add(tick, bytes(100))
     assert len(states) == 50
@@ -256,6 +256,6 @@ def test_marks_tell_what_happened_once() -> None:
     following = Marks()
     following.take(marks, 4.5)
     assert [mark.kind for mark in following.all] == ["command", "join"]
-    for number in range(2 * MOST_MARKS):
+    for number in range(2 * MAX_MARKS):
         marks.add(10.0 + number, "alert", "(< fuel 20%)")
-    assert len(marks.all) == MOST_MARKS
+    assert len(marks.all) == MAX_MARKS

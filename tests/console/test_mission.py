@@ -13,7 +13,7 @@ from playwright.sync_api import BrowserContext, expect
 
 from console.running import PATIENCE, Page, Program, open_page
 from sleepcast.api.assembly import assemble, assemble_from
-from sleepcast.console.account_table import MOST_ROWS, AccountTable
+from sleepcast.console.account_table import MAX_ROWS, AccountTable
 from sleepcast.console.adapters.mission import SwarmMission
 from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
@@ -263,12 +263,12 @@ def test_what_somebody_sends_of_a_mission_that_a_snapshot_brings_along_is_not_se
 
 
 def test_what_became_of_a_command_is_shown_however_many_came_after_it(tmp_path: Path) -> None:
-    stand = Stand.of(tmp_path, "@0s (JOIN crew)\n= matched 20\n" + "@1s (JOIN crew)\n" * MOST_ROWS)
+    stand = Stand.of(tmp_path, "@0s (JOIN crew)\n= matched 20\n" + "@1s (JOIN crew)\n" * MAX_ROWS)
     backend = desk_of(stand)
     stand.mission.play()
     stand.run(2)
     (shown,) = (each for each in backend.news(-1) if isinstance(each, MissionNews))
-    assert len(stand.sent) == MOST_ROWS + 1
+    assert len(stand.sent) == MAX_ROWS + 1
     assert [(each.met, each.number) for each in shown.lines[0].wanted] == [(True, 20)]
 
 

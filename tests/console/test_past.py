@@ -21,7 +21,7 @@ from sleepcast.console.exact import Exact
 from sleepcast.console.features.preview import GetPreview, Previewed
 from sleepcast.console.features.why import Why
 from sleepcast.console.marks import clock_time
-from sleepcast.console.rerunner import RerunError
+from sleepcast.console.replay_client import RerunError
 from sleepcast.core.clock import ManualClock, WallClock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import Pace

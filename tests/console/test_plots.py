@@ -10,8 +10,8 @@ import pytest
 
 from console.test_backend import Stand, stand
 from sleepcast.console.features.plots import (
-    MOST_PLOTS,
-    MOST_POINTS,
+    MAX_PLOTS,
+    MAX_POINTS,
     REST,
     AddPlot,
     GetPlot,
@@ -80,7 +80,7 @@ def test_scatter_and_histogram_show_the_present(stand: Stand) -> None:
         "y over x, where (> battery 60%)",
         "histogram of battery",
     ]
-    assert MOST_POINTS > 20
+    assert MAX_POINTS > 20
 
 
 def test_what_is_wrong_is_refused_with_its_place(stand: Stand) -> None:
@@ -91,7 +91,7 @@ def test_what_is_wrong_is_refused_with_its_place(stand: Stand) -> None:
         added(stand, "scatter", "x")
     with pytest.raises(MisuseError, match="no plot number 7"):
         drawn(stand.desk.plots, 7)
-    for _ in range(MOST_PLOTS):
+    for _ in range(MAX_PLOTS):
         added(stand)
     with pytest.raises(MisuseError, match="remove one first"):
         added(stand)

@@ -228,7 +228,7 @@ class TestSeveralOperators:
             chief, anna, bert = forked.swarm.desks
             assert [len(desk.commands()) for desk in (chief, anna, bert)] == [0, 1, 0]
             assert anna.accounting(early).n_matched == 5
-            assert [(row.id, row.by) for row in forked.past.film.rows.values][-1] == (early, "anna")
+            assert [(row.id, row.by) for row in forked.past.timeline.rows.values][-1] == (early, "anna")
             assert anna.send("(WHEN (> id 6) (MARK))").message.sequence > int(late.partition(".")[2])
 
     def test_a_stop_of_any_of_them_must_be_confirmed_first(self, tmp_path: Path) -> None:

@@ -20,14 +20,14 @@ import sleepcast as sc
 from console.asking import put
 from console.running import PATIENCE, Page, Program, number, open_page
 from console.test_page import until
-from sleepcast.console.account_table import MOST_ROWS
+from sleepcast.console.account_table import MAX_ROWS
 from sleepcast.console.adapters.recorded_past import RecordedPast
 from sleepcast.console.adapters.recording import load_timeline
 from sleepcast.console.features.failing import Failed
 from sleepcast.console.features.members import Members
-from sleepcast.console.film import Track
 from sleepcast.console.outgoing import Failing, Groups, ShownGroup
 from sleepcast.console.replay import ReplayBackend, ReplayDriver
+from sleepcast.console.timeline import Track
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError
 from sleepcast.fleet.failing import RECENT
@@ -125,10 +125,10 @@ def test_second_groups_and_colours_are_recorded(tmp_path: Path) -> None:
         fleet.send("(WHEN (<= id 2) (JOIN a) (COLOUR 5))")
         fleet.send("(WHEN (= id 1) (JOIN b))")
         fleet.run(5)
-    film = load_timeline(load_recording(file))
-    desk = ReplayBackend(film, ReplayDriver(film, ManualClock()))
-    desk.seek(film.seconds)
-    marks = film.marks_at(film.seconds)
+    timeline = load_timeline(load_recording(file))
+    desk = ReplayBackend(timeline, ReplayDriver(timeline, ManualClock()))
+    desk.seek(timeline.seconds)
+    marks = timeline.marks_at(timeline.seconds)
     assert (marks.groups[:3], marks.second[:3], marks.colours[:3]) == (b"\2\1\0", b"\1\0\0", b"\5\5\0")
     assert desk.driver.frame[2] == 6  # both columns are in the frame
     assert desk.driver.frame.endswith(marks.second + marks.colours)
@@ -147,24 +147,24 @@ def test_rules_that_fail_are_recorded_once_for_each_change(tmp_path: Path) -> No
         fleet.run(4)
     recording = load_recording(file)
     assert len([entry for entry in entries(file, recording) if entry.topic == FAILING]) == 2
-    film = load_timeline(recording)
-    desk = ReplayBackend(film, ReplayDriver(film, ManualClock()))
+    timeline = load_timeline(recording)
+    desk = ReplayBackend(timeline, ReplayDriver(timeline, ManualClock()))
 
     def told(time: float) -> list[tuple[str, int]]:
         desk.seek(time)
         (found,) = (said for said in desk.news(-1) if isinstance(said, Failing))
-        assert found.recent == RECENT * film.speed
+        assert found.recent == RECENT * timeline.speed
         return [(each.rule, each.robots) for each in found.rules]
 
     assert (told(0.0), told(4.0)) == ([], [("guard", 2)])
     assert put(desk, Failed, 1, "Guard").outcomes[:4] == b"\1\1\0\0"
     assert told(10.0) == [("guard", 1)]
     assert put(desk, Failed, 1, "").outcomes[:4] == b"\1\0\0\0"
-    past = RecordedPast(recording, film)
+    past = RecordedPast(recording, timeline)
     past.close()
     (mark,) = (mark for mark in past.marks.all if mark.kind == "fault")
     assert mark.text.startswith("rule guard fails on 2 robots: division by zero")
-    film.failures = Track()  # a recording of before this was recorded
+    timeline.failures = Track()  # a recording of before this was recorded
     assert told(4.0) == []
     with pytest.raises(MisuseError, match="does not fail on any robot at this time"):
         put(desk, Failed, 1, "guard")
@@ -405,7 +405,7 @@ def test_no_account_is_forgotten_again(many: Program) -> None:
         page.tell("pace", running=False)
         at(page, SECONDS)
         rows = page.until("commands", lambda found: bool(found["rows"]) and found["rows"][-1]["at"] == 54.0)["rows"]
-        assert len(rows) == MOST_ROWS
+        assert len(rows) == MAX_ROWS
         assert [row["text"] for row in rows if row["matched"] + row["not_matched"] != 20] == []
 
 

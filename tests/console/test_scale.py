@@ -17,7 +17,7 @@ COLOUR = re.compile(r"#[0-9a-fA-F]{3,8}\b|\b(?:rgb|hsl|oklch|lab)a?\(")
 HAIRLINE = 4.0
 """Pixels up to which a length belongs to a drawn shape."""
 
-TEXT = ("ink", "muted", "faint", "accent", "good", "bad", "warn", "ghost")
+TEXT = ("ink", "muted", "faint", "accent", "good", "bad", "warn", "alternate")
 PAIRS = [
     *product(TEXT, ("panel", "sunk", "page")),
     *product(("ink", "muted", "faint", "accent", "good", "bad", "warn"), ("accent-soft",)),

@@ -67,9 +67,9 @@ def test_a_recording_holds_what_bodies_sensed(tmp_path: Path) -> None:
         fleet.send("(DRIVE 0.5m/s 20deg/s)", everybody=True)
         fleet.run(3)
         wanted = sensing_of(fleet.swarm.simulator, 0)
-    film = load_timeline(load_recording(file))
-    desk = ReplayBackend(film, ReplayDriver(film, ManualClock()))
-    desk.seek(film.seconds)
+    timeline = load_timeline(load_recording(file))
+    desk = ReplayBackend(timeline, ReplayDriver(timeline, ManualClock()))
+    desk.seek(timeline.seconds)
     found = put(desk, Sense, 1, 0).body
     assert found.sonars == pytest.approx(wanted.sonars)
     assert found.believed == pytest.approx(wanted.believed)

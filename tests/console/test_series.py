@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sleepcast.console.series import LEAST_EVERY, MOST_SAMPLES, QUANTILES, STATISTICS, Series, lines_of, sample_of
+from sleepcast.console.series import LEAST_EVERY, MAX_SAMPLES, QUANTILES, STATISTICS, Series, lines_of, sample_of
 from sleepcast.console.values import Column
 from sleepcast.language import Checked, Vocabulary, check
 from sleepcast.language.learned_names import LearnedNames
@@ -34,7 +34,7 @@ def test_samples_come_back_with_their_times() -> None:
 def test_a_long_run_is_thinned_and_covers_everything() -> None:
     series = filled(3_600.0, 0.1)
     times, values = series.after(-1.0)
-    assert MOST_SAMPLES // 2 <= len(times) <= MOST_SAMPLES
+    assert MAX_SAMPLES // 2 <= len(times) <= MAX_SAMPLES
     assert (times[0], values) == (0.0, [10.0 * float(time or 0.0) for time in times])
     assert float(times[-1] or 0.0) > 3_580.0
     gaps = np.diff(np.array(times, float))

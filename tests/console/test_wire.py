@@ -12,7 +12,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from console.running import PATIENCE, Page, Program, number, open_page
-from sleepcast.console.connection import MESSAGES_AT_ONCE, MOST_DROPPED, MOST_MALFORMED, TOO_MUCH
+from sleepcast.console.connection import MAX_DROPPED, MAX_MALFORMED, MESSAGES_AT_ONCE, TOO_MUCH
 from sleepcast.console.incoming import MAX_BYTES
 from sleepcast.console.server import MAX_PAGES
 
@@ -228,7 +228,7 @@ class TestBearing:
 
     def test_a_page_that_talks_nonsense_is_shut_out(self, program: Program) -> None:
         with open_page(program) as page:
-            for _ in range(MOST_MALFORMED + 1):
+            for _ in range(MAX_MALFORMED + 1):
                 page.socket.send("nonsense")
             with pytest.raises(ConnectionClosed) as closed:
                 page.drain()
@@ -238,7 +238,7 @@ class TestBearing:
 
     def test_a_flood_is_refused_but_never_a_stop(self, program: Program) -> None:
         with open_page(program) as page:
-            for _ in range(int(MESSAGES_AT_ONCE) + MOST_DROPPED - 200):  # a slow server forgives some, as time goes by
+            for _ in range(int(MESSAGES_AT_ONCE) + MAX_DROPPED - 200):  # a slow server forgives some, as time goes by
                 page.tell("watch", robot=-1)
             page.tell("stop")
             page.wait_for("safety", lambda news: news["latched"] and "all 20" in news["sentence"])
@@ -254,7 +254,7 @@ class TestBearing:
     def test_a_flood_without_end_is_shut_out_and_others_are_served(self, program: Program) -> None:
         with open_page(program) as other:
             with open_page(program) as page, suppress(ConnectionClosed):  # the end may come while it still talks
-                for _ in range(2 * (MOST_DROPPED + int(MESSAGES_AT_ONCE))):
+                for _ in range(2 * (MAX_DROPPED + int(MESSAGES_AT_ONCE))):
                     page.tell("watch", robot=-1)
                 page.drain()
             assert page.socket.close_code == TOO_MUCH

@@ -123,7 +123,7 @@ class Scene:
     twice: float = 0.0
     delay: float = 0.0
     seed: int = 1
-    caution: SendPolicy | None = None
+    policy: SendPolicy | None = None
     lease: float = inf
     tells: Tells = Tells.ALL
     on_air: bool = False
@@ -187,7 +187,7 @@ class Scene:
                 VOCABULARY,
                 {} if minds is None else minds,
                 heard=dict.fromkeys(names, START - 8.0),
-                caution=self.caution,
+                policy=self.policy,
                 expected=expected,
             )
         return self._desks[owner]

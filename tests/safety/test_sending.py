@@ -192,7 +192,7 @@ def test_what_cannot_be_undone_wants_its_count(text: str, dropped: int) -> None:
 
 def test_a_desk_may_be_strict() -> None:
     """What the checker only doubts is refused, and so is what no robot could run, always."""
-    scene = Scene(caution=SendPolicy(strict=True))
+    scene = Scene(policy=SendPolicy(strict=True))
     desk = scene.desk()
     with pytest.raises(CheckError, match="did you mean fuel"):
         desk.send("(WHEN (> feul 50%) (DRIVE 1))")

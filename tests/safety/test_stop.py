@@ -103,7 +103,7 @@ def test_stop_bypasses_the_order_of_commands() -> None:
 
 def test_stop_passes_by_all_that_is_asked_about_a_command(monkeypatch: pytest.MonkeyPatch) -> None:
     """Must 2: no check, preview, doubt or number stands between a person and STOP, whatever waits for an answer."""
-    scene = Scene(caution=SendPolicy(above=0, irreversible=True, strict=True, doubts=True))
+    scene = Scene(policy=SendPolicy(above=0, irreversible=True, strict=True, doubts=True))
     desk = scene.desk()
     prepared = desk.prepare("(DRIVE 1)", Terms(everybody=True))
     with pytest.raises(CountNeededError):

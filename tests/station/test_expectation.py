@@ -118,7 +118,7 @@ def test_release_goes_on_for_robots_out_of_reach_but_less_and_less_often() -> No
 
 
 def test_robots_that_were_never_heard_may_obey_too() -> None:
-    scene = Scene(robots=3, caution=SendPolicy(above=10))
+    scene = Scene(robots=3, policy=SendPolicy(above=10))
     desk = scene.desk(expected=HUNDRED)
     text = "(WHEN (> id 1) (DRIVE 1))"
     assert desk.prepare(text).may == 100

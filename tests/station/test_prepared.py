@@ -58,7 +58,7 @@ def aged(desk: Desk) -> None:
 
 
 def policy(desk: Desk) -> None:
-    desk.station.caution = SendPolicy(above=2, doubts=True)
+    desk.station.policy = SendPolicy(above=2, doubts=True)
 
 
 def commanded(desk: Desk) -> None:

@@ -156,7 +156,7 @@ def test_unknown_on_some_robots_is_counted_there(fleet: Fleet) -> None:
 
 
 def test_a_test_that_is_unknown_on_all_robots_is_sent_when_it_is_meant_so(fleet: Fleet) -> None:
-    fleet.station.caution = SendPolicy(doubts=True)
+    fleet.station.policy = SendPolicy(doubts=True)
     fleet.station.send("(WHEN (> fule 50%) (MARK))")  # nobody has told anything yet
     fleet.report()
     with pytest.raises(DoubtError, match="no known value on all 10 robots, because no robot has fule: nobody"):

@@ -21,7 +21,7 @@ R1, AGAIN = "r1", "r1 again"
 
 def shared(robots: int = 3) -> tuple[Scene, Robot]:
     """Robots of which two are r1."""
-    scene = Scene(robots, caution=SendPolicy(doubts=True))
+    scene = Scene(robots, policy=SendPolicy(doubts=True))
     scene.run(1.0)
     return scene, scene.another(R1)
 

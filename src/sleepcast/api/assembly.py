@@ -74,7 +74,7 @@ def _station(swarm: Swarm, operator: str, journal: Journal | None) -> Station:
         swarm,
         operator=operator,
         journal=journal,
-        caution=SendPolicy(doubts=True),
+        policy=SendPolicy(doubts=True),
         heartbeat=swarm.simulator.scenario.minds.lease / 3.0,
     )
 

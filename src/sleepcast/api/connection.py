@@ -105,7 +105,7 @@ def observing_station(
             minds,
             heard=contacts.heard,
             journal=journal,
-            caution=SendPolicy(ABOVE, irreversible=True, strict=strict, doubts=True),
+            policy=SendPolicy(ABOVE, irreversible=True, strict=strict, doubts=True),
             within=air.within,
             expected=expected,
         )

@@ -184,7 +184,7 @@ class TimeRequest:
         self._asked, self.due = now, now + self._pauses.take()
         return {TIME: self.nonce}
 
-    def hurry(self) -> None:
+    def expedite(self) -> None:
         """An operator who commands us is present: ask as soon as allowed."""
         self.due = min(self.due, self._asked + HURRIED_PAUSE)
 

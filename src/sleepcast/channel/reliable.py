@@ -316,7 +316,7 @@ class ReliableDelivery:
                 self.sequencer.want_parts(name, part.sequence, part.deadline, now + _ASK_PARTS_AFTER)
             turned_away = self.admission.turned_away()
             if turned_away and self._time_request is not None:
-                self._time_request.hurry()
+                self._time_request.expedite()
             return turned_away
         message = entered.message
         if TIME in message.body and message.kind in (Kind.REPORT, Kind.HEARTBEAT):

@@ -18,8 +18,8 @@ from sleepcast.console.adapters.mission import SwarmMission
 from sleepcast.console.adapters.swarm import SwarmAdapter, shown_slider
 from sleepcast.console.features.plots import ScenarioMeasure
 from sleepcast.console.features.renewal import Choices, ShownScenario
-from sleepcast.console.kept import Budget
 from sleepcast.console.renewal import RunRequest, ShownRun
+from sleepcast.console.snapshots import Budget
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.given_numbers import read_seed

@@ -47,7 +47,7 @@ class PageTests:
         return f"{fleet.swarm.simulator.scenario.name}-test", commands
 
     def _inputs(self) -> Inputs:
-        if self._past.film.began > 0.0:
+        if self._past.timeline.began > 0.0:
             raise MisuseError("A test begins with its scenario, and this run goes on from a snapshot.")
         return self._past.inputs
 

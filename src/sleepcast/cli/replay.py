@@ -81,14 +81,14 @@ def replay(
             from sleepcast.core.clock import WallClock
             from sleepcast.experiments.live import recorded_measures
 
-            film = load_timeline(recording)
+            timeline = load_timeline(recording)
             interrupts.release()  # the server has a way of its own to end in good order
             if speed is not None:
-                film = replace(film, speed=speed)
+                timeline = replace(timeline, speed=speed)
             clock, address = WallClock(), Address(host, port, insecure, not no_browser, allow)
-            past = RecordedPast(recording, film)
+            past = RecordedPast(recording, timeline)
             measures = [ScenarioMeasure(*each) for each in recorded_measures(recording.scenario.name)]
-            desk = ReplayBackend(film, ReplayDriver(film, clock, past), measures, past=past)
+            desk = ReplayBackend(timeline, ReplayDriver(timeline, clock, past), measures, past=past)
             serve_backend(desk, clock, address=address, say=announce)
             return 0
         verdict = _verify(interrupts, recording, quiet=quiet) if verify else None

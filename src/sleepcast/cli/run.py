@@ -251,8 +251,8 @@ def _show(
     page is served already. Raises what the console raises for the address, and what Recorder raises."""
     from sleepcast.cli.page_runs import Beginning, PageRuns
     from sleepcast.console import Address, serve_runs
-    from sleepcast.console.kept import Budget
     from sleepcast.console.renewal import RunSwitcher
+    from sleepcast.console.snapshots import Budget
     from sleepcast.core.clock import WallClock
 
     _check_beginning(name, options)

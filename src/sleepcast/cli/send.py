@@ -122,7 +122,7 @@ def _prepare_with_robots(station: NetworkStation, telemetry: TelemetryClient, te
     telemetry says which names there are, and who is there."""
     from sleepcast.station.asking import prepare_with_robots
 
-    early = None if station.caution.strict or not station.names else station.draft(text, terms)
+    early = None if station.policy.strict or not station.names else station.draft(text, terms)
     return prepare_with_robots(station, telemetry, text, terms, early)
 
 

@@ -14,7 +14,7 @@ from sleepcast.language import Vocabulary
 from sleepcast.station import Account, Command, Station
 from sleepcast.station.account import values_in_words
 
-MOST_ROWS = 50
+MAX_ROWS = 50
 """Commands that a page shows, the latest; the journal has them all."""
 ON_ITS_WAY = 1.0
 """Simulated s after which the answers to a command have come, so that who is silent then is not only waiting."""
@@ -88,7 +88,7 @@ class AccountTable:
     def rows(self, held_up: str = "") -> list[CommandRow]:
         """The latest commands, oldest first. held_up: why time stands still, "" while it runs."""
         kept: dict[str, tuple[State, CommandRow]] = {}
-        commands = self.commands()[-MOST_ROWS:]
+        commands = self.commands()[-MAX_ROWS:]
         self.failing.look(commands)
         for command in commands:
             kept[command.id] = self._known(command, self._rows.get(command.id), held_up)

@@ -26,9 +26,9 @@ from sleepcast.console.features.mission import STOPPED, MissionNews, MissionPlay
 from sleepcast.console.features.plots import Plots, ScenarioMeasure
 from sleepcast.console.features.send import Send, Sort
 from sleepcast.console.features.why import Explained, Why
-from sleepcast.console.film import commands_of
 from sleepcast.console.past import Past
 from sleepcast.console.sensing import BodyView
+from sleepcast.console.timeline import commands_of
 from sleepcast.console.values import TelemetryValues, Values
 from sleepcast.console.view import KeptRule, MindView, ObstacleEditor, Picture, Scene, SwarmView
 from sleepcast.core.clock import Clock
@@ -47,7 +47,7 @@ from sleepcast.station.rest import stopped_in_words
 
 STOP_AGAIN = 0.5
 """Seconds in which one more STOP adds nothing to the one that holds; the station itself repeats it."""
-MOST_REPORTS = 20
+MAX_REPORTS = 20
 """Reports of the watched robot that a page shows."""
 _LEFT_OUT = frozenset(quantity.name for quantity in (*SUPPORT[ACTIVE0 + 1 : ACTIVE0 + BUFFERS], *SUPPORT[TIME_SLOT:]))
 """Variables that the page shows elsewhere: the active flags with the rules, the time in its bar."""
@@ -222,7 +222,7 @@ class Backend:
 
     def _latch(self, latched: bool) -> None:
         self.driver.latched = latched
-        self.driver.hurry()
+        self.driver.expedite()
 
     # ---- afterwards
 
@@ -254,7 +254,7 @@ class Backend:
 
     def failed(self, rule: str, time: float = inf) -> bytes:
         """On which robots a rule ("": any rule) failed at a time, s of the page's time."""
-        then = self.accounts.failing.now if self.past is None or time == inf else self.past.film.failures_at(time)
+        then = self.accounts.failing.now if self.past is None or time == inf else self.past.timeline.failures_at(time)
         return then.robots(rule, len(self.scene.names))
 
     def members(self, group: int) -> bytes:
@@ -276,7 +276,7 @@ class Backend:
     def commands(self, serial: int | None = None, time: float = inf) -> outgoing.Commands:
         """The account of every command as it was at a time, s of the page's time."""
         if self.past is not None and time < inf:
-            return commands_of(self.past.film, time, serial)
+            return commands_of(self.past.timeline, time, serial)
         return outgoing.Commands(self.accounts.rows(self.driver.held_up), serial)
 
     def name_of(self, robot: int) -> str:
@@ -287,7 +287,7 @@ class Backend:
 
     # ---- unasked
 
-    def news(self, watched: int) -> Iterator[outgoing.Said]:
+    def news(self, watched: int) -> Iterator[outgoing.DeskMessage]:
         """Everything that may have changed; `watched`: the index of the robot that the page looks at, or -1."""
         if self.driver.preparing:
             yield outgoing.Compiling(min(kernel_count(), KERNELS), KERNELS)
@@ -330,7 +330,7 @@ class Backend:
 
     def _reports(self, name: str) -> list[outgoing.ShownReport]:
         found = (report for report in reversed(self.station.reports) if report.robot == name)
-        return [_show_report(report, self.began) for report in islice(found, MOST_REPORTS)]
+        return [_show_report(report, self.began) for report in islice(found, MAX_REPORTS)]
 
     def _states(self, mind: MindView) -> list[str]:
         """What the robot is, in words."""

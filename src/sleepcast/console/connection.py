@@ -23,9 +23,9 @@ MESSAGES_PER_SECOND = 120.0
 """Of one page, over a longer time: thirty frames drawn, and the fastest typing many times over."""
 MESSAGES_AT_ONCE = 240.0
 """A page may save up this many, for a burst after a pause."""
-MOST_DROPPED = 2_000
+MAX_DROPPED = 2_000
 """Messages beyond the rate after which a page is not served any more."""
-MOST_MALFORMED = 200
+MAX_MALFORMED = 200
 """Messages that are none, after which a page is not served any more."""
 TOO_MUCH = 1008
 """The WebSocket close code for a peer that breaks the rules."""
@@ -57,7 +57,7 @@ class PageConnection(Generic[M]):
                 self._gone = True
                 return
             await self._take(event.get("text") or event.get("bytes") or b"", take)
-            if self._dropped > MOST_DROPPED or self._malformed > MOST_MALFORMED:
+            if self._dropped > MAX_DROPPED or self._malformed > MAX_MALFORMED:
                 self._gone = True
                 with suppress(WebSocketDisconnect):
                     await self._socket.close(TOO_MUCH, "too many messages that are not this page's")

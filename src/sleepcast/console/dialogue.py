@@ -27,7 +27,7 @@ class PageDesk(Source, Protocol):
 
     def hello(self) -> outgoing.Hello: ...
 
-    def news(self, watched: int) -> Iterable[outgoing.Said]: ...
+    def news(self, watched: int) -> Iterable[outgoing.DeskMessage]: ...
 
     async def live(self) -> None: ...
 
@@ -94,7 +94,7 @@ class Dialogue(ABC, Generic[D]):
         """What goes out with a frame."""
         return iter(())
 
-    def _news(self) -> Iterable[outgoing.Said]:
+    def _news(self) -> Iterable[outgoing.DeskMessage]:
         return self._desk.news(self._watched)
 
     def news(self) -> Iterator[str]:

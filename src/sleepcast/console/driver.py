@@ -22,7 +22,7 @@ from sleepcast.fleet.marks import GroupCodes, flags_of
 
 SLICE = 0.004
 """Seconds for which ticks may run before the server is served: unnoticed by people, long against a switch."""
-MOST_TURNS = 16
+MAX_TURNS = 16
 """Turns of the server after one slice at most. A single tick may take as long as many slices; what a page says passes
 through some eight steps until it is answered, one in each turn, and would wait for a tick before each of them."""
 FRAME_PERIOD = 1.0 / 32.0
@@ -112,7 +112,7 @@ class Driver(FrameSource):
                 self.wait_a_frame(now)
                 self.draw()
             turns = int((self._clock.now() - began) / SLICE)
-            for _ in range(min(turns, MOST_TURNS)):
+            for _ in range(min(turns, MAX_TURNS)):
                 await asyncio.sleep(0.0)
             if not turns:
                 await asyncio.sleep(self._frame_due - self._clock.now())
@@ -144,7 +144,7 @@ class Driver(FrameSource):
         self.pace.keep_up(budget)
         return True
 
-    def hurry(self) -> None:
+    def expedite(self) -> None:
         """Draw the tick in which a STOP that goes out now is heard as soon as it is over, and nothing in between: the
         page would still be busy with that. If it takes longer than a frame may, a frame comes before."""
         if self.held_up:

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable
 
 from sleepcast.console.past import Past
-from sleepcast.console.rerunner import Found
+from sleepcast.console.replay_client import Found
 from sleepcast.core.errors import SleepcastError
 
 REST = 0.15

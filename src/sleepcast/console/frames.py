@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import struct
 
-GHOSTS = 255
+ALTERNATE = 255
 """The first byte of something else than a frame: where robots were in another future. Three bytes follow, then u32 n
 and f32 x 3n as in a frame."""
 
@@ -70,6 +70,6 @@ def still(frame: bytes) -> bytes:
     return frame[:3] + _STILL + frame[4 : _HEADER.size]
 
 
-def ghosts(poses: bytes) -> bytes:
+def alternate_frame(poses: bytes) -> bytes:
     """Where robots were in another future."""
-    return struct.pack("<BxxxI", GHOSTS, len(poses) // 12) + poses
+    return struct.pack("<BxxxI", ALTERNATE, len(poses) // 12) + poses

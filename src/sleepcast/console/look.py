@@ -13,9 +13,9 @@ import msgspec
 from sleepcast.console import outgoing
 from sleepcast.console.driver import FrameSource
 from sleepcast.console.exact import Exact
-from sleepcast.console.film import frame_of, news_of
 from sleepcast.console.incoming import PageMessage
 from sleepcast.console.past import Past
+from sleepcast.console.timeline import frame_of, news_of
 from sleepcast.console.view import PaceControl
 
 
@@ -30,7 +30,7 @@ class PastView(FrameSource):
 
     def __init__(self, past: Past, live: LiveDriver) -> None:
         super().__init__()
-        self.time = past.film.began
+        self.time = past.timeline.began
         self.watched = -1
         self._past, self._live = past, live
         self._exact = Exact(past, self.draw)
@@ -65,17 +65,17 @@ class PastView(FrameSource):
 
     def draw(self) -> None:
         """Show what was then."""
-        film, pace = self._past.film, self._live.pace
+        timeline, pace = self._past.timeline, self._live.pace
         found = self._exact.of(self.tick, self.watched)
         time = self.time
         if found is None:
-            time = film.poses.times[max(0, film.poses.before(time) - 1)]
-        state = (not pace.paused, film.latched_at(self.time))
-        self.show(frame_of(film, self.number + 1, time, (pace.factor, pace.achieved), state, found))
+            time = timeline.poses.times[max(0, timeline.poses.before(time) - 1)]
+        state = (not pace.paused, timeline.latched_at(self.time))
+        self.show(frame_of(timeline, self.number + 1, time, (pace.factor, pace.achieved), state, found))
 
-    def news(self) -> Iterator[outgoing.Said]:
+    def news(self) -> Iterator[outgoing.DeskMessage]:
         """What was so then."""
-        for said in news_of(self._past.film, self.time, self.watched, self._exact.of(self.tick, self.watched)):
+        for said in news_of(self._past.timeline, self.time, self.watched, self._exact.of(self.tick, self.watched)):
             if not isinstance(said, outgoing.Safety):  # STOP is a matter of now
                 yield said
 

@@ -13,9 +13,9 @@ from sleepcast.console.failing import ShownFailing
 
 Known = TypeVar("Known")
 
-MOST_MARKS = 300
+MAX_MARKS = 300
 """Marks that are kept, the latest: more cannot be told apart on a screen."""
-MOST_KNOWN = 10_000
+MAX_KNOWN = 10_000
 """Commands, and rules that failed, of which it is known that they have a mark; a page shows the latest of far fewer."""
 JOIN_EVERY = 0.02
 """Part of the time since the start within which joins of one group are one mark."""
@@ -38,7 +38,7 @@ class Marks:
     """Notices what is worth a mark, as it is told what is so."""
 
     def __init__(self) -> None:
-        self.all: deque[Mark] = deque(maxlen=MOST_MARKS)
+        self.all: deque[Mark] = deque(maxlen=MAX_MARKS)
         self.number = 0
         """How many there have been."""
         self._known: dict[str, int] = {}
@@ -55,7 +55,7 @@ class Marks:
 
     def sort(self) -> None:
         """Put those that were noticed in another order into that of time."""
-        self.all = deque(sorted(self.all, key=lambda mark: mark.at), MOST_MARKS)
+        self.all = deque(sorted(self.all, key=lambda mark: mark.at), MAX_MARKS)
 
     def rows(self, time: float, rows: Iterable[CommandRow]) -> None:
         """What the accounts say at this time."""
@@ -96,7 +96,7 @@ class Marks:
 
 
 def _keep_latest(known: dict[str, Known]) -> None:
-    while len(known) > MOST_KNOWN:
+    while len(known) > MAX_KNOWN:
         del known[next(iter(known))]
 
 

@@ -37,7 +37,7 @@ AT_LEAST_EVERY = 0.5
 """Seconds after which a new frame is drawn even without telemetry: the clock goes on."""
 LONGEST_WHY = 3.0
 """Seconds for which a robot is waited for that is to say why."""
-MOST_NOTICES = 2
+MAX_NOTICES = 2
 """Sentences on what else is going on."""
 NOT_SENT = "not reported"
 """The last value of a rule on a robot, which is not in its telemetry."""
@@ -170,7 +170,7 @@ class NetworkDriver(Driver):
         self._attend()
         return news
 
-    def hurry(self) -> None:
+    def expedite(self) -> None:
         """Draw at once: what robots tell of a STOP comes when it comes."""
         self._frame_due = self._clock.now()
         self.draw()
@@ -209,7 +209,7 @@ class NetworkBackend(Backend):
         """Refused."""
         raise MisuseError(SENSES.format(self.name_of(robot)))
 
-    def news(self, watched: int) -> Iterator[outgoing.Said]:
+    def news(self, watched: int) -> Iterator[outgoing.DeskMessage]:
         """Everything that may have changed; the scene, too."""
         yield self.hello()
         yield from super().news(watched)
@@ -271,7 +271,7 @@ class NetworkBackend(Backend):
             if standing := self._fleet.standing():
                 said += f" {standing[0].upper()}{standing[1:]}."
             found = outgoing.Safety(found.latched or stopped > 0, said)
-        more = " ".join(f"{notice[0].upper()}{notice[1:]}." for notice in self._fleet.notices()[:MOST_NOTICES])
+        more = " ".join(f"{notice[0].upper()}{notice[1:]}." for notice in self._fleet.notices()[:MAX_NOTICES])
         found = outgoing.Safety(found.latched, found.sentence, printable(more))
         self.driver.latched = found.latched
         return found

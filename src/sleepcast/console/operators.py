@@ -12,7 +12,7 @@ import msgspec
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import LeaseAction, Role
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 from sleepcast.core.errors import MisuseError, SleepcastError, printable
 from sleepcast.station import Command
 from sleepcast.station.leases import describe_request, doubt_of, lease_body
@@ -56,7 +56,7 @@ class ShownDeed(msgspec.Struct, frozen=True):
     text: str
 
 
-class Operators(Said):
+class Operators(DeskMessage):
     """Who commands. may: what this desk's role allows, in words. staging: how far a staged sending has come, "" if
     there was none; active: whether it goes on."""
 

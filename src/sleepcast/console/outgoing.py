@@ -16,11 +16,11 @@ from sleepcast.console.marks import Mark
 from sleepcast.console.view import Outline, Scene
 
 
-class Said(msgspec.Struct, tag_field="type", tag=str.lower):
+class DeskMessage(msgspec.Struct, tag_field="type", tag=str.lower):
     """Anything that the desk says to a page."""
 
 
-class Hello(Said):
+class Hello(DeskMessage):
     """The first words: what there is to see, and the names that a text may use.
 
     began, recorded: the time at which a recording begins and ends, s; 0 where the swarm lives.
@@ -48,7 +48,7 @@ class Hello(Said):
     operators: list[tuple[str, str]] | msgspec.UnsetType = msgspec.UNSET
 
 
-class Refused(Said):
+class Refused(DeskMessage):
     """A message that was not obeyed, and why, in words for a person. count: whether it would be obeyed if it came with
     the number of robots that are meant; doubt: whether it would be if it came once more, confirmed."""
 
@@ -58,11 +58,11 @@ class Refused(Said):
     doubt: bool = False
 
 
-class Alive(Said):
+class Alive(DeskMessage):
     """Nothing new, but the line is whole and the station at work."""
 
 
-class Obstacles(Said):
+class Obstacles(DeskMessage):
     """What is solid now, where it is not as the scene says; both as there."""
 
     obstacles: tuple[tuple[Outline, ...], ...]
@@ -79,7 +79,7 @@ class ShownFinding(msgspec.Struct, frozen=True):
     shown: str
 
 
-class Sent(Said):
+class Sent(DeskMessage):
     """A command went out under this id. doubt: what is probably a slip in it, as a sentence."""
 
     serial: int
@@ -87,7 +87,7 @@ class Sent(Said):
     doubt: str = ""
 
 
-class Answered(Said):
+class Answered(DeskMessage):
     """What became of a command on each robot, a byte each (`station.SILENT` and the others); or for which it is true
     that was asked about, 1 each."""
 
@@ -95,21 +95,21 @@ class Answered(Said):
     outcomes: bytes
 
 
-class Done(Said):
+class Done(DeskMessage):
     """What was asked for was done. note: what there is to say of it, in words for a person."""
 
     serial: int
     note: str = ""
 
 
-class Commands(Said):
+class Commands(DeskMessage):
     """The account of every command; serial: of the question, if it was asked for."""
 
     rows: list[CommandRow]
     serial: int | None = None
 
 
-class Failing(Said):
+class Failing(DeskMessage):
     """The rules that fail on any robot, those on most robots first. recent: simulated seconds after a fault for which
     its rule counts as failing."""
 
@@ -125,13 +125,13 @@ class ShownGroup(msgspec.Struct, frozen=True):
     shown: int
 
 
-class Groups(Said):
+class Groups(DeskMessage):
     """Every group that has been seen, in the order of the codes in a frame."""
 
     groups: list[ShownGroup]
 
 
-class Safety(Said):
+class Safety(DeskMessage):
     """Whether STOP holds, and what it has come to. noticed: what else a person should know of, STOP or no STOP."""
 
     latched: bool
@@ -139,14 +139,14 @@ class Safety(Said):
     noticed: str = ""
 
 
-class Compiling(Said):
+class Compiling(DeskMessage):
     """How many kernels of the simulator have been compiled so far, of how many at most."""
 
     done: int
     most: int
 
 
-class Span(Said):
+class Span(DeskMessage):
     """The part of the run that can be looked at: its begin and end, s. at: what this page looks at, s, None for now.
     exact: whether what is shown is that very tick; note: why not, for a person. kept: what is kept, in a sentence.
     forked: when this run left another one, s, None if it did not; differs: the time of the first difference between the
@@ -165,7 +165,7 @@ class Span(Said):
     may_fork: bool = False
 
 
-class Marked(Said):
+class Marked(DeskMessage):
     """What happened, for the timeline."""
 
     marks: list[Mark]
@@ -197,7 +197,7 @@ class ShownReport(msgspec.Struct, frozen=True):
     text: str
 
 
-class WatchedRobot(Said, tag="robot"):
+class WatchedRobot(DeskMessage, tag="robot"):
     """News of the watched robot. groups: the names of all of them. state: stopped, frozen and the like, in words.
 
     said: its latest reports, the youngest first. told: what programs told it lately, where it is a Nomad.

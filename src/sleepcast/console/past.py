@@ -17,25 +17,30 @@ import msgspec
 from sleepcast.console.connection import encode
 from sleepcast.console.features.plots import AddPlot
 from sleepcast.console.features.why import Why
-from sleepcast.console.film import Timeline
 from sleepcast.console.incoming import PageMessage
-from sleepcast.console.kept import Budget, KeptStates
 from sleepcast.console.marks import Marks, clock_time
-from sleepcast.console.rerunner import Deed, Found, Question, RerunError, Rerunner, RunMoment, digest
+from sleepcast.console.replay_client import Deed, Found, Question, ReplayClient, RerunError, RunMoment, digest
+from sleepcast.console.snapshots import Budget, SnapshotStore
+from sleepcast.console.timeline import Timeline
 from sleepcast.core.memory import process_in_words, shown_size
 from sleepcast.loop.rerun import Inputs
 
-LOOK, MOST_LOOKS = 0.02, 250
+LOOK, MAX_LOOKS = 0.02, 250
 """Seconds between two looks whether a tick is over, and how many: five seconds together."""
 
 
 @dataclass(slots=True)
-class OtherFuture:
-    """Another run that was the same up to a tick. film, inputs: of it. state: at that tick. differs: the tick of the
-    first difference, None while there is none, or it is looked for; difference: what it is, in words."""
+class AlternateRun:
+    """Another run that was the same up to a tick.
+
+    timeline, inputs: of it
+    state: at that tick
+    differs: the tick of the first difference, None while there is none, or it is looked for
+    difference: what it is, in words
+    """
 
     tick: int
-    film: Timeline
+    timeline: Timeline
     inputs: Inputs
     state: bytes
     differs: int | None = None
@@ -50,39 +55,44 @@ class Sampled(msgspec.Struct, frozen=True):
 
 
 class Past:
-    """See the module. film: what was seen. tick: seconds in a tick. telemetry: ticks between two reports of a robot.
-    inputs, states: what came from outside, and from where it can be run again; they grow, up to the budget. run: counts
-    the runs of one page."""
+    """See the module.
 
-    def __init__(self, film: Timeline, tick: float, telemetry: int, rerunner: Rerunner, budget: Budget) -> None:
-        self.film, self.tick, self.budget = film, tick, budget
-        self.inputs, self.states = Inputs(), KeptStates(tick, budget.states)
+    timeline: what was seen
+    tick: seconds in a tick
+    telemetry: ticks between two reports of a robot
+    inputs, states: what came from outside, and from where it can be run again; they grow, up to the budget
+    run: counts the runs of one page
+    """
+
+    def __init__(self, timeline: Timeline, tick: float, telemetry: int, rerunner: ReplayClient, budget: Budget) -> None:
+        self.timeline, self.tick, self.budget = timeline, tick, budget
+        self.inputs, self.states = Inputs(), SnapshotStore(tick, budget.states)
         self.marks = Marks()
         self.run = 1
         self._telemetry, self._rerunner = telemetry, rerunner
-        self.other: OtherFuture | None = None
+        self.other: AlternateRun | None = None
         """What came in another run after the moment from which this one goes on."""
 
     @property
     def ended(self) -> float:
         """The time of the last tick, s."""
-        return self.film.seconds
+        return self.timeline.seconds
 
     def tick_of(self, time: float) -> int:
         """The tick of a time, or the nearest that there was."""
-        return round(min(max(time, self.film.began), self.ended) / self.tick)
+        return round(min(max(time, self.timeline.began), self.ended) / self.tick)
 
     @property
     def kept(self) -> str:
         """What is kept, in a sentence."""
-        pictures, states = self.film.poses.times, self.states
+        pictures, states = self.timeline.poses.times, self.states
         if not pictures:
             return "Nothing is kept yet."
         apart = (pictures[-1] - pictures[0]) / max(1, len(pictures) - 1)
         seen = "1 picture" if len(pictures) == 1 else f"{len(pictures):,} pictures, every {apart:.3g} s,"
         found = "1 state" if len(states) == 1 else f"{len(states):,} states"
         return (
-            f"Kept since {clock_time(self.film.began)}: {seen} and {found} from which every tick can be run again"
+            f"Kept since {clock_time(self.timeline.began)}: {seen} and {found} from which every tick can be run again"
             f"{self._takes()} {process_in_words()}"
         ).rstrip()
 
@@ -129,7 +139,7 @@ class Past:
             raise RerunError("This command was not sent in the part of the run that is kept.")
         if sent > tick:
             raise RerunError(f"This command was sent later, at {clock_time(sent * self.tick)}.")
-        if not 0 <= asked.robot < len(self.film.scene.names):
+        if not 0 <= asked.robot < len(self.timeline.scene.names):
             raise RerunError(f"There is no robot number {asked.robot}.")
         return _said(await self._ask("why", tick, asked, since=sent - 1))
 
@@ -144,7 +154,7 @@ class Past:
         it does not end."""
         turns = 0
         while round(self.ended / self.tick) < tick:
-            if (turns := turns + 1) > MOST_LOOKS:
+            if (turns := turns + 1) > MAX_LOOKS:
                 raise RerunError(f"{clock_time(tick * self.tick)} is not over yet: ask again when time has gone on.")
             await asyncio.sleep(LOOK)
 
@@ -161,7 +171,7 @@ class Past:
         await self._over(tick)
         self.check(tick)
         moment = self.moment(tick, since)
-        marks = self.film.marks_at(tick * self.tick)
+        marks = self.timeline.marks_at(tick * self.tick)
         data = b"" if message is None else encode(message)
         found = await self._rerunner.ask(Question(deed, moment, robot, data, marks.names))
         if found.ended:
@@ -170,7 +180,7 @@ class Past:
             raise RerunError(self.difference(found.differs))
         return found
 
-    async def compare(self, other: OtherFuture, tick: int) -> None:
+    async def compare(self, other: AlternateRun, tick: int) -> None:
         """Find the first difference to another future, which there is up to this tick. Raises RerunError."""
         base = other.tick
         mine, yours = (each.between(base, tick) for each in (self.inputs, other.inputs))
@@ -205,7 +215,7 @@ class Past:
         return RunMoment(self.run, base, state, tick, self.inputs.between(base, tick), self._checks(base, tick))
 
     def _checks(self, after: int, until: int) -> dict[int, bytes]:
-        poses = self.film.poses
+        poses = self.timeline.poses
         half = 0.5 * self.tick
         first = bisect_right(poses.times, after * self.tick + half)
         last = bisect_right(poses.times, until * self.tick + half)

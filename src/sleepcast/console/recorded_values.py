@@ -25,11 +25,11 @@ from sleepcast.console.features.plots import (
     RemovePlot,
     ScenarioMeasure,
 )
-from sleepcast.console.film import Timeline, values_of
 from sleepcast.console.marks import clock_time
 from sleepcast.console.past import Past
-from sleepcast.console.rerunner import RerunError
+from sleepcast.console.replay_client import RerunError
 from sleepcast.console.series import Sample, columns_of
+from sleepcast.console.timeline import Timeline, values_of
 from sleepcast.console.values import Column, Index, Mask, suggested_of
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
@@ -42,9 +42,9 @@ from sleepcast.language.parts import acts
 from sleepcast.language.symbols import Declared, FreshNames, Group
 from sleepcast.language.vocabulary import FROZEN, MARKED, SLEEPING, TIME_SLOT, Vocabulary
 
-MOST_TIMES = 256
+MAX_TIMES = 256
 """Times at which a plot of a recording is drawn."""
-MOST_AGAIN = 64
+MAX_AGAIN = 64
 """The same for one that is made by running again, which takes much longer."""
 AT_ONCE = 0.25
 """Seconds for which the samples of one answer are made; the page asks for more."""
@@ -73,10 +73,10 @@ class RecordedNames(FreshNames):
 class RecordedValues:
     """The values of a recording (`Values`). now: the time of it that is looked at, s."""
 
-    def __init__(self, film: Timeline, now: Callable[[], float]) -> None:
-        self._film, self._now = film, now
-        self._minds = Minds(film.vocabulary)
-        self._state = FleetState(film.vocabulary, range(1, len(film.scene.names) + 1), 0)
+    def __init__(self, timeline: Timeline, now: Callable[[], float]) -> None:
+        self._timeline, self._now = timeline, now
+        self._minds = Minds(timeline.vocabulary)
+        self._state = FleetState(timeline.vocabulary, range(1, len(timeline.scene.names) + 1), 0)
         self._read: bytes | None = None
         """The readings that are in the columns."""
         self._sensors: set[str] = set()
@@ -84,12 +84,12 @@ class RecordedValues:
 
     @property
     def names(self) -> Sequence[str]:
-        return self._film.scene.names
+        return self._timeline.scene.names
 
     @property
     def vocabulary(self) -> Vocabulary:
         """The names of the recorded robots."""
-        return self._film.vocabulary
+        return self._timeline.vocabulary
 
     @property
     def learned(self) -> RecordedNames:
@@ -98,8 +98,8 @@ class RecordedValues:
 
     @property
     def source(self) -> str:
-        time = self._film.values.before(self._now())
-        read = self._film.values.times[time - 1] if time else None
+        time = self._timeline.values.before(self._now())
+        read = self._timeline.values.times[time - 1] if time else None
         return "nothing recorded yet" if read is None else f"recorded at {clock_time(read)}"
 
     def values(self, text: str) -> tuple[Column, int]:
@@ -127,41 +127,41 @@ class RecordedValues:
         return check(text, self._known())
 
     def groups(self) -> Iterator[tuple[str, Mask]]:
-        marks = self._film.marks_at(self._now())
+        marks = self._timeline.marks_at(self._now())
         newest, second = (np.frombuffer(codes, np.uint8) for codes in (marks.groups, marks.second or marks.groups))
         for number, name in enumerate(marks.names, 1):
             yield name, (newest == number) | (second == number)
 
     def suggested(self) -> list[str]:
-        return suggested_of(self._film.vocabulary)
+        return suggested_of(self._timeline.vocabulary)
 
     def known(self) -> list[ShownName]:
         """The names that an expression may use, with the ranges of their values."""
         self._look()
         everybody = Rows.run(0, len(self.names))
-        found = names_in(self._film.vocabulary, lambda variable: self._state.column(variable.slot, everybody))
+        found = names_in(self._timeline.vocabulary, lambda variable: self._state.column(variable.slot, everybody))
         return found + [
             ShownName(name, "group", range=f"{int(members.sum())} robots") for name, members in self.groups()
         ]
 
     def _known(self) -> RecordedNames:
-        names = self._film.marks_at(self._film.seconds).names  # a group that comes later is empty
-        return RecordedNames(self._film.vocabulary, {name.casefold(): Group(name) for name in names})
+        names = self._timeline.marks_at(self._timeline.seconds).names  # a group that comes later is empty
+        return RecordedNames(self._timeline.vocabulary, {name.casefold(): Group(name) for name in names})
 
     def _look(self) -> None:
         """Put what was recorded of this time into the columns."""
-        film, time, everybody = self._film, self._now(), Rows.run(0, len(self.names))
-        data = film.values.at(time)
+        timeline, time, everybody = self._timeline, self._now(), Rows.run(0, len(self.names))
+        data = timeline.values.at(time)
         if data is not self._read:
             self._read = data
             columns = {} if data is None else values_of(data)
             for name in self._sensors | columns.keys():
-                variable, values = film.vocabulary.bindings.get(name.casefold()), columns.get(name, [])
+                variable, values = timeline.vocabulary.bindings.get(name.casefold()), columns.get(name, [])
                 if isinstance(variable, Variable):
                     known = len(values) == everybody.size
                     self._state.assign(variable.slot, everybody, np.array(values, np.float64) if known else nan)
             self._sensors |= columns.keys()
-        flags = np.frombuffer(film.marks_at(time).flags, np.uint8)
+        flags = np.frombuffer(timeline.marks_at(time).flags, np.uint8)
         for slot, bit in FLAGS:
             self._state.assign(slot, everybody, (flags & bit > 0).astype(np.float64))
         self._state.assign(TIME_SLOT, everybody, float(time))
@@ -176,18 +176,18 @@ class RecordedPlots(Plots):
 
     def __init__(
         self,
-        film: Timeline,
+        timeline: Timeline,
         now: Callable[[], float],
         clock: Clock,
         measures: Sequence[ScenarioMeasure] = (),
         past: Past | None = None,
     ) -> None:
-        super().__init__(RecordedValues(film, now), clock, measures)
-        self._film, self._past = film, past
+        super().__init__(RecordedValues(timeline, now), clock, measures)
+        self._timeline, self._past = timeline, past
         self._again: dict[int, AddPlot] = {}
         """The plots for which it is run again, by their numbers."""
-        self._at = film.began
-        self._moving = RecordedValues(film, lambda: self._at)
+        self._at = timeline.began
+        self._moving = RecordedValues(timeline, lambda: self._at)
         self._samples: dict[int, dict[float, Sample]] = {}
         """Of each plot, by time."""
 
@@ -204,7 +204,7 @@ class RecordedPlots(Plots):
 
     async def _added_again(self, asked: AddPlot, past: Past, unrecorded: MisuseError) -> PlotAdded:
         try:
-            found = await past.sample(past.tick_of(self._film.seconds), asked)
+            found = await past.sample(past.tick_of(self._timeline.seconds), asked)
         except RerunError as error:
             raise MisuseError(f"{unrecorded}\n{error}") from None
         if found.problem:
@@ -224,7 +224,7 @@ class RecordedPlots(Plots):
         found = self._samples.setdefault(plot.number, {})
         until, more = self._clock.now() + AT_ONCE, False
         again = self._again.get(plot.number)
-        for time in times_of(self._film.began, self._film.seconds, MOST_TIMES if again is None else MOST_AGAIN):
+        for time in times_of(self._timeline.began, self._timeline.seconds, MAX_TIMES if again is None else MAX_AGAIN):
             if time in found:
                 continue
             if self._clock.now() > until:

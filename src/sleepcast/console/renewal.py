@@ -36,7 +36,7 @@ from sleepcast.console.features.renewal import (
 )
 from sleepcast.console.features.session_test import TestMaker
 from sleepcast.console.marks import clock_time
-from sleepcast.console.outgoing import Hello, Said
+from sleepcast.console.outgoing import DeskMessage, Hello
 from sleepcast.console.past import Past
 from sleepcast.console.view import PaceControl, SwarmView
 from sleepcast.core.clock import Clock
@@ -47,13 +47,13 @@ from sleepcast.station import Station
 # ---- what a page is told
 
 
-class Building(Said):
+class Building(DeskMessage):
     """Another run is being built: what is done now; "" for nothing."""
 
     step: str
 
 
-class Note(Said):
+class Note(DeskMessage):
     """What a person should know of this run, "" for nothing. restart: whether to offer to start it again."""
 
     text: str
@@ -273,7 +273,7 @@ class RenewableBackend(Backend):
                 "or release STOP; then start the new run."
             )
 
-    def news(self, watched: int) -> Iterator[Said]:
+    def news(self, watched: int) -> Iterator[DeskMessage]:
         """Everything that may have changed."""
         if self.over:
             yield Renewed()

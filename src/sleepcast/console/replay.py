@@ -1,8 +1,8 @@
 """A recording on the page: the same pictures and tables as of a running swarm, at the time where the slider stands.
 
-A recording is a `Timeline` here (`film`), made by `adapters/recording`. `ReplayBackend` takes the place of a running
-swarm's `Backend`: it answers what can be shown, and refuses commands. What was not recorded is found by running again,
-where that can be done.
+A recording is a `Timeline` here, made by `adapters/recording`. `ReplayBackend` takes the place of a running swarm's
+`Backend`: it answers what can be shown, and refuses commands. What was not recorded is found by running again, where
+that can be done.
 """
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ from sleepcast.console.features.alerts import AlertBoard
 from sleepcast.console.features.field import Field, Fielded, field_of
 from sleepcast.console.features.plots import ScenarioMeasure
 from sleepcast.console.features.why import Why
-from sleepcast.console.film import Timeline, commands_of, frame_of, news_of, values_of
 from sleepcast.console.past import Past
 from sleepcast.console.recorded_values import RecordedPlots, RecordedValues
 from sleepcast.console.sensing import BodyView
+from sleepcast.console.timeline import Timeline, commands_of, frame_of, news_of, values_of
 from sleepcast.console.values import Mask
 from sleepcast.console.view import Picture, Scene
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.tasks import together
 
-MOST_WATCHED = 16
+MAX_WATCHED = 16
 """Robots that pages look at, at one time: as many as there may be pages."""
 
 
 class ReplayDriver(FrameSource):
-    """Moves through a film, as fast as is wanted, and stands still at its end."""
+    """Moves through a timeline, as fast as is wanted, and stands still at its end."""
 
-    def __init__(self, film: Timeline, clock: Clock, past: Past | None = None) -> None:
+    def __init__(self, timeline: Timeline, clock: Clock, past: Past | None = None) -> None:
         super().__init__()
-        self.time = film.began
+        self.time = timeline.began
         self._past, self._exact = past, None if past is None else Exact(past, self.draw)
-        self._film, self.clock = film, clock
-        self._running, self._factor = True, film.speed
+        self._timeline, self.clock = timeline, clock
+        self._running, self._factor = True, timeline.speed
         self._wake = asyncio.Event()
 
     async def run(self) -> None:
@@ -63,17 +63,17 @@ class ReplayDriver(FrameSource):
             await asyncio.sleep(FRAME_PERIOD)
             now = self.clock.now()
             if self._running:
-                self.time = min(self._film.seconds, self.time + (now - looked) * self._factor)
-                self._running = self.time < self._film.seconds
+                self.time = min(self._timeline.seconds, self.time + (now - looked) * self._factor)
+                self._running = self.time < self._timeline.seconds
                 self.draw()
             looked = now
 
     def set_pace(self, running: bool | None = None, factor: float | None = None) -> None:
-        """Change whether time runs and how fast; from its end, the film begins anew."""
+        """Change whether time runs and how fast; from its end, the timeline begins anew."""
         if running is not None:
             self._running = running
-            if running and self.time >= self._film.seconds:
-                self.time = self._film.began
+            if running and self.time >= self._timeline.seconds:
+                self.time = self._timeline.began
         if factor is not None:
             self._factor = factor
         self._wake.set()
@@ -81,12 +81,12 @@ class ReplayDriver(FrameSource):
 
     def seek(self, time: float) -> None:
         """Go to `time` (s), or as near as there is something."""
-        self.time = max(self._film.began, min(time, self._film.seconds))
+        self.time = max(self._timeline.began, min(time, self._timeline.seconds))
         self.draw()
 
     def step(self) -> None:
         """Go to the next picture, and stand still."""
-        poses = self._film.poses
+        poses = self._timeline.poses
         following = poses.before(self.time)
         if following < len(poses.times):
             self.time = poses.times[following]
@@ -111,8 +111,8 @@ class ReplayDriver(FrameSource):
             else:
                 found = self._exact.of(self._past.tick_of(self.time), -1)
         speeds = (self._factor, self._factor if self._running else 0.0)
-        state = (self._running, self._film.latched_at(self.time))
-        self.show(frame_of(self._film, self.number + 1, self.time, speeds, state, found))
+        state = (self._running, self._timeline.latched_at(self.time))
+        self.show(frame_of(self._timeline, self.number + 1, self.time, speeds, state, found))
 
 
 class ReplayBackend:
@@ -123,21 +123,27 @@ class ReplayBackend:
     at_once = False
 
     def __init__(
-        self, film: Timeline, driver: ReplayDriver, measures: Sequence[ScenarioMeasure] = (), past: Past | None = None
+        self,
+        timeline: Timeline,
+        driver: ReplayDriver,
+        measures: Sequence[ScenarioMeasure] = (),
+        past: Past | None = None,
     ) -> None:
         self.driver, self.past = driver, past
-        self._film = film
+        self._timeline = timeline
         self._exact: dict[int, Exact] = {}
         """By the robot that a page looks at."""
-        self.values = RecordedValues(film, lambda: driver.time)
-        self.plots = RecordedPlots(film, lambda: driver.time, driver.clock, measures, past)
+        self.values = RecordedValues(timeline, lambda: driver.time)
+        self.plots = RecordedPlots(timeline, lambda: driver.time, driver.clock, measures, past)
         self.alerts = AlertBoard(self.values, driver.clock)
         driver.watchers.append(self.alerts.look)
 
     def hello(self) -> outgoing.Hello:
         """What a page needs first."""
-        film = self._film
-        return outgoing.Hello(film.scene, len(film.scene.names), [], film.seconds, film.began, film.part)
+        timeline = self._timeline
+        return outgoing.Hello(
+            timeline.scene, len(timeline.scene.names), [], timeline.seconds, timeline.began, timeline.part
+        )
 
     async def live(self) -> None:
         """Let time pass, and do what is to be done aside, until cancelled."""
@@ -155,7 +161,7 @@ class ReplayBackend:
     @property
     def scene(self) -> Scene:
         """What does not change."""
-        return self._film.scene
+        return self._timeline.scene
 
     @property
     def facts(self) -> RecordedValues:
@@ -165,7 +171,7 @@ class ReplayBackend:
     @property
     def picture(self) -> Picture | None:
         """The picture of the map, None if there is none."""
-        return self._film.picture
+        return self._timeline.picture
 
     def known_names(self) -> list[ShownName]:
         """The names that an expression may use, with the ranges of their values now."""
@@ -173,7 +179,7 @@ class ReplayBackend:
 
     def commands(self, serial: int | None = None, time: float = nan) -> outgoing.Commands:
         """The account of every command as it was known at this time."""
-        return commands_of(self._film, self.driver.time, serial)
+        return commands_of(self._timeline, self.driver.time, serial)
 
     def explain(self, asked: Why) -> Awaitable[msgspec.Raw]:
         """How a robot evaluated a command, by running again. Raises MisuseError where that cannot be done."""
@@ -183,17 +189,17 @@ class ReplayBackend:
 
     def members(self, group: int) -> bytes:
         """Who is in a group, of those whose newest or second newest group it is."""
-        marks = self._film.marks_at(self.driver.time)
+        marks = self._timeline.marks_at(self.driver.time)
         newest, second = (np.frombuffer(codes, np.uint8) == group for codes in (marks.groups, marks.second))
         members: Mask = newest | second if marks.second else newest
         return members.tobytes()
 
     def field(self, asked: Field) -> Fielded | Awaitable[msgspec.Raw]:
         """A field at this time; of one that grows, by running again. Raises MisuseError where that cannot be done."""
-        film, name = self._film, asked.name
-        grows = field_of(film.scene, name).grows
-        if not grows and film.field is not None:
-            return Fielded(asked.serial, name, 0, film.field(name))
+        timeline, name = self._timeline, asked.name
+        grows = field_of(timeline.scene, name).grows
+        if not grows and timeline.field is not None:
+            return Fielded(asked.serial, name, 0, timeline.field(name))
         if self.past is None:
             raise MisuseError(f"The recording does not hold how {name} was at this time.")
         tick = self.past.tick_of(self.driver.time)
@@ -202,20 +208,20 @@ class ReplayBackend:
 
     def sense(self, robot: int) -> BodyView:
         """What the body of a robot sensed when that was recorded last."""
-        film = self._film
-        number = film.values.before(self.driver.time)
-        if not 0 <= robot < len(film.scene.names) or not number:
+        timeline = self._timeline
+        number = timeline.values.before(self.driver.time)
+        if not 0 <= robot < len(timeline.scene.names) or not number:
             raise MisuseError("The recording does not hold what this robot's body sensed at this time.")
-        values = values_of(film.values.values[number - 1])
-        poses = film.poses.at(film.values.times[number - 1]) or film.poses.values[0]
+        values = values_of(timeline.values.values[number - 1])
+        poses = timeline.poses.at(timeline.values.times[number - 1]) or timeline.poses.values[0]
 
         def read(name: str) -> float:
             found = values.get(name, [])
             value = found[robot] if robot < len(found) else None
             return nan if value is None else value
 
-        ends = accumulate(count for count, _ in film.scene.sizes)
-        kind = next(kind for kind, end in zip(film.kinds, ends, strict=True) if robot < end)
+        ends = accumulate(count for count, _ in timeline.scene.sizes)
+        kind = next(kind for kind, end in zip(timeline.kinds, ends, strict=True) if robot < end)
         x, y, heading = struct.unpack_from("<3f", poses[1], 12 * robot)
         believed = (read("x"), read("y"), read("heading"))
         ranges = [read(f"sonar{number}") for number in range(kind.sonars)]
@@ -223,7 +229,7 @@ class ReplayBackend:
 
     def failed(self, rule: str, time: float = nan) -> bytes:
         """On which robots a rule ("": any rule) failed at this time."""
-        return self._film.failures_at(self.driver.time).robots(rule, len(self.scene.names))
+        return self._timeline.failures_at(self.driver.time).robots(rule, len(self.scene.names))
 
     def stop(self, by: str = "") -> None:
         """Nothing moves in a recording that could be stopped, so time is."""
@@ -233,12 +239,12 @@ class ReplayBackend:
         """Time goes on."""
         self.driver.set_pace(running=True)
 
-    def news(self, watched: int) -> Iterator[outgoing.Said]:
+    def news(self, watched: int) -> Iterator[outgoing.DeskMessage]:
         """Everything that may have changed; `watched`: the index of the robot that the page looks at, or -1."""
         time, found = self.driver.time, None
         if self.past is not None and watched >= 0 and self.driver.stands:
             found = self._exact_of(self.past, watched).of(self.past.tick_of(time), watched)
-        yield from news_of(self._film, time, watched, found)
+        yield from news_of(self._timeline, time, watched, found)
         yield self.plots.shown()
         self.alerts.look()  # while time stands still there are no pictures
         yield self.alerts.shown()
@@ -246,6 +252,6 @@ class ReplayBackend:
     def _exact_of(self, past: Past, robot: int) -> Exact:
         found = self._exact.pop(robot, None) or Exact(past, lambda: None)
         self._exact[robot] = found
-        if len(self._exact) > MOST_WATCHED:
+        if len(self._exact) > MAX_WATCHED:
             self._exact.pop(next(iter(self._exact))).leave()
         return found

@@ -14,7 +14,7 @@ from sleepcast.console.values import Column, Values, in_unit
 from sleepcast.core.angles import around_mean, deviation, mean_direction, quantile
 from sleepcast.language.evaluate import is_true
 
-MOST_SAMPLES = 1_000
+MAX_SAMPLES = 1_000
 """Of one series: as many as a plot has pixels."""
 LEAST_EVERY = 0.1
 """Simulated seconds between two samples at first: the tick of most scenarios."""
@@ -74,9 +74,9 @@ class Series:
 
     def take(self, time: float, sample: Sample) -> None:
         """Add a sample."""
-        if len(self._times) == MOST_SAMPLES:
+        if len(self._times) == MAX_SAMPLES:
             self._times, self._samples = self._times[::2], self._samples[::2]
-            self.every = max(2.0 * self.every, self._times[-1] / (MOST_SAMPLES // 2))
+            self.every = max(2.0 * self.every, self._times[-1] / (MAX_SAMPLES // 2))
             self.thinned += 1
         self._times.append(time)
         self._samples.append(sample)

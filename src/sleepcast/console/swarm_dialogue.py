@@ -17,11 +17,11 @@ from sleepcast.console.feature import Then
 from sleepcast.console.features.mission import MissionNews
 from sleepcast.console.features.table import RobotTable
 from sleepcast.console.features.time import NO_TIMELINE
-from sleepcast.console.film import rows_at
-from sleepcast.console.frames import ghosts
+from sleepcast.console.frames import alternate_frame
 from sleepcast.console.look import PastView
 from sleepcast.console.renewal import RenewableBackend
 from sleepcast.console.replay import ReplayBackend
+from sleepcast.console.timeline import rows_at
 from sleepcast.core.errors import MisuseError
 
 OF_THEN = (MissionNews, outgoing.Commands, outgoing.Failing, outgoing.Groups, outgoing.Obstacles, outgoing.WatchedRobot)
@@ -39,7 +39,7 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
         self.table = RobotTable(desk.values)
         self._look: PastView | None = None
         self._marked = -1
-        self._ghosts, self._ghost_tick = True, -1
+        self._shows_alternate, self._alternate_tick = True, -1
         """Whether the page is to be shown another future, and the tick of which it was told last."""
 
     @property
@@ -48,7 +48,7 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
         return self._desk.driver if self._look is None else self._look
 
     def hello(self) -> str:
-        self._marked, self._ghost_tick = -1, -1
+        self._marked, self._alternate_tick = -1, -1
         return super().hello()
 
     @property
@@ -60,9 +60,9 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
             self._look.watched = robot
         super().watch(robot)
 
-    def show_ghosts(self, on: bool) -> None:
+    def show_alternate(self, on: bool) -> None:
         """Whether to show the other future."""
-        self._ghosts, self._ghost_tick = on, -1
+        self._shows_alternate, self._alternate_tick = on, -1
 
     def look_at(self, time: float | None) -> None:
         """PastView at another time; None is now."""
@@ -72,7 +72,7 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
         if time is None:
             self.leave()
             return
-        if not past.film.poses.times:
+        if not past.timeline.poses.times:
             raise MisuseError("Nothing is kept yet: the run has not started.")
         if self._look is None:
             self._look = PastView(past, self._desk.driver)
@@ -91,17 +91,17 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
         """Where robots were in another future at what this page shows, unless it knows or there is none. No place is
         told once that future has ended."""
         past = self._desk.past
-        if not self._ghosts or past is None or past.other is None:
+        if not self._shows_alternate or past is None or past.other is None:
             return
         time = past.ended if self._look is None else self._look.time
-        film = past.other.film
-        found = film.poses.at(time) if time <= film.seconds else None
-        tick, poses = (past.tick_of(film.seconds) + 1, b"") if found is None else found
-        if tick != self._ghost_tick:
-            self._ghost_tick = tick
-            yield ghosts(poses)
+        timeline = past.other.timeline
+        found = timeline.poses.at(time) if time <= timeline.seconds else None
+        tick, poses = (past.tick_of(timeline.seconds) + 1, b"") if found is None else found
+        if tick != self._alternate_tick:
+            self._alternate_tick = tick
+            yield alternate_frame(poses)
 
-    def _news(self) -> Iterator[outgoing.Said]:
+    def _news(self) -> Iterator[outgoing.DeskMessage]:
         look, past = self._look, self._desk.past
         if look is None:
             yield from self._desk.news(self._watched)
@@ -109,13 +109,13 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
             yield from look.news()
             yield from (said for said in self._desk.news(-1) if not isinstance(said, OF_THEN))
             if isinstance(self._desk, Backend) and past is not None:
-                yield from self._desk.mission_news(rows_at(past.film, look.time), look.time)
+                yield from self._desk.mission_news(rows_at(past.timeline, look.time), look.time)
         if past is None:
             return
         if self._marked != past.marks.number:
             self._marked = past.marks.number
             yield outgoing.Marked(list(past.marks.all))
-        span = outgoing.Span(past.film.began, past.ended, kept=past.kept)
+        span = outgoing.Span(past.timeline.began, past.ended, kept=past.kept)
         other = past.other
         if other is not None:
             differs = None if other.differs is None else other.differs * past.tick

@@ -1,4 +1,4 @@
-"""What of a film takes how many bytes, and what of it is left out when they become too many.
+"""What of a timeline takes how many bytes, and what of it is left out when they become too many.
 
 Pictures are left out evenly: every second one, again and again. Of accounts, those go first that were told anew later,
 then the oldest.
@@ -7,7 +7,7 @@ then the oldest.
 from __future__ import annotations
 
 from sleepcast.console.account_table import CommandRow
-from sleepcast.console.film import Kind, RobotMarks, Timeline, Track
+from sleepcast.console.timeline import Kind, RobotMarks, Timeline, Track
 from sleepcast.console.view import Outline
 
 BESIDE = 250
@@ -37,23 +37,23 @@ def size_of_obstacles(solid: tuple[tuple[Outline, ...], ...]) -> int:
     return BESIDE + sum(CORNER * (1 + len(corners)) for outlines in solid for corners in outlines)
 
 
-def size_of_pictures(film: Timeline) -> int:
+def size_of_pictures(timeline: Timeline) -> int:
     """Bytes of all pictures, with the marks, failing rules and obstacles on them, but for the obstacles of now: these
     are there in any case."""
-    poses = sum(BESIDE + len(data) for _, data in film.poses.values)
-    failures = sum(BESIDE + each.size for each in film.failures.values)
-    solid = sum(map(size_of_obstacles, film.obstacles.values[:-1]))
-    return poses + failures + solid + sum(map(size_of_marks, film.marks.values))
+    poses = sum(BESIDE + len(data) for _, data in timeline.poses.values)
+    failures = sum(BESIDE + each.size for each in timeline.failures.values)
+    solid = sum(map(size_of_obstacles, timeline.obstacles.values[:-1]))
+    return poses + failures + solid + sum(map(size_of_marks, timeline.marks.values))
 
 
-def thin(film: Timeline, every: int) -> None:
+def thin(timeline: Timeline, every: int) -> None:
     """Leave out all pictures but the first and those of every so many ticks."""
-    poses = film.poses
+    poses = timeline.poses
     kept = [at for at, (tick, _) in enumerate(poses.values) if tick % every == 0 or at == 0]
     poses.times, poses.values = [poses.times[at] for at in kept], [poses.values[at] for at in kept]
-    _keep_seen(film.marks, poses.times)
-    _keep_seen(film.failures, poses.times)
-    _keep_seen(film.obstacles, poses.times)
+    _keep_seen(timeline.marks, poses.times)
+    _keep_seen(timeline.failures, poses.times)
+    _keep_seen(timeline.obstacles, poses.times)
 
 
 def _keep_seen(track: Track[Kind], times: list[float]) -> None:
@@ -73,15 +73,15 @@ def size_of_row(row: CommandRow) -> int:
     return ROW + len(row.text) + len(row.values) + len(row.scope)
 
 
-def size_of_rows(film: Timeline) -> int:
+def size_of_rows(timeline: Timeline) -> int:
     """Bytes of all accounts."""
-    return sum(map(size_of_row, film.rows.values))
+    return sum(map(size_of_row, timeline.rows.values))
 
 
-def forget_accounts(film: Timeline, most: int) -> None:
+def forget_accounts(timeline: Timeline, most: int) -> None:
     """Leave out accounts until they take half as many bytes as they may."""
-    _drop_superseded(film.rows)
-    _drop_oldest(film.rows, size_of_rows(film) - most // 2)
+    _drop_superseded(timeline.rows)
+    _drop_oldest(timeline.rows, size_of_rows(timeline) - most // 2)
 
 
 def _drop_superseded(rows: Track[CommandRow]) -> None:

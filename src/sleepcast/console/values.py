@@ -19,7 +19,7 @@ Column: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
 Mask: TypeAlias = NDArray[np.bool_]
 
-MOST_SUGGESTED = 6
+MAX_SUGGESTED = 6
 """Columns of a table that nobody has chosen yet: they fit a small screen."""
 
 
@@ -98,7 +98,7 @@ def suggested_of(vocabulary: Vocabulary) -> list[str]:
         and binding.slot >= vocabulary.first_sensor
         and not binding.name[-1].isdigit()
     ]
-    return sensors[:MOST_SUGGESTED]
+    return sensors[:MAX_SUGGESTED]
 
 
 def in_unit(values: Column, unit: str) -> Column:

@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from sleepcast.console.incoming import PageMessage, Serial, read
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 from sleepcast.experiments.findings import Curves, ListedRun, Progress
 
 MOST_NAME = 4_000
@@ -42,7 +42,7 @@ def decode(data: str | bytes) -> Incoming:
     return read(_DECODER, data)
 
 
-class ExperimentHello(Said, tag="hello"):
+class ExperimentHello(DeskMessage, tag="hello"):
     """The first words. scenario: its name; folder: of the results; x, y, by: what can be chosen; measures: what each
     name means; goal: of a search, in words; notes: what else is to be known of it, each a sentence."""
 
@@ -56,13 +56,13 @@ class ExperimentHello(Said, tag="hello"):
     notes: tuple[str, ...] = ()
 
 
-class ProgressNews(Said, tag="come"):
+class ProgressNews(DeskMessage, tag="come"):
     """How far the sweep has come."""
 
     progress: Progress
 
 
-class DrawnCurves(Said, tag="drawing"):
+class DrawnCurves(DeskMessage, tag="drawing"):
     """The curves of the view that this page has chosen."""
 
     x: str
@@ -71,7 +71,7 @@ class DrawnCurves(Said, tag="drawing"):
     found: Curves
 
 
-class Listed(Said):
+class Listed(DeskMessage):
     """The runs behind a mark, the first ones of them if there are many."""
 
     serial: int

@@ -155,7 +155,7 @@ class NetworkStation(Station):
         *,
         heard: Mapping[str, float] | None = None,
         journal: Journal | None = None,
-        caution: SendPolicy | None = None,
+        policy: SendPolicy | None = None,
         stale_after: float = STALE_AFTER,
         within: float | None = None,
         expected: Expectation = NOBODY_SAID,
@@ -170,7 +170,7 @@ class NetworkStation(Station):
             epoch=delivery.epoch,
             journal=journal,
             stale_after=stale_after,
-            caution=SendPolicy(ABOVE, irreversible=True, doubts=True) if caution is None else caution,
+            policy=SendPolicy(ABOVE, irreversible=True, doubts=True) if policy is None else policy,
         )
         self.session, self.within, self.holding = session, within, False
         self.between: Callable[[], None] = _nothing
@@ -230,7 +230,7 @@ class NetworkStation(Station):
     def _state(self) -> object:
         shared = self._shared.places(self._clock.now()).tobytes()
         learned = self._minds.changes if isinstance(self._minds, RemoteMinds) else 0
-        return self._told, self._size, self.caution, self.commanded.count, learned, shared, self._polled.taken
+        return self._told, self._size, self.policy, self.commanded.count, learned, shared, self._polled.taken
 
     def unknown_names(self, checked: Checked, only: Sequence[str] | None = None) -> tuple[list[str], int]:
         unknown, minds = checked.unknown, self._minds

@@ -190,19 +190,19 @@ def validate_address(program: Program, everybody: bool, roster: int) -> None:
     )
 
 
-def validate_count(program: Program, may: int, roster: int, count: int | None, caution: SendPolicy) -> None:
+def validate_count(program: Program, may: int, roster: int, count: int | None, policy: SendPolicy) -> None:
     """A command to many robots, or one that cannot be undone, needs their number; so does one with a function that the
     desk does not know, since some robot may have it. may: robots that might obey, of a roster of so many. Raises
     CountNeededError, also for a number that was said and is not the right one, and NobodyHeardError where there is
     nobody to be counted."""
-    why = _for_good(program) if caution.irreversible else ""
-    many = caution.above is not None and may > caution.above
+    why = _for_good(program) if policy.irreversible else ""
+    many = policy.above is not None and may > policy.above
     if not roster and (why or count is not None):
         raise NobodyHeardError
     if count == may or (count is None and not many and not (why and may)):
         return
     if not why:
-        why = f"this is for more than {caution.above} robots" if many else "the count does not match"
+        why = f"this is for more than {policy.above} robots" if many else "the count does not match"
     raise CountNeededError(may, why, count)
 
 

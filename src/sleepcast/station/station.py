@@ -89,7 +89,7 @@ class Station:
 
     vocabulary, minds: the names and the minds of the fleet (see `preview`); `minds` is looked into, never
     changed. Minds that answer for many tell by `observe_many`, others by `observe`. outbox: takes what is sent.
-    operator, epoch: who sends, and which life of that sender this is. caution: what it refuses, or asks about, beyond
+    operator, epoch: who sends, and which life of that sender this is. policy: what it refuses, or asks about, beyond
     what every desk does. heartbeat: s between two signs that the operator is there, inf for none; see `hold`.
     """
 
@@ -104,7 +104,7 @@ class Station:
         epoch: int = 1,
         journal: Journal | None = None,
         stale_after: float = STALE_AFTER,
-        caution: SendPolicy | None = None,
+        policy: SendPolicy | None = None,
         heartbeat: float = inf,
     ) -> None:
         self.operator = operator
@@ -126,7 +126,7 @@ class Station:
         self.epoch, self.stale_after = epoch, stale_after
         self.commanded = CommandedTimes()
         """What robots reported before they were commanded does not say who will obey."""
-        self.caution = SendPolicy() if caution is None else caution
+        self.policy = SendPolicy() if policy is None else policy
         self.vocabulary, self._outbox = vocabulary, outbox
         self._sequence = 0
         self._told = 0
@@ -260,7 +260,7 @@ class Station:
     def _draft(self, text: str, terms: Terms) -> Draft:
         checked = self.check(text, only=terms.audience.only, anyway=terms.anyway)
         program = checked.required()
-        if self.caution.strict and checked.findings:
+        if self.policy.strict and checked.findings:
             raise CheckError(checked.findings, text, checked.more)
         validate_address(program, terms.everybody or terms.audience.named, self._size)
         seconds = validate_type(program, terms.standing, terms.deadline)
@@ -312,7 +312,7 @@ class Station:
     def _state(self) -> object:
         """Something that changes with whatever may change who would obey, or whether that matters: telemetry, the
         roster, learned names and the policy. Minds that are looked into may have learned at any other time."""
-        return self._told, self._size, self.caution, self.commanded.count, self._clock.now()
+        return self._told, self._size, self.policy, self.commanded.count, self._clock.now()
 
     def _is_fresh(self, prepared: Prepared) -> bool:
         """Whether who would obey is still as it was prepared."""
@@ -332,9 +332,9 @@ class Station:
 
     def _settle(self, prepared: Prepared, count: int | None, confirmed: bool) -> None:
         """Raises what is left to ask of the sender."""
-        if self.caution.doubts and not confirmed:
+        if self.policy.doubts and not confirmed:
             self._refuse_doubtful(prepared)
-        validate_count(prepared.draft.program, prepared.may, self._size, count, self.caution)
+        validate_count(prepared.draft.program, prepared.may, self._size, count, self.policy)
 
     def _refuse_doubtful(self, prepared: Prepared) -> None:
         """Raises DoubtError for what is hardly meant."""
@@ -407,10 +407,10 @@ class Station:
 
     def _validate_question(self, checked: Checked, audience: Audience, anyway: bool) -> None:
         checked.required()
-        if self.caution.strict and checked.findings:
+        if self.policy.strict and checked.findings:
             raise CheckError(checked.findings, checked.text, checked.more)
         unknown, informed = ([], 0) if anyway else self.unknown_names(checked, audience.only)
-        if self.caution.doubts and unknown:
+        if self.policy.doubts and unknown:
             raise UnknownNameError(unknown, informed)
 
     def stop(self) -> Command:

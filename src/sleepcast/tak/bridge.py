@@ -53,7 +53,7 @@ class TakBridge:
     ) -> None:
         if not TYPE.fullmatch(type):
             raise MisuseError(f"{type!r:.60} is no type of an event: wanted one such as {GROUND_ROBOT}")
-        station.caution = SendPolicy()  # nobody is here whom the desk could ask
+        station.policy = SendPolicy()  # nobody is here whom the desk could ask
         station.alarm = lambda sentence: self._complain(f"{sentence[0].upper()}{sentence[1:]}.")
         self._station, self._telemetry, self._link, self._say, self._every = station, telemetry, link, say, every
         self._picture = OperatingPicture(map, fleet, type)

@@ -379,11 +379,11 @@ class TestPictureOfTheMap:
         assert shown.scene.picture is not None
         assert SwarmAdapter(again).scene.picture is None  # only its name is left
         assert SwarmAdapter(again, shown.map_picture).scene.picture == shown.scene.picture
-        film = load_timeline(load_recording(file))
-        assert (film.scene.picture, film.picture) == (None, None)
+        timeline = load_timeline(load_recording(file))
+        assert (timeline.scene.picture, timeline.picture) == (None, None)
         (tmp_path / "elsewhere" / "room.pgm").write_text(ROOM)
-        film = load_timeline(load_recording(file))
-        assert film.scene.picture == shown.scene.picture
-        assert film.picture is not None
+        timeline = load_timeline(load_recording(file))
+        assert timeline.scene.picture == shown.scene.picture
+        assert timeline.picture is not None
         assert scenario.picture is not None
-        assert film.picture() == scenario.picture.png()
+        assert timeline.picture() == scenario.picture.png()

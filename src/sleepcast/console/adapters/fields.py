@@ -14,7 +14,7 @@ from sleepcast.simulator.scenario.fields import Field, ScalarField
 
 MOST = 128
 """Cells along the longer side of a map: 16 kilobytes at most, or twice as many where it has directions."""
-MOST_DIGITS = 17
+MAX_DIGITS = 17
 """A number of the machine has no more."""
 NOTHING = 1e-9
 """Of the most that a cell may have: a field that dies away comes ever nearer to 0, and is shown as empty below this."""
@@ -73,7 +73,7 @@ def _shown(value: float, low: float, high: float, unit: str) -> str:
     if span > 0.0:
         size = floor(log10(span))
         value = round(value, 2 - size) + 0.0  # no -0
-        digits = min(MOST_DIGITS, max(digits, 3 + floor(log10(max(abs(low), abs(high)))) - size))
+        digits = min(MAX_DIGITS, max(digits, 3 + floor(log10(max(abs(low), abs(high)))) - size))
     return value_in_words(value, unit, digits)
 
 

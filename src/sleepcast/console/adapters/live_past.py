@@ -15,12 +15,11 @@ from time import thread_time
 from sleepcast.channel import Message
 from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.console.account_table import AccountTable, CommandRow
-from sleepcast.console.adapters.again import serve_past
+from sleepcast.console.adapters.replay_worker import serve_past
 from sleepcast.console.adapters.swarm import SwarmAdapter
-from sleepcast.console.film import RobotMarks, Timeline
-from sleepcast.console.kept import Budget, Diary
-from sleepcast.console.past import OtherFuture, Past
-from sleepcast.console.rerunner import RerunError, Rerunner, RunMoment
+from sleepcast.console.past import AlternateRun, Past
+from sleepcast.console.replay_client import ReplayClient, RerunError, RunMoment
+from sleepcast.console.snapshots import Budget, SnapshotTimer
 from sleepcast.console.thinning import (
     BESIDE,
     cut,
@@ -31,6 +30,7 @@ from sleepcast.console.thinning import (
     size_of_rows,
     thin,
 )
+from sleepcast.console.timeline import RobotMarks, Timeline
 from sleepcast.core.clock import Clock
 from sleepcast.core.memory import shown_size
 from sleepcast.fleet.marks import GroupCodes, flags_of
@@ -55,8 +55,8 @@ class LivePast(Past):
     ) -> None:
         scenario = swarm.simulator.scenario
         now = swarm.now()
-        film = Timeline(view.scene, now, scenario.speed_up, {}, swarm.vocabulary, began=now)
-        super().__init__(film, scenario.tick, swarm.telemetry_ticks, Rerunner(serve_past), budget or Budget())
+        timeline = Timeline(view.scene, now, scenario.speed_up, {}, swarm.vocabulary, began=now)
+        super().__init__(timeline, scenario.tick, swarm.telemetry_ticks, ReplayClient(serve_past), budget or Budget())
         self._view, self._swarm, self._station, self._clock = view, swarm, station, clock
         self._log = InputLog(swarm)
         self.inputs = self._log.inputs
@@ -67,7 +67,7 @@ class LivePast(Past):
         self._size = self._of_other = self._of_rows = 0
         """Bytes of pictures, of those that only the other future has, and of accounts."""
         self._posted = False
-        self._diary, self._began = Diary(), 0.0
+        self._snapshot_timer, self._began = SnapshotTimer(), 0.0
         self._packer: Thread | None = None
         self._packed: tuple[int, bytes, float] | None = None
         swarm.witnesses.append(self)
@@ -79,23 +79,23 @@ class LivePast(Past):
     def go_on(self, before: LivePast, state: bytes) -> None:
         """This run goes on from a state of another one, whose past is this one's, too."""
         tick, now = self._view.tick, self._view.now()
-        film, old = self.film, before.film
-        film.began = old.began
-        cut(film.poses, old.poses, now)
-        cut(film.marks, old.marks, now)
-        cut(film.obstacles, old.obstacles, now)
-        cut(film.rows, old.rows, now)
-        cut(film.failures, old.failures, now)
-        self._groups.expect(film.marks_at(now).names)
+        timeline, old = self.timeline, before.timeline
+        timeline.began = old.began
+        cut(timeline.poses, old.poses, now)
+        cut(timeline.marks, old.marks, now)
+        cut(timeline.obstacles, old.obstacles, now)
+        cut(timeline.rows, old.rows, now)
+        cut(timeline.failures, old.failures, now)
+        self._groups.expect(timeline.marks_at(now).names)
         self._every = before._every
-        self._size, self._of_rows = size_of_pictures(film), size_of_rows(film)
+        self._size, self._of_rows = size_of_pictures(timeline), size_of_rows(timeline)
         self._share_with(old)
         self._log.begin_with(before.inputs.between(-1, tick))
         self.states = before.states.until(tick)
         self.states.add(tick, state)
         self.marks.take(before.marks, now)
         self.run = before.run + 1
-        self.other = OtherFuture(tick, old, before.inputs, state)
+        self.other = AlternateRun(tick, old, before.inputs, state)
 
     def _share_with(self, other: Timeline) -> None:
         """Leave room for pictures of another future: it may have half of it."""
@@ -136,14 +136,14 @@ class LivePast(Past):
         other = self.other
         if other is None or other.differs is not None or self._diverged.is_set() or tick < self._compared + HEARD:
             return
-        now, here, there = self._view.now(), self.film, other.film
+        now, here, there = self._view.now(), self.timeline, other.timeline
         seen = there.poses.at(now)
         apart = seen is not None and seen[0] == tick
         apart = apart and (seen != here.poses.at(now) or there.marks.at(now) != here.marks.at(now))
         if apart or (tick >= self._alike_until and self._differ_unseen(other, tick)):
             self._diverged.set()
 
-    def _differ_unseen(self, other: OtherFuture, tick: int) -> bool:
+    def _differ_unseen(self, other: AlternateRun, tick: int) -> bool:
         """Whether something has come in one future only, and robots have heard it."""
         left = self.inputs.between(other.tick, tick).leaves(other.inputs.between(other.tick, tick))
         return left is not None and tick - left >= HEARD
@@ -152,7 +152,7 @@ class LivePast(Past):
 
     def ticking(self) -> None:
         """A tick begins."""
-        if not self.film.poses.times:
+        if not self.timeline.poses.times:
             self._picture()
             self._copy(self._view.tick)
         self._log.ticking()
@@ -171,56 +171,56 @@ class LivePast(Past):
     def ticked(self) -> None:
         """A tick is over."""
         self._log.ticked()
-        self.film.seconds = self._view.now()
+        self.timeline.seconds = self._view.now()
         tick = self._view.tick
         if tick % self._every == 0 or self._posted:
             self._posted = False
             self._picture()
-        self._diary.worked(self._clock.now() - self._began)
+        self._snapshot_timer.worked(self._clock.now() - self._began)
         self._keep(tick)
 
     # ---- pictures
 
     def _picture(self) -> None:
-        film, minds, now = self.film, self._view.minds, self._view.now()
+        timeline, minds, now = self.timeline, self._view.minds, self._view.now()
         poses = self._view.poses()
-        film.poses.add(now, (self._view.tick, poses))
+        timeline.poses.add(now, (self._view.tick, poses))
         self._size += BESIDE + len(poses)
         codes, flags = self._groups.look(minds), flags_of(minds, self._view.exhausted())
         marks = RobotMarks(codes, flags, tuple(self._groups.names), self._groups.second, self._view.colours())
-        if film.marks.at(now) != marks:
-            film.marks.add(now, marks)
+        if timeline.marks.at(now) != marks:
+            timeline.marks.add(now, marks)
             self._size += size_of_marks(marks)
         self.marks.groups(now, self._groups.names, self._groups.counts)
         rows = self._accounts.rows()
         failures = self._accounts.failing.now
-        if film.failures_at(now) != failures:
-            film.failures.add(now, failures)
+        if timeline.failures_at(now) != failures:
+            timeline.failures.add(now, failures)
             self._size += BESIDE + failures.size
         self.marks.failing(now, failures.rules)
         for row in rows:
             if self._rows.get(row.id) is not row:
-                film.rows.add(now, row)
+                timeline.rows.add(now, row)
                 self._of_rows += size_of_row(row)
         self._rows = {row.id: row for row in rows}
         self.marks.rows(now, rows)
         solid = self._view.obstacles()
-        if solid is not None and film.obstacles.at(now) != solid:
-            film.obstacles.add(now, solid)
-            self._size = size_of_pictures(film)
+        if solid is not None and timeline.obstacles.at(now) != solid:
+            timeline.obstacles.add(now, solid)
+            self._size = size_of_pictures(timeline)
         self._look_for_difference(self._view.tick)
         self._keep_within()
 
     def _keep_within(self) -> None:
         """Leave out every second picture, and take half as many from now on, and forget accounts, where there are too
         many of them."""
-        while self._size + self._of_other > self.budget.pictures and len(self.film.poses.times) > 1:
+        while self._size + self._of_other > self.budget.pictures and len(self.timeline.poses.times) > 1:
             self._every *= 2
-            thin(self.film, self._every)
-            self._size = size_of_pictures(self.film)
+            thin(self.timeline, self._every)
+            self._size = size_of_pictures(self.timeline)
         if self._of_rows > self.budget.accounts:
-            forget_accounts(self.film, self.budget.accounts)
-            self._of_rows = size_of_rows(self.film)
+            forget_accounts(self.timeline, self.budget.accounts)
+            self._of_rows = size_of_rows(self.timeline)
 
     def _forget_inputs(self) -> None:
         """Forget the older half of what came from outside, up to the next state that is kept: what was before cannot be
@@ -248,14 +248,14 @@ class LivePast(Past):
     def _keep(self, tick: int) -> None:
         """Keep a state if it is time to, and take over the one that is packed."""
         self._take_over()
-        if self._packer is None and self._diary.due:
+        if self._packer is None and self._snapshot_timer.due:
             self._copy(tick)
 
     def _take_over(self) -> None:
         if self._packed is not None:
             at, state, cost = self._packed
             self.states.add(at, state)
-            self._diary.kept(cost)
+            self._snapshot_timer.kept(cost)
             self._packed = self._packer = None
 
     def _state_from(self, tick: int) -> int | None:
@@ -272,7 +272,7 @@ class LivePast(Past):
         self._take_over()
 
     def _copy(self, tick: int) -> None:
-        self._diary.begun()
+        self._snapshot_timer.begun()
         began = thread_time()
         copy = copy_of(self._swarm)
         spent = thread_time() - began

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from time import perf_counter
 
-from sleepcast.console.adapters.again import serve_past
 from sleepcast.console.adapters.recording import inputs_of
-from sleepcast.console.film import Timeline
-from sleepcast.console.kept import Budget
+from sleepcast.console.adapters.replay_worker import serve_past
 from sleepcast.console.marks import clock_time
 from sleepcast.console.past import Past
-from sleepcast.console.rerunner import Question, RerunError, Rerunner, RunMoment
+from sleepcast.console.replay_client import Question, ReplayClient, RerunError, RunMoment
+from sleepcast.console.snapshots import Budget
+from sleepcast.console.timeline import Timeline
 from sleepcast.core.version import VERSION
 from sleepcast.simulator.packing import pack
 from sleepcast.simulator.recording.recording import Recording
@@ -28,10 +28,10 @@ NEAR = 3.0
 class RecordedPast(Past):
     """See the module."""
 
-    def __init__(self, recording: Recording, film: Timeline) -> None:
+    def __init__(self, recording: Recording, timeline: Timeline) -> None:
         scenario = recording.scenario
         telemetry = max(1, round(scenario.telemetry / scenario.tick))
-        super().__init__(film, scenario.tick, telemetry, Rerunner(serve_past), Budget())
+        super().__init__(timeline, scenario.tick, telemetry, ReplayClient(serve_past), Budget())
         self.inputs = inputs_of(recording)
         self._recording = recording
         self._reached, self._speed, self._trouble = -1, 0.0, ""
@@ -41,14 +41,14 @@ class RecordedPast(Past):
                 "This recording goes on from a snapshot that was too large to be recorded, so it cannot be run again: "
                 "what was recorded is all there is."
             )
-        changes = [(time, row) for time, row in zip(film.rows.times, film.rows.values, strict=True)]
-        groups = list(zip(film.marks.times, film.marks.values, strict=True))
+        changes = [(time, row) for time, row in zip(timeline.rows.times, timeline.rows.values, strict=True)]
+        groups = list(zip(timeline.marks.times, timeline.marks.values, strict=True))
         for time, row in changes:
             self.marks.rows(time, [row])
         for time, marks in groups:
             counts = [marks.groups.count(code) for code in range(1, len(marks.names) + 1)]
             self.marks.groups(time, marks.names, counts)
-        for time, failures in zip(film.failures.times, film.failures.values, strict=True):
+        for time, failures in zip(timeline.failures.times, timeline.failures.values, strict=True):
             self.marks.failing(time, failures.rules)
         self.marks.sort()
 

@@ -10,8 +10,8 @@ from sleepcast.console.adapters.bodies import kind_of
 from sleepcast.console.adapters.fields import still_picture
 from sleepcast.console.adapters.swarm import outlines, scene_of, there
 from sleepcast.console.failing import Failures, ShownFailing
-from sleepcast.console.film import RobotMarks, Timeline, Track, values_of
 from sleepcast.console.outgoing import ShownRule
+from sleepcast.console.timeline import RobotMarks, Timeline, Track, values_of
 from sleepcast.fleet.failing import MOST_TOLD
 from sleepcast.loop import vocabulary_of
 from sleepcast.loop.rerun import Inputs
@@ -49,7 +49,7 @@ MAX_FILM = 2_147_483_648
 
 
 class TimelineBuilder:
-    """Makes a film of a recording, entry by entry."""
+    """Makes a timeline of a recording, entry by entry."""
 
     def __init__(self, recording: Recording) -> None:
         scenario = recording.scenario
@@ -65,11 +65,13 @@ class TimelineBuilder:
         part = recording.part if recording.part > 1 or recording.following else 0
         vocabulary = vocabulary_of(simulator.model)
         kinds = tuple(kind_of(scenario, sort) for sort in scenario.each_sort)
-        self.film = Timeline(
+        self.timeline = Timeline(
             scene, recording.seconds, scenario.speed_up, units, vocabulary, kinds, recording.began, part
         )
-        self.film.picture = None if picture is None else picture.png
-        self.film.field = cache(partial(still_picture, scenario))  # the same at any time, for any number of questions
+        self.timeline.picture = None if picture is None else picture.png
+        self.timeline.field = cache(
+            partial(still_picture, scenario)
+        )  # the same at any time, for any number of questions
         self._solids = dict(enumerate(scenario.shapes, 1))
         for posted in recording.posted:
             message = posted.message
@@ -82,41 +84,43 @@ class TimelineBuilder:
         """Add what an entry says. Raises ValueError for what cannot be shown."""
         if entry.topic in (POINTS, SCENE, GROUPS):  # for other viewers; poses, marks and the scenario say the same
             return
-        film, time, data = self.film, entry.time, entry.data
+        timeline, time, data = self.timeline, entry.time, entry.data
         self._bytes += len(data)
         if self._bytes > MAX_FILM:
             raise ValueError(f"more than {MAX_FILM} bytes do not fit into memory; record with fewer pictures")
         if entry.topic == POSES:
-            film.poses.add(time, (round(time / self._tick), read_poses(data, self._count).astype("<f4").tobytes()))
+            timeline.poses.add(time, (round(time / self._tick), read_poses(data, self._count).astype("<f4").tobytes()))
         elif entry.topic == MARKS:
             marks = decoded(MarksBody, data)
             for each in (marks.groups, marks.flags, marks.second or marks.groups, marks.colours or marks.groups):
                 if len(each) != self._count:
                     raise ValueError(f"marks of {len(each)} robots, wanted those of {self._count}")
-            film.marks.add(time, RobotMarks(marks.groups, marks.flags, tuple(marks.names), marks.second, marks.colours))
+            timeline.marks.add(
+                time, RobotMarks(marks.groups, marks.flags, tuple(marks.names), marks.second, marks.colours)
+            )
         elif entry.topic == READINGS:
             values_of(data)
-            film.values.add(time, data)
+            timeline.values.add(time, data)
         elif entry.topic == POSTED and self._waiting:
             while self._waiting and round(self._waiting[0].at * NANO) <= round(time * NANO):  # as entries tell time
-                film.rows.add(time, self._waiting.pop(0))
+                timeline.rows.add(time, self._waiting.pop(0))
         elif entry.topic == ACCOUNTING:
             self._account(time, decoded(AccountBody, data))
         elif entry.topic == FAILING:
-            film.failures.add(time, self._failures(decoded(FailuresBody, data)))
+            timeline.failures.add(time, self._failures(decoded(FailuresBody, data)))
         elif entry.topic == RULES:
             self._keep(time, decoded(RulesBody, data))
         elif entry.topic == OBSTACLES:
             self._change(time, unpack(WorldChange, data))
         elif entry.topic == LOG:
             who, text = read_log(data)
-            film.said.setdefault(who, Track()).add(time, text)
+            timeline.said.setdefault(who, Track()).add(time, text)
 
     def _account(self, time: float, found: AccountBody) -> None:
         row = self._rows.get(found.command)
         if row is not None:
             counts = (found.matched, found.not_matched, found.fault, found.silent, found.predicted)
-            self.film.rows.add(
+            self.timeline.rows.add(
                 time,
                 CommandRow(
                     *(row.id, row.kind, row.text, row.at, *counts, row.standing, found.values),
@@ -140,15 +144,15 @@ class TimelineBuilder:
             self._solids.pop(number, None)
         for name, shape in found.put.items():
             self._solids[int(name)] = shape
-        self.film.obstacles.add(time, tuple(map(outlines, self._solids.values())))
+        self.timeline.obstacles.add(time, tuple(map(outlines, self._solids.values())))
 
     def _keep(self, time: float, found: RulesBody) -> None:
         rules = [ShownRule(rule.name, rule.text, rule.active, "", "", rule.priority) for rule in found.rules]
-        self.film.rules.setdefault(found.robot, Track()).add(time, rules)
+        self.timeline.rules.setdefault(found.robot, Track()).add(time, rules)
 
 
 def load_timeline(recording: Recording) -> Timeline:
-    """The recording as a film. Raises NoRecordingError for one without pictures, or with anything that is none."""
+    """The recording as a timeline. Raises NoRecordingError for one without pictures, or with anything that is none."""
     maker = TimelineBuilder(recording)
     for entry in entries(recording.file, recording):
         try:
@@ -156,9 +160,9 @@ def load_timeline(recording: Recording) -> Timeline:
         except (ValueError, RecursionError) as error:
             where = f"{recording.file}: {entry.topic} at {entry.time:g} s"
             raise NoRecordingError(f"{where} cannot be shown: {error}") from None
-    if not maker.film.poses.times:
+    if not maker.timeline.poses.times:
         raise NoRecordingError(f"{recording.file} holds no pictures")
-    return maker.film
+    return maker.timeline
 
 
 def inputs_of(recording: Recording) -> Inputs:

@@ -10,9 +10,9 @@ from msgspec import Meta
 
 from sleepcast.console.feature import Then, answers
 from sleepcast.console.incoming import Id, PageMessage, Serial
-from sleepcast.console.outgoing import Answered, Commands, Said
+from sleepcast.console.outgoing import Answered, Commands, DeskMessage
 
-MOST_REPLIES = 64
+MAX_REPLIES = 64
 """Robots whose answers are asked for at one time: about as many as have their names on a map."""
 
 
@@ -34,10 +34,10 @@ class Replies(PageMessage):
 
     serial: Serial
     command: Id
-    robots: Annotated[list[Annotated[int, Meta(ge=0, le=10_000_000)]], Meta(max_length=MOST_REPLIES)]
+    robots: Annotated[list[Annotated[int, Meta(ge=0, le=10_000_000)]], Meta(max_length=MAX_REPLIES)]
 
 
-class Replied(Said):
+class Replied(DeskMessage):
     """What each robot answered to a question, with its unit, in the order in which they were asked for; "" for who is
     silent."""
 

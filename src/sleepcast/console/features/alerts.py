@@ -25,19 +25,19 @@ from numpy.typing import NDArray
 from sleepcast.console.feature import answers
 from sleepcast.console.incoming import Number, PageMessage, Serial
 from sleepcast.console.marks import clock_time
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 from sleepcast.console.values import Values
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language.evaluate import is_true
 
-MOST_ALERTS = 32
+MAX_ALERTS = 32
 """Alerts at one desk: more than anybody watches."""
-MOST_FIRINGS = 200
+MAX_FIRINGS = 200
 """Latest firings that are kept, each with its robots."""
-MOST_SHOWN = 60
+MAX_SHOWN = 60
 """Latest firings that a page is told."""
-MOST_NAMED = 3
+MAX_NAMED = 3
 """Robots that a firing names."""
 LOOK_EVERY = 0.25
 """Seconds between two looks at the same alert, at least."""
@@ -104,14 +104,14 @@ class ShownFiring(msgspec.Struct, frozen=True):
     robots: str
 
 
-class Alerts(Said):
+class Alerts(DeskMessage):
     """All alerts, and the latest firings, the youngest last."""
 
     alerts: list[ShownAlert]
     firings: list[ShownFiring]
 
 
-class Alerted(Said):
+class Alerted(DeskMessage):
     """An alert was added or changed; or the robots of a firing were asked for: marks, a byte for each robot."""
 
     serial: int
@@ -181,15 +181,15 @@ class AlertBoard:
     listeners: list[Callable[[ShownFiring], None]] = field(default_factory=list)
     marked: Callable[[ShownFiring], None] = lambda firing: None
     _alerts: list[Alert] = field(default_factory=list)
-    _firings: deque[tuple[ShownFiring, Mask]] = field(default_factory=lambda: deque(maxlen=MOST_FIRINGS))
+    _firings: deque[tuple[ShownFiring, Mask]] = field(default_factory=lambda: deque(maxlen=MAX_FIRINGS))
     _added: int = 0
     _fired: int = 0
     _time: float = -inf
 
     def add(self, text: str, above: int = 0) -> None:
         """Watch a test. Raises ReadError, CheckError, and MisuseError for what is no test, and for too many alerts."""
-        if len(self._alerts) >= MOST_ALERTS:
-            raise MisuseError(f"there are {MOST_ALERTS} alerts already: remove one")
+        if len(self._alerts) >= MAX_ALERTS:
+            raise MisuseError(f"there are {MAX_ALERTS} alerts already: remove one")
         self.values.of(text)
         self._keep(text, above)
         self.look()
@@ -229,7 +229,7 @@ class AlertBoard:
         for firing, marks in self._firings:
             if firing.firing == number:
                 return marks.astype(np.uint8).tobytes()
-        raise MisuseError(f"the robots of this alert are not known any more: the last {MOST_FIRINGS} firings are kept")
+        raise MisuseError(f"the robots of this alert are not known any more: the last {MAX_FIRINGS} firings are kept")
 
     def look(self) -> None:
         """Look at the alerts that are due, the one that has waited longest first. Where time has gone back, as in a
@@ -258,8 +258,8 @@ class AlertBoard:
         alert.fired += 1
         self._fired += 1
         places = np.flatnonzero(robots)
-        named = [self.values.names[place] for place in places[:MOST_NAMED].tolist()]
-        more = f" and {len(places) - MOST_NAMED:,} more" if len(places) > MOST_NAMED else ""
+        named = [self.values.names[place] for place in places[:MAX_NAMED].tolist()]
+        more = f" and {len(places) - MAX_NAMED:,} more" if len(places) > MAX_NAMED else ""
         firing = ShownFiring(
             self._fired, alert.number, alert.text, self.values.time(), alert.count, ", ".join(named) + more
         )
@@ -273,7 +273,7 @@ class AlertBoard:
             ShownAlert(each.number, each.text, each.above, each.muted, each.count, each.fired, each.trouble)
             for each in self._alerts
         ]
-        return Alerts(alerts, [firing for firing, _ in list(self._firings)[-MOST_SHOWN:]])
+        return Alerts(alerts, [firing for firing, _ in list(self._firings)[-MAX_SHOWN:]])
 
 
 class AlertSource(Protocol):

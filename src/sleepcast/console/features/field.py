@@ -10,7 +10,7 @@ from msgspec import Meta
 
 from sleepcast.console.feature import Then, answers
 from sleepcast.console.incoming import PageMessage, Serial
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 from sleepcast.console.view import FieldPicture, Scene, ShownField
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
@@ -26,7 +26,7 @@ class Field(PageMessage):
     name: Annotated[str, Meta(max_length=64)]
 
 
-class Fielded(Said):
+class Fielded(DeskMessage):
     """A field as it was in a tick."""
 
     serial: int

@@ -9,7 +9,7 @@ import numpy as np
 
 from sleepcast.console.feature import answers, run_again
 from sleepcast.console.incoming import PageMessage, Serial
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 from sleepcast.console.values import Column, Values
 from sleepcast.core.angles import quantile
 from sleepcast.core.units import value_in_words
@@ -36,7 +36,7 @@ class GetGlance(PageMessage, tag="glance"):
     serial: Serial
 
 
-class Glance(Said):
+class Glance(DeskMessage):
     """The fleet at a glance."""
 
     serial: int

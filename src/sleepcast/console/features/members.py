@@ -8,7 +8,7 @@ from msgspec import Meta
 
 from sleepcast.console.feature import answers, run_again
 from sleepcast.console.incoming import PageMessage, Serial
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 
 
 class Members(PageMessage):
@@ -18,7 +18,7 @@ class Members(PageMessage):
     group: Annotated[int, Meta(ge=1, le=255)]
 
 
-class Joined(Said):
+class Joined(DeskMessage):
     """Who is in a group: a byte for each robot, 1 for its members."""
 
     serial: int

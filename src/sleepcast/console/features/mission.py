@@ -16,7 +16,7 @@ from sleepcast.channel import Message
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.feature import answers, only_now
 from sleepcast.console.incoming import PageMessage, Place, Serial
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 from sleepcast.simulator import Order
 from sleepcast.simulator.scenario.mission import Instruction, Wanted, instruction
 
@@ -71,7 +71,7 @@ class ShownLine(msgspec.Struct, frozen=True):
     left_out: bool = False
 
 
-class MissionNews(Said, tag="mission"):
+class MissionNews(DeskMessage, tag="mission"):
     """The mission of the run. playing: whether the rest goes out at its times. problem: the place of the line that was
     not sent, -1 for none; said: why, or why it is not played any more; doubt: whether it may be sent as it stands."""
 
@@ -82,7 +82,7 @@ class MissionNews(Said, tag="mission"):
     doubt: bool = False
 
 
-class Played(Said):
+class Played(DeskMessage):
     """The answer to `Play`, `SendLine` and `SkipLine`: what happens now, in a sentence; "" where it is seen."""
 
     serial: int

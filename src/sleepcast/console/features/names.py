@@ -7,7 +7,7 @@ from typing import Protocol
 from sleepcast.console.completion import ShownName
 from sleepcast.console.feature import answers, run_again
 from sleepcast.console.incoming import PageMessage, Serial
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 
 
 class GetNames(PageMessage, tag="names"):
@@ -16,7 +16,7 @@ class GetNames(PageMessage, tag="names"):
     serial: Serial
 
 
-class Named(Said):
+class Named(DeskMessage):
     """The names that a text may use now."""
 
     serial: int

@@ -8,10 +8,10 @@ from msgspec import Meta
 
 from sleepcast.console.feature import NO_ROBOTS, answers, only_now
 from sleepcast.console.incoming import Metres, Number, PageMessage, Serial
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 from sleepcast.console.view import ObstacleEditor
 
-MOST_CORNERS = 64
+MAX_CORNERS = 64
 """Of one obstacle that a person draws; `static/obstacles.js` knows it, too."""
 FIXED = "The obstacles of this world cannot be changed from here."
 
@@ -20,7 +20,7 @@ class Build(PageMessage):
     """Put up an obstacle with these corners, m."""
 
     serial: Serial
-    corners: Annotated[list[tuple[Metres, Metres]], Meta(min_length=3, max_length=MOST_CORNERS)]
+    corners: Annotated[list[tuple[Metres, Metres]], Meta(min_length=3, max_length=MAX_CORNERS)]
 
 
 class Shift(PageMessage):
@@ -49,7 +49,7 @@ class Undo(PageMessage):
     again: bool = False
 
 
-class Built(Said):
+class Built(DeskMessage):
     """The obstacles were changed as asked for. change: the number of this change, by which it can be undone; obstacle:
     that of the obstacle."""
 
@@ -58,7 +58,7 @@ class Built(Said):
     obstacle: int
 
 
-class Undone(Said):
+class Undone(DeskMessage):
     """A change of the obstacles was undone, or done again."""
 
     serial: int

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sleepcast.console.feature import answers, run_again
 from sleepcast.console.incoming import MAX_BYTES, PageMessage, Serial
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 from sleepcast.console.view import Scene
 from sleepcast.core.errors import MisuseError
 from sleepcast.station.facts import FactSource, facts_of
@@ -30,7 +30,7 @@ class Pick(PageMessage):
     marks: Annotated[bytes, Meta(max_length=MAX_BYTES)]
 
 
-class Picked(Said):
+class Picked(DeskMessage):
     """The tests for the selected robots, the shortest first. listed: the one that names each robot, "" if there are too
     many. sentence: what is to be said of it, "" for nothing."""
 

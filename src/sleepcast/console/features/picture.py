@@ -8,7 +8,7 @@ from typing import Protocol
 from sleepcast.console.driver import aside
 from sleepcast.console.feature import answers
 from sleepcast.console.incoming import PageMessage, Serial
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 from sleepcast.console.view import Picture
 
 
@@ -18,7 +18,7 @@ class GetPicture(PageMessage, tag="picture"):
     serial: Serial
 
 
-class Pictured(Said):
+class Pictured(DeskMessage):
     """The picture of the map, a PNG."""
 
     serial: int

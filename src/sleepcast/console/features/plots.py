@@ -19,16 +19,16 @@ from numpy.typing import NDArray
 
 from sleepcast.console.feature import answers
 from sleepcast.console.incoming import Expression, PageMessage, Place, Serial
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 from sleepcast.console.series import OF_TRUE, STATISTICS, Series, lines_of, sample_of
 from sleepcast.console.values import Column, Values, in_unit
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language.evaluate import is_true
 
-MOST_PLOTS = 16
+MAX_PLOTS = 16
 """Plots of one desk: they are sampled for as long as it runs."""
-MOST_POINTS = 2_000
+MAX_POINTS = 2_000
 """Points of a scatter plot; more would be one cloud."""
 BINS = 30
 REST = 10.0
@@ -79,26 +79,26 @@ class ShownPlot(msgspec.Struct, frozen=True):
     problem: str = ""
 
 
-class AllPlots(Said, tag="plots"):
+class AllPlots(DeskMessage, tag="plots"):
     """Every plot that there is."""
 
     plots: list[ShownPlot]
 
 
-class PlotAdded(Said, tag="plot"):
+class PlotAdded(DeskMessage, tag="plot"):
     """A plot was added under this number."""
 
     serial: int
     number: int
 
 
-class PlotRemoved(Said, tag="unplot"):
+class PlotRemoved(DeskMessage, tag="unplot"):
     """A plot was removed."""
 
     serial: int
 
 
-class Plotted(Said):
+class Plotted(DeskMessage):
     """What is to be drawn: columns of equal length, of x and of every line, null for unknown. added: whether it follows
     what was drawn before, or replaces it. more: whether there will be more at once. earlier: columns of the future that
     this run has left, from the time at which it did; empty if there is none, or where `added` is true."""
@@ -167,7 +167,7 @@ class Plots:
         self._rest_until = clock.now()
         self._plots: dict[int, PlotSpec] = {}
         self._measures = {measure.name: measure for measure in measures}
-        for measure in measures[:MOST_PLOTS]:
+        for measure in measures[:MAX_PLOTS]:
             what, _, x = measure.text.strip().partition(" ")
             if x.strip() and (what in STATISTICS or what in OF_TRUE):
                 self._put("time", x.strip(), what=what, name=measure.name)
@@ -198,8 +198,8 @@ class Plots:
 
     def _refuse(self, asked: AddPlot) -> None:
         """Raise MisuseError for a plot that there cannot be, whatever its texts say."""
-        if len(self._plots) >= MOST_PLOTS:
-            raise MisuseError(f"There are {len(self._plots)} plots, and at most {MOST_PLOTS} fit: remove one first.")
+        if len(self._plots) >= MAX_PLOTS:
+            raise MisuseError(f"There are {len(self._plots)} plots, and at most {MAX_PLOTS} fit: remove one first.")
         if not asked.x.strip() or (asked.kind == "scatter" and not asked.y.strip()):
             raise MisuseError("A plot needs an expression, such as fuel; a scatter plot needs two.")
 
@@ -294,7 +294,7 @@ class Plots:
     def _scatter(self, plot: PlotSpec) -> tuple[list[list[float | None]], str]:
         x, y = self._known(plot, plot.x, plot.y)
         count = len(x)
-        step = -(-count // MOST_POINTS) or 1
+        step = -(-count // MAX_POINTS) or 1
         told = f"{len(x[::step]):,} of {count:,} robots" if step > 1 else f"{count:,} robots"
         return [_plain(x[::step]), _plain(y[::step])], told
 

@@ -8,13 +8,13 @@ import msgspec
 
 from sleepcast.console.feature import answers, run_again
 from sleepcast.console.incoming import Operator, PageMessage, Serial, Text
-from sleepcast.console.outgoing import Said, ShownFinding
+from sleepcast.console.outgoing import DeskMessage, ShownFinding
 from sleepcast.console.view import Scene
 from sleepcast.core.errors import and_more
 from sleepcast.language import Checked, Finding, ReadError
 from sleepcast.station import NO, UNKNOWN, YES, Preview, Station
 
-MOST_REASONS = 5
+MAX_REASONS = 5
 """Reasons for unknown robots that a preview names."""
 
 
@@ -26,7 +26,7 @@ class GetPreview(PageMessage, tag="preview"):
     by: Operator = ""
 
 
-class Previewed(Said):
+class Previewed(DeskMessage):
     """What the station thinks of a text. counted: whether it could be previewed at all; lit: a byte for each robot."""
 
     serial: int
@@ -80,7 +80,7 @@ def _previewed(serial: int, checked: Checked, findings: list[ShownFinding], foun
         found.count(UNKNOWN),
         found.everybody,
         found.oldest,
-        list(found.reasons.items())[:MOST_REASONS],
+        list(found.reasons.items())[:MAX_REASONS],
         found.codes[:robots].tobytes(),  # others that speak on the channel are not on the map
     )
 

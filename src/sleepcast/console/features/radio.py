@@ -20,7 +20,7 @@ from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.channel.simulated_radio import RadioCounts
 from sleepcast.console.feature import answers, begins
 from sleepcast.console.incoming import PageMessage, Place, Serial
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 from sleepcast.console.series import Series
 from sleepcast.console.view import SwarmView
 from sleepcast.loop.swarm import Witness
@@ -62,7 +62,7 @@ class RadioChart(msgspec.Struct, frozen=True):
     first: int
 
 
-class RadioSums(Said, tag="radio"):
+class RadioSums(DeskMessage, tag="radio"):
     """Sums since the start, as columns: times (s), then those of each chart. added: whether they follow those that were
     told before."""
 

@@ -13,11 +13,11 @@ from msgspec import Meta
 
 from sleepcast.console.feature import answers
 from sleepcast.console.incoming import PageMessage, Serial
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 from sleepcast.console.view import ShownSlider
 
 NOT_HERE = "This run cannot be followed by another one from its page: start it again where it was started."
-MOST_VALUES = 24
+MAX_VALUES = 24
 """Numbers of a scenario that a page may change at once: as many as it may have sliders."""
 ScenarioName = Annotated[str, Meta(max_length=500)]
 SliderName = Annotated[str, Meta(max_length=32)]
@@ -46,7 +46,7 @@ class Renew(PageMessage):
     scenario: ScenarioName = ""
     seed: Seed | None = None
     robots: Annotated[int, Meta(ge=1, le=10_000_000)] | None = None
-    values: Annotated[dict[SliderName, float], Meta(max_length=MOST_VALUES)] = msgspec.field(default_factory=dict)
+    values: Annotated[dict[SliderName, float], Meta(max_length=MAX_VALUES)] = msgspec.field(default_factory=dict)
 
 
 class Fork(PageMessage):
@@ -63,7 +63,7 @@ class ShownScenario(msgspec.Struct, frozen=True):
     title: str
 
 
-class Offered(Said):
+class Offered(DeskMessage):
     """The scenarios; current: that of the run on the page."""
 
     serial: int
@@ -81,14 +81,14 @@ class Choices(msgspec.Struct, frozen=True):
     sliders: list[ShownSlider]
 
 
-class SetUp(Said):
+class SetUp(DeskMessage):
     """The answer to `GetSetup`."""
 
     serial: int
     choices: Choices
 
 
-class Renewed(Said):
+class Renewed(DeskMessage):
     """There is another run: load the page again. serial: of the question, if there was one."""
 
     serial: int | None = None

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from sleepcast.console.feature import answers, run_again
 from sleepcast.console.incoming import Index, PageMessage, Serial
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 from sleepcast.console.sensing import BodyView
 
 
@@ -17,7 +17,7 @@ class Sense(PageMessage):
     robot: Index
 
 
-class Sensed(Said):
+class Sensed(DeskMessage):
     """What the body of a robot senses."""
 
     serial: int

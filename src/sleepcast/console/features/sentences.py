@@ -7,7 +7,7 @@ from typing import Protocol
 
 from sleepcast.console.feature import answers
 from sleepcast.console.incoming import PageMessage, Serial, Text
-from sleepcast.console.outgoing import Said, ShownFinding
+from sleepcast.console.outgoing import DeskMessage, ShownFinding
 from sleepcast.console.view import SwarmView
 from sleepcast.core.errors import with_caret
 from sleepcast.language import ReadError, read
@@ -29,7 +29,7 @@ class Understand(PageMessage):
     text: Text
 
 
-class Phrased(Said):
+class Phrased(DeskMessage):
     """The sentence for an expression, "" if no sentence says it. parts: start and end in the sentence, start and end in
     the expression, of what stands for what."""
 
@@ -38,7 +38,7 @@ class Phrased(Said):
     parts: list[tuple[int, int, int, int]]
 
 
-class Understood(Said):
+class Understood(DeskMessage):
     """The expression that a sentence means, "" if it is not understood. unclear: which parts of it are not, or are
     probably a slip (warnings)."""
 

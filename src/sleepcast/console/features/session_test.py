@@ -14,13 +14,13 @@ from msgspec import Meta
 
 from sleepcast.console.feature import answers, only_now
 from sleepcast.console.incoming import Expression, Id, PageMessage, Serial
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 from sleepcast.console.view import PaceControl, SwarmView
 from sleepcast.core.errors import MisuseError
 
-MOST_HELD = 1_000
+MAX_HELD = 1_000
 """Commands of one test: as many as a mission may have."""
-MOST_GOALS = 16
+MAX_GOALS = 16
 """Goals of one test, as in an exercise."""
 Bound = Literal["exactly", "at least", "at most"]
 TestName = Annotated[str, Meta(pattern=r"\A[A-Za-z0-9][A-Za-z0-9_-]{0,59}\Z")]
@@ -71,8 +71,8 @@ class SaveTest(PageMessage):
     serial: Serial
     tick: Annotated[int, Meta(ge=0, le=2**53 - 1)]
     name: TestName
-    held: Annotated[dict[Id, HeldCounts], Meta(max_length=MOST_HELD)] = msgspec.field(default_factory=dict)
-    goals: Annotated[list[HeldGoal], Meta(max_length=MOST_GOALS)] = msgspec.field(default_factory=list)
+    held: Annotated[dict[Id, HeldCounts], Meta(max_length=MAX_HELD)] = msgspec.field(default_factory=dict)
+    goals: Annotated[list[HeldGoal], Meta(max_length=MAX_GOALS)] = msgspec.field(default_factory=list)
     exact: bool = False
 
 
@@ -85,7 +85,7 @@ class DraftCommand(msgspec.Struct, frozen=True):
     counts: dict[str, int]
 
 
-class Drafted(Said):
+class Drafted(DeskMessage):
     """What a test of the session would hold. ended: the time (s) of the tick at which it ends. ran: whether time ran
     before."""
 
@@ -97,14 +97,14 @@ class Drafted(Said):
     commands: list[DraftCommand]
 
 
-class Counted(Said):
+class Counted(DeskMessage):
     """For how many robots an expression is true now."""
 
     serial: int
     number: int
 
 
-class Packed(Said):
+class Packed(DeskMessage):
     """A test as a zip file. name: of the file."""
 
     serial: int

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sleepcast.console.feature import answers, run_again
 from sleepcast.console.incoming import PageMessage, Serial, Text
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.units import UNITS
 from sleepcast.language.reader import Form, List, Number, brief, read, walk
@@ -34,7 +34,7 @@ class GetSpread(PageMessage, tag="spread"):
     at: Annotated[int, Meta(ge=0, le=16_384)]
 
 
-class Spread(Said):
+class Spread(DeskMessage):
     """How a quantity is spread, in the unit of the number it is compared with. low, high: the ends of the columns;
     every, deciding: robots in each. whole: whether it has whole values only. unknown: robots that do not know it."""
 

@@ -18,7 +18,7 @@ from msgspec import Meta
 
 from sleepcast.console.feature import answers, run_again
 from sleepcast.console.incoming import Expression, Index, PageMessage, Place, Serial
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 from sleepcast.console.values import Column, Values, in_unit
 from sleepcast.console.values import Index as Robots
 from sleepcast.core.columns import column_name
@@ -88,7 +88,7 @@ class ShownRow(msgspec.Struct, frozen=True, array_like=True):
     cells: list[str]
 
 
-class TableRows(Said, tag="rows"):
+class TableRows(DeskMessage, tag="rows"):
     """GetRows of the table from place `first` on. total: rows that pass the test. problem: what is wrong with the test.
     source: where the values come from, in words; "" for telemetry."""
 
@@ -101,14 +101,14 @@ class TableRows(Said, tag="rows"):
     source: str = ""
 
 
-class RowRobots(Said, tag="range"):
+class RowRobots(DeskMessage, tag="range"):
     """The robots in rows of the table by their indices, four bytes each, little endian."""
 
     serial: int
     robots: bytes
 
 
-class Csv(Said):
+class Csv(DeskMessage):
     """A piece of the table as CSV. done: whether it was the last."""
 
     serial: int

@@ -37,7 +37,7 @@ class ShowMoment(PageMessage, tag="look"):
     time: Moment | None = None
 
 
-class Ghosts(PageMessage):
+class ShowAlternate(PageMessage, tag="ghosts"):
     """Whether to show this page where the robots were in the other future."""
 
     on: bool
@@ -71,7 +71,7 @@ class LookingPage(Protocol):
     def look_at(self, time: float | None) -> None:
         """Look at another time, s; None is now. Raises MisuseError where nothing is kept of it."""
 
-    def show_ghosts(self, on: bool) -> None:
+    def show_alternate(self, on: bool) -> None:
         """Whether to show where the robots were in the other future."""
 
 
@@ -100,6 +100,6 @@ def look_at(source: LookingPage, asked: ShowMoment) -> None:
 
 
 @answers(lacking=NO_TIMELINE)
-def show_ghosts(source: LookingPage, asked: Ghosts) -> None:
+def show_alternate(source: LookingPage, asked: ShowAlternate) -> None:
     """Show the other future, or not."""
-    source.show_ghosts(asked.on)
+    source.show_alternate(asked.on)

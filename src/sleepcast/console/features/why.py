@@ -10,7 +10,7 @@ import msgspec
 from sleepcast.console.explanation import ShownWhy
 from sleepcast.console.feature import Then, answers
 from sleepcast.console.incoming import Id, Index, PageMessage, Serial
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 
 
 class Why(PageMessage):
@@ -21,7 +21,7 @@ class Why(PageMessage):
     command: Id
 
 
-class Explained(Said):
+class Explained(DeskMessage):
     """Why a robot obeyed a command or did not."""
 
     serial: int

@@ -4,7 +4,7 @@ import { tokens, wordAt } from "./lisp.js";
 import { Listbox } from "./listbox.js";
 import { choice, fitting } from "./names.js";
 
-const MOST_NAMES = 10; // names offered at once
+const MAX_NAMES = 10; // names offered at once
 const SHORTEST = 2; // characters of a word for which names are offered
 const NAMES_AGE = 2000; // ms for which the names are good enough
 
@@ -58,7 +58,7 @@ export class ExpressionField extends EventTarget {
 
   offer() {
     const word = wordAt(tokens(this.field.value), this.field.selectionEnd);
-    const found = word?.text.length >= SHORTEST ? fitting(this.names, word, MOST_NAMES) : null;
+    const found = word?.text.length >= SHORTEST ? fitting(this.names, word, MAX_NAMES) : null;
     if (!found) {
       this.box.hide();
       return;

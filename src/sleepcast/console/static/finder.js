@@ -2,7 +2,7 @@
 
 import { Listbox } from "./listbox.js";
 
-const MOST = 12; // choices offered at once
+const MAX = 12; // choices offered at once
 
 export class Finder {
   // dialog: the element. sources: functions that give choices, {kind, title, hint, run}, each time that it opens.
@@ -38,7 +38,7 @@ export class Finder {
   look() {
     this.found.show(
       matching(this.choices, this.field.value)
-        .slice(0, MOST)
+        .slice(0, MAX)
         .map((choice) => ({ value: choice, parts: [["kind", choice.kind], ["name", choice.title], ["doc", choice.hint ?? ""]] })),
       0,
     );

@@ -2,7 +2,7 @@
 
 import { keep, kept } from "./kept.js";
 
-const MOST = 200; // commands kept
+const MAX = 200; // commands kept
 
 export class History {
   // key: under which this page's commands are kept.
@@ -15,13 +15,13 @@ export class History {
 
   load() {
     const found = kept(this.key, []);
-    return Array.isArray(found) ? found.filter((item) => typeof item === "string").slice(-MOST) : [];
+    return Array.isArray(found) ? found.filter((item) => typeof item === "string").slice(-MAX) : [];
   }
 
   add(text) {
     const known = this.load(); // with what other pages have added
     const own = this.items.filter((item) => !known.includes(item)); // nothing, unless it could not be kept
-    this.items = [...[...own, ...known].filter((item) => item !== text), text].slice(-MOST);
+    this.items = [...[...own, ...known].filter((item) => item !== text), text].slice(-MAX);
     this.at = this.items.length;
     this.draft = "";
     keep(this.key, this.items);

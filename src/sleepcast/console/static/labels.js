@@ -12,7 +12,7 @@ const GAP = 6; // pixels around a name that comes; one that is there needs none
 const HALF = 9; // pixels: half a name's height
 const TOGETHER = 90; // pixels: a group whose robots are farther from its middle has no place for a name
 const CODES = 256; // of groups in a frame; 0 is none
-const MOST = 6000; // robots in sight; with more, only the chosen one has its name
+const MAX = 6000; // robots in sight; with more, only the chosen one has its name
 
 const FONTS = { place: [13, 600], light: [13, 600], area: [12, 600], group: [12, 600], chosen: [12, 600], robot: [11], answer: [12, 600] }; // size and weight
 
@@ -75,7 +75,7 @@ export class Labels {
 
   // Give robots their names: first who is pointed at or selected, then who had one, then others by their number.
   some(view, { frame, marks, picked, colours }, robot) {
-    const seen = inSight(view, frame, MOST);
+    const seen = inSight(view, frame, MAX);
     if (!seen) return new Set();
     const most = Math.max(1, Math.floor(seen.length <= ALL ? ALL : ALL * (ALL / seen.length) ** THINNING));
     const now = new Set();

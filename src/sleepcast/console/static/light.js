@@ -1,7 +1,7 @@
 // Lights on the map: of robots whose mark is set, and of one that winks.
 
 import { MARKED } from "./frame.js";
-import { MOST_SHAPES, sizesOf } from "./swarm.js";
+import { MAX_SHAPES, sizesOf } from "./swarm.js";
 
 const WINKS = 5000; // ms for which a robot winks
 const PERIOD = 1000; // ms from one pulse to the next
@@ -26,7 +26,7 @@ export class Lights {
     const sizes = sizesOf(view, scene);
     const place = (i) => [view.toScreenX(frame.poses[3 * i]), view.toScreenY(frame.poses[3 * i + 1])];
     const glow = new Path2D();
-    const points = frame.count > MOST_SHAPES;
+    const points = frame.count > MAX_SHAPES;
     for (let i = 0; i < frame.count; i += 1) {
       if (!(frame.flags[i] & MARKED)) continue;
       const [x, y] = place(i);

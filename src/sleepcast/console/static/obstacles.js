@@ -6,7 +6,7 @@ import { Refusal } from "./wire.js";
 
 const CLOSE = 12; // pixels: a click so near to the first corner ends the polygon
 const NEAR = 8; // pixels beside a line within which a wall is meant
-const MOST_CORNERS = 64; // as console/incoming.py has it
+const MAX_CORNERS = 64; // as console/incoming.py has it
 const BUILD = "Click the corners of a new obstacle, or an obstacle that stands.";
 const DRAWING = "The first corner again, or Enter, puts it up; Backspace takes the last corner back.";
 const CHOSEN = "Drag it, or take it away.";
@@ -139,7 +139,7 @@ export class ObstacleTool {
     }
     const [first] = this.corners;
     if (first && Math.hypot(view.toScreenX(first[0]) - px, view.toScreenY(first[1]) - py) < CLOSE) this.finish();
-    else if (this.corners.length < MOST_CORNERS) this.corners.push(view.toWorld(px, py));
+    else if (this.corners.length < MAX_CORNERS) this.corners.push(view.toWorld(px, py));
     this.say();
     this.world.repaint("robots");
     return true;

@@ -7,8 +7,8 @@ import { keepPicture, keptPicture } from "./store.js";
 import { Refusal } from "./wire.js";
 
 const TYPES = ["image/png", "image/jpeg", "image/webp"]; // no SVG: that is a document
-const MOST_BYTES = 16777216; // of a file
-const MOST_PIXELS = 16777216;
+const MAX_BYTES = 16777216; // of a file
+const MAX_PIXELS = 16777216;
 const PATIENCE = 60000; // ms: a large map is packed anew by the station
 const NUMBERS = ["x", "y", "resolution"]; // of its place: the lower left corner, m, and the side of a pixel, m
 const LEAST = { x: -1e7, y: -1e7, resolution: 1e-4 };
@@ -67,11 +67,11 @@ export class GroundPicture {
   async choose(file) {
     const number = (this.asked += 1);
     if (!TYPES.includes(file.type)) this.say("Choose a picture in PNG, JPEG or WebP.");
-    else if (file.size > MOST_BYTES) this.say(`That file has ${file.size.toLocaleString("en")} bytes; at most ${MOST_BYTES.toLocaleString("en")} fit.`);
+    else if (file.size > MAX_BYTES) this.say(`That file has ${file.size.toLocaleString("en")} bytes; at most ${MAX_BYTES.toLocaleString("en")} fit.`);
     else {
       const image = await decoded(file);
       if (number !== this.asked) return;
-      if (!image) this.say(`That is no picture that can be read, or it has more than ${MOST_PIXELS.toLocaleString("en")} pixels.`);
+      if (!image) this.say(`That is no picture that can be read, or it has more than ${MAX_PIXELS.toLocaleString("en")} pixels.`);
       else {
         keep(this.key, null); // the place of the one before
         this.put(image, true, null);
@@ -185,7 +185,7 @@ function isDark(colour) {
 async function decoded(blob) {
   try {
     const image = await createImageBitmap(blob);
-    if (image.width * image.height <= MOST_PIXELS) return image;
+    if (image.width * image.height <= MAX_PIXELS) return image;
     image.close();
     return null;
   } catch {

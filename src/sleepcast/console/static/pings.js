@@ -6,8 +6,8 @@ import { font } from "./type.js";
 
 const LASTS = 800; // ms that a ring is seen
 const AGAIN = 400; // ms for which a robot that goes on pinging keeps its ring
-const MOST = 400; // rings at one time; more would only be a fog
-const MOST_NUMBERS = 60; // rings with a number
+const MAX = 400; // rings at one time; more would only be a fog
+const MAX_NUMBERS = 60; // rings with a number
 const GROWS = 26; // pixels
 
 export class Pings {
@@ -22,7 +22,7 @@ export class Pings {
     frame.pings.forEach((code, robot) => {
       if (code === 0) return;
       const ring = this.rings.get(robot);
-      if (ring ? now - ring.born > AGAIN : this.rings.size < MOST) this.rings.set(robot, { caste: code - 1, born: now });
+      if (ring ? now - ring.born > AGAIN : this.rings.size < MAX) this.rings.set(robot, { caste: code - 1, born: now });
     });
   }
 
@@ -44,7 +44,7 @@ export class Pings {
       pen.beginPath();
       pen.arc(x, y, radius, 0, 2 * Math.PI);
       pen.stroke();
-      if (this.rings.size <= MOST_NUMBERS) this.number(pen, x + 0.72 * radius, y - 0.72 * radius, caste);
+      if (this.rings.size <= MAX_NUMBERS) this.number(pen, x + 0.72 * radius, y - 0.72 * radius, caste);
     }
     pen.globalAlpha = 1;
     return this.rings.size > 0;

@@ -15,8 +15,8 @@ const AGAIN = 1000; // ms after which the robots have moved enough to ask again 
 const NAMES_AGE = 2000; // ms for which the ranges of values in the list of names are good enough
 const HINT = "↑ earlier commands";
 const FIRST_HINT = "Enter starts time";
-const MOST_NAMES = 12; // names offered at once
-const MOST_CHARACTERS = 16384; // of a command, as console/incoming.py has it
+const MAX_NAMES = 12; // names offered at once
+const MAX_CHARACTERS = 16384; // of a command, as console/incoming.py has it
 
 // Enter in a field that asks back; not of a key that is still held down from the question.
 function onceMore(field, then) {
@@ -224,8 +224,8 @@ export class Prompt extends EventTarget {
   // Refuse a text that the station would not even read; whether it is one.
   refuseLong(text) {
     const count = [...text].length;
-    if (count <= MOST_CHARACTERS) return false;
-    const [has, may] = [count, MOST_CHARACTERS].map((number) => number.toLocaleString("en"));
+    if (count <= MAX_CHARACTERS) return false;
+    const [has, may] = [count, MAX_CHARACTERS].map((number) => number.toLocaleString("en"));
     this.refuse(`This has ${has} characters, and a command may have ${may}: send it in parts.`);
     return true;
   }
@@ -444,7 +444,7 @@ export class Prompt extends EventTarget {
 
   offerNames() {
     const word = this.begun();
-    const found = word && fitting(this.names, word, MOST_NAMES);
+    const found = word && fitting(this.names, word, MAX_NAMES);
     if (!found) {
       this.completions.hide();
       return;

@@ -8,7 +8,7 @@ import { short } from "./scales.js";
 import { Refusal } from "./wire.js";
 
 const AGAIN = 1000; // ms between two looks
-const INKS = ["--accent", "--bad", "--warn", "--ghost", "--good"]; // of the lines, in turn
+const INKS = ["--accent", "--bad", "--warn", "--alternate", "--good"]; // of the lines, in turn
 
 function ink(at) {
   return getComputedStyle(document.documentElement).getPropertyValue(INKS[at % INKS.length]).trim();

@@ -3,7 +3,7 @@
 import { Refusal } from "./wire.js";
 
 const AGAIN = 100; // ms between an answer and the next question
-const MOST = 64; // robots in one question (console/incoming.py)
+const MAX = 64; // robots in one question (console/incoming.py)
 
 export class Replies {
   constructor(world, wire) {
@@ -51,7 +51,7 @@ export class Replies {
     if (this.waiting || !this.wanted.size) return;
     this.waiting = true;
     const { command } = this;
-    const robots = [...this.wanted].slice(0, MOST);
+    const robots = [...this.wanted].slice(0, MAX);
     for (const robot of robots) this.wanted.delete(robot);
     try {
       const { texts } = await this.wire.ask("replies", { command, robots });

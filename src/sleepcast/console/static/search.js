@@ -2,7 +2,7 @@
 
 import { Listbox } from "./listbox.js";
 
-const MOST_FOUND = 8; // commands offered
+const MAX_FOUND = 8; // commands offered
 
 export class Search extends EventTarget {
   constructor(root, history) {
@@ -28,7 +28,7 @@ export class Search extends EventTarget {
   }
 
   look() {
-    const found = this.history.search(this.field.value).slice(0, MOST_FOUND);
+    const found = this.history.search(this.field.value).slice(0, MAX_FOUND);
     this.found.show(found.map((text) => ({ value: text, parts: [["text", text.replace(/\s+/g, " ")]] })), 0);
   }
 

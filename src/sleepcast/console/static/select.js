@@ -3,7 +3,7 @@
 // prompt.
 
 import { encloses } from "./polygon.js";
-import { few, MOST_SHAPES, sizesOf } from "./swarm.js";
+import { few, MAX_SHAPES, sizesOf } from "./swarm.js";
 import { Refusal } from "./wire.js";
 
 const PAUSE = 150; // ms: several robots may be clicked one after the other
@@ -179,7 +179,7 @@ export class Selecting extends EventTarget {
     const colour = this.world.colours.chosen;
     if (this.count) {
       const sizes = sizesOf(view, scene);
-      const points = !few(view, frame, MOST_SHAPES);
+      const points = !few(view, frame, MAX_SHAPES);
       const frames = new Path2D();
       for (let i = 0; i < Math.min(frame.count, this.marks.length); i += 1) {
         if (!this.marks[i]) continue;

@@ -4,7 +4,7 @@ import { Refusal } from "./wire.js";
 
 const AGAIN = 150; // ms between an answer and the next question
 const KEPT = 60; // simulated seconds
-const MOST = 600; // looks kept
+const MAX = 600; // looks kept
 
 // "sensed" is dispatched after each answer.
 export class Senses extends EventTarget {
@@ -38,7 +38,7 @@ export class Senses extends EventTarget {
     if (far.length && time < far.at(-1)[0]) this.forget(); // time has gone back
     this.far.push([time, body.sonars]);
     this.near.push([time, body.infrared, body.touched]);
-    for (const row of [this.far, this.near]) while (row.length > MOST || row[0][0] < time - KEPT) row.shift();
+    for (const row of [this.far, this.near]) while (row.length > MAX || row[0][0] < time - KEPT) row.shift();
   }
 
   // Somebody begins to show it, or it is another robot: ask at once.

@@ -14,7 +14,7 @@ const SECOND_NEUTRAL = 8; // the colour of every other sort; 0 is that of the re
 const DISCS = SORTS + 2 * PAIRS; // looks of bodies that are told apart by their colours alone
 export const LOOKS = DISCS + SHAPES;
 export const NONE = 255; // no ring
-const MOST_COLOURS = 14; // different ones shown at one time; more are names rather than kinds, and nobody tells them apart
+const MAX_COLOURS = 14; // different ones shown at one time; more are names rather than kinds, and nobody tells them apart
 
 // Bodies of sorts: corners as parts of the size, forwards and to the left.
 const ARROW = [[1.35, 0], [-0.9, 0.8], [-0.45, 0], [-0.9, -0.8]];
@@ -81,7 +81,7 @@ export function colourCounts({ colours }) {
   const counts = new Array(256).fill(0);
   for (const colour of colours ?? []) counts[colour] += 1;
   const different = counts.filter((count, colour) => colour && count).length;
-  return different <= MOST_COLOURS ? counts : [];
+  return different <= MAX_COLOURS ? counts : [];
 }
 
 // The looks of all robots: their bodies, and their rings (NONE for who has none) or null where nobody has one. The body is that

@@ -1,7 +1,7 @@
 // Pictures that this browser keeps between two visits, by a name each. A browser may refuse to keep anything.
 
 const [DATABASE, STORE] = ["sleepcast", "pictures"];
-const MOST = 8; // pictures kept; the oldest goes
+const MAX = 8; // pictures kept; the oldest goes
 
 // The picture (a Blob) that is kept under a name, null if there is none.
 export async function keptPicture(name) {
@@ -13,7 +13,7 @@ export async function keptPicture(name) {
 export async function keepPicture(name, blob) {
   await inStore("readwrite", (store) => (blob ? store.put({ blob, at: Date.now() }, name) : store.delete(name)));
   const [names, all] = [await inStore("readonly", (store) => store.getAllKeys()), await inStore("readonly", (store) => store.getAll())];
-  if (!names || names.length <= MOST) return;
+  if (!names || names.length <= MAX) return;
   const oldest = all.reduce((least, { at }, place) => (at < all[least].at ? place : least), 0);
   await inStore("readwrite", (store) => store.delete(names[oldest]));
 }

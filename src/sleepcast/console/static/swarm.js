@@ -5,8 +5,8 @@ import { SILENT, STILL } from "./frame.js";
 import { addRing, addRobot, inkOf, LOOKS, NONE, SORTS } from "./shapes.js";
 import { grown } from "./type.js";
 
-export const MOST_SHAPES = 6000; // robots in sight; more become points
-const MOST_IN_PATH = 100; // robots; what filling a path takes grows faster than what is in it
+export const MAX_SHAPES = 6000; // robots in sight; more become points
+const MAX_IN_PATH = 100; // robots; what filling a path takes grows faster than what is in it
 const OUTSIDE = 30; // pixels beside the map in which a robot may still be seen in part
 const DIMMED = 0.5; // opacity of the robots outside the lit ones
 const DIMMED_POINTS = 0.3; // the same where robots are points
@@ -47,7 +47,7 @@ export function few(view, { poses, count }, most) {
 // looks: as of shapes.js. marks: {lit: Uint8Array with 1 for each
 // robot that is lit, or null; glow: of 1 how bright; chosen, pointed: indices or -1}
 export function drawSwarm(pen, view, scene, frame, looks, marks, colours, ratio) {
-  if (few(view, frame, MOST_SHAPES)) drawShapes(pen, view, scene, frame, looks, marks, colours);
+  if (few(view, frame, MAX_SHAPES)) drawShapes(pen, view, scene, frame, looks, marks, colours);
   else drawPoints(pen, view, scene, frame, looks, marks, colours, ratio);
   const sizes = sizesOf(view, scene);
   for (const [index, width] of [[marks.pointed, 1.5], [marks.chosen, 2.6]]) {
@@ -112,7 +112,7 @@ function drawShapes(pen, view, scene, frame, looks, marks, colours) {
 // The last of these paths if there is room in it for one more robot, else a new one.
 function room(paths, begin) {
   const last = paths.at(-1);
-  if (last && last.robots < MOST_IN_PATH) {
+  if (last && last.robots < MAX_IN_PATH) {
     last.robots += 1;
     return last;
   }

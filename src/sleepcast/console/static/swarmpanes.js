@@ -8,7 +8,7 @@ import { NumberDrag } from "./drag.js";
 import { write } from "./elements.js";
 import { Failing } from "./failing.js";
 import { copy } from "./files.js";
-import { ghostsOf } from "./ghosts.js";
+import { alternatePoses } from "./alternate.js";
 import { FieldLayer } from "./field.js";
 import { Glance } from "./glance.js";
 import { SWARM_LAYERS } from "./layers.js";
@@ -124,8 +124,8 @@ export function swarmPanes({ find, press, wire, world, drawer, embedded, undo, f
     prompt.setWaiting(frame.waiting);
   }
 
-  wire.addEventListener("ghosts", ({ detail }) => world.setGhosts(ghostsOf(detail)));
-  timeline.addEventListener("ghosts", ({ detail }) => detail || world.setGhosts(null));
+  wire.addEventListener("alternate", ({ detail }) => world.setAlternate(alternatePoses(detail)));
+  timeline.addEventListener("alternate", ({ detail }) => detail || world.setAlternate(null));
 
   wire.addEventListener("commands", ({ detail }) => {
     accounting.set(detail.rows);

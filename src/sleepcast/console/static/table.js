@@ -10,9 +10,9 @@ import { Refusal } from "./wire.js";
 
 const ROW = 24; // pixels; table.css says the same
 const AROUND = 20; // rows that are asked for above and below those in sight
-const MOST_ROWS = 200; // at once, as console/incoming.py has it
-const MOST_COLUMNS = 12;
-const MOST_PICKED = 10000;
+const MAX_ROWS = 200; // at once, as console/incoming.py has it
+const MAX_COLUMNS = 12;
+const MAX_PICKED = 10000;
 const AGAIN = 400; // ms between two looks at how things are now
 const BY_NUMBER = -1;
 const BY_GROUP = -2;
@@ -84,7 +84,7 @@ export class Table extends EventTarget {
     this.title = scene.title;
     const before = kept(`table.${scene.title}`, {});
     const texts = Array.isArray(before.columns) ? before.columns.filter((text) => typeof text === "string") : [];
-    this.columns = texts.slice(0, MOST_COLUMNS);
+    this.columns = texts.slice(0, MAX_COLUMNS);
     this.sort = { by: BY_NUMBER, descending: false };
     this.picked.clear();
     this.changed();
@@ -142,7 +142,7 @@ export class Table extends EventTarget {
       descending: this.sort.descending,
       where: this.where,
       first: start,
-      count: Math.min(MOST_ROWS, first - start + count + AROUND),
+      count: Math.min(MAX_ROWS, first - start + count + AROUND),
       again,
     };
   }
@@ -189,8 +189,8 @@ export class Table extends EventTarget {
   }
 
   addColumn(text) {
-    if (this.texts.length >= MOST_COLUMNS) {
-      this.say(`There are ${MOST_COLUMNS} columns already: remove one first.`, true);
+    if (this.texts.length >= MAX_COLUMNS) {
+      this.say(`There are ${MAX_COLUMNS} columns already: remove one first.`, true);
       return;
     }
     this.add.set("");
@@ -334,7 +334,7 @@ export class Table extends EventTarget {
   async pickRange(at) {
     const [first, last] = [Math.min(this.from, at), Math.max(this.from, at)];
     try {
-      const { robots } = await this.wire.ask("range", { first, count: Math.min(last - first + 1, MOST_PICKED) });
+      const { robots } = await this.wire.ask("range", { first, count: Math.min(last - first + 1, MAX_PICKED) });
       this.tell(new Int32Array(bytes(robots).buffer));
     } catch (refusal) {
       if (!(refusal instanceof Refusal)) throw refusal;
@@ -389,7 +389,7 @@ export class Table extends EventTarget {
   async export(hand) {
     if (this.busy) return;
     this.busy = true;
-    const robots = this.picked.size <= MOST_PICKED ? [...this.picked] : [];
+    const robots = this.picked.size <= MAX_PICKED ? [...this.picked] : [];
     const parts = [];
     try {
       for (let done = false; !done; ) {

@@ -40,7 +40,7 @@ export class Timeline extends EventTarget {
       this.toLive();
     });
     this.find("fork").addEventListener("click", () => this.fork());
-    this.find("ghosts").addEventListener("click", () => this.toggleGhosts());
+    this.find("alternate").addEventListener("click", () => this.toggleAlternate());
     wire.addEventListener("span", ({ detail }) => this.setSpan(detail));
     wire.addEventListener("marked", ({ detail }) => this.setMarks(detail.marks));
     wire.addEventListener("hello", ({ detail }) => this.setRecorded(detail.began, detail.recorded));
@@ -65,7 +65,7 @@ export class Timeline extends EventTarget {
     this.forked = span.forked;
     this.find("forked").hidden = this.forked === null;
     if (this.forked !== null) this.find("forked").style.left = `${(100 * (this.forked - this.began)) / Math.max(1e-9, this.ended - this.began)}%`;
-    this.find("ghosts").hidden = this.forked === null;
+    this.find("alternate").hidden = this.forked === null;
     this.find("fork").hidden = !span.may_fork || this.at === null;
     this.note(span);
   }
@@ -218,11 +218,11 @@ export class Timeline extends EventTarget {
     }
   }
 
-  toggleGhosts() {
-    const on = this.find("ghosts").getAttribute("aria-pressed") !== "true";
-    this.find("ghosts").setAttribute("aria-pressed", String(on));
+  toggleAlternate() {
+    const on = this.find("alternate").getAttribute("aria-pressed") !== "true";
+    this.find("alternate").setAttribute("aria-pressed", String(on));
     this.wire.tell("ghosts", { on });
-    this.dispatchEvent(new CustomEvent("ghosts", { detail: on }));
+    this.dispatchEvent(new CustomEvent("alternate", { detail: on }));
   }
 
   key(event) {

@@ -3,7 +3,7 @@
 const DEPTH = 15; // samples kept of each robot
 const EVERY = 180; // ms between samples
 const BANDS = [0.42, 0.22, 0.1]; // opacity, youngest to oldest
-const MOST = 5000; // robots; beyond, trails would only be a fog
+const MAX = 5000; // robots; beyond, trails would only be a fog
 const LEAP = 3; // times as much time as was wanted has passed: a slider was moved, and nobody drove there
 
 export class Trails {
@@ -14,7 +14,7 @@ export class Trails {
 
   // Keep the frame's positions if it is time to; whether it was.
   sample(frame, now) {
-    if (frame.count > MOST || now - this.last < EVERY) return false;
+    if (frame.count > MAX || now - this.last < EVERY) return false;
     const [latest] = this.samples;
     if (latest?.tick === frame.tick) return false;
     if (latest && (latest.xy.length !== 2 * frame.count || this.leapt(latest, frame, now))) this.samples = [];

@@ -4,7 +4,7 @@
 import { write } from "./elements.js";
 import { Refusal } from "./wire.js";
 
-const MOST = 100; // deeds kept
+const MAX = 100; // deeds kept
 const SHOWN = 6000; // ms for which the page tells what was undone
 const NOTHING = "Commands to robots are never undone: send another one.";
 
@@ -32,7 +32,7 @@ export class Undo extends EventTarget {
   // Something was done by hand.
   did(name, undo, redo) {
     this.done.push({ name, undo, redo });
-    this.done.splice(0, this.done.length - MOST);
+    this.done.splice(0, this.done.length - MAX);
     this.undone = [];
     this.hide();
     this.changed();

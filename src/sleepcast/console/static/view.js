@@ -1,7 +1,7 @@
 // The view: which part of the world is on the screen. World: metres, x to the right, y up. Screen: CSS pixels, y down.
 
 export const UNITS = { m: 1, km: 1000, mi: 1609.344, nmi: 1852, ft: 0.3048, in: 0.0254, cm: 0.01, mm: 0.001, yd: 0.9144 };
-const MOST = 4000; // pixels a metre: a scout fills the screen
+const MAX = 4000; // pixels a metre: a scout fills the screen
 const FARTHEST = 20; // times farther away than when everything is in sight
 const MARGIN = 0.06; // of the screen, left free around what is fitted
 
@@ -49,7 +49,7 @@ export class View {
   // Zoom by a factor; the world point under the pixel (px, py) stays under it.
   zoom(factor, px = this.width / 2, py = this.height / 2) {
     const [x, y] = this.toWorld(px, py);
-    this.scale = Math.min(MOST, Math.max(this.whole / FARTHEST, this.scale * factor));
+    this.scale = Math.min(MAX, Math.max(this.whole / FARTHEST, this.scale * factor));
     this.x = x - (px - this.width / 2) / this.scale;
     this.y = y + (py - this.height / 2) / this.scale;
   }
@@ -62,7 +62,7 @@ export class View {
   // Show the rectangle [left, bottom, right, top] whole, or only a part of it.
   fit(area, [left, bottom, right, top] = area) {
     this.whole = this.scaleOf(area);
-    this.scale = Math.min(MOST, this.scaleOf([left, bottom, right, top]));
+    this.scale = Math.min(MAX, this.scaleOf([left, bottom, right, top]));
     this.centre((left + right) / 2, (bottom + top) / 2);
   }
 

@@ -1,11 +1,11 @@
 // What the desk tells of Nomads beside frames: what each robot is like, traces, what programs drew, and what the chosen robot
 // senses. For the panes of sensors it stands for `Senses`: it is told, and needs not ask.
 
-const MOST_POINTS = 4000; // of a trace that are kept here
+const MAX_POINTS = 4000; // of a trace that are kept here
 const ROWS = { echoes: 1000, far: 150, near: 150 }; // of the chosen robot
-const MOST_CONTACTS = 200; // places where the bumper felt something
+const MAX_CONTACTS = 200; // places where the bumper felt something
 const APART = 0.05; // m between two of them
-const MOST_SKETCHES = 5000;
+const MAX_SKETCHES = 5000;
 
 // A pose comes as [x, y, heading, turret] in m and rad. "sensed" is dispatched when something was told.
 export class Windows extends EventTarget {
@@ -60,11 +60,11 @@ export class Windows extends EventTarget {
     this.robots = news.robots.map((robot) => Object.fromEntries(names.map((name, at) => [name, robot[at]])));
     for (const [robot, layer, anew, points] of news.traces) {
       if (anew) this.traces[robot][layer] = [];
-      grow(this.traces[robot][layer], points, 2 * MOST_POINTS);
+      grow(this.traces[robot][layer], points, 2 * MAX_POINTS);
     }
     const [anew, drawn] = news.sketches;
     if (anew) this.sketches = [];
-    grow(this.sketches, drawn.map(([kind, numbers, mode]) => ({ kind, numbers, mode })), MOST_SKETCHES);
+    grow(this.sketches, drawn.map(([kind, numbers, mode]) => ({ kind, numbers, mode })), MAX_SKETCHES);
     if (news.chosen?.robot === this.chosen) this.look(news.chosen);
     if (news.traces.length || anew || drawn.length) this.world.repaint("trails");
     this.dispatchEvent(new Event("sensed"));
@@ -84,7 +84,7 @@ export class Windows extends EventTarget {
       const at = [x + own.body.radius * Math.cos(heading + angle), y + own.body.radius * Math.sin(heading + angle)];
       const [lastX, lastY] = this.contacts.slice(-2);
       if (Math.hypot(at[0] - lastX, at[1] - lastY) < APART) continue;
-      grow(this.contacts, at, 2 * MOST_CONTACTS);
+      grow(this.contacts, at, 2 * MAX_CONTACTS);
     }
   }
 

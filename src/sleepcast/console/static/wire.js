@@ -9,7 +9,7 @@ const FIRST_WAIT = 500; // ms before the first attempt to connect again; doubles
 const LONGEST_WAIT = 8000;
 const ANSWER_WAIT = 15000; // ms after which a question counts as unanswered
 const SILENCE = 6000; // ms without a word after which the station may not be there
-const GHOSTS = 255; // the first byte of where robots were in another future
+const ALTERNATE = 255; // the first byte of where robots were in another future
 const LOOK = 1000; // ms between two looks for that
 
 export class Refusal extends Error {
@@ -73,7 +73,7 @@ export class Wire extends EventTarget {
       this.emit("heard");
     }
     if (data instanceof ArrayBuffer) {
-      this.emit(new Uint8Array(data, 0, 1)[0] === GHOSTS ? "ghosts" : "frame", data);
+      this.emit(new Uint8Array(data, 0, 1)[0] === ALTERNATE ? "alternate" : "frame", data);
       return;
     }
     const message = JSON.parse(data);

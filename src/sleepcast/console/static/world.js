@@ -6,7 +6,7 @@
 import { colourName, decode, EXHAUSTED, FLAG_NAMES } from "./frame.js";
 import { Density } from "./density.js";
 import { gestures } from "./gestures.js";
-import { drawGhosts } from "./ghosts.js";
+import { drawAlternate } from "./alternate.js";
 import { drawGround, drawPlaces } from "./ground.js";
 import { Labels } from "./labels.js";
 import { Pings } from "./pings.js";
@@ -47,7 +47,7 @@ export class World extends EventTarget {
     this.scene = null;
     this.frame = null;
     this.replies = null; // what each robot answered to a question, as of replies.js
-    this.ghosts = null; // where the robots were in another future
+    this.alternate = null; // where the robots were in another future
     this.latest = null; // the frame that came last, of this scene or of one that is on its way
     this.lit = null; // who was lit last; of these, `marks` has those whose light is drawn
     this.marks = { lit: null, glow: 1, chosen: -1, pointed: -1 };
@@ -129,8 +129,8 @@ export class World extends EventTarget {
   // Light these robots, 1 for each of them, null for none. All robots need no light: nothing would stand out. dark:
   // their light has gone out already.
   // Where the robots were in another future; null for nowhere.
-  setGhosts(poses) {
-    this.ghosts = poses;
+  setAlternate(poses) {
+    this.alternate = poses;
     this.repaint("robots");
   }
 
@@ -348,7 +348,7 @@ export class World extends EventTarget {
       if (this.shows("trails")) this.trails.draw(pens.trails, view, inksOf(this.looks.bodies), colours.robots, this.scene.area);
     }
     pens.robots.clearRect(0, 0, view.width, view.height);
-    if (this.ghosts) drawGhosts(pens.robots, view, this.ghosts, frame.poses);
+    if (this.alternate) drawAlternate(pens.robots, view, this.alternate, frame.poses);
     for (const tool of this.tools) tool.drawBehind?.(pens.robots);
     drawSwarm(pens.robots, view, scene, frame, this.looks, this.marks, colours, this.ratio);
     if (this.shows("density")) this.density.draw(pens.robots, view, frame, colours.density, performance.now());

@@ -2,7 +2,7 @@
 
 import { download } from "./files.js";
 
-const MOST = 100_000; // characters, as console/incoming.py has it
+const MAX = 100_000; // characters, as console/incoming.py has it
 const LONGEST_NAME = 200;
 
 export class WorldFile extends EventTarget {
@@ -18,9 +18,9 @@ export class WorldFile extends EventTarget {
   async load() {
     const [file] = this.file.files;
     if (!file) return;
-    const text = file.size <= MOST ? await file.text() : "";
+    const text = file.size <= MAX ? await file.text() : "";
     this.file.value = ""; // so that the same file may be chosen once more
-    if (file.size > MOST) this.tell(`${file.name} has more than ${MOST} bytes: start the server with it`, true);
+    if (file.size > MAX) this.tell(`${file.name} has more than ${MAX} bytes: start the server with it`, true);
     else this.ask("load", { name: file.name.slice(0, LONGEST_NAME), text }, () => `The obstacles are those of ${file.name}.`);
   }
 

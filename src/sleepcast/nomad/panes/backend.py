@@ -14,11 +14,11 @@ import msgspec
 
 from sleepcast.console.feature import NOT_HERE_AT_ALL
 from sleepcast.console.outgoing import (
+    DeskMessage,
     Done,
     Hello,
     Obstacles,
     Safety,
-    Said,
     ShownReport,
     ShownValue,
     WatchedRobot,
@@ -164,7 +164,7 @@ class NomadsBackend:
 
     # ---- unasked
 
-    def news(self, watched: int) -> Iterator[Said]:
+    def news(self, watched: int) -> Iterator[DeskMessage]:
         """Everything that may have changed; `watched`: the index of the robot that the page looks at, or -1."""
         held = self.nomads.held
         yield Safety(held, HELD if held else "")

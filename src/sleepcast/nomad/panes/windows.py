@@ -14,7 +14,7 @@ from typing import Generic, TypeVar
 
 import msgspec
 
-from sleepcast.console.outgoing import Said
+from sleepcast.console.outgoing import DeskMessage
 from sleepcast.console.sensing import BodyView, measured
 from sleepcast.nomad.panes.view import Nomads
 from sleepcast.nomad.server.windows import Layer, Point, RobotWindow, SensorScan, Sketch
@@ -86,7 +86,7 @@ class Chosen(msgspec.Struct):
     near: Added[ShownScan]
 
 
-class WindowsNews(Said, tag="windows"):
+class WindowsNews(DeskMessage, tag="windows"):
     """What the windows of the Nomads show beside a frame."""
 
     robots: list[ShownRobot]

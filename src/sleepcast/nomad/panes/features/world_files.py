@@ -8,11 +8,11 @@ from msgspec import Meta
 
 from sleepcast.console.feature import answers
 from sleepcast.console.incoming import PageMessage, Serial
-from sleepcast.console.outgoing import Done, Said
+from sleepcast.console.outgoing import DeskMessage, Done
 
-MOST_WORLD = 100_000
+MAX_WORLD = 100_000
 """Characters of a world: a thousand polygons and more; with what JSON adds they stay below `MAX_BYTES`."""
-MOST_NAME = 200
+MAX_NAME = 200
 """Characters of a file's name."""
 
 
@@ -20,8 +20,8 @@ class Load(PageMessage):
     """The obstacles of a file, in place of those that there are. name: of the file."""
 
     serial: Serial
-    name: Annotated[str, Meta(max_length=MOST_NAME)]
-    text: Annotated[str, Meta(max_length=MOST_WORLD)]
+    name: Annotated[str, Meta(max_length=MAX_NAME)]
+    text: Annotated[str, Meta(max_length=MAX_WORLD)]
 
 
 class Save(PageMessage):
@@ -30,7 +30,7 @@ class Save(PageMessage):
     serial: Serial
 
 
-class WorldText(Said, tag="world"):
+class WorldText(DeskMessage, tag="world"):
     """All obstacles as the text of a file."""
 
     serial: int

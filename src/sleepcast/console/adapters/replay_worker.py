@@ -1,4 +1,4 @@
-"""The process that runs a swarm again, to answer for a moment of its past (see `console/rerunner`).
+"""The process that runs a swarm again, to answer for a moment of its past (see `console/replay_client`).
 
 It keeps three swarms: one where somebody looks, one that has just evaluated a command that was asked about, and one
 that runs ahead through a recording to keep states of it, and later through what is plotted. Each goes on from where it
@@ -26,11 +26,11 @@ from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import show_why
 from sleepcast.console.features.plots import AddPlot
 from sleepcast.console.features.why import Explained, Why
-from sleepcast.console.kept import Diary
 from sleepcast.console.marks import clock_time
 from sleepcast.console.past import Sampled
-from sleepcast.console.rerunner import Found, Question, RerunError, RunMoment, digest
+from sleepcast.console.replay_client import Found, Question, RerunError, RunMoment, digest
 from sleepcast.console.series import plain, sample_of
+from sleepcast.console.snapshots import SnapshotTimer
 from sleepcast.console.swarm_dialogue import SwarmDialogue
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import Pace, Swarm, resume
@@ -107,7 +107,7 @@ class ReplayWorker:
     def __init__(self, given_up: Callable[[], bool]) -> None:
         self._given_up = given_up
         self._swarms: dict[str, _Again] = {}
-        self._diary = Diary()
+        self._snapshot_timer = SnapshotTimer()
 
     def answer(self, question: Question) -> Found:
         """What is found at the moment of a question."""
@@ -206,13 +206,13 @@ class ReplayWorker:
         while again.rerun.tick < moment.tick and not self._given_up():
             again.step(moment)
             now = perf_counter()
-            self._diary.worked(now - before)
+            self._snapshot_timer.worked(now - before)
             before = now
-            if self._diary.due:
-                self._diary.begun()
+            if self._snapshot_timer.due:
+                self._snapshot_timer.begun()
                 spent = thread_time()
                 state = copy_of(again.swarm).packed()
-                self._diary.kept(thread_time() - spent)
+                self._snapshot_timer.kept(thread_time() - spent)
                 return Found(again.rerun.tick, state=state, differs=again.differs)
             if now - began > question.patience:
                 break

@@ -1,7 +1,7 @@
 """The process that runs a swarm again, beside the one that lives: what it is asked, and what it answers.
 
-The process (`adapters/again.py`) begins with the first question, which takes it a second. It knows nothing but what a
-question brings: a state, and what came from outside since. A question that nobody waits for any more is given up.
+The process (`adapters/replay_worker.py`) begins with the first question, which takes it a second. It knows nothing but
+what a question brings: a state, and what came from outside since. A question that nobody waits for is given up.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Question:
 @dataclass(frozen=True, slots=True)
 class Found:
     """An answer. tick: the moment's. poses: as in a frame; marks: groups, flags, the names of the groups, second groups
-    and colours, as in `film.RobotMarks`; counts, shown: of the groups.
+    and colours, as in `timeline.RobotMarks`; counts, shown: of the groups.
     said: what the page is to be told, as JSON. state: one that is to be kept, and how long that took, s.
     differs: the first tick whose poses are not those that were seen, None if there is none. error: why there is no
     answer. ended: whether it was given up, for the time that it took."""
@@ -85,7 +85,7 @@ class RerunError(SleepcastError):
     """The past cannot be shown, and why."""
 
 
-class Rerunner:
+class ReplayClient:
     """See the module. work: what the process does with its end of the pipe until that is closed."""
 
     def __init__(self, work: Callable[[connection.Connection], None]) -> None:

@@ -1,7 +1,7 @@
 """What is kept of a run so that its past can be shown: whole states, from which it can be run again.
 
 States are many bytes, so they are few: one for every `STATE_EVERY` seconds of work, but never so many that keeping them
-takes more than one part in `COST` of it, and no more than `MOST_BYTES` together. When these are full, states are left
+takes more than one part in `COST` of it, and no more than `MAX_BYTES` together. When these are full, states are left
 out where they stand closest together, measured by their age: what was just now is kept densely, what was long ago
 thinly. `Budget` says how many bytes of everything are kept.
 """
@@ -15,7 +15,7 @@ STATE_EVERY = 0.2
 """Seconds of a machine's work between two kept states: so long takes it at most to come from one to the next."""
 COST = 10
 """Times as long as it takes to keep a state must pass before the next one."""
-MOST_BYTES = 300_000_000
+MAX_BYTES = 300_000_000
 """Of the past that a page keeps: six thousand pictures and two thousand states of a thousand robots, say."""
 YOUNG = 600.0
 """Seconds of the run within which states are equally worth keeping, whatever their age."""
@@ -25,7 +25,7 @@ YOUNG = 600.0
 class Budget:
     """Bytes that are kept of a past at most, in all and of each sort. What was seen of another future counts, too."""
 
-    most: int = MOST_BYTES
+    most: int = MAX_BYTES
 
     @property
     def states(self) -> int:
@@ -48,7 +48,7 @@ class Budget:
         return self.most // 20
 
 
-class KeptStates:
+class SnapshotStore:
     """States of a run by their ticks, as bytes. tick: seconds in a tick. most: bytes of all."""
 
     def __init__(self, tick: float, most: int) -> None:
@@ -79,9 +79,9 @@ class KeptStates:
         while self.size > self._most and len(self._ticks) > 2:
             self._leave_out()
 
-    def until(self, tick: int) -> KeptStates:
+    def until(self, tick: int) -> SnapshotStore:
         """Those of before a tick, to be added to by another run."""
-        found = KeptStates(1.0, self._most)
+        found = SnapshotStore(1.0, self._most)
         found._young = self._young
         for at, state in zip(self._ticks, self._states, strict=True):
             if at < tick:
@@ -113,7 +113,7 @@ class KeptStates:
         del self._ticks[place], self._states[place]
 
 
-class Diary:
+class SnapshotTimer:
     """Says when the next state is due. Work is told as it is done, s."""
 
     def __init__(self) -> None:

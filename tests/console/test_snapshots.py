@@ -12,9 +12,9 @@ from sleepcast.console import kept
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.adapters.live_past import LivePast
 from sleepcast.console.adapters.swarm import SwarmAdapter
-from sleepcast.console.kept import Budget, KeptStates
 from sleepcast.console.marks import Marks
-from sleepcast.console.rerunner import RerunError
+from sleepcast.console.replay_client import RerunError
+from sleepcast.console.snapshots import Budget, SnapshotStore
 from sleepcast.console.thinning import forget_accounts, size_of_pictures, size_of_rows
 from sleepcast.core.clock import ManualClock, WallClock
 from sleepcast.core.memory import read_size
@@ -43,11 +43,11 @@ def test_pictures_of_few_robots_are_bounded_too() -> None:
     """Of few robots a picture is small, and what lies around it was not counted."""
     past, swarm = past_of(Budget(10_000), states=False)
     run_on(swarm, 600)
-    film = past.film
-    assert size_of_pictures(film) == past._size <= past.budget.pictures
-    assert len(film.poses.times) * 250 <= past.budget.pictures
-    assert film.poses.times[0] == 0.0
-    assert film.seconds - film.poses.times[-1] <= past._every * past.tick
+    timeline = past.timeline
+    assert size_of_pictures(timeline) == past._size <= past.budget.pictures
+    assert len(timeline.poses.times) * 250 <= past.budget.pictures
+    assert timeline.poses.times[0] == 0.0
+    assert timeline.seconds - timeline.poses.times[-1] <= past._every * past.tick
     past.close()
 
 
@@ -60,8 +60,8 @@ def test_obstacles_that_come_and_go_are_bounded() -> None:
             world.add(Circle(10.0 + tick, 10.0, 1.0))
 
     run_on(swarm, 100, build)
-    assert size_of_pictures(past.film) <= past.budget.pictures
-    assert past.film.obstacles.at(past.ended)  # as they were in the last picture
+    assert size_of_pictures(past.timeline) <= past.budget.pictures
+    assert past.timeline.obstacles.at(past.ended)  # as they were in the last picture
     past.close()
 
 
@@ -93,14 +93,14 @@ def test_messages_are_bounded_and_what_is_forgotten_is_said(
 def test_accounts_of_ever_new_commands_are_bounded() -> None:
     """Accounts were left out only where there was a later one of the same command."""
     past, _ = past_of(Budget(2_000_000), states=False)
-    rows, most = past.film.rows, past.budget.accounts
+    rows, most = past.timeline.rows, past.budget.accounts
     rows.add(0.0, _row(0, "stop"))
     for number in range(1, 1_000):
         rows.add(float(number), _row(number))
-    forget_accounts(past.film, most)
-    assert 0 < size_of_rows(past.film) <= most // 2 + 2_000
+    forget_accounts(past.timeline, most)
+    assert 0 < size_of_rows(past.timeline) <= most // 2 + 2_000
     assert rows.values[-1].id == "desk-1.999"
-    assert past.film.latched_at(500.0)
+    assert past.timeline.latched_at(500.0)
     past.close()
 
 
@@ -109,7 +109,7 @@ def _row(number: int, kind: str = "command") -> CommandRow:
 
 
 def test_marks_remember_no_more_commands_than_they_may(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sleepcast.console.marks.MOST_KNOWN", 20)
+    monkeypatch.setattr("sleepcast.console.marks.MAX_KNOWN", 20)
     marks = Marks()
     for number in range(100):
         marks.rows(float(number), [_row(number)])
@@ -118,7 +118,7 @@ def test_marks_remember_no_more_commands_than_they_may(monkeypatch: pytest.Monke
 
 
 def test_states_before_a_tick_are_forgotten() -> None:
-    states = KeptStates(0.1, 1_000)
+    states = SnapshotStore(0.1, 1_000)
     for tick in (0, 10, 20, 30):
         states.add(tick, bytes(100))
     assert states.after(11) == 20

@@ -15,10 +15,10 @@ from typing import Generic, TypeVar
 import msgspec
 
 from sleepcast.console import outgoing
-from sleepcast.console.account_table import MOST_ROWS, CommandRow
+from sleepcast.console.account_table import MAX_ROWS, CommandRow
 from sleepcast.console.failing import Failures
 from sleepcast.console.frames import pack
-from sleepcast.console.rerunner import Found
+from sleepcast.console.replay_client import Found
 from sleepcast.console.sensing import BodyKind
 from sleepcast.console.view import FieldPicture, Outline, Picture, Scene
 from sleepcast.core.units import value_in_words
@@ -115,7 +115,7 @@ class Timeline:
 
 
 def frame_of(
-    film: Timeline,
+    timeline: Timeline,
     number: int,
     time: float,
     speeds: tuple[float, float],
@@ -126,38 +126,40 @@ def frame_of(
     if found is not None:
         tick, poses, marks = found.tick, found.poses, RobotMarks(*found.marks)
     else:
-        (tick, poses), marks = film.poses.at(time) or film.poses.values[0], film.marks_at(time)
+        (tick, poses), marks = timeline.poses.at(time) or timeline.poses.values[0], timeline.marks_at(time)
     columns = (b"", marks.second, marks.colours)
     return pack(number, tick, time, speeds, state, poses, (marks.groups, marks.flags), columns)
 
 
-def news_of(film: Timeline, time: float, watched: int, found: Found | None = None) -> Iterator[outgoing.Said]:
+def news_of(
+    timeline: Timeline, time: float, watched: int, found: Found | None = None
+) -> Iterator[outgoing.DeskMessage]:
     """Everything that may have changed at a time; see `Backend.news`."""
-    yield commands_of(film, time)
-    yield outgoing.Failing(film.failures_at(time).rules, RECENT * film.speed)
-    yield outgoing.Groups(_counted(film.marks_at(time)) if found is None else _groups_in(found))
-    if film.obstacles.times:
-        changed = film.obstacles.at(time)
-        yield outgoing.Obstacles(film.scene.obstacles if changed is None else changed)
-    yield outgoing.Safety(film.latched_at(time), "STOP held at this time.")
-    if 0 <= watched < len(film.scene.names):
-        yield _robot(film, time, watched, found)
+    yield commands_of(timeline, time)
+    yield outgoing.Failing(timeline.failures_at(time).rules, RECENT * timeline.speed)
+    yield outgoing.Groups(_counted(timeline.marks_at(time)) if found is None else _groups_in(found))
+    if timeline.obstacles.times:
+        changed = timeline.obstacles.at(time)
+        yield outgoing.Obstacles(timeline.scene.obstacles if changed is None else changed)
+    yield outgoing.Safety(timeline.latched_at(time), "STOP held at this time.")
+    if 0 <= watched < len(timeline.scene.names):
+        yield _robot(timeline, time, watched, found)
 
 
-def commands_of(film: Timeline, time: float, serial: int | None = None) -> outgoing.Commands:
+def commands_of(timeline: Timeline, time: float, serial: int | None = None) -> outgoing.Commands:
     """The accounts of the latest commands as they were known at a time."""
-    return outgoing.Commands(list(rows_at(film, time).values())[-MOST_ROWS:], serial)
+    return outgoing.Commands(list(rows_at(timeline, time).values())[-MAX_ROWS:], serial)
 
 
-def rows_at(film: Timeline, time: float) -> dict[str, CommandRow]:
+def rows_at(timeline: Timeline, time: float) -> dict[str, CommandRow]:
     """The account of every command as it was known at a time, by its id."""
-    rows = film.rows
+    rows = timeline.rows
     return {row.id: row for row in rows.values[: rows.before(time)]}
 
 
-def _robot(film: Timeline, time: float, index: int, found: Found | None) -> outgoing.WatchedRobot:
-    name, marks = film.scene.names[index], film.marks_at(time)
-    said = film.said.get(name)
+def _robot(timeline: Timeline, time: float, index: int, found: Found | None) -> outgoing.WatchedRobot:
+    name, marks = timeline.scene.names[index], timeline.marks_at(time)
+    said = timeline.said.get(name)
     lines = _lines(said, time) if said is not None else []
     if found is not None and found.said:
         robot = msgspec.json.decode(found.said, type=outgoing.WatchedRobot)
@@ -165,24 +167,24 @@ def _robot(film: Timeline, time: float, index: int, found: Found | None) -> outg
             return msgspec.structs.replace(robot, said=lines or robot.said)
     codes = [each[index] for each in (marks.second, marks.groups) if each]
     states = [word for bit, word in enumerate(STATES) if marks.flags[index] & 1 << bit]
-    rules = film.rules.get(name)
+    rules = timeline.rules.get(name)
     return outgoing.WatchedRobot(
         index,
         [marks.names[each - 1] for each in codes if 0 < each <= len(marks.names)],
         states,
-        _values(film, time, index),
+        _values(timeline, time, index),
         (rules.at(time) if rules is not None else None) or [],
         lines,
     )
 
 
-def _values(film: Timeline, time: float, index: int) -> list[outgoing.ShownValue]:
-    data = film.values.at(time)
+def _values(timeline: Timeline, time: float, index: int) -> list[outgoing.ShownValue]:
+    data = timeline.values.at(time)
     known = {} if data is None else values_of(data)
     return [
         outgoing.ShownValue(name, "unknown" if values[index] is None else value_in_words(values[index], unit), "sensor")
         for name, values in known.items()
-        if (unit := film.units.get(name)) is not None and index < len(values)
+        if (unit := timeline.units.get(name)) is not None and index < len(values)
     ]
 
 

@@ -128,10 +128,7 @@ FEATURES = {
     "the key F8": Feature(
         "a keyboard shortcut",
         r"\bF8\b",
-        {
-            "console/past.py": "a sentence that names the key",
-            "console/feature.py": "the same",
-        },
+        {"console/feature.py": "a sentence that names the key"},
     ),
     "the layer of density": Feature(
         "a layer of the map", r"\b[Dd]ensity\b", {"cli/run.py": "how many robots there are for an area"}

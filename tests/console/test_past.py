@@ -17,10 +17,10 @@ from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.connection import encode
 from sleepcast.console.driver import Driver
-from sleepcast.console.exact import Exact
 from sleepcast.console.features.preview import GetPreview, Previewed
 from sleepcast.console.features.why import Why
 from sleepcast.console.marks import clock_time
+from sleepcast.console.past_view import ExactMoment
 from sleepcast.console.replay_client import RerunError
 from sleepcast.core.clock import ManualClock, WallClock
 from sleepcast.core.errors import SleepcastError
@@ -113,7 +113,7 @@ def test_who_stands_at_a_moment_sees_it_as_soon_as_it_can_be_run_again(
     async def stand() -> None:
         nonlocal early
         changed = asyncio.Event()
-        exact = Exact(run.past, changed.set)
+        exact = ExactMoment(run.past, changed.set)
         assert exact.of(40, -1) is None
         await changed.wait()
         assert (exact.note, exact.of(40, -1)) == ("not yet", None)
@@ -125,7 +125,7 @@ def test_who_stands_at_a_moment_sees_it_as_soon_as_it_can_be_run_again(
         exact.leave()
 
     monkeypatch.setattr(run.past, "check", check)
-    monkeypatch.setattr("sleepcast.console.exact.AGAIN", 0.05)
+    monkeypatch.setattr("sleepcast.console.past_view.LOOK_AGAIN", 0.05)
     asyncio.run(stand())
 
 

@@ -15,7 +15,6 @@ from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.marks import Marks
 from sleepcast.console.replay_client import RerunError
 from sleepcast.console.snapshots import Budget, SnapshotStore
-from sleepcast.console.thinning import forget_accounts, size_of_pictures, size_of_rows
 from sleepcast.core.clock import ManualClock, WallClock
 from sleepcast.core.memory import read_size
 from sleepcast.loop import Swarm
@@ -44,7 +43,7 @@ def test_pictures_of_few_robots_are_bounded_too() -> None:
     past, swarm = past_of(Budget(10_000), states=False)
     run_on(swarm, 600)
     timeline = past.timeline
-    assert size_of_pictures(timeline) == past._size <= past.budget.pictures
+    assert timeline.size_of_pictures == past._size <= past.budget.pictures
     assert len(timeline.poses.times) * 250 <= past.budget.pictures
     assert timeline.poses.times[0] == 0.0
     assert timeline.seconds - timeline.poses.times[-1] <= past._every * past.tick
@@ -60,7 +59,7 @@ def test_obstacles_that_come_and_go_are_bounded() -> None:
             world.add(Circle(10.0 + tick, 10.0, 1.0))
 
     run_on(swarm, 100, build)
-    assert size_of_pictures(past.timeline) <= past.budget.pictures
+    assert past.timeline.size_of_pictures <= past.budget.pictures
     assert past.timeline.obstacles.at(past.ended)  # as they were in the last picture
     past.close()
 
@@ -97,8 +96,8 @@ def test_accounts_of_ever_new_commands_are_bounded() -> None:
     rows.add(0.0, _row(0, "stop"))
     for number in range(1, 1_000):
         rows.add(float(number), _row(number))
-    forget_accounts(past.timeline, most)
-    assert 0 < size_of_rows(past.timeline) <= most // 2 + 2_000
+    past.timeline.forget_accounts(most)
+    assert 0 < past.timeline.size_of_rows <= most // 2 + 2_000
     assert rows.values[-1].id == "desk-1.999"
     assert past.timeline.latched_at(500.0)
     past.close()

@@ -25,13 +25,22 @@ FARTHEST = 1
 
 
 class CommandRow(msgspec.Struct, frozen=True):
-    """One command. at: when it was sent, in simulated s. kind: command, ask, stop or release. Then counts of robots.
-    standing: whether it has no deadline. values: what was answered to a question, in words. scope: among whom silence
-    was counted, in words. unknown: those whose test was neither true nor false. held: those among the matched that were
-    to move, and did not because STOP holds them. not_stored: those that have done it, but may forget it over a restart.
-    waiting: why the silent ones could not answer yet, "" if they could. failing: rules that it brought and that fail
-    now. moving: those that have accepted STOP and are not at rest yet. by: the operator who has sent it, "" where
-    nobody is named."""
+    """One command.
+
+    at: when it was sent, in simulated s
+    kind: command, ask, stop or release
+    matched, not_matched, fault, silent, predicted: counts of robots
+    standing: whether it has no deadline
+    values: what was answered to a question, in words
+    scope: among whom silence was counted, in words
+    unknown: those whose test was neither true nor false
+    held: those among the matched that were to move, and did not because STOP holds them
+    not_stored: those that have done it, but may forget it over a restart
+    waiting: why the silent ones could not answer yet, "" if they could
+    failing: rules that it brought and that fail now
+    moving: those that have accepted STOP and are not at rest yet
+    by: the operator who has sent it, "" where nobody is named
+    """
 
     id: str
     kind: str
@@ -55,14 +64,18 @@ class CommandRow(msgspec.Struct, frozen=True):
 
 
 State = tuple[int, int, int, str, tuple[ShownFailing, ...]]
-"""What a row depends on: how many answered, how many were addressed, how often robots told of coming to rest, why
+"""What a row depends on: how many answered, how many were addressed, how often robots reported coming to rest, why
 robots wait, which rules fail."""
 
 
 class AccountTable:
-    """The rows of all operators' desks; a row is made anew only when another robot has answered. station: the first
-    one's. swarm: on the map. began: when its time began, s of the station's clock. others: the desks of further
-    operators."""
+    """The rows of all operators' desks; a row is made anew only when another robot has answered.
+
+    station: the first operator's desk
+    swarm: on the map
+    began: when its time began, s of the station's clock
+    others: the desks of further operators
+    """
 
     def __init__(self, station: Station, swarm: SwarmView, began: float = 0.0, others: Sequence[Station] = ()) -> None:
         self._station, self._swarm, self._began = station, swarm, began
@@ -74,8 +87,8 @@ class AccountTable:
 
     def commands(self) -> list[Command]:
         """What all operators have sent, oldest first."""
-        found = [each for desk in (self._station, *self._others.values()) for each in desk.commands()]
-        return sorted(found, key=lambda each: each.message.issued) if self._others else found
+        commands = [each for desk in (self._station, *self._others.values()) for each in desk.commands()]
+        return sorted(commands, key=lambda each: each.message.issued) if self._others else commands
 
     def desk_of(self, command: Command) -> Station:
         """The desk that has sent a command."""
@@ -87,51 +100,48 @@ class AccountTable:
 
     def rows(self, held_up: str = "") -> list[CommandRow]:
         """The latest commands, oldest first. held_up: why time stands still, "" while it runs."""
-        kept: dict[str, tuple[State, CommandRow]] = {}
         commands = self.commands()[-MAX_ROWS:]
         self.failing.look(commands)
-        for command in commands:
-            kept[command.id] = self._known(command, self._rows.get(command.id), held_up)
-        self._rows = kept
-        return [row for _, row in kept.values()]
+        self._rows = {each.id: self._current(each, self._rows.get(each.id), held_up) for each in commands}
+        return [row for _, row in self._rows.values()]
 
     def rows_of(self, ids: Set[str]) -> dict[str, CommandRow]:
         """Those of these commands that are still known, by their ids, however many came after them."""
         commands = [command for command in self.commands() if command.id in ids]
-        self._asked = {each.id: self._known(each, self._asked.get(each.id)) for each in commands}
+        self._asked = {each.id: self._current(each, self._asked.get(each.id)) for each in commands}
         return {key: row for key, (_, row) in self._asked.items()}
 
-    def _known(
-        self, command: Command, known: tuple[State, CommandRow] | None, held_up: str = ""
+    def _current(
+        self, command: Command, before: tuple[State, CommandRow] | None, held_up: str = ""
     ) -> tuple[State, CommandRow]:
-        """The row of a command, made anew only if something was told since. known: what it was."""
+        """The row of a command, made anew only if something was reported since. before: what it was."""
         late = self._swarm.now() + self._began - command.message.issued > ON_ITS_WAY
         waiting = held_up if held_up and not late and command.n_silent else ""
         state = len(command.answers), command.addressed, command.rest.version, waiting, self.failing.of(command.id)
-        if known is not None and known[0] == state:
-            return known
+        if before is not None and before[0] == state:
+            return before
         return state, self._row(command, self.desk_of(command).accounting(command.id), *state[3:])
 
-    def _row(self, command: Command, found: Account, waiting: str, failing: tuple[ShownFailing, ...]) -> CommandRow:
+    def _row(self, command: Command, account: Account, waiting: str, failing: tuple[ShownFailing, ...]) -> CommandRow:
         return CommandRow(
             command.id,
             command.kind.value,
             command.text.strip(),
             command.message.issued - self._began,
-            found.n_matched,
-            found.n_not_matched,
-            found.n_fault,
-            found.n_silent,
+            account.n_matched,
+            account.n_not_matched,
+            account.n_fault,
+            account.n_silent,
             len(command.expected),
             command.message.standing,
-            values_in_words(command, found),
-            found.scope,
-            found.n_unknown,
-            found.n_held,
-            found.n_not_stored,
+            values_in_words(command, account),
+            account.scope,
+            account.n_unknown,
+            account.n_held,
+            account.n_not_stored,
             waiting,
             failing,
-            0 if found.rest is None else found.rest.n_stopping,
+            0 if account.rest is None else account.rest.n_stopping,
             command.message.sender if self._others else "",
         )
 
@@ -152,41 +162,42 @@ class AccountTable:
     def stop_sentence(self, stop: Command, held_up: str) -> str:
         """What has become of a STOP: never more than what the robots themselves have said. held_up: why time stands
         still, "" while it runs."""
-        found = self.desk_of(stop).accounting(stop.id)
-        total = found.n_matched + found.n_silent
+        account = self.desk_of(stop).accounting(stop.id)
+        total = account.n_matched + account.n_silent
         if held_up == AT_START:
             return (
                 "STOP holds: the run has not started, so no robot moves. All robots are sent STOP with the first tick."
             )
         if not total:
             return "STOP was sent, but no robot has been heard yet: none has confirmed it."
-        came = f"{_still(found, self._swarm.vocabulary)}{_not_stored(found)}"
-        if found.complete:
-            rests = found.rest is not None and found.rest.n_at_rest == found.n_matched
-            return f"STOP: all {found.scope.removeprefix('of ')} {'are at rest' if rests else 'report stopped'}{came}."
+        doubts = f"{_still(account, self._swarm.vocabulary)}{_not_stored(account)}"
+        if account.complete:
+            rests = account.rest is not None and account.rest.n_at_rest == account.n_matched
+            state = "are at rest" if rests else "report stopped"
+            return f"STOP: all {account.scope.removeprefix('of ')} {state}{doubts}."
         if held_up:
             return (
-                f"STOP is on its way: {found.n_matched:,} of {total:,} robots report stopped. Time stands "
+                f"STOP is on its way: {account.n_matched:,} of {total:,} robots report stopped. Time stands "
                 "still, so nothing moves; the others hear it with the next tick."
             )
-        said = f"{found.n_matched:,} {found.scope} report stopped"
-        return f"STOP: {said}{came}; silent: {found.missing(NAMED)}."
+        stopped = f"{account.n_matched:,} {account.scope} report stopped"
+        return f"STOP: {stopped}{doubts}; silent: {account.missing(NAMED)}."
 
 
-def _still(found: Account, vocabulary: Vocabulary) -> str:
+def _still(account: Account, vocabulary: Vocabulary) -> str:
     """Who of those that report stopped is not known to be at rest, as the end of a sentence."""
-    rest = found.rest
+    rest = account.rest
     if rest is None or not (rest.n_stopping or rest.n_accepted):
         return ""
     move = f"; {rest.n_stopping:,} still move: {rest.who_moves(vocabulary, FARTHEST)}" if rest.n_stopping else ""
-    if rest.n_accepted == found.n_matched:
+    if rest.n_accepted == account.n_matched:
         return "; none tells whether it is at rest"
     return f"{move}; {rest.n_accepted:,} do not tell whether they are at rest" if rest.n_accepted else move
 
 
-def _not_stored(found: Account) -> str:
+def _not_stored(account: Account) -> str:
     """Who may forget it, as the end of a sentence."""
-    if not found.n_not_stored:
+    if not account.n_not_stored:
         return ""
-    names = printable(", ".join(found.not_stored[:NAMED])) + (", ..." if found.n_not_stored > NAMED else "")
-    return f", but {found.n_not_stored:,} could not store it, so a restart may forget it there: {names}"
+    names = printable(", ".join(account.not_stored[:NAMED])) + (", ..." if account.n_not_stored > NAMED else "")
+    return f", but {account.n_not_stored:,} could not store it, so a restart may forget it there: {names}"

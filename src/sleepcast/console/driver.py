@@ -37,8 +37,12 @@ T = TypeVar("T")
 
 
 class FrameSource:
-    """Holds the latest picture for those who wait for it. frame: as in `frames`; number: of that picture, from 1;
-    changed: of the latest picture in which robots are not as in the one before."""
+    """Holds the latest picture for those who wait for it.
+
+    frame: as in `frames`
+    number: of that picture, from 1
+    changed: number of the latest picture in which robots are not as in the one before
+    """
 
     def __init__(self) -> None:
         self.frame, self.number, self.changed = b"", 0, 0
@@ -65,10 +69,12 @@ class FrameSource:
 
 
 class Driver(FrameSource):
-    """See the module. groups: as of the latest picture.
+    """See the module.
 
-    latched: whether STOP holds, for the picture. prepare: what has to be done, beside the server, before time can run;
-    it may take many seconds. waits: whether time stands still until somebody lets it run, or sends a command.
+    groups: as of the latest picture
+    latched: whether STOP holds, for the picture
+    prepare: what has to be done, beside the server, before time can run; it may take many seconds
+    waits: whether time stands still until somebody lets it run, or sends a command
     """
 
     def __init__(
@@ -96,7 +102,7 @@ class Driver(FrameSource):
         """Let time pass until cancelled."""
         self.draw()
         if self._prepare is not None:
-            await aside(self._prepare)
+            await in_thread(self._prepare)
             self._ready = True
         self.swarm.send_initial_telemetry()
         self.draw()
@@ -202,18 +208,18 @@ class Driver(FrameSource):
         self.show(frame)
 
 
-async def aside(work: Callable[[], T]) -> T:
+async def in_thread(work: Callable[[], T]) -> T:
     """What `work` gives, which is done by a thread of its own; that is left behind by who gives up waiting."""
     done: Future[T] = Future()
     done.set_running_or_notify_cancel()
 
     def run() -> None:
         try:
-            found = work()
+            result = work()
         except BaseException as error:
             done.set_exception(error)
         else:
-            done.set_result(found)
+            done.set_result(result)
 
-    Thread(target=run, name="aside", daemon=True).start()
+    Thread(target=run, name="in thread", daemon=True).start()
     return await asyncio.wrap_future(done)

@@ -1,7 +1,7 @@
 """The past of a run: pictures of what was seen, and how to run it again from a kept state for what was not.
 
 Pictures are at hand at once and lie apart in time. Everything else (the very tick, the values and rules of a robot,
-why it did with a command what it did) is found by running again, in a process of its own (`rerunner`). What is run
+why it did with a command what it did) is found by running again, in a process of its own (`replay_client`). What is run
 again must lead through the same poses as were seen: else it is not shown, and the page says so.
 """
 
@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 from bisect import bisect_right
 from dataclasses import dataclass
-from typing import NoReturn
 
 import msgspec
 
@@ -19,7 +18,7 @@ from sleepcast.console.features.plots import AddPlot
 from sleepcast.console.features.why import Why
 from sleepcast.console.incoming import PageMessage
 from sleepcast.console.marks import Marks, clock_time
-from sleepcast.console.replay_client import Deed, Found, Question, ReplayClient, RerunError, RunMoment, digest
+from sleepcast.console.replay_client import Action, Question, ReplayAnswer, ReplayClient, RerunError, RunMoment, digest
 from sleepcast.console.snapshots import Budget, SnapshotStore
 from sleepcast.console.timeline import Timeline
 from sleepcast.core.memory import process_in_words, shown_size
@@ -64,12 +63,12 @@ class Past:
     run: counts the runs of one page
     """
 
-    def __init__(self, timeline: Timeline, tick: float, telemetry: int, rerunner: ReplayClient, budget: Budget) -> None:
+    def __init__(self, timeline: Timeline, tick: float, telemetry: int, client: ReplayClient, budget: Budget) -> None:
         self.timeline, self.tick, self.budget = timeline, tick, budget
         self.inputs, self.states = Inputs(), SnapshotStore(tick, budget.states)
         self.marks = Marks()
         self.run = 1
-        self._telemetry, self._rerunner = telemetry, rerunner
+        self._telemetry, self._client = telemetry, client
         self.other: AlternateRun | None = None
         """What came in another run after the moment from which this one goes on."""
 
@@ -90,9 +89,9 @@ class Past:
             return "Nothing is kept yet."
         apart = (pictures[-1] - pictures[0]) / max(1, len(pictures) - 1)
         seen = "1 picture" if len(pictures) == 1 else f"{len(pictures):,} pictures, every {apart:.3g} s,"
-        found = "1 state" if len(states) == 1 else f"{len(states):,} states"
+        again = "1 state" if len(states) == 1 else f"{len(states):,} states"
         return (
-            f"Kept since {clock_time(self.timeline.began)}: {seen} and {found} from which every tick can be run again"
+            f"Kept since {clock_time(self.timeline.began)}: {seen} and {again} from which every tick can be run again"
             f"{self._takes()} {process_in_words()}"
         ).rstrip()
 
@@ -109,14 +108,14 @@ class Past:
 
     def close(self) -> None:
         """Let go of the process that runs it again."""
-        self._rerunner.close()
+        self._client.close()
 
     async def _live(self) -> None:
         await asyncio.Event().wait()
 
     # ---- what can be asked
 
-    async def look(self, tick: int, robot: int) -> Found:
+    async def look(self, tick: int, robot: int) -> ReplayAnswer:
         """How everything was at a tick, and a robot, -1 for none. Raises RerunError."""
         return await self._ask("look", tick, robot=robot)
 
@@ -126,11 +125,11 @@ class Past:
 
     async def answer(self, tick: int, message: PageMessage) -> msgspec.Raw:
         """What the desk would have answered at a tick. Raises RerunError."""
-        return _said(await self._ask("answer", tick, message))
+        return msgspec.Raw((await self._ask("answer", tick, message)).message)
 
     async def sample(self, tick: int, plot: AddPlot) -> Sampled:
         """What a plot over time shows of a tick. Raises RerunError."""
-        return msgspec.json.decode((await self._ask("sample", tick, plot)).said, type=Sampled)
+        return msgspec.json.decode((await self._ask("sample", tick, plot)).message, type=Sampled)
 
     async def why(self, tick: int, asked: Why) -> msgspec.Raw:
         """Why a robot did what it did with a command up to a tick. Raises RerunError."""
@@ -141,7 +140,7 @@ class Past:
             raise RerunError(f"This command was sent later, at {clock_time(sent * self.tick)}.")
         if not 0 <= asked.robot < len(self.timeline.scene.names):
             raise RerunError(f"There is no robot number {asked.robot}.")
-        return _said(await self._ask("why", tick, asked, since=sent - 1))
+        return msgspec.Raw((await self._ask("why", tick, asked, since=sent - 1)).message)
 
     async def why_now(self, issued: float, asked: Why) -> msgspec.Raw:
         """The same up to now, for who asks at once: a command goes on the air with the tick after it was sent. issued:
@@ -160,35 +159,36 @@ class Past:
 
     async def _ask(
         self,
-        deed: Deed,
+        action: Action,
         tick: int,
         message: PageMessage | None = None,
         *,
         robot: int = -1,
         since: int | None = None,
-    ) -> Found:
+    ) -> ReplayAnswer:
         """since: the tick after which all must be seen, None for no matter."""
         await self._over(tick)
         self.check(tick)
         moment = self.moment(tick, since)
         marks = self.timeline.marks_at(tick * self.tick)
         data = b"" if message is None else encode(message)
-        found = await self._rerunner.ask(Question(deed, moment, robot, data, marks.names))
-        if found.ended:
+        answer = await self._client.ask(Question(action, moment, robot, data, marks.names))
+        if answer.ended:
             raise RerunError("It takes too long to run again up to this moment.")
-        if found.differs is not None:
-            raise RerunError(self.difference(found.differs))
-        return found
+        if answer.differs is not None:
+            raise RerunError(self.difference(answer.differs))
+        return answer
 
     async def compare(self, other: AlternateRun, tick: int) -> None:
-        """Find the first difference to another future, which there is up to this tick. Raises RerunError."""
+        """Find the first difference to an alternate run, which there is up to this tick. Raises RerunError."""
         base = other.tick
         mine, yours = (each.between(base, tick) for each in (self.inputs, other.inputs))
         moments = [RunMoment(self.run, base, other.state, tick, inputs) for inputs in (mine, yours)]
-        found = await self._rerunner.ask(Question("compare", moments[0], other=moments[1]))
-        if found.said:
-            other.differs = found.tick
-            other.difference = f"{clock_time(found.tick * self.tick)} (tick {found.tick:,}): {found.said.decode()}"
+        answer = await self._client.ask(Question("compare", moments[0], other=moments[1]))
+        if answer.message:
+            other.differs = answer.tick
+            at = f"{clock_time(answer.tick * self.tick)} (tick {answer.tick:,})"
+            other.difference = f"{at}: {answer.message.decode()}"
 
     def check(self, tick: int) -> None:
         """Raises RerunError where a tick cannot be run again, or not now."""
@@ -208,10 +208,10 @@ class Past:
         """A moment with what is nearest to it. Raises RerunError for one from before what is kept."""
         # A robot's telemetry must have come once, for previews.
         early = tick - self._telemetry if since is None else since
-        found = self.states.before(early) or self.states.before(tick if since is None else since)
-        if found is None:
+        nearest = self.states.before(early) or self.states.before(tick if since is None else since)
+        if nearest is None:
             raise RerunError("This lies before everything that is kept of the run.")
-        base, state = found
+        base, state = nearest
         return RunMoment(self.run, base, state, tick, self.inputs.between(base, tick), self._checks(base, tick))
 
     def _checks(self, after: int, until: int) -> dict[int, bytes]:
@@ -220,12 +220,3 @@ class Past:
         first = bisect_right(poses.times, after * self.tick + half)
         last = bisect_right(poses.times, until * self.tick + half)
         return {tick: digest(data) for tick, data in poses.values[first:last]}
-
-
-def _said(found: Found) -> msgspec.Raw:
-    return msgspec.Raw(found.said)
-
-
-def refuse_to_send(time: float) -> NoReturn:
-    """What is sent is sent now, so the page must show now. Raises RerunError."""
-    raise RerunError(f"This page shows {clock_time(time)}. Go back to live (F8) to send a command.")

@@ -139,8 +139,8 @@ class RecordedValues:
         """The names that an expression may use, with the ranges of their values."""
         self._look()
         everybody = Rows.run(0, len(self.names))
-        found = names_in(self._timeline.vocabulary, lambda variable: self._state.column(variable.slot, everybody))
-        return found + [
+        shown = names_in(self._timeline.vocabulary, lambda variable: self._state.column(variable.slot, everybody))
+        return shown + [
             ShownName(name, "group", range=f"{int(members.sum())} robots") for name, members in self.groups()
         ]
 
@@ -172,7 +172,11 @@ class RecordedValues:
 
 class RecordedPlots(Plots):
     """The plots of a recording. Those over time show all of it: samples are made when they are asked for, from far
-    apart to close together. past: by which it is run again, None where it cannot be."""
+    apart to close together.
+
+    now: the time that is looked at, s
+    past: by which it is run again, None where it cannot be
+    """
 
     def __init__(
         self,
@@ -184,7 +188,7 @@ class RecordedPlots(Plots):
     ) -> None:
         super().__init__(RecordedValues(timeline, now), clock, measures)
         self._timeline, self._past = timeline, past
-        self._again: dict[int, AddPlot] = {}
+        self._rerun: dict[int, AddPlot] = {}
         """The plots for which it is run again, by their numbers."""
         self._at = timeline.began
         self._moving = RecordedValues(timeline, lambda: self._at)
@@ -204,14 +208,14 @@ class RecordedPlots(Plots):
 
     async def _added_again(self, asked: AddPlot, past: Past, unrecorded: MisuseError) -> PlotAdded:
         try:
-            found = await past.sample(past.tick_of(self._timeline.seconds), asked)
+            sampled = await past.sample(past.tick_of(self._timeline.seconds), asked)
         except RerunError as error:
             raise MisuseError(f"{unrecorded}\n{error}") from None
-        if found.problem:
-            raise MisuseError(found.problem)
+        if sampled.problem:
+            raise MisuseError(sampled.problem)
         self._refuse(asked)  # others may have been added meanwhile
         added = self._added(asked)
-        self._again[added.number] = asked
+        self._rerun[added.number] = asked
         return added
 
     def sample(self) -> None:
@@ -221,36 +225,37 @@ class RecordedPlots(Plots):
         return self._sampled(plot, asked)
 
     async def _sampled(self, plot: PlotSpec, asked: GetPlot) -> Plotted:
-        found = self._samples.setdefault(plot.number, {})
+        samples = self._samples.setdefault(plot.number, {})
         until, more = self._clock.now() + AT_ONCE, False
-        again = self._again.get(plot.number)
-        for time in times_of(self._timeline.began, self._timeline.seconds, MAX_TIMES if again is None else MAX_AGAIN):
-            if time in found:
+        asked_again = self._rerun.get(plot.number)
+        count = MAX_TIMES if asked_again is None else MAX_AGAIN
+        for time in times_of(self._timeline.began, self._timeline.seconds, count):
+            if time in samples:
                 continue
             if self._clock.now() > until:
                 more = True
                 break
-            if again is not None and self._past is not None:
+            if asked_again is not None and self._past is not None:
                 try:
-                    sampled = await self._past.sample(self._past.tick_of(time), again)
+                    sampled = await self._past.sample(self._past.tick_of(time), asked_again)
                 except RerunError as error:
                     plot.problem = str(error)
                     break
                 plot.problem = ""
                 values = [nan if value is None else value for value in sampled.values]
-                found[time] = values or [nan] * len(plot.lines)
+                samples[time] = values or [nan] * len(plot.lines)
                 continue
             self._at = time
-            found[time] = self._sample(plot, self._moving)
+            samples[time] = self._sample(plot, self._moving)
             await asyncio.sleep(0.0)
-        times = sorted(found)
-        columns = columns_of(times, [found[time] for time in times], len(plot.lines))
-        told = f"{len(times)} moments, {'as recorded' if again is None else 'run again'}"
+        times = sorted(samples)
+        columns = columns_of(times, [samples[time] for time in times], len(plot.lines))
+        told = f"{len(times)} moments, {'as recorded' if asked_again is None else 'run again'}"
         return Plotted(asked.serial, columns, told=told, problem=plot.problem, more=more)
 
     def remove(self, asked: RemovePlot) -> PlotRemoved:
         self._samples.pop(asked.number, None)
-        self._again.pop(asked.number, None)
+        self._rerun.pop(asked.number, None)
         return super().remove(asked)
 
 
@@ -258,5 +263,5 @@ def times_of(began: float, ended: float, count: int) -> list[float]:
     """So many times (a power of two) from the beginning to the end, far apart first: whatever part of them is known
     covers everything."""
     bits = count.bit_length() - 1
-    places = [int(f"{number:0{bits}b}"[::-1], 2) for number in range(count)]
-    return [began + (ended - began) * place / (count - 1) for place in places]
+    reversed_bits = (int(f"{number:0{bits}b}"[::-1], 2) for number in range(count))
+    return [began + (ended - began) * each / (count - 1) for each in reversed_bits]

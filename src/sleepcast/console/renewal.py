@@ -20,7 +20,7 @@ import msgspec
 import numpy as np
 
 from sleepcast.console.backend import Backend
-from sleepcast.console.driver import Driver, aside
+from sleepcast.console.driver import Driver, in_thread
 from sleepcast.console.features.mission import MissionPlayer
 from sleepcast.console.features.plots import ScenarioMeasure
 from sleepcast.console.features.renewal import (
@@ -158,17 +158,17 @@ class RunSwitcher:
             self._changed.clear()
 
     async def scenarios(self, serial: int) -> Offered:
-        return Offered(serial, await aside(self._maker.scenarios), self._maker.current.scenario)
+        return Offered(serial, await in_thread(self._maker.scenarios), self._maker.current.scenario)
 
     async def choices(self, serial: int, scenario: str) -> SetUp:
-        return SetUp(serial, await aside(lambda: self._maker.choices(scenario)))
+        return SetUp(serial, await in_thread(lambda: self._maker.choices(scenario)))
 
     async def renew(self, serial: int, wish: RunRequest | None) -> Renewed:
         """Show another run, as wished or (None) as the one on the page was at its start. Raises SleepcastError; then
         the one on the page goes on."""
 
         async def make() -> ShownRun:
-            return await aside(lambda: self._maker.make(wish or self._maker.current, self._tell))
+            return await in_thread(lambda: self._maker.make(wish or self._maker.current, self._tell))
 
         return await self._follow(serial, "Reading the scenario", make)
 
@@ -180,7 +180,7 @@ class RunSwitcher:
 
         async def make() -> ShownRun:
             state = await past.state(past.tick_of(time))
-            return await aside(lambda: self._maker.fork(self._run, state))
+            return await in_thread(lambda: self._maker.fork(self._run, state))
 
         return await self._follow(serial, "Going back", make)
 

@@ -20,13 +20,13 @@ import numpy as np
 from sleepcast.console import outgoing
 from sleepcast.console.completion import ShownName
 from sleepcast.console.driver import FRAME_PERIOD, FrameSource
-from sleepcast.console.exact import Exact
 from sleepcast.console.feature import NO_ROBOTS
 from sleepcast.console.features.alerts import AlertBoard
 from sleepcast.console.features.field import Field, Fielded, field_of
 from sleepcast.console.features.plots import ScenarioMeasure
 from sleepcast.console.features.why import Why
 from sleepcast.console.past import Past
+from sleepcast.console.past_view import ExactMoment
 from sleepcast.console.recorded_values import RecordedPlots, RecordedValues
 from sleepcast.console.sensing import BodyView
 from sleepcast.console.timeline import Timeline, commands_of, frame_of, news_of, values_of
@@ -46,7 +46,7 @@ class ReplayDriver(FrameSource):
     def __init__(self, timeline: Timeline, clock: Clock, past: Past | None = None) -> None:
         super().__init__()
         self.time = timeline.began
-        self._past, self._exact = past, None if past is None else Exact(past, self.draw)
+        self._past, self._exact = past, None if past is None else ExactMoment(past, self.draw)
         self._timeline, self.clock = timeline, clock
         self._running, self._factor = True, timeline.speed
         self._wake = asyncio.Event()
@@ -103,16 +103,16 @@ class ReplayDriver(FrameSource):
         return not self._running
 
     def draw(self) -> None:
-        """Show what was at this time; where it stands still, what was found by running again."""
-        found = None
+        """Show what was at this time; where it stands still, what running again gives."""
+        exact = None
         if self._past is not None and self._exact is not None:
             if self._running:
                 self._exact.leave()
             else:
-                found = self._exact.of(self._past.tick_of(self.time), -1)
+                exact = self._exact.of(self._past.tick_of(self.time), -1)
         speeds = (self._factor, self._factor if self._running else 0.0)
         state = (self._running, self._timeline.latched_at(self.time))
-        self.show(frame_of(self._timeline, self.number + 1, self.time, speeds, state, found))
+        self.show(frame_of(self._timeline, self.number + 1, self.time, speeds, state, exact))
 
 
 class ReplayBackend:
@@ -131,7 +131,7 @@ class ReplayBackend:
     ) -> None:
         self.driver, self.past = driver, past
         self._timeline = timeline
-        self._exact: dict[int, Exact] = {}
+        self._exact: dict[int, ExactMoment] = {}
         """By the robot that a page looks at."""
         self.values = RecordedValues(timeline, lambda: driver.time)
         self.plots = RecordedPlots(timeline, lambda: driver.time, driver.clock, measures, past)
@@ -216,8 +216,8 @@ class ReplayBackend:
         poses = timeline.poses.at(timeline.values.times[number - 1]) or timeline.poses.values[0]
 
         def read(name: str) -> float:
-            found = values.get(name, [])
-            value = found[robot] if robot < len(found) else None
+            column = values.get(name, [])
+            value = column[robot] if robot < len(column) else None
             return nan if value is None else value
 
         ends = accumulate(count for count, _ in timeline.scene.sizes)
@@ -241,17 +241,18 @@ class ReplayBackend:
 
     def news(self, watched: int) -> Iterator[outgoing.DeskMessage]:
         """Everything that may have changed; `watched`: the index of the robot that the page looks at, or -1."""
-        time, found = self.driver.time, None
+        time, exact = self.driver.time, None
         if self.past is not None and watched >= 0 and self.driver.stands:
-            found = self._exact_of(self.past, watched).of(self.past.tick_of(time), watched)
-        yield from news_of(self._timeline, time, watched, found)
+            exact = self._exact_of(self.past, watched).of(self.past.tick_of(time), watched)
+        yield from news_of(self._timeline, time, watched, exact)
         yield self.plots.shown()
         self.alerts.look()  # while time stands still there are no pictures
         yield self.alerts.shown()
 
-    def _exact_of(self, past: Past, robot: int) -> Exact:
-        found = self._exact.pop(robot, None) or Exact(past, lambda: None)
-        self._exact[robot] = found
+    def _exact_of(self, past: Past, robot: int) -> ExactMoment:
+        """The one of the robot that a page looks at; of too many, who was looked at longest ago is left."""
+        exact = self._exact.pop(robot, None) or ExactMoment(past, lambda: None)
+        self._exact[robot] = exact
         if len(self._exact) > MAX_WATCHED:
             self._exact.pop(next(iter(self._exact))).leave()
-        return found
+        return exact

@@ -21,13 +21,19 @@ import numpy as np
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop.rerun import Inputs
 
-Deed = Literal["begin", "look", "answer", "why", "state", "advance", "compare", "sample"]
+Action = Literal["begin", "look", "answer", "why", "state", "advance", "compare", "sample"]
 
 
 @dataclass(frozen=True, slots=True)
 class RunMoment:
-    """A moment of a run. run: which one. state: that of the tick `base`; inputs: all that came after it up to `tick`.
-    checks: digests of the poses that were seen then, by tick."""
+    """A moment of a run.
+
+    run: which one
+    base, state: the tick from which it is run again, and the state then
+    tick: of the moment
+    inputs: all that came after the state up to the moment
+    checks: digests of the poses that were seen on the way, by tick
+    """
 
     run: int
     base: int
@@ -39,12 +45,18 @@ class RunMoment:
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """deed: what is to be done at the moment. robot: the one that is looked at or asked, -1 for none. message: the
-    page's, for "answer" and "sample"; the command, for "why". groups: names that are known already, in their order.
-    patience: seconds of work after which it is given up, or that "advance" takes. source: of the scenario, packed, and
-    the seed, for "begin". other: the same moment of another future, for "compare"."""
+    """What is asked for a moment.
 
-    deed: Deed
+    action: what is to be done there
+    robot: the one that is looked at or asked, -1 for none
+    message: the page's, for "answer" and "sample"; the command, for "why"
+    groups: names that are known already, in their order
+    patience: seconds of work after which it is given up, or that "advance" takes
+    source: of the scenario, packed, and the seed, for "begin"
+    other: the same moment of an alternate run, for "compare"
+    """
+
+    action: Action
     moment: RunMoment
     robot: int = -1
     message: bytes = b""
@@ -55,21 +67,27 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
-    """An answer. tick: the moment's. poses: as in a frame; marks: groups, flags, the names of the groups, second groups
-    and colours, as in `timeline.RobotMarks`; counts, shown: of the groups.
-    said: what the page is to be told, as JSON. state: one that is to be kept, and how long that took, s.
-    differs: the first tick whose poses are not those that were seen, None if there is none. error: why there is no
-    answer. ended: whether it was given up, for the time that it took."""
+class ReplayAnswer:
+    """What was found at a moment.
+
+    tick: the moment's
+    poses: as in a frame
+    marks: groups, flags, the names of the groups, second groups and colours, as in `timeline.RobotMarks`
+    counts, shown: of the groups
+    message: what the page is to be told, as JSON
+    state: one that is to be kept
+    differs: the first tick whose poses are not those that were seen, None if there is none
+    error: why there is no answer
+    ended: whether it was given up, for the time that it took
+    """
 
     tick: int = 0
     poses: bytes = b""
     marks: tuple[bytes, bytes, tuple[str, ...], bytes, bytes] = (b"", b"", (), b"", b"")
     counts: tuple[int, ...] = ()
     shown: tuple[int, ...] = ()
-    said: bytes = b""
+    message: bytes = b""
     state: bytes = b""
-    cost: float = 0.0
     differs: int | None = None
     error: str = ""
     ended: bool = False
@@ -77,8 +95,8 @@ class Found:
 
 def digest(poses: bytes) -> bytes:
     """What tells poses from others: where everybody is. A recording has headings as quaternions, which are rounded."""
-    places = np.frombuffer(poses, "<f4").reshape(-1, 3)[:, :2]
-    return hashlib.blake2b(places.tobytes(), digest_size=16).digest()
+    positions = np.frombuffer(poses, "<f4").reshape(-1, 3)[:, :2]
+    return hashlib.blake2b(positions.tobytes(), digest_size=16).digest()
 
 
 class RerunError(SleepcastError):
@@ -96,25 +114,25 @@ class ReplayClient:
         self._end: Callable[[], None] = lambda: None
         self._number, self._ended = 0, False
 
-    async def ask(self, question: Question) -> Found:
+    async def ask(self, question: Question) -> ReplayAnswer:
         """What it finds; others that ask meanwhile wait. Raises RerunError. To cancel this gives it up."""
         async with self._turn:
             self._number += 1
-            waiting: Future[Found] = Future()
+            waiting: Future[ReplayAnswer] = Future()
             Thread(target=self._exchange, args=(self._number, question, waiting), name="past", daemon=True).start()
             done = asyncio.wrap_future(waiting)
             try:
-                found = await asyncio.shield(done)
+                answer = await asyncio.shield(done)
             except asyncio.CancelledError:
                 with suppress(OSError):
                     self._send(self._number)
                 await asyncio.wait([done])
                 raise
-        if found.error:
-            raise RerunError(found.error)
-        return found
+        if answer.error:
+            raise RerunError(answer.error)
+        return answer
 
-    def _exchange(self, number: int, question: Question, waiting: Future[Found]) -> None:
+    def _exchange(self, number: int, question: Question, waiting: Future[ReplayAnswer]) -> None:
         try:
             pipe = self._begun()
             self._send((number, question))
@@ -122,7 +140,7 @@ class ReplayClient:
         except (EOFError, OSError) as error:
             self._pipe = None
             why = "sleepcast is ending" if self._ended else f"the process that runs it again has ended ({error})"
-            waiting.set_result(Found(error=f"The past cannot be shown: {why}."))
+            waiting.set_result(ReplayAnswer(error=f"The past cannot be shown: {why}."))
 
     def _send(self, what: object) -> None:
         with self._sending:

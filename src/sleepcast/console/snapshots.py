@@ -81,17 +81,17 @@ class SnapshotStore:
 
     def until(self, tick: int) -> SnapshotStore:
         """Those of before a tick, to be added to by another run."""
-        found = SnapshotStore(1.0, self._most)
-        found._young = self._young
+        earlier = SnapshotStore(1.0, self._most)
+        earlier._young = self._young
         for at, state in zip(self._ticks, self._states, strict=True):
             if at < tick:
-                found.add(at, state)
-        return found
+                earlier.add(at, state)
+        return earlier
 
     def before(self, tick: int) -> tuple[int, bytes] | None:
         """The last state up to this tick, None if there is none."""
-        place = bisect_right(self._ticks, tick)
-        return (self._ticks[place - 1], self._states[place - 1]) if place else None
+        count = bisect_right(self._ticks, tick)
+        return (self._ticks[count - 1], self._states[count - 1]) if count else None
 
     def forget_before(self, tick: int) -> None:
         """Leave out all that are older than this."""
@@ -101,16 +101,16 @@ class SnapshotStore:
 
     def after(self, tick: int) -> int | None:
         """The tick of the first state from this one on, None if there is none."""
-        place = bisect_right(self._ticks, tick - 1)
-        return self._ticks[place] if place < len(self._ticks) else None
+        index = bisect_right(self._ticks, tick - 1)
+        return self._ticks[index] if index < len(self._ticks) else None
 
     def _leave_out(self) -> None:
         """Leave out the one that is missed least; never the first or the last."""
         ticks, now = self._ticks, self._ticks[-1] + self._young
         gaps = ((ticks[at + 1] - ticks[at - 1]) / (now - ticks[at]) for at in range(1, len(ticks) - 1))
-        place = 1 + min(enumerate(gaps), key=lambda each: each[1])[0]
-        self.size -= len(self._states[place])
-        del self._ticks[place], self._states[place]
+        index = 1 + min(enumerate(gaps), key=lambda each: each[1])[0]
+        self.size -= len(self._states[index])
+        del self._ticks[index], self._states[index]
 
 
 class SnapshotTimer:

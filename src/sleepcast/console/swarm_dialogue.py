@@ -18,7 +18,7 @@ from sleepcast.console.features.mission import MissionNews
 from sleepcast.console.features.table import RobotTable
 from sleepcast.console.features.time import NO_TIMELINE
 from sleepcast.console.frames import alternate_frame
-from sleepcast.console.look import PastView
+from sleepcast.console.past_view import PastView
 from sleepcast.console.renewal import RenewableBackend
 from sleepcast.console.replay import ReplayBackend
 from sleepcast.console.timeline import rows_at

@@ -1,7 +1,8 @@
-"""What is to be seen of a run at any time: pictures, marks, accounts and what robots said, each from which time on.
+"""What is to be seen of a run at any time: pictures, marks, accounts and what robots reported, each from which time on.
 
 A recording is read into a `Timeline` (`adapters/recording`), and a run that lives adds to one (`adapters/live_past`).
-Here it is put into the shapes of the wire.
+Here it is put into the shapes of the wire, and some of it left out where it takes too many bytes: of pictures every
+second one, again and again; of accounts those first that were reported anew later, then the oldest.
 """
 
 from __future__ import annotations
@@ -18,30 +19,36 @@ from sleepcast.console import outgoing
 from sleepcast.console.account_table import MAX_ROWS, CommandRow
 from sleepcast.console.failing import Failures
 from sleepcast.console.frames import pack
-from sleepcast.console.replay_client import Found
+from sleepcast.console.replay_client import ReplayAnswer
 from sleepcast.console.sensing import BodyKind
 from sleepcast.console.view import FieldPicture, Outline, Picture, Scene
 from sleepcast.core.units import value_in_words
 from sleepcast.fleet.failing import RECENT
 from sleepcast.language import Vocabulary
 
-MOST_SAID = 20
+MAX_LINES = 20
 """Lines of the watched robot that a page shows."""
 STATES = ("stopped", "frozen", "sleeping", "marked")
 """The flags of a frame by bit, in words."""
-Kind = TypeVar("Kind")
+PICTURE_OVERHEAD = 250
+"""Bytes of a picture besides its content: of one robot they are most of it."""
+CORNER_SIZE = 150
+"""Bytes of a corner of an obstacle."""
+ROW_OVERHEAD = 700
+"""Bytes of an account besides its texts."""
+Value = TypeVar("Value")
 values_of = msgspec.json.Decoder(dict[str, list[float | None]]).decode
 """What robots sensed, by sensor, as it was recorded. Raises ValueError."""
 
 
 @dataclass(slots=True)
-class Track(Generic[Kind]):
+class Track(Generic[Value]):
     """What was so from which time (s) on, in the order of time."""
 
     times: list[float] = field(default_factory=list)
-    values: list[Kind] = field(default_factory=list)
+    values: list[Value] = field(default_factory=list)
 
-    def add(self, time: float, value: Kind) -> None:
+    def add(self, time: float, value: Value) -> None:
         """From `time`, not before the last one, `value` is so."""
         self.times.append(time)
         self.values.append(value)
@@ -50,10 +57,26 @@ class Track(Generic[Kind]):
         """How many had come to be so at `time`."""
         return bisect_right(self.times, time)
 
-    def at(self, time: float) -> Kind | None:
+    def at(self, time: float) -> Value | None:
         """What was so at `time`; None before the first."""
         number = self.before(time)
         return self.values[number - 1] if number else None
+
+    def until(self, time: float) -> Track[Value]:
+        """What there is up to a time, to be added to by another run."""
+        count = self.before(time)
+        return Track(self.times[:count], self.values[:count])
+
+    def keep(self, indices: list[int]) -> None:
+        """Leave out all but these."""
+        self.times, self.values = [self.times[at] for at in indices], [self.values[at] for at in indices]
+
+    def keep_seen(self, times: list[float]) -> None:
+        """Leave out what was so at none of these times, but not the last, which holds now."""
+        needed = {at - 1 for time in times if (at := self.before(time))}
+        if self.times:
+            needed.add(len(self.times) - 1)
+        self.keep(sorted(needed))
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,16 +90,32 @@ class RobotMarks:
     second: bytes = b""
     colours: bytes = b""
 
+    @property
+    def size(self) -> int:
+        """Bytes that they take, about."""
+        return PICTURE_OVERHEAD + len(self.groups) + len(self.flags) + len(self.second) + len(self.colours)
+
 
 @dataclass(slots=True)
 class Timeline:
-    """A recording as the page shows it. began, seconds: when it begins and ends. speed: at which it is shown at
-    first. part: of a recording in several files, 0 if there is one. poses: as in a frame, with the tick. rows:
-    every account as it came. failures: the rules that fail. values: JSON, for each sensor a list of all robots,
-    null for unknown; units: of the sensors, as people read them. vocabulary: what robots know from the start.
-    kinds: of the bodies, in the order of the scene's sizes. rules, said: by robot. obstacles: what is solid, as in
-    a scene, from the first change on. picture: of the scene; field: gives that of one of its fields that does not
-    grow."""
+    """A recording as the page shows it.
+
+    scene: what does not change
+    began, seconds: when it begins and ends
+    speed: at which it is shown at first
+    units: of the sensors, as people read them
+    vocabulary: what robots know from the start
+    kinds: of the bodies, in the order of the scene's sizes
+    part: of a recording in several files, 0 if there is one
+    poses: as in a frame, with the tick
+    rows: every account as it came
+    values: JSON, for each sensor a list of all robots, null for unknown
+    rules, reports: by robot
+    obstacles: what is solid, as in a scene, from the first change on
+    failures: the rules that fail
+    picture: of the scene
+    field: gives the picture of one of its fields that does not grow
+    """
 
     scene: Scene
     seconds: float
@@ -91,7 +130,7 @@ class Timeline:
     rows: Track[CommandRow] = field(default_factory=Track)
     values: Track[bytes] = field(default_factory=Track)
     rules: dict[str, Track[list[outgoing.ShownRule]]] = field(default_factory=dict)
-    said: dict[str, Track[str]] = field(default_factory=dict)
+    reports: dict[str, Track[str]] = field(default_factory=dict)
     obstacles: Track[tuple[tuple[Outline, ...], ...]] = field(default_factory=Track)
     failures: Track[Failures] = field(default_factory=Track)
     picture: Picture | None = None
@@ -113,6 +152,56 @@ class Timeline:
                 return row.kind == "stop"
         return False
 
+    # ---- how many bytes it takes, and what is left out when they are too many
+
+    @property
+    def size_of_pictures(self) -> int:
+        """Bytes of all pictures, with the marks, failing rules and obstacles on them, but for the obstacles of now:
+        these are there in any case."""
+        poses = sum(PICTURE_OVERHEAD + len(data) for _, data in self.poses.values)
+        failures = sum(PICTURE_OVERHEAD + each.size for each in self.failures.values)
+        marks = sum(each.size for each in self.marks.values)
+        return poses + failures + marks + sum(map(size_of_obstacles, self.obstacles.values[:-1]))
+
+    def thin(self, every: int) -> None:
+        """Leave out all pictures but the first and those of every so many ticks."""
+        self.poses.keep([at for at, (tick, _) in enumerate(self.poses.values) if tick % every == 0 or at == 0])
+        for track in (self.marks, self.failures, self.obstacles):
+            track.keep_seen(self.poses.times)
+
+    @property
+    def size_of_rows(self) -> int:
+        """Bytes of all accounts."""
+        return sum(map(size_of_row, self.rows.values))
+
+    def forget_accounts(self, most: int) -> None:
+        """Leave out accounts until they take half as many bytes as they may: in the older half all but the latest of
+        each command, then the oldest; but it stays known whether STOP held."""
+        rows = self.rows
+        half = len(rows.times) // 2
+        latest = {row.id: at for at, row in enumerate(rows.values[:half])}
+        rows.keep([*sorted(latest.values()), *range(half, len(rows.times))])
+        count, latch, excess = 0, list[int](), self.size_of_rows - most // 2
+        while excess > 0 and count < len(rows.values) - 1:
+            row = rows.values[count]
+            excess -= size_of_row(row)
+            latch = [count] if row.kind in ("stop", "release") else latch
+            count += 1
+        rows.keep([*latch, *range(count, len(rows.times))])
+
+
+def size_of_obstacles(solid: tuple[tuple[Outline, ...], ...]) -> int:
+    """Bytes that obstacles take, about."""
+    return PICTURE_OVERHEAD + sum(CORNER_SIZE * (1 + len(corners)) for outlines in solid for corners in outlines)
+
+
+def size_of_row(row: CommandRow) -> int:
+    """Bytes that an account takes, about."""
+    return ROW_OVERHEAD + len(row.text) + len(row.values) + len(row.scope)
+
+
+# ---- in the shapes of the wire
+
 
 def frame_of(
     timeline: Timeline,
@@ -120,11 +209,11 @@ def frame_of(
     time: float,
     speeds: tuple[float, float],
     state: tuple[bool, ...],
-    found: Found | None = None,
+    exact: ReplayAnswer | None = None,
 ) -> bytes:
-    """The frame of a time. found: what running again gave for it."""
-    if found is not None:
-        tick, poses, marks = found.tick, found.poses, RobotMarks(*found.marks)
+    """The frame of a time. exact: what running again gave for it."""
+    if exact is not None:
+        tick, poses, marks = exact.tick, exact.poses, RobotMarks(*exact.marks)
     else:
         (tick, poses), marks = timeline.poses.at(time) or timeline.poses.values[0], timeline.marks_at(time)
     columns = (b"", marks.second, marks.colours)
@@ -132,18 +221,18 @@ def frame_of(
 
 
 def news_of(
-    timeline: Timeline, time: float, watched: int, found: Found | None = None
+    timeline: Timeline, time: float, watched: int, exact: ReplayAnswer | None = None
 ) -> Iterator[outgoing.DeskMessage]:
-    """Everything that may have changed at a time; see `Backend.news`."""
+    """Everything that may have changed at a time; see `Backend.news`. exact: what running again gave for it."""
     yield commands_of(timeline, time)
     yield outgoing.Failing(timeline.failures_at(time).rules, RECENT * timeline.speed)
-    yield outgoing.Groups(_counted(timeline.marks_at(time)) if found is None else _groups_in(found))
+    yield outgoing.Groups(_groups(timeline.marks_at(time), exact))
     if timeline.obstacles.times:
         changed = timeline.obstacles.at(time)
         yield outgoing.Obstacles(timeline.scene.obstacles if changed is None else changed)
     yield outgoing.Safety(timeline.latched_at(time), "STOP held at this time.")
     if 0 <= watched < len(timeline.scene.names):
-        yield _robot(timeline, time, watched, found)
+        yield _robot(timeline, time, watched, exact)
 
 
 def commands_of(timeline: Timeline, time: float, serial: int | None = None) -> outgoing.Commands:
@@ -157,17 +246,20 @@ def rows_at(timeline: Timeline, time: float) -> dict[str, CommandRow]:
     return {row.id: row for row in rows.values[: rows.before(time)]}
 
 
-def _robot(timeline: Timeline, time: float, index: int, found: Found | None) -> outgoing.WatchedRobot:
+def _robot(timeline: Timeline, time: float, index: int, exact: ReplayAnswer | None) -> outgoing.WatchedRobot:
     name, marks = timeline.scene.names[index], timeline.marks_at(time)
-    said = timeline.said.get(name)
-    lines = _lines(said, time) if said is not None else []
-    if found is not None and found.said:
-        robot = msgspec.json.decode(found.said, type=outgoing.WatchedRobot)
+    reports, rules = timeline.reports.get(name), timeline.rules.get(name)
+    lines: list[outgoing.ShownReport] = []
+    if reports is not None:
+        number = reports.before(time)
+        known: Sequence[tuple[float, str]] = list(zip(reports.times[:number], reports.values[:number], strict=True))
+        lines = [outgoing.ShownReport(at, text) for at, text in islice(reversed(known), MAX_LINES)]
+    if exact is not None and exact.message:
+        robot = msgspec.json.decode(exact.message, type=outgoing.WatchedRobot)
         if robot.robot == index:
             return msgspec.structs.replace(robot, said=lines or robot.said)
     codes = [each[index] for each in (marks.second, marks.groups) if each]
     states = [word for bit, word in enumerate(STATES) if marks.flags[index] & 1 << bit]
-    rules = timeline.rules.get(name)
     return outgoing.WatchedRobot(
         index,
         [marks.names[each - 1] for each in codes if 0 < each <= len(marks.names)],
@@ -188,21 +280,13 @@ def _values(timeline: Timeline, time: float, index: int) -> list[outgoing.ShownV
     ]
 
 
-def _counted(marks: RobotMarks) -> list[outgoing.ShownGroup]:
-    """The groups; of each, the robots whose newest or second newest it is."""
-    codes = range(1, len(marks.names) + 1)
-    shown = [marks.groups.count(code) for code in codes]
-    counts = [count + marks.second.count(code) for code, count in zip(codes, shown, strict=True)]
-    return [outgoing.ShownGroup(*group) for group in zip(marks.names, counts, shown, strict=True)]
-
-
-def _groups_in(found: Found) -> list[outgoing.ShownGroup]:
-    groups = zip(RobotMarks(*found.marks).names, found.counts, found.shown, strict=True)
+def _groups(marks: RobotMarks, exact: ReplayAnswer | None) -> list[outgoing.ShownGroup]:
+    """The groups; of each, where only marks are known, the robots whose newest or second newest it is."""
+    if exact is not None:
+        groups = zip(RobotMarks(*exact.marks).names, exact.counts, exact.shown, strict=True)
+    else:
+        codes = range(1, len(marks.names) + 1)
+        shown = [marks.groups.count(code) for code in codes]
+        counts = [count + marks.second.count(code) for code, count in zip(codes, shown, strict=True)]
+        groups = zip(marks.names, counts, shown, strict=True)
     return [outgoing.ShownGroup(*group) for group in groups]
-
-
-def _lines(said: Track[str], time: float) -> list[outgoing.ShownReport]:
-    """The latest lines, the youngest first."""
-    number = said.before(time)
-    known: Sequence[tuple[float, str]] = list(zip(said.times[:number], said.values[:number], strict=True))
-    return [outgoing.ShownReport(at, text) for at, text in islice(reversed(known), MOST_SAID)]

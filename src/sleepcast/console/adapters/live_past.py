@@ -20,17 +20,7 @@ from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.past import AlternateRun, Past
 from sleepcast.console.replay_client import ReplayClient, RerunError, RunMoment
 from sleepcast.console.snapshots import Budget, SnapshotTimer
-from sleepcast.console.thinning import (
-    BESIDE,
-    cut,
-    forget_accounts,
-    size_of_marks,
-    size_of_pictures,
-    size_of_row,
-    size_of_rows,
-    thin,
-)
-from sleepcast.console.timeline import RobotMarks, Timeline
+from sleepcast.console.timeline import PICTURE_OVERHEAD, RobotMarks, Timeline, size_of_row
 from sleepcast.core.clock import Clock
 from sleepcast.core.memory import shown_size
 from sleepcast.fleet.marks import GroupCodes, flags_of
@@ -81,14 +71,12 @@ class LivePast(Past):
         tick, now = self._view.tick, self._view.now()
         timeline, old = self.timeline, before.timeline
         timeline.began = old.began
-        cut(timeline.poses, old.poses, now)
-        cut(timeline.marks, old.marks, now)
-        cut(timeline.obstacles, old.obstacles, now)
-        cut(timeline.rows, old.rows, now)
-        cut(timeline.failures, old.failures, now)
+        timeline.poses, timeline.marks = old.poses.until(now), old.marks.until(now)
+        timeline.obstacles, timeline.failures = old.obstacles.until(now), old.failures.until(now)
+        timeline.rows = old.rows.until(now)
         self._groups.expect(timeline.marks_at(now).names)
         self._every = before._every
-        self._size, self._of_rows = size_of_pictures(timeline), size_of_rows(timeline)
+        self._size, self._of_rows = timeline.size_of_pictures, timeline.size_of_rows
         self._share_with(old)
         self._log.begin_with(before.inputs.between(-1, tick))
         self.states = before.states.until(tick)
@@ -100,10 +88,10 @@ class LivePast(Past):
     def _share_with(self, other: Timeline) -> None:
         """Leave room for pictures of another future: it may have half of it."""
         every = self._every
-        while size_of_pictures(other) - self._size > self.budget.pictures // 2 and len(other.poses.times) > 1:
+        while other.size_of_pictures - self._size > self.budget.pictures // 2 and len(other.poses.times) > 1:
             every *= 2
-            thin(other, every)
-        self._of_other = max(0, size_of_pictures(other) - self._size)
+            other.thin(every)
+        self._of_other = max(0, other.size_of_pictures - self._size)
 
     @property
     def size(self) -> int:
@@ -185,18 +173,18 @@ class LivePast(Past):
         timeline, minds, now = self.timeline, self._view.minds, self._view.now()
         poses = self._view.poses()
         timeline.poses.add(now, (self._view.tick, poses))
-        self._size += BESIDE + len(poses)
+        self._size += PICTURE_OVERHEAD + len(poses)
         codes, flags = self._groups.look(minds), flags_of(minds, self._view.exhausted())
         marks = RobotMarks(codes, flags, tuple(self._groups.names), self._groups.second, self._view.colours())
         if timeline.marks.at(now) != marks:
             timeline.marks.add(now, marks)
-            self._size += size_of_marks(marks)
+            self._size += marks.size
         self.marks.groups(now, self._groups.names, self._groups.counts)
         rows = self._accounts.rows()
         failures = self._accounts.failing.now
         if timeline.failures_at(now) != failures:
             timeline.failures.add(now, failures)
-            self._size += BESIDE + failures.size
+            self._size += PICTURE_OVERHEAD + failures.size
         self.marks.failing(now, failures.rules)
         for row in rows:
             if self._rows.get(row.id) is not row:
@@ -207,7 +195,7 @@ class LivePast(Past):
         solid = self._view.obstacles()
         if solid is not None and timeline.obstacles.at(now) != solid:
             timeline.obstacles.add(now, solid)
-            self._size = size_of_pictures(timeline)
+            self._size = timeline.size_of_pictures
         self._look_for_difference(self._view.tick)
         self._keep_within()
 
@@ -216,11 +204,11 @@ class LivePast(Past):
         many of them."""
         while self._size + self._of_other > self.budget.pictures and len(self.timeline.poses.times) > 1:
             self._every *= 2
-            thin(self.timeline, self._every)
-            self._size = size_of_pictures(self.timeline)
+            self.timeline.thin(self._every)
+            self._size = self.timeline.size_of_pictures
         if self._of_rows > self.budget.accounts:
-            forget_accounts(self.timeline, self.budget.accounts)
-            self._of_rows = size_of_rows(self.timeline)
+            self.timeline.forget_accounts(self.budget.accounts)
+            self._of_rows = self.timeline.size_of_rows
 
     def _forget_inputs(self) -> None:
         """Forget the older half of what came from outside, up to the next state that is kept: what was before cannot be

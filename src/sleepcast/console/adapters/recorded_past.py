@@ -41,11 +41,9 @@ class RecordedPast(Past):
                 "This recording goes on from a snapshot that was too large to be recorded, so it cannot be run again: "
                 "what was recorded is all there is."
             )
-        changes = [(time, row) for time, row in zip(timeline.rows.times, timeline.rows.values, strict=True)]
-        groups = list(zip(timeline.marks.times, timeline.marks.values, strict=True))
-        for time, row in changes:
+        for time, row in zip(timeline.rows.times, timeline.rows.values, strict=True):
             self.marks.rows(time, [row])
-        for time, marks in groups:
+        for time, marks in zip(timeline.marks.times, timeline.marks.values, strict=True):
             counts = [marks.groups.count(code) for code in range(1, len(marks.names) + 1)]
             self.marks.groups(time, marks.names, counts)
         for time, failures in zip(timeline.failures.times, timeline.failures.values, strict=True):
@@ -78,21 +76,21 @@ class RecordedPast(Past):
         recording, last = self._recording, self.tick_of(self.ended)
         nowhere = RunMoment(self.run, 0, recording.snapshot, 0, self.inputs)
         source = (pack(recording.scenario), recording.seed)
-        begun = await self._rerunner.ask(Question("begin", nowhere, source=source))
+        begun = await self._client.ask(Question("begin", nowhere, source=source))
         self.states.add(begun.tick, begun.state)
         self._reached = begun.tick
         while self._reached < last:
             base, state = self.states.before(last) or (begun.tick, begun.state)
             moment = RunMoment(self.run, base, state, last, self.inputs.between(base, last), self._checks(base, last))
             before, began = self._reached, perf_counter()
-            found = await self._rerunner.ask(Question("advance", moment, patience=AT_ONCE))
-            self._reached = found.tick
-            self._speed = (found.tick - before) / max(1e-9, perf_counter() - began)
-            if found.differs is not None:
-                self._differs = found.differs
+            reached = await self._client.ask(Question("advance", moment, patience=AT_ONCE))
+            self._reached = reached.tick
+            self._speed = (reached.tick - before) / max(1e-9, perf_counter() - began)
+            if reached.differs is not None:
+                self._differs = reached.differs
                 return
-            if found.state:
-                self.states.add(found.tick, found.state)
+            if reached.state:
+                self.states.add(reached.tick, reached.state)
 
     def check(self, tick: int) -> None:
         """Raises RerunError where a tick cannot be run again, or not now."""

@@ -44,7 +44,7 @@ from sleepcast.simulator.recording.recording import (
     entries,
 )
 
-MAX_FILM = 2_147_483_648
+MAX_TIMELINE = 2_147_483_648
 """Bytes of poses, readings and the like that are held in memory: ten hours of `bravo` at the usual rates."""
 
 
@@ -69,9 +69,7 @@ class TimelineBuilder:
             scene, recording.seconds, scenario.speed_up, units, vocabulary, kinds, recording.began, part
         )
         self.timeline.picture = None if picture is None else picture.png
-        self.timeline.field = cache(
-            partial(still_picture, scenario)
-        )  # the same at any time, for any number of questions
+        self.timeline.field = cache(partial(still_picture, scenario))  # the same at any time, for any question
         self._solids = dict(enumerate(scenario.shapes, 1))
         for posted in recording.posted:
             message = posted.message
@@ -86,8 +84,8 @@ class TimelineBuilder:
             return
         timeline, time, data = self.timeline, entry.time, entry.data
         self._bytes += len(data)
-        if self._bytes > MAX_FILM:
-            raise ValueError(f"more than {MAX_FILM} bytes do not fit into memory; record with fewer pictures")
+        if self._bytes > MAX_TIMELINE:
+            raise ValueError(f"more than {MAX_TIMELINE} bytes do not fit into memory; record with fewer pictures")
         if entry.topic == POSES:
             timeline.poses.add(time, (round(time / self._tick), read_poses(data, self._count).astype("<f4").tobytes()))
         elif entry.topic == MARKS:
@@ -114,41 +112,41 @@ class TimelineBuilder:
             self._change(time, unpack(WorldChange, data))
         elif entry.topic == LOG:
             who, text = read_log(data)
-            timeline.said.setdefault(who, Track()).add(time, text)
+            timeline.reports.setdefault(who, Track()).add(time, text)
 
-    def _account(self, time: float, found: AccountBody) -> None:
-        row = self._rows.get(found.command)
+    def _account(self, time: float, account: AccountBody) -> None:
+        row = self._rows.get(account.command)
         if row is not None:
-            counts = (found.matched, found.not_matched, found.fault, found.silent, found.predicted)
+            counts = (account.matched, account.not_matched, account.fault, account.silent, account.predicted)
             self.timeline.rows.add(
                 time,
                 CommandRow(
-                    *(row.id, row.kind, row.text, row.at, *counts, row.standing, found.values),
-                    unknown=found.unknown,
-                    held=found.held,
+                    *(row.id, row.kind, row.text, row.at, *counts, row.standing, account.values),
+                    unknown=account.unknown,
+                    held=account.held,
                 ),
             )
 
-    def _failures(self, found: FailuresBody) -> Failures:
-        if len(found.rules) > MOST_TOLD:
-            raise ValueError(f"{len(found.rules)} rules that fail, at most {MOST_TOLD} are recorded")
+    def _failures(self, failures: FailuresBody) -> Failures:
+        if len(failures.rules) > MOST_TOLD:
+            raise ValueError(f"{len(failures.rules)} rules that fail, at most {MOST_TOLD} are recorded")
         size = -(-self._count // 8)
-        for rule in found.rules:
+        for rule in failures.rules:
             if len(rule.robots) != size:
                 raise ValueError(f"{len(rule.robots)} bytes of robots, wanted {size} for {self._count} robots")
-        shown = (ShownFailing(each.rule, each.count, each.inactive, each.reason) for each in found.rules)
-        return Failures(tuple(shown), tuple(each.robots for each in found.rules))
+        shown = (ShownFailing(each.rule, each.count, each.inactive, each.reason) for each in failures.rules)
+        return Failures(tuple(shown), tuple(each.robots for each in failures.rules))
 
-    def _change(self, time: float, found: WorldChange) -> None:
-        for number in found.gone:
+    def _change(self, time: float, change: WorldChange) -> None:
+        for number in change.gone:
             self._solids.pop(number, None)
-        for name, shape in found.put.items():
+        for name, shape in change.put.items():
             self._solids[int(name)] = shape
         self.timeline.obstacles.add(time, tuple(map(outlines, self._solids.values())))
 
-    def _keep(self, time: float, found: RulesBody) -> None:
-        rules = [ShownRule(rule.name, rule.text, rule.active, "", "", rule.priority) for rule in found.rules]
-        self.timeline.rules.setdefault(found.robot, Track()).add(time, rules)
+    def _keep(self, time: float, body: RulesBody) -> None:
+        rules = [ShownRule(rule.name, rule.text, rule.active, "", "", rule.priority) for rule in body.rules]
+        self.timeline.rules.setdefault(body.robot, Track()).add(time, rules)
 
 
 def load_timeline(recording: Recording) -> Timeline:

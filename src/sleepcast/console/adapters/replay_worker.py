@@ -28,7 +28,7 @@ from sleepcast.console.features.plots import AddPlot
 from sleepcast.console.features.why import Explained, Why
 from sleepcast.console.marks import clock_time
 from sleepcast.console.past import Sampled
-from sleepcast.console.replay_client import Found, Question, RerunError, RunMoment, digest
+from sleepcast.console.replay_client import Question, ReplayAnswer, RerunError, RunMoment, digest
 from sleepcast.console.series import plain, sample_of
 from sleepcast.console.snapshots import SnapshotTimer
 from sleepcast.console.swarm_dialogue import SwarmDialogue
@@ -66,12 +66,16 @@ class _StillClock:
         return 0.0
 
 
-class _Again:
-    """A swarm that is run again. began: the tick in which it did. differs: the first tick in which it was not as it
-    was seen."""
+class RerunSwarm:
+    """A swarm that is run again.
+
+    number: of the run
+    began: the tick in which it began
+    differs: the first tick in which it was not as it was seen
+    """
 
     def __init__(self, moment: RunMoment, swarm: Swarm, groups: tuple[str, ...]) -> None:
-        self.run, self.began = moment.run, moment.base
+        self.number, self.began = moment.run, moment.base
         self.differs: int | None = None
         self.swarm = swarm
         station = _sit_down(swarm)
@@ -106,22 +110,23 @@ class ReplayWorker:
 
     def __init__(self, given_up: Callable[[], bool]) -> None:
         self._given_up = given_up
-        self._swarms: dict[str, _Again] = {}
+        self._swarms: dict[str, RerunSwarm] = {}
         self._snapshot_timer = SnapshotTimer()
 
-    def answer(self, question: Question) -> Found:
+    def answer(self, question: Question) -> ReplayAnswer:
         """What is found at the moment of a question."""
         try:
             return self._answer(question)
         except ReplayAbandonedError:
-            return Found(ended=True)
+            return ReplayAnswer(ended=True)
         except SleepcastError as error:
-            return Found(error=str(error))
+            return ReplayAnswer(error=str(error))
         except BROKEN as error:
-            return Found(error=f"The past cannot be shown: {str(error).splitlines()[0][:300] or type(error).__name__}.")
+            why = str(error).splitlines()[0][:300] or type(error).__name__
+            return ReplayAnswer(error=f"The past cannot be shown: {why}.")
 
-    def _answer(self, question: Question) -> Found:
-        match question.deed:
+    def _answer(self, question: Question) -> ReplayAnswer:
+        match question.action:
             case "begin":
                 return self._begin(question)
             case "advance":
@@ -132,52 +137,52 @@ class ReplayWorker:
                 return self._compare(question)
             case "sample":
                 return self._sample(question)
-        again = self._at("look", question)
-        if question.deed == "state":
-            return Found(again.rerun.tick, state=copy_of(again.swarm).packed(), differs=again.differs)
-        if question.deed == "answer":
-            said = again.dialogue.answer(registry.decode(question.message))
-            if not isinstance(said, msgspec.Struct):
+        run = self._at("look", question)
+        if question.action == "state":
+            return ReplayAnswer(run.rerun.tick, state=copy_of(run.swarm).packed(), differs=run.differs)
+        if question.action == "answer":
+            message = run.dialogue.answer(registry.decode(question.message))
+            if not isinstance(message, msgspec.Struct):
                 raise RerunError("This is not available for moments in the past.")
-            return Found(again.rerun.tick, said=encode(said), differs=again.differs)
-        return self._look(again, question.robot)
+            return ReplayAnswer(run.rerun.tick, message=encode(message), differs=run.differs)
+        return self._look(run, question.robot)
 
-    def _look(self, again: _Again, robot: int) -> Found:
-        view, groups = again.view, again.backend.driver.groups
-        codes, flags = groups.look(view.minds), again.backend.driver.flags()
+    def _look(self, run: RerunSwarm, robot: int) -> ReplayAnswer:
+        view, groups = run.view, run.backend.driver.groups
+        codes, flags = groups.look(view.minds), run.backend.driver.flags()
         marks = (codes, flags, tuple(groups.names), groups.second, view.colours())
-        news = again.backend.news(robot) if robot >= 0 else ()
-        said = next((encode(each) for each in news if isinstance(each, outgoing.WatchedRobot)), b"")
+        news = run.backend.news(robot) if robot >= 0 else ()
+        watched = next((encode(each) for each in news if isinstance(each, outgoing.WatchedRobot)), b"")
         counts, shown = tuple(groups.counts), tuple(groups.shown)
-        return Found(view.tick, view.poses(), marks, counts, shown, said, differs=again.differs)
+        return ReplayAnswer(view.tick, view.poses(), marks, counts, shown, watched, differs=run.differs)
 
-    def _at(self, name: str, question: Question) -> _Again:
+    def _at(self, name: str, question: Question) -> RerunSwarm:
         """The swarm at the moment of a question."""
         moment = question.moment
-        again = self._near(name, moment, question.groups)
-        self._run(again, moment, question.patience, lambda: again.rerun.tick >= moment.tick)
-        return again
+        run = self._near(name, moment, question.groups)
+        self._run(run, moment, question.patience, lambda: run.rerun.tick >= moment.tick)
+        return run
 
-    def _near(self, name: str, moment: RunMoment, groups: tuple[str, ...] = (), *, since: bool = False) -> _Again:
+    def _near(self, name: str, moment: RunMoment, groups: tuple[str, ...] = (), *, since: bool = False) -> RerunSwarm:
         """A swarm from which the moment is near. since: it must have seen all that came after the moment's state."""
-        again = self._swarms.get(name)
+        run = self._swarms.get(name)
         if (
-            again is not None
-            and again.run == moment.run
-            and moment.base <= again.rerun.tick <= moment.tick
-            and (not since or again.began <= moment.base)
+            run is not None
+            and run.number == moment.run
+            and moment.base <= run.rerun.tick <= moment.tick
+            and (not since or run.began <= moment.base)
         ):
-            again.rerun.follow(moment.inputs)
-            return again
+            run.rerun.follow(moment.inputs)
+            return run
         self._swarms.pop(name, None)  # a large one goes before the next one comes
-        again = self._swarms[name] = _Again(moment, resume(moment.state), groups)
-        return again
+        run = self._swarms[name] = RerunSwarm(moment, resume(moment.state), groups)
+        return run
 
-    def _run(self, again: _Again, moment: RunMoment, patience: float, done: Callable[[], bool]) -> None:
+    def _run(self, run: RerunSwarm, moment: RunMoment, patience: float, done: Callable[[], bool]) -> None:
         """Run on until it is done. Raises ReplayAbandonedError."""
         began = looked = perf_counter()
         while not done():
-            again.step(moment)
+            run.step(moment)
             now = perf_counter()
             if now - looked > LOOK:
                 looked = now
@@ -186,7 +191,7 @@ class ReplayWorker:
 
     # ---- what is asked
 
-    def _begin(self, question: Question) -> Found:
+    def _begin(self, question: Question) -> ReplayAnswer:
         """The state with which a run begins."""
         data, seed = question.source
         if question.moment.state:
@@ -196,89 +201,88 @@ class ReplayWorker:
         _sit_down(swarm)
         if not swarm.simulator.tick:
             swarm.send_initial_telemetry()
-        return Found(swarm.simulator.tick, state=copy_of(swarm).packed())
+        return ReplayAnswer(swarm.simulator.tick, state=copy_of(swarm).packed())
 
-    def _advance(self, question: Question) -> Found:
+    def _advance(self, question: Question) -> ReplayAnswer:
         """Run ahead for a while, or until there is a state to be kept."""
         moment = question.moment
-        again = self._near("ahead", moment)
+        run = self._near("ahead", moment)
         began = before = perf_counter()
-        while again.rerun.tick < moment.tick and not self._given_up():
-            again.step(moment)
+        while run.rerun.tick < moment.tick and not self._given_up():
+            run.step(moment)
             now = perf_counter()
             self._snapshot_timer.worked(now - before)
             before = now
             if self._snapshot_timer.due:
                 self._snapshot_timer.begun()
                 spent = thread_time()
-                state = copy_of(again.swarm).packed()
+                state = copy_of(run.swarm).packed()
                 self._snapshot_timer.kept(thread_time() - spent)
-                return Found(again.rerun.tick, state=state, differs=again.differs)
+                return ReplayAnswer(run.rerun.tick, state=state, differs=run.differs)
             if now - began > question.patience:
                 break
-        return Found(again.rerun.tick, differs=again.differs)
+        return ReplayAnswer(run.rerun.tick, differs=run.differs)
 
-    def _compare(self, question: Question) -> Found:
-        """Run both futures side by side up to their first difference."""
+    def _compare(self, question: Question) -> ReplayAnswer:
+        """Run both side by side up to their first difference."""
         if question.other is None:
             raise RerunError("There is no other future.")
         self._swarms.clear()
-        futures = [_Again(moment, resume(moment.state), ()) for moment in (question.moment, question.other)]
+        futures = [RerunSwarm(moment, resume(moment.state), ()) for moment in (question.moment, question.other)]
         one, other = futures
         while one.rerun.tick < question.moment.tick:
             one.step(question.moment)
             other.step(question.other)
-            found = first_difference(one.swarm, other.swarm)
-            if found is not None:
-                return Found(one.rerun.tick, said=found.encode())
-        return Found(one.rerun.tick)
+            difference = first_difference(one.swarm, other.swarm)
+            if difference is not None:
+                return ReplayAnswer(one.rerun.tick, message=difference.encode())
+        return ReplayAnswer(one.rerun.tick)
 
-    def _sample(self, question: Question) -> Found:
+    def _sample(self, question: Question) -> ReplayAnswer:
         """What a plot over time shows. It does not move the swarm at which somebody looks."""
         asked = registry.decode(question.message)
         if not isinstance(asked, AddPlot):
             raise RerunError("This is no plot.")
-        again = self._at("ahead", question)
+        run = self._at("ahead", question)
         try:
-            found = Sampled(plain(sample_of(again.backend.values, asked.what, asked.x, asked.where, "")))
+            sampled = Sampled(plain(sample_of(run.backend.values, asked.what, asked.x, asked.where, "")))
         except SleepcastError as error:  # robots have not yet learned what it names, say
-            found = Sampled([], str(error))
-        return Found(again.rerun.tick, said=encode(found), differs=again.differs)
+            sampled = Sampled([], str(error))
+        return ReplayAnswer(run.rerun.tick, message=encode(sampled), differs=run.differs)
 
-    def _why(self, question: Question) -> Found:
+    def _why(self, question: Question) -> ReplayAnswer:
         """Run on from before a command until the robot has evaluated it."""
         asked, moment = registry.decode(question.message), question.moment
         if not isinstance(asked, Why):
             raise RerunError("This is no question why.")
-        again = self._near("why", moment, since=True)
-        if again.rerun.tick > moment.base and self._forgot(again, asked):
+
+        def is_logged() -> bool:
+            return run.swarm.fleet.evaluation_log.find(asked.robot, asked.command) is not None
+
+        run = self._near("why", moment, since=True)
+        if run.rerun.tick > moment.base and not is_logged():  # it may have evaluated it, and forgotten
             self._swarms.pop("why")
-            again = self._near("why", moment)
-        fleet = again.swarm.fleet
+            run = self._near("why", moment)
+        fleet = run.swarm.fleet
         sent = next(each for _, each in moment.inputs.posted if each.id == asked.command)
         if sent.kind in UNEXPLAINED:
             raise RerunError(UNEXPLAINED[sent.kind])
         answer = _Answer(asked.robot, asked.command)
-        again.swarm.witnesses.append(answer)
+        run.swarm.witnesses.append(answer)
 
         def done() -> bool:
-            found = fleet.evaluation_log.find(asked.robot, asked.command)
-            return found is not None or again.rerun.tick >= moment.tick or again.swarm.now() > sent.deadline
+            return is_logged() or run.rerun.tick >= moment.tick or run.swarm.now() > sent.deadline
 
         try:
-            self._run(again, moment, question.patience, done)
+            self._run(run, moment, question.patience, done)
         finally:
-            again.swarm.witnesses.remove(answer)
-        if fleet.evaluation_log.find(asked.robot, asked.command) is None:
-            if again.differs is None:
-                raise RerunError(f"{fleet.names[asked.robot]} {_why_unexplained(again, sent, answered=answer.heard)}")
-            return Found(again.rerun.tick, differs=again.differs)
+            run.swarm.witnesses.remove(answer)
+        if not is_logged():
+            if run.differs is None:
+                raise RerunError(f"{fleet.names[asked.robot]} {_why_unexplained(run, sent, answered=answer.heard)}")
+            return ReplayAnswer(run.rerun.tick, differs=run.differs)
         why = show_why(fleet.at(asked.robot).why(asked.command))
-        return Found(again.rerun.tick, said=encode(Explained(asked.serial, why)), differs=again.differs)
-
-    def _forgot(self, again: _Again, asked: Why) -> bool:
-        """Whether the robot may have evaluated the command, and the inputs are not kept any more."""
-        return again.swarm.fleet.evaluation_log.find(asked.robot, asked.command) is None
+        return ReplayAnswer(run.rerun.tick, message=encode(Explained(asked.serial, why)), differs=run.differs)
 
 
 class _Answer:
@@ -302,11 +306,11 @@ class _Answer:
         """Nothing."""
 
 
-def _why_unexplained(again: _Again, sent: Message, *, answered: bool) -> str:
+def _why_unexplained(run: RerunSwarm, sent: Message, *, answered: bool) -> str:
     """Why a robot cannot explain a command, after its name: never more than what is known up to this moment."""
-    now = again.swarm.now()
+    now = run.swarm.now()
     if answered:
-        return f"evaluated this command, but {again.swarm.fleet.evaluation_log.limits()}."
+        return f"evaluated this command, but {run.swarm.fleet.evaluation_log.limits()}."
     if now > sent.deadline:
         return (
             f"did not evaluate this command before its deadline, {clock_time(sent.deadline)}: it did not receive it in "
@@ -337,6 +341,6 @@ def serve_past(pipe: connection.Connection) -> None:
                 given_up = max(given_up, message)
                 continue
             current, question = message
-            pipe.send(Found(ended=True) if ended() else past.answer(question))
+            pipe.send(ReplayAnswer(ended=True) if ended() else past.answer(question))
     except (EOFError, OSError):
         return

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Awaitable
 from typing import Protocol
 
-from sleepcast.console.driver import aside
+from sleepcast.console.driver import in_thread
 from sleepcast.console.feature import answers
 from sleepcast.console.incoming import PageMessage, Serial
 from sleepcast.console.outgoing import DeskMessage
@@ -41,4 +41,4 @@ def picture(source: PictureSource, asked: GetPicture) -> Pictured | Awaitable[Pi
 
 
 async def _later(picture: Picture, serial: int) -> Pictured:
-    return Pictured(serial, await aside(picture))
+    return Pictured(serial, await in_thread(picture))

@@ -24,7 +24,7 @@ from sleepcast.console.features.alerts import AlertBoard
 from sleepcast.console.features.field import Field, Fielded, FieldMaps
 from sleepcast.console.features.mission import STOPPED, MissionNews, MissionPlayer, counted_commands, shown_mission
 from sleepcast.console.features.plots import Plots, ScenarioMeasure
-from sleepcast.console.features.send import Send, Sort
+from sleepcast.console.features.send import Send, SendKind
 from sleepcast.console.features.why import Explained, Why
 from sleepcast.console.past import Past
 from sleepcast.console.sensing import BodyView
@@ -55,9 +55,15 @@ _KINDS = ("sensor", "actuator", "user", "support")
 
 
 class Backend:
-    """See the module. began: the time of the station's clock with which that of the page begins. measures: of the
-    scenario. past: what is kept of the run, None for nothing. mission: plays that of the scenario, None if it has none.
-    Its questions raise SleepcastError, with a sentence for the person who asked."""
+    """See the module. Its questions raise SleepcastError, with a sentence for the person who asked.
+
+    swarm, station: on the page, and the first operator's desk
+    driver: lets the swarm run
+    began: the time of the station's clock with which that of the page begins
+    measures: of the scenario
+    past: what is kept of the run, None for nothing
+    mission: plays that of the scenario, None if it has none
+    """
 
     recorded: ClassVar[bool] = False
     lacks: ClassVar[str] = NOT_HERE_AT_ALL
@@ -77,7 +83,7 @@ class Backend:
         self.driver, self.past = driver, past
         self.mission, self.held = mission, False
         if mission is not None:
-            mission.hold = self._hold
+            mission.hold = self.hold
         self.swarm, self.station, self.clock = swarm, station, clock
         self.began = began
         desks: list[Station] = getattr(swarm, "desks", None) or [station]
@@ -92,7 +98,7 @@ class Backend:
         self.plots = Plots(self.values, clock, measures)
         driver.watchers.append(self.plots.sample)
         self._fields = FieldMaps(swarm.field, clock)
-        self._pending: tuple[tuple[str, bool, Sort, str], Prepared] | None = None
+        self._pending: tuple[tuple[str, bool, SendKind, str], Prepared] | None = None
         """The latest command that is not sent yet, since its sender was asked about it."""
         self.winks: dict[str, float] = {}
         """When each robot was asked to blink, s of the page's time."""
@@ -157,10 +163,10 @@ class Backend:
     def send(self, asked: Send) -> outgoing.Sent:
         """Broadcast a text. count, confirmed: where the station asks for confirmation, see `Station.commit`."""
         desk = self.desk_of(asked.by)
-        if asked.sort == "ask":
+        if asked.kind == "ask":
             sent = desk.ask(asked.text)
         else:
-            commit = self._send_in_stages if asked.sort == "stages" else desk.commit
+            commit = self._send_in_stages if asked.kind == "stages" else desk.commit
             sent = commit(self._prepared(asked), count=asked.count, confirmed=asked.confirmed)
             self._pending = None
             if len(self._desks) > 1:
@@ -177,13 +183,13 @@ class Backend:
 
     def _prepared(self, asked: Send) -> Prepared:
         """The command, as a page was asked about it before, if it was."""
-        what = (asked.text, asked.everybody, asked.sort, asked.by)
+        what = (asked.text, asked.everybody, asked.kind, asked.by)
         if self._pending is None or self._pending[0] != what:
-            terms = Terms(standing=asked.sort == "standing", everybody=asked.everybody, anyway=asked.confirmed)
+            terms = Terms(standing=asked.kind == "standing", everybody=asked.everybody, anyway=asked.confirmed)
             self._pending = what, self.desk_of(asked.by).prepare(asked.text, terms)
         return self._pending[1]
 
-    def _hold(self) -> None:
+    def hold(self) -> None:
         """Time stands still until somebody has decided about a command of the mission."""
         self.held = True
         self.driver.hold()
@@ -248,9 +254,9 @@ class Backend:
         asked = next((each for each in self.accounts.commands() if each.id == command), None)
         if asked is not None and asked.kind != "ask":
             raise MisuseError(f"{command} was no question, so robots did not answer it with a value.")
-        found = self.accounts.desk_for(command).answers(command, names, self.began + time)
-        unit = self.accounts.desk_for(command).accounting(command).unit
-        return [answer_in_words(answer, unit) for answer in found]
+        desk = self.accounts.desk_for(command)
+        unit = desk.accounting(command).unit
+        return [answer_in_words(answer, unit) for answer in desk.answers(command, names, self.began + time)]
 
     def failed(self, rule: str, time: float = inf) -> bytes:
         """On which robots a rule ("": any rule) failed at a time, s of the page's time."""
@@ -268,10 +274,10 @@ class Backend:
     def sense(self, robot: int) -> BodyView:
         """What the body of the robot with this index senses."""
         name = self.name_of(robot)
-        found = self.swarm.sensing(robot)
-        if found is None:
+        body = self.swarm.sensing(robot)
+        if body is None:
             raise MisuseError(f"{name} does not tell the desk what its body senses.")
-        return found
+        return body
 
     def commands(self, serial: int | None = None, time: float = inf) -> outgoing.Commands:
         """The account of every command as it was at a time, s of the page's time."""
@@ -316,33 +322,26 @@ class Backend:
         return outgoing.Safety(True, self.accounts.stop_sentence(stop, self.driver.held_up))
 
     def _robot(self, index: int) -> outgoing.WatchedRobot:
-        mind = self.swarm.minds[self.name_of(index)]
-        declared = ((mind.declared(key), key) for key in sorted(mind.groups))
-        values = [self._show_value(name, value) for name, value in mind.variables() if name not in _LEFT_OUT]
-        return outgoing.WatchedRobot(
-            index,
-            [found.name if found is not None else key for found, key in declared],
-            [*self._states(mind), *self._lacks(index)],
-            sorted(values, key=lambda value: _KINDS.index(value.kind)),
-            [self._show_rule(rule) for rule in mind.rules()],
-            self._reports(self.name_of(index)),
-        )
-
-    def _reports(self, name: str) -> list[outgoing.ShownReport]:
-        found = (report for report in reversed(self.station.reports) if report.robot == name)
-        return [_show_report(report, self.began) for report in islice(found, MAX_REPORTS)]
+        name = self.name_of(index)
+        mind = self.swarm.minds[name]
+        groups = [key if (group := mind.declared(key)) is None else group.name for key in sorted(mind.groups)]
+        states, exhausted = self._states(mind), self.swarm.exhausted()
+        if exhausted is not None and exhausted[index]:
+            states.append(f"no {' or '.join(self.swarm.scene.supplies)} left")
+        values = [
+            self._show_value(variable, value) for variable, value in mind.variables() if variable not in _LEFT_OUT
+        ]
+        values.sort(key=lambda value: _KINDS.index(value.kind))
+        rules = [self._show_rule(rule) for rule in mind.rules()]
+        reports = (report for report in reversed(self.station.reports) if report.robot == name)
+        latest = [_show_report(report, self.began) for report in islice(reports, MAX_REPORTS)]
+        return outgoing.WatchedRobot(index, groups, states, values, rules, latest)
 
     def _states(self, mind: MindView) -> list[str]:
         """What the robot is, in words."""
         flags = ((FROZEN, "frozen"), (SLEEPING, "sleeping"), (MARKED, "marked"))
         stopped = [stopped_in_words(mind.rest_state(), self.swarm.vocabulary)] if mind.stopped else []
         return stopped + [word for slot, word in flags if mind.values[slot] > 0.0]
-
-    def _lacks(self, index: int) -> list[str]:
-        """That the robot has used up what it drives with, in words."""
-        exhausted = self.swarm.exhausted()
-        there = exhausted is not None and bool(exhausted[index])
-        return [f"no {' or '.join(self.swarm.scene.supplies)} left"] * there
 
     def _show_rule(self, rule: KeptRule) -> outgoing.ShownRule:
         value = "never ran" if isnan(rule.last_value) else value_in_words(rule.last_value, rule.unit)
@@ -357,5 +356,5 @@ class Backend:
 
 def _show_report(report: Report, began: float) -> outgoing.ShownReport:
     """A report's body is what a robot sent: any of it may be missing or of another kind."""
-    said = report_in_words(report.body.get("label"), report.body.get("values"))
-    return outgoing.ShownReport(report.heard - began, said)
+    text = report_in_words(report.body.get("label"), report.body.get("values"))
+    return outgoing.ShownReport(report.heard - began, text)

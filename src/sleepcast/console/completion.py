@@ -30,24 +30,24 @@ class ShownName(msgspec.Struct, frozen=True):
 def names_of(swarm: SwarmView) -> list[ShownName]:
     """Every name that means something to these robots now."""
     minds = swarm.minds
-    found = names_in(swarm.vocabulary, lambda variable: minds.column(variable.slot))
-    return found + [shown for name in minds.heard() if (shown := _learned(name, minds)) is not None]
+    from_start = names_in(swarm.vocabulary, lambda variable: minds.column(variable.slot))
+    return from_start + [shown for name in minds.heard() if (shown := _learned(name, minds)) is not None]
 
 
 def names_in(vocabulary: Vocabulary, column: Callable[[Variable], NDArray[np.float64]]) -> list[ShownName]:
     """The names that robots know from the start. column: gives the values of a variable on all of them."""
-    found = [ShownName(f.name, "function", f.doc, usage=f.usage) for f in BUILT_IN.values()]
+    shown = [ShownName(f.name, "function", f.doc, usage=f.usage) for f in BUILT_IN.values()]
     for binding in vocabulary.bindings.values():
         if isinstance(binding, HostFunction):
-            found.append(ShownName(binding.name, "robot", binding.doc, usage=binding.usage))
+            shown.append(ShownName(binding.name, "robot", binding.doc, usage=binding.usage))
         elif isinstance(binding, Constant):
             value = value_in_words(binding.value, unit_of_dimension(binding.dimension, vocabulary))
-            found.append(ShownName(binding.name, "constant", binding.doc, value))
+            shown.append(ShownName(binding.name, "constant", binding.doc, value))
         elif not ACTIVE0 < binding.slot < ACTIVE0 + BUFFERS:  # sixty-three flags would bury the other names
             quantity = binding.quantity
             values = _range(column(binding), quantity.shown_as or quantity.unit)
-            found.append(ShownName(binding.name, binding.kind.value, quantity.doc, values))
-    return found
+            shown.append(ShownName(binding.name, binding.kind.value, quantity.doc, values))
+    return shown
 
 
 def _learned(name: str, minds: MindsView) -> ShownName | None:

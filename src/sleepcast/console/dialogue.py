@@ -40,10 +40,13 @@ D = TypeVar("D", bound=PageDesk)
 
 
 class Dialogue(ABC, Generic[D]):
-    """One page's part: its questions, and what it has been told already. turned: set when it looks at another time.
-    most_waiting: answers that may be waited for at one time; of more, some are given up."""
+    """One page's part: its questions, and what it has been told already.
 
-    most_waiting: int
+    turned: set when it looks at another time
+    max_waiting: answers that may be waited for at one time; of more, some are given up
+    """
+
+    max_waiting: int
 
     def __init__(self, desk: D) -> None:
         self._desk = desk
@@ -90,7 +93,7 @@ class Dialogue(ABC, Generic[D]):
     def leave(self) -> None:
         """The page goes away."""
 
-    def beside(self) -> Iterator[str | bytes]:
+    def with_frame(self) -> Iterator[str | bytes]:
         """What goes out with a frame."""
         return iter(())
 

@@ -1,4 +1,4 @@
-"""The first difference between two futures of one run, in words."""
+"""The first difference between a run and an alternate one, in words."""
 
 from __future__ import annotations
 
@@ -63,14 +63,15 @@ def _learned(one: Swarm, other: Swarm, everybody: Mask) -> Iterator[Compared]:
 
 
 def _user_variables(swarm: Swarm) -> dict[str, UserVariable]:
-    found = ((name.casefold(), swarm.fleet.declared(name.casefold())) for name in swarm.fleet.heard())
-    return {key: declared for key, declared in found if isinstance(declared, UserVariable)}
+    learned = ((name.casefold(), swarm.fleet.declared(name.casefold())) for name in swarm.fleet.heard())
+    return {key: declared for key, declared in learned if isinstance(declared, UserVariable)}
 
 
 def _own(one: Swarm, other: Swarm, everybody: Mask) -> Iterator[Compared]:
     """Variables that all robots have from the start, but for sensors and the time."""
-    found = _bound(one, lambda each: each.kind is not VariableKind.SENSOR and each.slot not in (TICK, TIME_SLOT))
-    for variable in found:
+    for variable in _bound(
+        one, lambda each: each.kind is not VariableKind.SENSOR and each.slot not in (TICK, TIME_SLOT)
+    ):
         here, there = one.fleet.column(variable.slot), other.fleet.column(variable.slot)
         yield variable.name, unit_of(variable.name, one.vocabulary), here, there, everybody
 

@@ -46,25 +46,21 @@ def show_why(explanation: Explanation) -> ShownWhy:
 
 
 def _show(step: Step) -> ShownStep:
-    state = _state(step, _rule(step))
+    state = _state(step)
     value = "" if state in ("skipped", "true", "false") else value_in_words(step.value, step.unit)
     parts = tuple(_show(part) for part in step.children if not part.is_literal)
     return ShownStep(step.text, value, state, step.note, step.fault or "", parts)
 
 
-def _rule(step: Step) -> str:
-    head = step.text[1:].split(None, 1)[0].rstrip(")") if step.text.startswith("(") and len(step.text) > 2 else ""
-    function = BUILT_IN.get(head.casefold())
-    return function.rule if function is not None else ""
-
-
-def _state(step: Step, rule: str) -> str:
+def _state(step: Step) -> str:
     if step.fault:
         return "fault"
     if step.value is None:
         return "skipped"
     if isnan(step.value):
         return "unknown"
-    if rule in _TRUTHS:
+    head = step.text[1:].split(None, 1)[0].rstrip(")") if step.text.startswith("(") and len(step.text) > 2 else ""
+    function = BUILT_IN.get(head.casefold())
+    if function is not None and function.rule in _TRUTHS:
         return "true" if step.value else "false"
     return "value"

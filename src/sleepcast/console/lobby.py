@@ -21,7 +21,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from sleepcast.core.clock import Clock
 from sleepcast.core.doorkeeper import QUEUE, TURNS, Doorkeeper, room
 
-MOST = 128
+MAX_CONNECTIONS = 128
 """Connections of strangers, and as many of those with the token: a browser opens six."""
 PATIENCE = 20.0
 """Seconds for the head of a request and for its answer, of a stranger, who gets small files only."""
@@ -37,7 +37,7 @@ class Lobby:
     """See the module. at_once: connections that are taken in one turn of the loop."""
 
     def __init__(self, clock: Clock, say: Callable[[str], None]) -> None:
-        most = room(MOST)
+        most = room(MAX_CONNECTIONS)
         self.strangers = Doorkeeper(most, PATIENCE, clock, say)
         self.known = Doorkeeper(most, KNOWN_PATIENCE, clock, say)
         self.at_once = most // TURNS

@@ -177,8 +177,8 @@ class NetworkDriver(Driver):
 
     def flags(self) -> bytes:
         """Those that other swarms have, and who is silent."""
-        found = np.frombuffer(super().flags(), np.uint8)
-        return np.where(self._fleet.silent(), found | np.uint8(SILENT), found).tobytes()
+        flags = np.frombuffer(super().flags(), np.uint8)
+        return np.where(self._fleet.silent(), flags | np.uint8(SILENT), flags).tobytes()
 
     def set_pace(self, running: bool | None = None, factor: float | None = None) -> None:
         """Ask robots of themselves, or no more; real time has one speed."""
@@ -241,7 +241,7 @@ class NetworkBackend(Backend):
 
     def lease(self, asked: ChangeLease) -> outgoing.Sent:
         """Ask robots about the lease of a group."""
-        sent, doubt = self._operators.lease(asked.deed, asked.group, asked.seconds, asked.to)
+        sent, doubt = self._operators.lease(asked.action, asked.group, asked.seconds, asked.to)
         return outgoing.Sent(asked.serial, sent.id, doubt)
 
     def explain(self, asked: Why) -> Explained | Awaitable[Explained]:
@@ -249,32 +249,31 @@ class NetworkBackend(Backend):
         return self._heard_why(asked.serial, self._fleet.ask_why(self.name_of(asked.robot), asked.command))
 
     async def _heard_why(self, serial: int, question: PendingExplanation) -> Explained:
-        while (found := question.answer()) is None:
+        while (explanation := question.answer()) is None:
             if question.waited(LONGEST_WHY):
                 raise SleepcastError("The robot has not answered the question why.")
             await asyncio.sleep(LISTEN)
-        return Explained(serial, show_why(found))
+        return Explained(serial, show_why(explanation))
 
     def _safety(self) -> outgoing.Safety:
         """The account of our own STOP; for a STOP of other operators, the telemetry since."""
         own = next((c for c in reversed(self.station.commands()) if c.kind in ("stop", "release")), None)
         other = next(self._fleet.orders(), None)
-        found, since, by = super()._safety(), self.began if own is None else own.message.issued, ""
+        safety, since, by = super()._safety(), self.began if own is None else own.message.issued, ""
         if other is not None and other.issued > since:
-            found, since = outgoing.Safety(other.stop, ""), other.issued
+            safety, since = outgoing.Safety(other.stop, ""), other.issued
             by = f"STOP by {printable(other.sender)}: " if other.stop else ""
-        if not found.sentence:
+        if not safety.sentence:
             stopped, size = self._fleet.stopped(since), self.station.fleet_size
             scope = of_robots(max(size, len(self._fleet.minds)), size > 0)
             moving = f"; {moves:,} of these still move" if (moves := self._fleet.moving(since)) else ""
-            said = f"{by}{stopped:,} {scope} report stopped{moving}."
+            sentence = f"{by}{stopped:,} {scope} report stopped{moving}."
             if standing := self._fleet.standing():
-                said += f" {standing[0].upper()}{standing[1:]}."
-            found = outgoing.Safety(found.latched or stopped > 0, said)
-        more = " ".join(f"{notice[0].upper()}{notice[1:]}." for notice in self._fleet.notices()[:MAX_NOTICES])
-        found = outgoing.Safety(found.latched, found.sentence, printable(more))
-        self.driver.latched = found.latched
-        return found
+                sentence += f" {standing[0].upper()}{standing[1:]}."
+            safety = outgoing.Safety(safety.latched or stopped > 0, sentence)
+        self.driver.latched = safety.latched
+        notices = " ".join(f"{notice[0].upper()}{notice[1:]}." for notice in self._fleet.notices()[:MAX_NOTICES])
+        return outgoing.Safety(safety.latched, safety.sentence, printable(notices))
 
     def _states(self, mind: MindView) -> list[str]:
         age = self._fleet.age(mind.name)

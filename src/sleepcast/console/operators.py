@@ -24,7 +24,7 @@ GRACE = 1.0
 """Seconds after the time for answers for which those to a stage are still taken."""
 RENEWALS = 3.0
 """A lease that is kept is renewed so often within its time, so that losing one message does not end it."""
-MOST_SAID = 20
+MAX_ACTIONS = 20
 """Things that other operators did, which a page shows."""
 LONGEST = 120
 """Characters of a command of theirs that are shown."""
@@ -40,8 +40,12 @@ class ShownOperator(msgspec.Struct, frozen=True):
 
 
 class ShownLease(msgspec.Struct, frozen=True):
-    """A lease that this desk asked for. until: s of the page's time. refused: a reason that a robot gave, or "".
-    agreed: robots that answered and did not refuse."""
+    """A lease that this desk asked for.
+
+    until: s of the page's time
+    agreed: robots that answered and did not refuse
+    refused: a reason that a robot gave, or ""
+    """
 
     group: str
     until: float
@@ -49,7 +53,7 @@ class ShownLease(msgspec.Struct, frozen=True):
     refused: str = ""
 
 
-class ShownDeed(msgspec.Struct, frozen=True):
+class ShownAction(msgspec.Struct, frozen=True):
     """What another operator did, at: s of the page's time."""
 
     at: float
@@ -57,15 +61,19 @@ class ShownDeed(msgspec.Struct, frozen=True):
 
 
 class Operators(DeskMessage):
-    """Who commands. may: what this desk's role allows, in words. staging: how far a staged sending has come, "" if
-    there was none; active: whether it goes on."""
+    """Who commands.
+
+    may: what this desk's role allows, in words
+    staging: how far a staged sending has come, "" if there was none
+    active: whether it goes on
+    """
 
     name: str
     role: str
     may: str
     others: list[ShownOperator]
     leases: list[ShownLease]
-    deeds: list[ShownDeed]
+    actions: list[ShownAction] = msgspec.field(name="deeds")
     staging: str = ""
     active: bool = False
 
@@ -79,8 +87,13 @@ MAY = {
 
 
 @dataclass(slots=True)
-class _Kept:
-    """A lease of ours. seconds: for which it was asked; sent: when it was asked for last; command: that did."""
+class _Lease:
+    """A lease of ours.
+
+    seconds: for which it was asked
+    sent: when it was asked for last
+    command: that did
+    """
 
     group: str
     seconds: float
@@ -94,7 +107,7 @@ class OperatorsDesk:
 
     def __init__(self, station: NetworkStation, began: float) -> None:
         self._station, self._began = station, began
-        self._leases: dict[str, _Kept] = {}
+        self._leases: dict[str, _Lease] = {}
         self._staged: StagedSending | None = None
         self._ended = ""
         """Why a staged sending was ended that had gone well so far."""
@@ -126,21 +139,21 @@ class OperatorsDesk:
         last = staged.done[-1]
         if last.last and last.good:
             return f"In stages: all {len(asked)} stages are done, for {sum(asked):,} robots.", False
-        found = last.account
-        why = self._ended if last.good else f"faults: {found.n_fault:,}, silent: {found.n_silent:,}"
+        account = last.account
+        why = self._ended if last.good else f"faults: {account.n_fault:,}, silent: {account.n_silent:,}"
         return f"In stages: ended with stage {len(asked)} ({why}); the other robots were sent nothing.", False
 
     # ---- leases
 
-    def lease(self, deed: str, group: str, seconds: float, to: str) -> tuple[Command, str]:
+    def lease(self, action: str, group: str, seconds: float, to: str) -> tuple[Command, str]:
         """Ask robots about the lease of a group; one that was taken is renewed until it is given back. Gives a doubt
         about the group's name as well, "" for none. Raises LeaseError, and RoleError for what our key may not do."""
-        action, key = LeaseAction(deed), group.casefold()
-        sent = self._station.lease(action, group, seconds, to)
-        if action in (LeaseAction.GIVE, LeaseAction.GRANT):
+        lease_action, key = LeaseAction(action), group.casefold()
+        sent = self._station.lease(lease_action, group, seconds, to)
+        if lease_action in (LeaseAction.GIVE, LeaseAction.GRANT):
             self._leases.pop(key, None)
         else:
-            self._leases[key] = _Kept(group, seconds, self._station.now, sent)
+            self._leases[key] = _Lease(group, seconds, self._station.now, sent)
         return sent, doubt_of(group, self._station.learned)
 
     def attend(self) -> None:
@@ -151,10 +164,10 @@ class OperatorsDesk:
             except SleepcastError as error:
                 self._ended = f"the next one was refused: {error}"
         now = self._station.now
-        for kept in self._leases.values():
-            if now - kept.sent >= kept.seconds / RENEWALS:
-                body = lease_body(LeaseAction.TAKE, kept.group, kept.seconds)
-                kept.sent, kept.command = now, self._station.post(Kind.COMMAND, body=body)
+        for lease in self._leases.values():
+            if now - lease.sent >= lease.seconds / RENEWALS:
+                body = lease_body(LeaseAction.TAKE, lease.group, lease.seconds)
+                lease.sent, lease.command = now, self._station.post(Kind.COMMAND, body=body)
 
     # ---- what a page shows
 
@@ -167,14 +180,14 @@ class OperatorsDesk:
             role.value,
             MAY[role],
             self._others(),
-            [self._lease(kept) for kept in self._leases.values()],
-            [ShownDeed(message.issued - self._began, _said(message)) for message in self._latest()],
+            [self._lease(lease) for lease in self._leases.values()],
+            [
+                ShownAction(each.issued - self._began, _in_a_line(each))
+                for each in list(reversed(station.news))[:MAX_ACTIONS]
+            ],
             staging,
             active,
         )
-
-    def _latest(self) -> list[Message]:
-        return list(reversed(self._station.news))[:MOST_SAID]
 
     def _others(self) -> list[ShownOperator]:
         heard: dict[str, float] = {message.sender: message.issued - self._began for message in self._station.news}
@@ -184,14 +197,14 @@ class OperatorsDesk:
             ShownOperator(printable(name), roles.get(name, ""), heard.get(name)) for name in sorted({*roles, *heard})
         ]
 
-    def _lease(self, kept: _Kept) -> ShownLease:
-        found = self._station.accounting(kept.command.id)
-        refused = next(iter(found.faults.values()), "")
-        agreed = len(kept.command.answers) - found.n_fault
-        return ShownLease(kept.group, kept.sent - self._began + kept.seconds, agreed, printable(refused))
+    def _lease(self, lease: _Lease) -> ShownLease:
+        account = self._station.accounting(lease.command.id)
+        refused = next(iter(account.faults.values()), "")
+        agreed = len(lease.command.answers) - account.n_fault
+        return ShownLease(lease.group, lease.sent - self._began + lease.seconds, agreed, printable(refused))
 
 
-def _said(message: Message) -> str:
+def _in_a_line(message: Message) -> str:
     """What another operator did, in one line."""
     text = describe_request(message) or f"{message.sender}: {message.text or message.kind.name}"
     line = printable(" ".join(text.split()))

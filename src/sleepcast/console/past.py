@@ -18,7 +18,15 @@ from sleepcast.console.features.plots import AddPlot
 from sleepcast.console.features.why import Why
 from sleepcast.console.incoming import PageMessage
 from sleepcast.console.marks import Marks, clock_time
-from sleepcast.console.replay_client import Action, Question, ReplayAnswer, ReplayClient, RerunError, RunMoment, digest
+from sleepcast.console.replay_client import (
+    Question,
+    ReplayAction,
+    ReplayAnswer,
+    ReplayClient,
+    RerunError,
+    RunMoment,
+    digest,
+)
 from sleepcast.console.snapshots import Budget, SnapshotStore
 from sleepcast.console.timeline import Timeline
 from sleepcast.core.memory import process_in_words, shown_size
@@ -159,7 +167,7 @@ class Past:
 
     async def _ask(
         self,
-        action: Action,
+        action: ReplayAction,
         tick: int,
         message: PageMessage | None = None,
         *,

@@ -16,7 +16,7 @@ from typing import ClassVar, Protocol, Union
 import msgspec
 
 from sleepcast.console import features
-from sleepcast.console.feature import BEGINNINGS, HANDLERS, NOT_HERE_AT_ALL, Handler, Reply, Then, has
+from sleepcast.console.feature import BEGINNINGS, HANDLERS, NOT_HERE_AT_ALL, Reply, Then, has
 from sleepcast.console.incoming import Drawn, PageMessage, Release, Stop, read
 from sleepcast.core.errors import MisuseError
 
@@ -57,18 +57,25 @@ def _decoder(questions: int) -> msgspec.json.Decoder[PageMessage]:
 
 
 def answer(asked: PageMessage, desk: Source, page: object = None, then: Then | None = None) -> Reply:
-    """What is to be said to a question: by the desk, or (first) by the page itself. then: another time than now, at
-    which the page looks. Raises SleepcastError, with a sentence for who asked."""
+    """The answer to a question: by the desk, or (first) by the page itself. Raises SleepcastError, with a sentence for
+    who asked.
+
+    asked: the question
+    desk: of the page
+    page: what one page has for itself, None for nothing
+    then: another time than now, at which the page looks
+    """
     handler = HANDLERS.get(type(asked))
     if handler is None:
         raise MisuseError(NOT_HERE_AT_ALL)
     source = next((each for each in (page, desk) if handler.supported_by(each)), None)
     if then is not None and handler.then is not None:
-        found = handler.then(source, asked, then)
-        if found is not None:
-            return found
+        answered = handler.then(source, asked, then)
+        if answered is not None:
+            return answered
     if source is None:
-        raise MisuseError(_why_not(handler, desk))
+        own = handler.recording if desk.recorded else ""
+        raise MisuseError(own or handler.lacking or desk.lacks)
     return handler.answer(source, asked)
 
 
@@ -77,8 +84,3 @@ def begin(desk: Source) -> None:
     for needs, function in BEGINNINGS:
         if has(desk, needs):
             function(desk)
-
-
-def _why_not(handler: Handler, desk: Source) -> str:
-    own = handler.recording if desk.recorded else ""
-    return own or handler.lacking or desk.lacks

@@ -21,7 +21,7 @@ import numpy as np
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop.rerun import Inputs
 
-Action = Literal["begin", "look", "answer", "why", "state", "advance", "compare", "sample"]
+ReplayAction = Literal["begin", "look", "answer", "why", "state", "advance", "compare", "sample"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class Question:
     other: the same moment of an alternate run, for "compare"
     """
 
-    action: Action
+    action: ReplayAction
     moment: RunMoment
     robot: int = -1
     message: bytes = b""

@@ -27,7 +27,7 @@ _PLAIN: dict[str, tuple[tuple[str, ...], Statistic]] = {
     "range": (("mean", "min", "max"), lambda known: [known.mean(), known.min(), known.max()]),
     "quantiles": (
         ("median", "10 %", "25 %", "75 %", "90 %"),
-        lambda known: [(found := np.quantile(known, QUANTILES))[2], *found[[0, 1, 3, 4]]],
+        lambda known: [(each := np.quantile(known, QUANTILES))[2], *each[[0, 1, 3, 4]]],
     ),
     "mean": (("mean",), lambda known: [known.mean()]),
     "median": (("median",), lambda known: [float(np.median(known))]),
@@ -83,11 +83,11 @@ class Series:
 
     def until(self, time: float) -> Series:
         """What there is up to a time, to go on from there."""
-        found = Series(self._lines)
-        found.every, found.thinned = self.every, self.thinned + 1
+        earlier = Series(self._lines)
+        earlier.every, earlier.thinned = self.every, self.thinned + 1
         end = int(np.searchsorted(self._times, time, "right"))
-        found._times, found._samples = self._times[:end], self._samples[:end]
-        return found
+        earlier._times, earlier._samples = self._times[:end], self._samples[:end]
+        return earlier
 
     def since(self, time: float) -> list[list[float | None]]:
         """As `after`, but from the last sample up to this time on."""
@@ -125,15 +125,15 @@ def lines_of(what: str) -> list[str]:
 
 def sample_of(values: Values, what: str, x: str, where: str, unit: str) -> Sample:
     """A statistic of an expression over the robots that pass a test, in this unit. Raises SleepcastError."""
-    found, _ = values.of(x)
+    column, _ = values.of(x)
     if where:
-        found = found[is_true(values.of(where)[0])]
+        column = column[is_true(values.of(where)[0])]
     if what in OF_TRUE:
-        true = is_true(found)
+        true = is_true(column)
         return [float(true.sum()) if what == "count" else float(true.mean()) if true.size else nan]
     names, of_numbers, of_angles = STATISTICS[what]
     statistic = of_angles if values.checked(x).is_angle else of_numbers
-    known = found[np.isfinite(found)]
+    known = column[np.isfinite(column)]
     if not known.size:
         return [nan] * len(names)
     return [float(each) for each in in_unit(np.array(statistic(known), np.float64), unit)]

@@ -56,7 +56,7 @@ class PageSession:
             return
         said = self._dialogue.answer(message)
         if isinstance(said, Awaitable):
-            if len(self._waiting) >= self._dialogue.most_waiting:
+            if len(self._waiting) >= self._dialogue.max_waiting:
                 self._waiting.pop().cancel()  # a page that asks this much reads only the last answers
             waiting = asyncio.ensure_future(self._reply_later(getattr(message, "serial", None), said))
             self._waiting.add(waiting)
@@ -85,7 +85,7 @@ class PageSession:
             known, number = source.changed <= number, source.number
             self._drawn.clear()
             await self._line.send(still(frame) if known else frame)
-            for said in self._dialogue.beside():
+            for said in self._dialogue.with_frame():
                 await self._line.send(said)
             await self._drawn.wait()
 

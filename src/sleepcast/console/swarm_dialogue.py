@@ -18,6 +18,7 @@ from sleepcast.console.features.mission import MissionNews
 from sleepcast.console.features.table import RobotTable
 from sleepcast.console.features.time import NO_TIMELINE
 from sleepcast.console.frames import alternate_frame
+from sleepcast.console.past import Past
 from sleepcast.console.past_view import PastView
 from sleepcast.console.renewal import RenewableBackend
 from sleepcast.console.replay import ReplayBackend
@@ -31,7 +32,7 @@ OF_THEN = (MissionNews, outgoing.Commands, outgoing.Failing, outgoing.Groups, ou
 class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
     """See the module."""
 
-    most_waiting = 16
+    max_waiting = 16
     """Answers of one page that robots have to give first."""
 
     def __init__(self, desk: Backend | ReplayBackend) -> None:
@@ -40,7 +41,7 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
         self._look: PastView | None = None
         self._marked = -1
         self._shows_alternate, self._alternate_tick = True, -1
-        """Whether the page is to be shown another future, and the tick of which it was told last."""
+        """Whether the page is to be shown the alternate run, and the tick of it that it was told last."""
 
     @property
     def source(self) -> FrameSource:
@@ -61,11 +62,11 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
         super().watch(robot)
 
     def show_alternate(self, on: bool) -> None:
-        """Whether to show the other future."""
+        """Whether to show the alternate run."""
         self._shows_alternate, self._alternate_tick = on, -1
 
     def look_at(self, time: float | None) -> None:
-        """PastView at another time; None is now."""
+        """Look at another time; None is now."""
         past = self._desk.past
         if past is None or isinstance(self._desk, ReplayBackend):
             raise MisuseError(NO_TIMELINE)
@@ -81,22 +82,22 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
         self._look.seek(time)
 
     def leave(self) -> None:
-        """PastView at now, as at the start."""
+        """Look at now, as at the start."""
         if self._look is not None:
             self._look.leave()
             self._look = None
             self.turned.set()
 
-    def beside(self) -> Iterator[str | bytes]:
-        """Where robots were in another future at what this page shows, unless it knows or there is none. No place is
-        told once that future has ended."""
+    def with_frame(self) -> Iterator[str | bytes]:
+        """Where the robots of an alternate run were at what this page shows, unless it knows or there is none; nothing
+        once that run has ended."""
         past = self._desk.past
         if not self._shows_alternate or past is None or past.other is None:
             return
         time = past.ended if self._look is None else self._look.time
         timeline = past.other.timeline
-        found = timeline.poses.at(time) if time <= timeline.seconds else None
-        tick, poses = (past.tick_of(timeline.seconds) + 1, b"") if found is None else found
+        picture = timeline.poses.at(time) if time <= timeline.seconds else None
+        tick, poses = (past.tick_of(timeline.seconds) + 1, b"") if picture is None else picture
         if tick != self._alternate_tick:
             self._alternate_tick = tick
             yield alternate_frame(poses)
@@ -107,7 +108,7 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
             yield from self._desk.news(self._watched)
         else:
             yield from look.news()
-            yield from (said for said in self._desk.news(-1) if not isinstance(said, OF_THEN))
+            yield from (message for message in self._desk.news(-1) if not isinstance(message, OF_THEN))
             if isinstance(self._desk, Backend) and past is not None:
                 yield from self._desk.mission_news(rows_at(past.timeline, look.time), look.time)
         if past is None:
@@ -115,6 +116,11 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
         if self._marked != past.marks.number:
             self._marked = past.marks.number
             yield outgoing.Marked(list(past.marks.all))
+        yield self._span(past)
+
+    def _span(self, past: Past) -> outgoing.Span:
+        """The part of the run that can be looked at, and what this page looks at."""
+        look = self._look
         span = outgoing.Span(past.timeline.began, past.ended, kept=past.kept)
         other = past.other
         if other is not None:
@@ -128,4 +134,4 @@ class SwarmDialogue(Dialogue[Backend | ReplayBackend]):
             span = msgspec.structs.replace(span, at=look.time, exact=look.exact, note=look.note)
         elif isinstance(self._desk, ReplayBackend):
             span = msgspec.structs.replace(span, note=self._desk.driver.note)
-        yield span
+        return span

@@ -85,15 +85,23 @@ class FieldPicture(msgspec.Struct, frozen=True):
 class Scene(msgspec.Struct, frozen=True):
     """What does not change while the swarm runs.
 
-    noun: what the robots are called, in the plural. names: of the robots, by their index. area: least x, least y,
-    greatest x, greatest y in m. unit: a length of `sleepcast.core.units`, in which people read the map. sizes: how many
-    robots have bodies of which radius (m), in the order of their indices. sorts: what those of each size are called,
-    empty where all are of one sort. lights: where they are, with their names. areas: those that robots know by name
-    from the start. supplies: what robots use up when they drive, such as fuel. obstacles: each is what lies inside an
-    odd number of its closed outlines, lists of corners (x, y) in m. version: of the obstacles, where people may change
-    them; else None. blanks: numbers that ready-made commands name in braces. repeats: how often those that work only
-    together are sent, since the radio may lose one.
-    picture: where the picture of the map lies, None if there is none; the desk is asked for it. fields: likewise.
+    title, story: of the scenario
+    noun: what the robots are called, in the plural
+    names: of the robots, by their index
+    area: least x, least y, greatest x, greatest y in m
+    unit: a length of `sleepcast.core.units`, in which people read the map
+    sizes: how many robots have bodies of which radius (m), in the order of their indices
+    kinds: what those of each size are called, empty where all are of one kind
+    places, lights: where they are, with their names
+    areas: those that robots know by name from the start
+    obstacles: each is what lies inside an odd number of its closed outlines, lists of corners (x, y) in m
+    version: of the obstacles, where people may change them; else None
+    commands: ready-made ones
+    supplies: what robots use up when they drive, such as fuel
+    blanks: numbers that ready-made commands name in braces
+    repeats: how often those that work only together are sent, since the radio may lose one
+    picture: where the picture of the map lies, None if there is none; the desk is asked for it
+    fields: likewise
     """
 
     title: str
@@ -103,7 +111,7 @@ class Scene(msgspec.Struct, frozen=True):
     area: tuple[float, float, float, float]
     unit: str
     sizes: tuple[tuple[int, float], ...]
-    sorts: tuple[str, ...] = ()
+    kinds: tuple[str, ...] = msgspec.field(default=(), name="sorts")
     places: tuple[MapLabel, ...] = ()
     lights: tuple[MapLabel, ...] = ()
     areas: tuple[NamedOutline, ...] = ()
@@ -168,7 +176,7 @@ class ObstacleChange(NamedTuple):
 
 
 class ObstacleEditor(Protocol):
-    """Changes what is solid. A thing is known by its place among the obstacles of this version. All raise MisuseError,
+    """Changes what is solid. A thing is known by its index among the obstacles of this version. All raise MisuseError,
     and change nothing then."""
 
     @property
@@ -178,10 +186,10 @@ class ObstacleEditor(Protocol):
     def build(self, corners: Sequence[tuple[float, float]]) -> ObstacleChange:
         """Add a polygon with these corners, m."""
 
-    def shift(self, version: int, place: int, across: float, up: float) -> ObstacleChange:
+    def shift(self, version: int, index: int, dx: float, dy: float) -> ObstacleChange:
         """Move a thing by this vector, m."""
 
-    def clear(self, version: int, place: int) -> ObstacleChange:
+    def clear(self, version: int, index: int) -> ObstacleChange:
         """Take a thing away."""
 
     def undo(self, change: int, again: bool) -> None:

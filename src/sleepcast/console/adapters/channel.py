@@ -112,16 +112,16 @@ class FleetMinds:
         self._values = np.full((len(names), vocabulary.size + len(vocabulary.user_slots)), nan)
         self.stopped = np.zeros(len(names), np.bool_)
         self._groups = {key: np.zeros(len(names), np.bool_) for key in self._groups}  # the oldest first, as ever
-        for place, name in enumerate(names):
+        for index, name in enumerate(names):
             mind = self._minds.get(name)
             if mind is None:
                 continue
-            self._values[place, : len(mind.values)] = mind.values
-            self.stopped[place] = mind.stopped
+            self._values[index, : len(mind.values)] = mind.values
+            self.stopped[index] = mind.stopped
             for key in mind.groups:
                 if key not in self._groups:
                     self._groups[key] = np.zeros(len(names), np.bool_)
-                self._groups[key][place] = True
+                self._groups[key][index] = True
         # Robots may name ever new ones, for as long as one looks on.
         self._groups = {key: members for key, members in self._groups.items() if members.any()}
 
@@ -142,8 +142,8 @@ class FleetMinds:
 
     def named(self, name: str) -> NDArray[np.float64]:
         """The same by the variable's name, unknown where no robot has it."""
-        found = self._minds.vocabulary.bindings.get(name)
-        return self.column(found.slot) if isinstance(found, Variable) else np.full(len(self._names), nan)
+        binding = self._minds.vocabulary.bindings.get(name)
+        return self.column(binding.slot) if isinstance(binding, Variable) else np.full(len(self._names), nan)
 
     def declared(self, key: str) -> Declared | None:
         """What any robot has learned under this key."""
@@ -222,11 +222,11 @@ class FleetAdapter:
     def failing(self) -> list[FailingRule]:
         """The rules that robots have deactivated because of faults, unless their telemetry says that this is over."""
         failures, names = self._station.failures, self._station.names
-        found = (
+        rules = (
             FailingRule(key, printable(failures.names[key]), np.array(places, np.intp), len(places))
             for key, places in failures.left(names, self._telemetry.minds)
         )
-        return most_first(found)
+        return most_first(rules)
 
     def pings(self) -> bytes:
         """Pings go from robot to robot; the desk does not hear them."""
@@ -253,10 +253,10 @@ class FleetAdapter:
         for number, place in enumerate(np.flatnonzero(lost).tolist()):
             x[place], y[place] = self._aside(number)
         heading = np.where(lost, nan, np.nan_to_num(heading))
-        found = array("f", bytes(12 * len(x)))
+        poses = array("f", bytes(12 * len(x)))
         for column, values in enumerate((x, y, heading)):
-            found[column::3] = array("f", values.astype("<f4").tobytes())
-        return found.tobytes()
+            poses[column::3] = array("f", values.astype("<f4").tobytes())
+        return poses.tobytes()
 
     def _places(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """x and y of each robot, m; NaN for both where its position is unknown."""
@@ -350,8 +350,8 @@ class FleetAdapter:
 
     def _unit(self) -> str:
         """In which people read where robots are."""
-        found = self.vocabulary.bindings.get(X)
-        quantity = found.quantity if isinstance(found, Variable) else None
+        binding = self.vocabulary.bindings.get(X)
+        quantity = binding.quantity if isinstance(binding, Variable) else None
         unit = "" if quantity is None else quantity.shown_as or quantity.unit
         return unit if unit in UNITS and UNITS[unit].dimension == LENGTH else self.scene.unit
 

@@ -12,7 +12,7 @@ from sleepcast.simulator import Scenario, Simulator
 from sleepcast.simulator.bodies.field_map import FieldMap, coarse, still_map
 from sleepcast.simulator.scenario.fields import Field, ScalarField
 
-MOST = 128
+MAX_CELLS = 128
 """Cells along the longer side of a map: 16 kilobytes at most, or twice as many where it has directions."""
 MAX_DIGITS = 17
 """A number of the machine has no more."""
@@ -28,7 +28,7 @@ def shown_fields(scenario: Scenario) -> tuple[ShownField, ...]:
 def still_picture(scenario: Scenario, name: str) -> FieldPicture:
     """A field that does not grow, or how one that does began."""
     field = next(each for each in scenario.fields if each.name == name)
-    return _picture(still_map(field, scenario, MOST), field)
+    return _picture(still_map(field, scenario, MAX_CELLS), field)
 
 
 class FieldPictures:
@@ -42,7 +42,7 @@ class FieldPictures:
         """One of them, by its name."""
         amount, scenario = self._simulator.senses.amount(name), self._simulator.scenario
         if amount is not None:
-            return _picture(coarse(amount, MOST), next(each for each in scenario.fields if each.name == name))
+            return _picture(coarse(amount, MAX_CELLS), next(each for each in scenario.fields if each.name == name))
         if name not in self._still:
             self._still[name] = still_picture(scenario, name)
         return self._still[name]
@@ -52,16 +52,18 @@ def _grows(field: Field) -> bool:
     return isinstance(field, ScalarField) and field.growth is not None
 
 
-def _picture(found: FieldMap, field: Field) -> FieldPicture:
-    low, high = float(found.values.min()), float(found.values.max())
+def _picture(field_map: FieldMap, field: Field) -> FieldPicture:
+    low, high = float(field_map.values.min()), float(field_map.values.max())
     growth = field.growth if isinstance(field, ScalarField) else None
-    if growth is not None or found.angles is not None:
+    if growth is not None or field_map.angles is not None:
         low = 0.0
     if growth is not None:  # so that colours keep their meaning for a while
         high = round_above(high if high > NOTHING * growth.most else 0.0)
-    part = (found.values - low) / (high - low) if high > low else np.zeros_like(found.values)
-    rows, columns = found.values.shape
-    angles = b"" if found.angles is None else np.round(found.angles * (128.0 / pi)).astype(np.int64).astype(np.uint8)
+    part = (field_map.values - low) / (high - low) if high > low else np.zeros_like(field_map.values)
+    rows, columns = field_map.values.shape
+    angles = (
+        b"" if field_map.angles is None else np.round(field_map.angles * (128.0 / pi)).astype(np.int64).astype(np.uint8)
+    )
     low_text, middle, high_text = (_shown(each, low, high, field.unit) for each in (low, (low + high) / 2.0, high))
     cells = np.round(255.0 * part).astype(np.uint8).tobytes()
     return FieldPicture(columns, rows, cells, (low_text, middle, high_text), bytes(angles))

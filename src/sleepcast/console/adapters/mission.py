@@ -69,7 +69,7 @@ class SwarmMission:
         rest = [self.orders[number] for number in self._log.rest() if number not in self.left_out]
         if not rest:
             raise MisuseError("All commands of the mission were sent. Start the run again to play it once more.")
-        if self._stop_holds():
+        if self._swarm.is_stopped_by_others(each.message for each in self._swarm.commands()):
             raise MisuseError("STOP holds. Release it, then play the mission.")
         self._go_on(rest)
         late = sum(order.time < self._swarm.now() for order in rest)
@@ -79,10 +79,6 @@ class SwarmMission:
         self._clear()
         self._brought = False
         self._swarm.mission.extend(rest)
-
-    def _stop_holds(self) -> bool:
-        """Whether a STOP holds that the mission has not sent, and so does not release."""
-        return self._swarm.is_stopped_by_others(each.message for each in self._swarm.commands())
 
     def halt(self, why: str) -> None:
         if self.playing or self._waiting:
@@ -182,6 +178,6 @@ class SwarmMission:
 
 def _without(orders: Iterable[Order], order: Order) -> list[Order]:
     """All but the first that is the same."""
-    found = list(orders)
-    at = next((number for number, each in enumerate(found) if is_same(each, order)), len(found))
-    return found[:at] + found[at + 1 :]
+    rest = list(orders)
+    at = next((number for number, each in enumerate(rest) if is_same(each, order)), len(rest))
+    return rest[:at] + rest[at + 1 :]

@@ -1,6 +1,6 @@
 """Obstacles that people build, move and clear away in a simulated world while robots are in it.
 
-A thing is known by its place in the list of obstacles and by the version of the world for which that list was made: if
+A thing is known by its index in the list of obstacles and by the version of the world for which that list was made: if
 something else has changed meanwhile, it is refused, and never another thing is moved. A change can be undone and done
 again while the thing is as that change, or its undoing, left it.
 """
@@ -34,20 +34,24 @@ class WorldEditor:
     def build(self, corners: Sequence[tuple[float, float]]) -> ObstacleChange:
         """Add a polygon with these corners, m. Raises MisuseError for what is none, or lies outside the world."""
         self._room()
-        self._within(corners)
-        shape = Polygon(tuple(corners))
-        return self._changed(self._world.add(shape), None)
+        width, height = self._size
+        for x, y in corners:
+            if not (0.0 <= x <= width and 0.0 <= y <= height):
+                raise MisuseError(
+                    f"The corner at {x:g} m, {y:g} m lies outside the world of {width:g} m by {height:g} m."
+                )
+        return self._changed(self._world.add(Polygon(tuple(corners))), None)
 
-    def shift(self, version: int, place: int, across: float, up: float) -> ObstacleChange:
+    def shift(self, version: int, index: int, dx: float, dy: float) -> ObstacleChange:
         """Move a thing by this vector, m. Raises MisuseError."""
-        number = self._number(version, place)
+        number = self._number(version, index)
         before = self._world.shapes[number]
-        self._world.move(number, across, up)
+        self._world.move(number, dx, dy)
         return self._changed(number, before)
 
-    def clear(self, version: int, place: int) -> ObstacleChange:
+    def clear(self, version: int, index: int) -> ObstacleChange:
         """Take a thing away. Raises MisuseError."""
-        number = self._number(version, place)
+        number = self._number(version, index)
         before = self._world.shapes[number]
         self._world.remove(number)
         return self._changed(number, before)
@@ -72,19 +76,11 @@ class WorldEditor:
         if len(self._world.shapes) >= MAX_THINGS:
             raise MisuseError(f"There are {MAX_THINGS:,} obstacles, as many as can be changed here: clear some first.")
 
-    def _within(self, corners: Sequence[tuple[float, float]]) -> None:
-        width, height = self._size
-        for x, y in corners:
-            if not (0.0 <= x <= width and 0.0 <= y <= height):
-                raise MisuseError(
-                    f"The corner at {x:g} m, {y:g} m lies outside the world of {width:g} m by {height:g} m."
-                )
-
-    def _number(self, version: int, place: int) -> int:
+    def _number(self, version: int, index: int) -> int:
         numbers = list(self._world.shapes)
-        if version != self._world.version or not 0 <= place < len(numbers):
+        if version != self._world.version or not 0 <= index < len(numbers):
             raise MisuseError("The obstacles have changed meanwhile: choose it again.")
-        return numbers[place]
+        return numbers[index]
 
 
 def editor_of(simulator: Simulator) -> WorldEditor | None:

@@ -8,7 +8,7 @@ from functools import cache, partial
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.adapters.bodies import kind_of
 from sleepcast.console.adapters.fields import still_picture
-from sleepcast.console.adapters.swarm import outlines, scene_of, there
+from sleepcast.console.adapters.swarm import existing, outlines, scene_of
 from sleepcast.console.failing import Failures, ShownFailing
 from sleepcast.console.outgoing import ShownRule
 from sleepcast.console.timeline import RobotMarks, Timeline, Track, values_of
@@ -59,7 +59,7 @@ class TimelineBuilder:
         self._rows: dict[str, CommandRow] = {}
         picture = scenario.picture
         if picture is not None:  # only its name is recorded: it may lie beside the recording
-            picture = there(replace(picture, file=recording.file.parent / picture.file.name))
+            picture = existing(replace(picture, file=recording.file.parent / picture.file.name))
         scene = scene_of(replace(scenario, commands=(), picture=picture), tuple(simulator.names))
         units = {sensor.name: sensor.shown_as or sensor.unit for sensor in simulator.model.sensors}
         part = recording.part if recording.part > 1 or recording.following else 0

@@ -43,7 +43,7 @@ class SwarmAdapter:
         self._obstacles: tuple[tuple[Outline, ...], ...] | None = None
         # Not the scenario's walls: the swarm may come from a snapshot.
         scenario = swarm.simulator.scenario
-        self.map_picture = there(map_picture or scenario.picture)
+        self.map_picture = existing(map_picture or scenario.picture)
         now = replace(scenario, shapes=tuple(world.shapes.values()), picture=self.map_picture)
         self.editor = editor_of(swarm.simulator)
         scene = scene_of(now, tuple(swarm.simulator.names))
@@ -93,11 +93,11 @@ class SwarmAdapter:
     def poses(self) -> bytes:
         """x (m), y (m) and heading (rad, counter-clockwise from x) of each robot in turn, float32, little endian."""
         simulator = self._swarm.simulator
-        found = array("f", bytes(12 * len(simulator.names)))
+        poses = array("f", bytes(12 * len(simulator.names)))
         for column, values in enumerate((simulator.x, simulator.y, simulator.bodies.heading)):
             # The bytes keep their order whatever the machine's own: the array only moves them, four at a time.
-            found[column::3] = array("f", values.astype("<f4").tobytes())
-        return found.tobytes()
+            poses[column::3] = array("f", values.astype("<f4").tobytes())
+        return poses.tobytes()
 
     def obstacles(self) -> tuple[tuple[Outline, ...], ...] | None:
         """What is solid now, once that has changed."""
@@ -138,7 +138,7 @@ def placed(picture: MapPicture | None) -> PicturePlace | None:
     return None if picture is None else PicturePlace(picture.x, picture.y, picture.yaw, picture.resolution)
 
 
-def there(picture: MapPicture | None) -> MapPicture | None:
+def existing(picture: MapPicture | None) -> MapPicture | None:
     """The picture if its file is there."""
     return picture if picture is not None and picture.file.is_file() else None
 
@@ -153,10 +153,10 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         area=(0.0, 0.0, scenario.width, scenario.height),
         unit=scenario.length_unit or "m",
         sizes=tuple(
-            (part.stop - part.start, sort.geometry.radius)
-            for sort, part in zip(scenario.each_sort, slices(scenario.each_sort, len(names)), strict=True)
+            (part.stop - part.start, spec.geometry.radius)
+            for spec, part in zip(scenario.each_sort, slices(scenario.each_sort, len(names)), strict=True)
         ),
-        sorts=tuple(sort.type for sort in scenario.each_sort) if len(scenario.each_sort) > 1 else (),
+        kinds=tuple(spec.type for spec in scenario.each_sort) if len(scenario.each_sort) > 1 else (),
         places=tuple(MapLabel(each.title, each.x, each.y, each.name) for each in scenario.named_points),
         areas=tuple(NamedOutline(area.name, _outline(area)) for area in scenario.areas),
         obstacles=tuple(outlines(shape) for shape in scenario.shapes),

@@ -152,8 +152,8 @@ class Alert:
         self.waiting = new if self.waiting is None else new | _longer(self.waiting, len(new))
         if not self.waiting.any() or now - self.told < TOGETHER:
             return None
-        found, self.waiting, self.told = self.waiting, None, now
-        return found
+        fired_for, self.waiting, self.told = self.waiting, None, now
+        return fired_for
 
     @property
     def count(self) -> int:
@@ -219,10 +219,10 @@ class AlertBoard:
         self._alerts.remove(self._find(number))
 
     def _find(self, number: int) -> Alert:
-        found = next((alert for alert in self._alerts if alert.number == number), None)
-        if found is None:
-            raise MisuseError(f"there is no alert number {number}: it was removed")
-        return found
+        for alert in self._alerts:
+            if alert.number == number:
+                return alert
+        raise MisuseError(f"there is no alert number {number}: it was removed")
 
     def robots(self, number: int) -> bytes:
         """The robots of a firing, a byte each. Raises MisuseError for one that is not kept any more."""
@@ -257,9 +257,9 @@ class AlertBoard:
     def _fire(self, alert: Alert, robots: Mask) -> None:
         alert.fired += 1
         self._fired += 1
-        places = np.flatnonzero(robots)
-        named = [self.values.names[place] for place in places[:MAX_NAMED].tolist()]
-        more = f" and {len(places) - MAX_NAMED:,} more" if len(places) > MAX_NAMED else ""
+        indices = np.flatnonzero(robots)
+        named = [self.values.names[index] for index in indices[:MAX_NAMED].tolist()]
+        more = f" and {len(indices) - MAX_NAMED:,} more" if len(indices) > MAX_NAMED else ""
         firing = ShownFiring(
             self._fired, alert.number, alert.text, self.values.time(), alert.count, ", ".join(named) + more
         )

@@ -59,10 +59,10 @@ def field(source: FieldSource, asked: Field) -> Fielded | Awaitable[msgspec.Raw]
 
 def field_of(scene: Scene, name: str) -> ShownField:
     """The field of a scene by its name. Raises MisuseError."""
-    found = next((field for field in scene.fields if field.name == name), None)
-    if found is None:
-        raise MisuseError(f'There is no field "{name:.40}" in this world.')
-    return found
+    for field in scene.fields:
+        if field.name == name:
+            return field
+    raise MisuseError(f'There is no field "{name:.40}" in this world.')
 
 
 class FieldMaps:

@@ -10,10 +10,9 @@ import numpy as np
 from sleepcast.console.feature import answers, run_again
 from sleepcast.console.incoming import PageMessage, Serial
 from sleepcast.console.outgoing import DeskMessage
-from sleepcast.console.values import Column, Values
+from sleepcast.console.values import Values
 from sleepcast.core.angles import quantile
 from sleepcast.core.units import value_in_words
-from sleepcast.language import Checked
 
 POSE = ("x", "y", "heading")
 """The map shows these better than any number,"""
@@ -59,16 +58,12 @@ def glance(source: GlanceSource, asked: GetGlance) -> Glance:
 
 
 def _over(values: Values, name: str) -> ShownQuantity:
-    found, _ = values.of(name)
-    return ShownQuantity(name, _shown(found, values.checked(name)), int(np.count_nonzero(np.isnan(found))))
-
-
-def _shown(found: Column, quantity: Checked) -> list[str]:
-    known = found[~np.isnan(found)]
-    if not known.size:
-        return []
-    if quantity.is_angle:
+    """Least, median and greatest of a quantity, nothing where it is unknown everywhere."""
+    column, quantity = values.of(name)[0], values.checked(name)
+    known = column[~np.isnan(column)]
+    numbers: list[float] = []
+    if known.size and quantity.is_angle:
         numbers = [quantile(known, share) for share in (0.0, 0.5, 1.0)]
-    else:
+    elif known.size:
         numbers = [float(known.min()), float(np.median(known)), float(known.max())]
-    return [value_in_words(number, quantity.unit) for number in numbers]
+    return ShownQuantity(name, [value_in_words(number, quantity.unit) for number in numbers], column.size - known.size)

@@ -18,7 +18,7 @@ from sleepcast.console.feature import answers, only_now
 from sleepcast.console.incoming import PageMessage, Place, Serial
 from sleepcast.console.outgoing import DeskMessage
 from sleepcast.simulator import Order
-from sleepcast.simulator.scenario.mission import Instruction, Wanted, instruction
+from sleepcast.simulator.scenario.mission import Wanted, instruction
 
 NO_MISSION = "This run has no mission: its scenario names none."
 STOPPED = "STOP ended it. Release STOP, then play the rest."
@@ -57,14 +57,21 @@ class ShownWanted(msgspec.Struct, frozen=True):
 
 
 class ShownLine(msgspec.Struct, frozen=True):
-    """A command of a mission. at: its time, s. words: what is said before its text, "" for nothing. sort: as a prompt
-    has it; "" for what cannot be typed there. sent: when it was sent, s, None for not yet; command: its id then.
-    left_out: whether somebody wants to go on without it."""
+    """A command of a mission.
+
+    at: its time, s
+    words: what stands before its text, "" for nothing
+    kind: as a prompt has it; "" for what cannot be typed there
+    wanted: what shall have become of it
+    sent: when it was sent, s, None for not yet
+    command: its id then
+    left_out: whether somebody wants to go on without it
+    """
 
     at: float
     text: str
     words: str
-    sort: str
+    kind: str = msgspec.field(name="sort")
     wanted: list[ShownWanted]
     sent: float | None = None
     command: str = ""
@@ -141,13 +148,15 @@ def shown_mission(
     for number, order in enumerate(player.orders):
         message = sent.get(number)
         row = None if message is None else rows.get(message.id)
-        found = instruction(order)
+        line = instruction(order)
+        words = line._replace(text="(").written()[:-1].strip() if line.text else ""
+        typed = line.text and line.only is None and line.but is None and line.within is None
         lines.append(
             ShownLine(
                 order.time,
-                found.text or found.sort,
-                _words(found),
-                found.sort if found.text and found.only is None and found.but is None and found.within is None else "",
+                line.text or line.sort,
+                words,
+                line.sort if typed else "",
                 [_shown(wanted, row) for wanted in order.wanted],
                 None if message is None else message.issued - began,
                 "" if message is None else message.id,
@@ -155,11 +164,6 @@ def shown_mission(
             )
         )
     return MissionNews(lines, player.playing, player.problem, player.said, player.doubt)
-
-
-def _words(found: Instruction) -> str:
-    """What stands before the text of an order."""
-    return "" if not found.text else found._replace(text="(").written()[:-1].strip()
 
 
 def _shown(wanted: Wanted, row: CommandRow | None) -> ShownWanted:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Protocol
 
+import msgspec
 from msgspec import Meta
 
 from sleepcast.console.feature import NO_ROBOTS, answers, only_now
@@ -24,13 +25,13 @@ class Build(PageMessage):
 
 
 class Shift(PageMessage):
-    """Move the obstacle at this place among those of this version of the world by so many m."""
+    """Move the obstacle with this index among those of this version of the world by dx, dy, m."""
 
     serial: Serial
     version: Annotated[int, Meta(ge=0, le=2**53 - 1)]
-    place: Annotated[int, Meta(ge=0, le=1_000_000)]
-    across: Metres
-    up: Metres
+    index: Annotated[int, Meta(ge=0, le=1_000_000)] = msgspec.field(name="place")
+    dx: Metres = msgspec.field(name="across")
+    dy: Metres = msgspec.field(name="up")
 
 
 class Clear(PageMessage):
@@ -38,7 +39,7 @@ class Clear(PageMessage):
 
     serial: Serial
     version: Annotated[int, Meta(ge=0, le=2**53 - 1)]
-    place: Annotated[int, Meta(ge=0, le=1_000_000)]
+    index: Annotated[int, Meta(ge=0, le=1_000_000)] = msgspec.field(name="place")
 
 
 class Undo(PageMessage):
@@ -80,13 +81,13 @@ def build(source: ObstacleSource, asked: Build) -> Built:
 @answers(then=only_now, lacking=FIXED, recording=NO_ROBOTS)
 def shift(source: ObstacleSource, asked: Shift) -> Built:
     """Move an obstacle."""
-    return Built(asked.serial, *source.editor.shift(asked.version, asked.place, asked.across, asked.up))
+    return Built(asked.serial, *source.editor.shift(asked.version, asked.index, asked.dx, asked.dy))
 
 
 @answers(then=only_now, lacking=FIXED, recording=NO_ROBOTS)
 def clear(source: ObstacleSource, asked: Clear) -> Built:
     """Take an obstacle away."""
-    return Built(asked.serial, *source.editor.clear(asked.version, asked.place))
+    return Built(asked.serial, *source.editor.clear(asked.version, asked.index))
 
 
 @answers(then=only_now, lacking=FIXED, recording=NO_ROBOTS)

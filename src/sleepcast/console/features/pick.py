@@ -72,17 +72,18 @@ def pick(source: PickSource, asked: Pick) -> Picked | Awaitable[Picked]:
     return later()
 
 
-def _shown(serial: int, count: int, found: Selection) -> Picked:
-    if found.unknown:
-        which = "has" if found.unknown == 1 else "have"
-        said = f"{found.unknown} of these robots {which} sent no recent telemetry, so no test can be found for them."
-    elif not found.tests:
-        said = f"No {MOST_CONDITIONS} conditions together hold for exactly these robots. "
-        said += (
+def _shown(serial: int, count: int, selection: Selection) -> Picked:
+    if selection.unknown:
+        which = "has" if selection.unknown == 1 else "have"
+        why = f"{selection.unknown} of these robots {which} sent no recent telemetry"
+        sentence = f"{why}, so no test can be found for them."
+    elif not selection.tests:
+        sentence = f"No {MOST_CONDITIONS} conditions together hold for exactly these robots. "
+        sentence += (
             "They can be listed by their numbers."
-            if found.listed
+            if selection.listed
             else f"They are too many to be listed (more than {MOST_LISTED:,}): let them join a group in parts."
         )
     else:
-        said = ""
-    return Picked(serial, count, list(found.tests), found.listed, said)
+        sentence = ""
+    return Picked(serial, count, list(selection.tests), selection.listed, sentence)

@@ -307,11 +307,11 @@ class Plots:
 
     def _known(self, plot: PlotSpec, *texts: str) -> list[Column]:
         """The values of expressions on the robots that pass the test and where all are known, in their units."""
-        found = [in_unit(self._values.of(text)[0], self._unit(text, plot)) for text in texts]
-        known = np.isfinite(np.array(found)).all(axis=0)
+        columns = [in_unit(self._values.of(text)[0], self._unit(text, plot)) for text in texts]
+        known = np.isfinite(np.array(columns)).all(axis=0)
         if plot.where:
             known &= is_true(self._values.of(plot.where)[0])
-        return [column[known] for column in found]
+        return [column[known] for column in columns]
 
 
 def _plain(column: NDArray[np.float64] | NDArray[np.intp]) -> list[float | None]:

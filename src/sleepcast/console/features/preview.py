@@ -11,8 +11,8 @@ from sleepcast.console.incoming import Operator, PageMessage, Serial, Text
 from sleepcast.console.outgoing import DeskMessage, ShownFinding
 from sleepcast.console.view import Scene
 from sleepcast.core.errors import and_more
-from sleepcast.language import Checked, Finding, ReadError
-from sleepcast.station import NO, UNKNOWN, YES, Preview, Station
+from sleepcast.language import Finding, ReadError
+from sleepcast.station import NO, UNKNOWN, YES, Station
 
 MAX_REASONS = 5
 """Reasons for unknown robots that a preview names."""
@@ -53,7 +53,7 @@ class PreviewSource(Protocol):
 
 
 @answers(then=run_again)
-def preview(source: PreviewSource, asked: GetPreview) -> Previewed:
+def get_preview(source: PreviewSource, asked: GetPreview) -> Previewed:
     """What is wrong in a text, and who would obey it now."""
     serial, text, station = asked.serial, asked.text, source.desk_of(asked.by)
     try:
@@ -66,22 +66,19 @@ def preview(source: PreviewSource, asked: GetPreview) -> Previewed:
         findings.append(ShownFinding("error", checked.by, 0, 0, checked.by))
     if checked.program is None:
         return Previewed(serial, findings, checked.cost)
-    return _previewed(serial, checked, findings, station.preview(checked), len(source.scene.names))
-
-
-def _previewed(serial: int, checked: Checked, findings: list[ShownFinding], found: Preview, robots: int) -> Previewed:
+    preview = station.preview(checked)
     return Previewed(
         serial,
         findings,
         checked.cost,
         True,
-        found.count(YES),
-        found.count(NO),
-        found.count(UNKNOWN),
-        found.everybody,
-        found.oldest,
-        list(found.reasons.items())[:MAX_REASONS],
-        found.codes[:robots].tobytes(),  # others that speak on the channel are not on the map
+        preview.count(YES),
+        preview.count(NO),
+        preview.count(UNKNOWN),
+        preview.everybody,
+        preview.oldest,
+        list(preview.reasons.items())[:MAX_REASONS],
+        preview.codes[: len(source.scene.names)].tobytes(),  # others that speak on the channel are not on the map
     )
 
 

@@ -89,8 +89,8 @@ def _lexicon(swarm: SwarmView) -> Lexicon:
 
 
 def _findings(heard: ParsedSentence, text: str) -> list[ShownFinding]:
-    found = [("error", each) for each in heard.unclear] + [("warning", each) for each in heard.doubts]
+    unclear = [("error", each) for each in heard.unclear] + [("warning", each) for each in heard.doubts]
     return [
-        ShownFinding(sort, each.message, each.start, each.end, with_caret(each.message, text, each.start, each.end))
-        for sort, each in found
+        ShownFinding(severity, each.message, each.start, each.end, with_caret(each.message, text, each.start, each.end))
+        for severity, each in unclear
     ]

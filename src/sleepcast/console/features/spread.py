@@ -65,9 +65,9 @@ def compared(text: str, at: int) -> Compared:
         for place, item in enumerate(form.items[1:], 1):
             if isinstance(item, Number) and item.start == at:
                 beside = [form.items[near] for near in (place - 1, place + 1) if 1 <= near < len(form.items)]
-                found = next((each for each in beside if not isinstance(each, Number)), None)
-                if found is not None:
-                    return Compared(item, form, found)
+                quantity = next((each for each in beside if not isinstance(each, Number)), None)
+                if quantity is not None:
+                    return Compared(item, form, quantity)
     raise MisuseError("this number is compared with nothing that robots know")
 
 

@@ -29,18 +29,18 @@ from sleepcast.language.evaluate import is_true
 BY_NUMBER, BY_GROUP = -1, -2
 """What a table is sorted by, if by none of its columns."""
 CSV_ROWS = 2_000
-"""GetRows of one piece of CSV: they are written in some 10 ms, so that a STOP waits no longer."""
+"""Rows of one piece of CSV: they are written in some 10 ms, so that a STOP waits no longer."""
 MAX_COLUMNS = 12
 """Of the table: more of them fit on no screen."""
 MAX_ROWS = 200
-"""GetRows that are asked for at once: those in sight, and some above and below."""
+"""Rows that are asked for at once: those in sight, and some above and below."""
 MAX_PICKED = 10_000
 """Robots that are picked from the table by hand."""
 ASK = "Only the robots themselves could tell this: ask them in the prompt."
 
 
 class GetRows(PageMessage, tag="rows"):
-    """GetRows of the table of robots, `count` from place `first` on. columns: expressions, none for those that the desk
+    """Rows of the table of robots, `count` from place `first` on. columns: expressions, none for those that the desk
     suggests. sort: the column by which it is sorted, -1 for the robots' own order, -2 for their groups. where: a test
     that the robots pass, "" for all of them. again: sort anew; else the order stays that of the last rows, if nothing
     else is asked for."""
@@ -89,7 +89,7 @@ class ShownRow(msgspec.Struct, frozen=True, array_like=True):
 
 
 class TableRows(DeskMessage, tag="rows"):
-    """GetRows of the table from place `first` on. total: rows that pass the test. problem: what is wrong with the test.
+    """Rows of the table from place `first` on. total: rows that pass the test. problem: what is wrong with the test.
     source: where the values come from, in words; "" for telemetry."""
 
     serial: int
@@ -151,15 +151,15 @@ class RobotTable:
         self._columns = texts
         robots = order.robots[asked.first : asked.first + asked.count]
         where = np.argsort(robots)
-        found = [self._column(text, robots[where]) for text in texts]
-        back = np.empty(len(robots), np.intp)
-        back[where] = np.arange(len(robots))
+        columns = [self._column(text, robots[where]) for text in texts]
+        index = np.empty(len(robots), np.intp)  # of each robot of the table in the cells, which are in their own order
+        index[where] = np.arange(len(robots))
         groups = self._groups_of(robots)
         rows = [
-            ShownRow(robot, groups.get(robot, ""), [cells[place] for _, cells in found])
-            for robot, place in zip(robots.tolist(), back.tolist(), strict=True)
+            ShownRow(robot, groups.get(robot, ""), [cells[at] for _, cells in columns])
+            for robot, at in zip(robots.tolist(), index.tolist(), strict=True)
         ]
-        shown = [column for column, _ in found]
+        shown = [column for column, _ in columns]
         total = len(order.robots)
         return TableRows(asked.serial, shown, total, asked.first, rows, order.problem, self._values.source)
 
@@ -193,33 +193,23 @@ class RobotTable:
 
     def _sorted(self, key: tuple[object, ...], by: str | int, descending: bool, where: str) -> RowOrder:
         try:
-            robots = self._those(where)
+            robots = np.flatnonzero(is_true(self._values.of(where)[0])) if where else np.arange(len(self._values.names))
         except SleepcastError as error:
             return RowOrder(key, np.arange(0), str(error))
         if by == BY_NUMBER:
             return RowOrder(key, robots[::-1] if descending else robots, "")
         if by == BY_GROUP:
-            keys = self._newest_group()[robots]
+            newest = np.full(len(self._values.names), np.nan)
+            for number, (_, members) in enumerate(self._values.groups()):
+                newest[members] = number
+            keys = newest[robots]
         else:
             try:
                 keys, _ = self._values.of(str(by), robots)
             except SleepcastError:  # its head says what is wrong
                 return RowOrder(key, robots, "")
-        places = np.argsort(-keys if descending else keys, kind="stable")  # unknown is last either way
-        return RowOrder(key, robots[places], "")
-
-    def _those(self, where: str) -> Robots:
-        """The robots for which a test holds."""
-        if not where:
-            return np.arange(len(self._values.names))
-        values, _ = self._values.of(where)
-        return np.flatnonzero(is_true(values))
-
-    def _newest_group(self) -> Column:
-        found = np.full(len(self._values.names), np.nan)
-        for number, (_, members) in enumerate(self._values.groups()):
-            found[members] = number
-        return found
+        order = np.argsort(-keys if descending else keys, kind="stable")  # unknown is last either way
+        return RowOrder(key, robots[order], "")
 
     # ---- what is in them
 
@@ -241,11 +231,11 @@ class RobotTable:
 
     def _groups_of(self, robots: Robots) -> dict[int, str]:
         """The names of each robot's groups, the newest last; robots in none are left out."""
-        found: dict[int, list[str]] = {}
+        names_by_robot: dict[int, list[str]] = {}
         for name, members in self._values.groups():
             for robot in robots[members[robots]].tolist():
-                found.setdefault(robot, []).append(name)
-        return {robot: ", ".join(names) for robot, names in found.items()}
+                names_by_robot.setdefault(robot, []).append(name)
+        return {robot: ", ".join(names) for robot, names in names_by_robot.items()}
 
     def _whole(self, picked: list[int]) -> CsvTable:
         """The table of this moment. picked: only these robots; none stands for all that are in it."""
@@ -264,7 +254,7 @@ class RobotTable:
 
 
 def _written(values: Values, table: CsvTable, start: int, stop: int) -> str:
-    """GetRows of a table as CSV, with the head before the first one; unknown is empty."""
+    """Rows of a table as CSV, with the head before the first one; unknown is empty."""
     text = StringIO()
     writer = csv.writer(text, lineterminator="\n")
     if start == 0:
@@ -287,7 +277,7 @@ class TablePage(Protocol):
 
 @answers(then=run_again)
 def rows(source: TablePage, asked: GetRows) -> TableRows:
-    """GetRows of the table."""
+    """Rows of the table."""
     return source.table.rows(asked)
 
 

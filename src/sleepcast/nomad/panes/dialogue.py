@@ -31,7 +31,7 @@ T = TypeVar("T")
 class NomadDialogue(Dialogue[NomadsBackend]):
     """See the module."""
 
-    most_waiting = 2 * MOST_UNDER_WAY
+    max_waiting = 2 * MOST_UNDER_WAY
 
     def __init__(self, desk: NomadsBackend) -> None:
         super().__init__(desk)
@@ -58,7 +58,7 @@ class NomadDialogue(Dialogue[NomadsBackend]):
         """An order that goes on beside everything else."""
         return self._begin(self._desk.obey(asked))
 
-    def beside(self) -> Iterator[str | bytes]:
+    def with_frame(self) -> Iterator[str | bytes]:
         """What the windows show beside a frame, unless the page knows it."""
         data = encode(self._windows.take())
         if data != self._before:

@@ -86,7 +86,7 @@ def test_every_moment_is_as_it_was(run: Run) -> None:
                 found = await run.past.look(tick, robot)
                 assert found.tick == tick
                 assert found.poses == run.poses[tick]
-                assert values(found.said) == values(run.robots[tick, robot]), f"{robot} at {tick}"
+                assert values(found.message) == values(run.robots[tick, robot]), f"{robot} at {tick}"
 
     asyncio.run(look())
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from sleepcast.cli.run import demo
-from sleepcast.console import kept
+from sleepcast.console import snapshots
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.adapters.live_past import LivePast
 from sleepcast.console.adapters.swarm import SwarmAdapter
@@ -68,8 +68,8 @@ def test_obstacles_that_come_and_go_are_bounded() -> None:
 def test_messages_are_bounded_and_what_is_forgotten_is_said(
     monkeypatch: pytest.MonkeyPatch, state_every: float
 ) -> None:
-    monkeypatch.setattr(kept, "STATE_EVERY", state_every)
-    monkeypatch.setattr(kept, "COST", 0.0)
+    monkeypatch.setattr(snapshots, "STATE_EVERY", state_every)
+    monkeypatch.setattr(snapshots, "COST", 0.0)
     past, swarm = past_of(Budget(800_000), states=True)
 
     def send(tick: int) -> None:

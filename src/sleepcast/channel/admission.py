@@ -263,9 +263,9 @@ class Admission:
     def news(self) -> list[StoredWindow]:
         """The replay windows that have changed since the last call."""
         changed = ((which, self._heard.get(which)) for which in self._changed)
-        found = [StoredWindow(*which, each.latest, each.numbers) for which, each in changed if each is not None]
+        windows = [StoredWindow(*which, each.latest, each.numbers) for which, each in changed if each is not None]
         self._changed.clear()
-        return found
+        return windows
 
     def restore(self, windows: Iterable[StoredWindow]) -> None:
         """Restore replay windows."""
@@ -346,9 +346,9 @@ class Admission:
 
     def turned_away(self) -> list[Message]:
         """Messages of senders who may command us that were dropped because of their times, since the last call."""
-        found = list(self._turned_away)
+        messages = list(self._turned_away)
         self._turned_away.clear()
-        return found
+        return messages
 
     def _second_objection(self, key: PublicKey, part: Fragment, piece: Piece) -> DropReason | None:
         if piece.fleet != self.fleet:
@@ -375,11 +375,11 @@ class Admission:
         to_others = self.own and part.kind is Kind.ANSWER and part.parts == 1 and self.own not in part.payload
         if to_others and not self._to_others.take(now):
             return False
-        found = self._budgets.get(part.key)
-        if found is None:
+        budget = self._budgets.get(part.key)
+        if budget is None:
             rate = self._rate if self.robot or key.role is Role.ROBOT else self._of_others
-            found = self._budgets[part.key] = RateLimit(rate, rate, self._chance, now)
-        return found.take(now) and (not self.robot or self._in_all.take(now))
+            budget = self._budgets[part.key] = RateLimit(rate, rate, self._chance, now)
+        return budget.take(now) and (not self.robot or self._in_all.take(now))
 
     def missing(self, key: bytes, sender: str, epoch: int, sequence: int) -> tuple[int, ...]:
         """Numbers of the missing parts of a message of which some have arrived; none if none has."""

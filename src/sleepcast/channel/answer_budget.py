@@ -117,15 +117,15 @@ class AnswerBudget:
         return True
 
     def _account(self, asker: str, now: float) -> _Account:
-        found = self._accounts.get(asker)
-        if found is None:
-            found = self._accounts[asker] = _Account(self.burst, now)
+        account = self._accounts.get(asker)
+        if account is None:
+            account = self._accounts[asker] = _Account(self.burst, now)
             if len(self._accounts) > MAX_ASKERS:
                 self._accounts.popitem(last=False)
-        found.left = min(self.burst, found.left + max(0.0, now - found.since) * self.rate)
-        found.since = now
+        account.left = min(self.burst, account.left + max(0.0, now - account.since) * self.rate)
+        account.since = now
         self._accounts.move_to_end(asker)
-        return found
+        return account
 
 
 def _answering(body: Mapping[str, object], names: Collection[str]) -> int:

@@ -55,13 +55,13 @@ class ClockOffsets:
         took = self._took.get(sender)
         if took is None or len(took) < ENOUGH or now - took[-1][0] > FRESH:
             return 0.0
-        found = max(-self._bound, min(self._bound, *(each for _, each in took)))
-        return found if abs(found) >= LEAST else 0.0
+        offset = max(-self._bound, min(self._bound, *(each for _, each in took)))
+        return offset if abs(offset) >= LEAST else 0.0
 
     def all(self, now: float) -> dict[str, float]:
         """All offsets that are not 0."""
-        found = {sender: self.of(sender, now) for sender in self._took}
-        return {sender: skew for sender, skew in found.items() if skew}
+        offsets = {sender: self.of(sender, now) for sender in self._took}
+        return {sender: offset for sender, offset in offsets.items() if offset}
 
 
 _MAX_CLOCKS = 1_000_000
@@ -106,13 +106,13 @@ class WrongClocks:
 
     def of_robots(self, life: float) -> list[str]:
         """Sentences for an operator about robots' clocks. life: s for which commands count."""
-        found, wrong = [], sorted(self.wrong.items(), key=lambda each: each[1])
+        sentences, wrong = [], sorted(self.wrong.items(), key=lambda each: each[1])
         if len(wrong) > 1:
             middle = wrong[len(wrong) // 2][1]
             alike = [name for name, ahead in wrong if abs(ahead - middle) <= _ALIKE]
             if 2 * len(alike) > max(2, len(self._ahead)):  # one wrong clock here is more likely than so many elsewhere
                 rest = "they obey nothing but your STOP; set it, and start sleepcast again"
-                found.append(
+                sentences.append(
                     f"your clock is {differs(-middle)} {'of ' if middle < 0 else ''}{len(alike)} robots: {rest}"
                 )
                 wrong = [(name, ahead) for name, ahead in wrong if name not in alike]
@@ -121,16 +121,12 @@ class WrongClocks:
             names = [name for name, ahead in wrong if ahead - first <= _ALIKE]
             whose = "its clock is" if len(names) == 1 else "their clocks are"
             only = "" if 0.0 < first <= life else "; it obeys STOP only" if len(names) == 1 else "; they obey STOP only"
-            found.append(f"{_listed(names)}: {whose} {differs(first)}{only}")
+            sentences.append(f"{_listed(names)}: {whose} {differs(first)}{only}")
             wrong = wrong[len(names) :]
-        return found + self._taken()
-
-    def _taken(self) -> list[str]:
-        """Which robots have set their clocks to whose time, one sentence for equal cases."""
-        alike: dict[tuple[str, str], list[str]] = {}
+        whose_time: dict[tuple[str, str], list[str]] = {}
         for name, (whose, behind) in self._took.items():
-            alike.setdefault((whose, differs(-behind)), []).append(name)
-        return [took(names, *which) for which, names in alike.items()]
+            whose_time.setdefault((whose, differs(-behind)), []).append(name)
+        return sentences + [took(names, *which) for which, names in whose_time.items()]
 
     def of_operators(self) -> list[str]:
         """Sentences of a robot about its clock, compared with those of the operators."""

@@ -69,8 +69,13 @@ class Owners(Protocol):
 
 
 class Notice(NamedTuple):
-    """What is going on. key: id of the key that the datagrams name, b"" for none; reason: why most of them were
-    dropped; rate: datagrams a second; text: a sentence without a full stop."""
+    """What is going on.
+
+    key: id of the key that the datagrams name, b"" for none
+    reason: why most of them were dropped
+    rate: datagrams a second
+    text: a sentence without a full stop
+    """
 
     key: bytes
     reason: DropReason
@@ -109,18 +114,18 @@ class DropCounter:
         """Datagrams dropped in a second recently, by key id and reason."""
         self._turn()
         passed = max(self._clock.now() - self._since, _FIRST)
-        found = dict(self._rates)
+        rates = dict(self._rates)
         for which, count in self._window.items():
-            found[which] = max(found.get(which, 0.0), count / passed)
-        return found
+            rates[which] = max(rates.get(which, 0.0), count / passed)
+        return rates
 
     def notices(self, owners: Owners) -> list[Notice]:
         """What a person should know, highest rate first. owners: of the keys."""
         by_key: defaultdict[bytes, dict[DropReason, float]] = defaultdict(dict)
         for (key, reason), rate in self.rates().items():
             by_key[key][reason] = rate
-        found = [notice for key, rates in by_key.items() for notice in _noticed(key, rates, owners)]
-        return sorted(found, key=lambda notice: -notice.rate)[:_MAX_NOTICES]
+        notices = [notice for key, rates in by_key.items() for notice in _noticed(key, rates, owners)]
+        return sorted(notices, key=lambda notice: -notice.rate)[:_MAX_NOTICES]
 
     def _turn(self) -> None:
         """Begin another window if this one is over."""
@@ -189,16 +194,16 @@ class NoticeLog:
 
     def lines(self) -> list[str]:
         """Lines that are due."""
-        now, found = self._clock.now(), []
+        now, lines = self._clock.now(), []
         self._reported = {which: last for which, last in self._reported.items() if 0.0 <= now - last[0] < AGAIN}
         for key, reason, rate, text in self._drops.notices(self._owners):
             _, last = self._reported.get((key, reason), (now, 0.0))
             if rate >= _WORSE * last:
                 self._reported[key, reason] = now, rate
-                found.append(text)
+                lines.append(text)
         self._said = {text: at for text, at in self._said.items() if 0.0 <= now - at < AGAIN}
         for text in self._others():
             if text not in self._said:
                 self._said[text] = now
-                found.append(text)
-        return found
+                lines.append(text)
+        return lines

@@ -116,7 +116,7 @@ def encode(message: Message, fleet: str, key: KeyPair) -> list[bytes]:
     pieces = [content[at : at + room] for at in range(0, len(content), room)]
     deadline = NEVER if isinf(message.deadline) else _micro(message.deadline)
     kind = STANDING if message.standing else NUMBER[message.kind]
-    found = []
+    datagrams = []
     for number, piece in enumerate(pieces):
         fixed = FIXED.pack(
             *(_ARRAY, _VERSION, kind, LONG, message.epoch, LONG, message.sequence),
@@ -125,8 +125,8 @@ def encode(message: Message, fleet: str, key: KeyPair) -> list[bytes]:
         payload = fixed + names + cbor2.dumps(piece)
         length = b"\x59" + len(payload).to_bytes(2, "big")
         signature = key.sign(signed_bytes(payload))
-        found.append(b"".join((HEAD, key.id, length, payload, SIGNATURE_HEAD, signature)))
-    return found
+        datagrams.append(b"".join((HEAD, key.id, length, payload, SIGNATURE_HEAD, signature)))
+    return datagrams
 
 
 def encoded_size(message: Message, fleet: str) -> int:
@@ -192,8 +192,8 @@ def signed_bytes(payload: bytes) -> bytes:
 
 def read_piece(part: Fragment) -> Piece:
     """The rest of a verified part. Raises EnvelopeError if its signer wrote something malformed."""
-    found = _decoded(b"\x83" + part.payload[FIXED.size :])
-    match found:
+    decoded = _decoded(b"\x83" + part.payload[FIXED.size :])
+    match decoded:
         case [str() as fleet, str() as sender, bytes() as content] if len(fleet) <= MAX_NAME:
             return Piece(fleet, sender, content)
     raise EnvelopeError("a message without fleet, sender and content")
@@ -202,8 +202,8 @@ def read_piece(part: Fragment) -> Piece:
 def read_message(part: Fragment, sender: str, content: bytes, role: str = "", ahead: float = 0.0) -> Message:
     """The message whose pieces make `content`, and of which `part` arrived last. role: of the key that signed it,
     "" where nobody has verified it; ahead: see `Message`. Raises EnvelopeError."""
-    found = _decoded(content)
-    match found:
+    decoded = _decoded(content)
+    match decoded:
         case [str() as text, dict() as body] if plain(body):
             try:
                 return Message(
@@ -235,7 +235,7 @@ def _decoded(data: bytes) -> object:
 
 
 def _micro(time: float) -> int:
-    found = round(time * _MICRO)
-    if not 0 <= found < NEVER:
+    micros = round(time * _MICRO)
+    if not 0 <= micros < NEVER:
         raise MessageError(f"a time of {time} s cannot be sent: it must lie between 0 and {NEVER / _MICRO:g} s")
-    return found
+    return micros

@@ -48,8 +48,8 @@ class FairTable(Generic[Key, Value, Owner]):
 
     def get(self, key: Key) -> Value | None:
         """The value of a key, None if there is none; this is no use."""
-        found = self._entries.get(key)
-        return None if found is None else found[1]
+        entry = self._entries.get(key)
+        return None if entry is None else entry[1]
 
     def values(self) -> Iterator[Value]:
         """All values, in the order in which they came."""
@@ -79,10 +79,10 @@ class FairTable(Generic[Key, Value, Owner]):
 
     def pop(self, key: Key) -> Value | None:
         """Remove an entry, and return its value; None if there is none."""
-        found = self._entries.pop(key, None)
-        if found is None:
+        entry = self._entries.pop(key, None)
+        if entry is None:
             return None
-        owner, value = found
+        owner, value = entry
         del self._of[owner][key]
         if not self._of[owner]:
             del self._of[owner]

@@ -97,10 +97,10 @@ def keys_folder() -> Path:
 
 def load_trust(file: Path) -> Trust:
     """The keys in a trust file. Raises KeyFileError."""
-    found = _decoded(file, TrustFile, "a trust file")
+    content = _decoded(file, TrustFile, "a trust file")
     try:
-        trust = Trust(PublicKey(key.owner, key.role, half(key.public), key.revoked) for key in found.keys)
-        vouched, gone = _listed(found.vouched, FINGERPRINT_BYTES), _listed(found.gone, ID_BYTES)
+        trust = Trust(PublicKey(key.owner, key.role, half(key.public), key.revoked) for key in content.keys)
+        vouched, gone = _listed(content.vouched, FINGERPRINT_BYTES), _listed(content.gone, ID_BYTES)
         trust.take(KeyChange((), vouched, gone))
     except KeyRefusal as error:
         raise KeyFileError(f"{file}: {error}") from None
@@ -108,10 +108,10 @@ def load_trust(file: Path) -> Trust:
 
 
 def _listed(written: list[str], count: int) -> frozenset[bytes]:
-    found = frozenset(map(half, written))
-    if any(len(each) != count for each in found):
+    decoded = frozenset(map(half, written))
+    if any(len(each) != count for each in decoded):
         raise KeyRefusal(f"something of {count} bytes is written as {2 * count} hexadecimal digits")
-    return found
+    return decoded
 
 
 def save_trust(trust: Trust, file: Path) -> None:
@@ -126,9 +126,9 @@ def add_trust(trust: Trust, file: Path) -> None:
     KeyFileLostError."""
     with _alone(file):
         known = file.exists()
-        there = load_trust(file) if known else Trust()
-        if there.merge(trust) or not known:
-            save_trust(there, file)
+        stored = load_trust(file) if known else Trust()
+        if stored.merge(trust) or not known:
+            save_trust(stored, file)
 
 
 @contextmanager
@@ -185,9 +185,9 @@ class TrustKeeper:
 
 def load_key(file: Path) -> KeyPair:
     """The key pair in a file. Raises KeyFileError, also for a file that others can read."""
-    found = _decoded(file, SecretFile, "the secret half of a key", private=True)
+    content = _decoded(file, SecretFile, "the secret half of a key", private=True)
     try:
-        return KeyPair(found.owner, found.role, half(found.secret))
+        return KeyPair(content.owner, content.role, half(content.secret))
     except KeyRefusal as error:
         raise KeyFileError(f"{file}: {error}") from None
 
@@ -209,10 +209,10 @@ def find_key(folder: Path, owner: str) -> KeyPair:
     """This user's key of `owner`. Raises KeyFileError if there is none."""
     file = key_file(folder, owner)
     if not file.exists():
-        there = sorted(found.stem for found in folder.glob("*.key"))
-        have = f"there are {', '.join(there)}" if there else "there is none yet"
+        names = sorted(each.stem for each in folder.glob("*.key"))
+        have = f"there are {', '.join(names)}" if names else "there is none yet"
         raise KeyFileError(
-            f"no key {owner!r} in {folder}{did_you_mean(owner, there)}: {have}; sleepcast keys new {owner} makes it"
+            f"no key {owner!r} in {folder}{did_you_mean(owner, names)}: {have}; sleepcast keys new {owner} makes it"
         )
     return load_key(file)
 
@@ -279,12 +279,14 @@ def _decoded(file: Path, kind: type[File], what: str, *, private: bool = False) 
     if len(data) > MAX_BYTES:
         raise KeyFileError(f"{file} has more than {MAX_BYTES} bytes: wanted {what}")
     try:
-        found = msgspec.json.decode(data, type=kind)
+        content = msgspec.json.decode(data, type=kind)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise KeyFileError(f"{file} is not {what}: {error}") from None
-    if found.format > _FORMAT:
-        raise KeyFileError(f"{file} is of format {found.format}, and this sleepcast reads {_FORMAT}: take a newer one")
-    return found
+    if content.format > _FORMAT:
+        raise KeyFileError(
+            f"{file} is of format {content.format}, and this sleepcast reads {_FORMAT}: take a newer one"
+        )
+    return content
 
 
 def half(digits: str) -> bytes:

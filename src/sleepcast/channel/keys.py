@@ -55,8 +55,13 @@ class KeyRefusal(MisuseError):
 
 @dataclass(frozen=True, slots=True)
 class PublicKey:
-    """A known key. owner: the sender's name in its messages; a name that ends in `*` stands for every name that begins
-    so (many robots of one process; robots only). public: 32 bytes. revoked: nothing signed with it counts any more.
+    """A known key.
+
+    owner: the sender's name in its messages; a name that ends in `*` stands for every name that begins so (many robots
+        of one process; robots only)
+    role: what its owner may do
+    public: 32 bytes
+    revoked: nothing signed with it counts any more
 
     Raises KeyRefusal for a public half or a name of the wrong length, and for `*` with another role than robot.
     """
@@ -114,8 +119,12 @@ class KeyPair:
 
 @dataclass(frozen=True, slots=True)
 class KeyChange:
-    """A commander's change of keys. trust: keys to trust; revoke: ids of keys to revoke for good; vouch: fingerprints
-    of datagrams of revoked keys that still count."""
+    """A commander's change of keys.
+
+    trust: keys to trust
+    vouch: fingerprints of datagrams of revoked keys that still count
+    revoke: ids of keys to revoke for good
+    """
 
     trust: tuple[PublicKey, ...] = ()
     vouch: frozenset[bytes] = field(default_factory=frozenset)
@@ -167,12 +176,12 @@ def _trusted(written: object) -> PublicKey:
 
 def _bytes(written: object, count: int) -> bytes:
     try:
-        found = bytes.fromhex(written) if isinstance(written, str) else b""
+        decoded = bytes.fromhex(written) if isinstance(written, str) else b""
     except ValueError:
-        found = b""
-    if len(found) != count:
+        decoded = b""
+    if len(decoded) != count:
         raise KeyRefusal(f"{count} bytes are written as {2 * count} hexadecimal digits, not as {written!r:.80}")
-    return found
+    return decoded
 
 
 class Trust:
@@ -225,12 +234,12 @@ class Trust:
 
     def revoke(self, owner: str) -> tuple[PublicKey, ...]:
         """Revoke all keys of `owner`, and return them. Raises KeyRefusal if there is none."""
-        found = tuple(key for key in self._keys.values() if key.owner == owner)
-        if not found:
+        keys = tuple(key for key in self._keys.values() if key.owner == owner)
+        if not keys:
             names = sorted({key.owner for key in self._keys.values()})
             raise KeyRefusal(f"no key of {owner!r} is trusted{did_you_mean(owner, names)}")
-        self.take(KeyChange(revoke=frozenset(key.id for key in found)))
-        return found
+        self.take(KeyChange(revoke=frozenset(key.id for key in keys)))
+        return keys
 
     def take(self, change: KeyChange) -> bool:
         """Apply a commander's change; returns whether it changed anything. A known key keeps its owner and its role.

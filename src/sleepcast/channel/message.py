@@ -71,8 +71,12 @@ class Role(StrEnum):
 
 
 class Predecessors(NamedTuple):
-    """The commands before a command. after: number of the previous one, 0 for none; sent, until: when that was issued
-    and its deadline (s, inf for a standing one); rules: number of the previous standing one, 0 for none."""
+    """The commands before a command.
+
+    after: number of the previous one, 0 for none
+    sent, until: when that was issued, and its deadline (s, inf for a standing one)
+    rules: number of the previous standing one, 0 for none
+    """
 
     after: int = 0
     sent: float = inf
@@ -93,9 +97,9 @@ class Predecessors(NamedTuple):
         return Predecessors()
 
 
-def _time(found: object) -> float:
+def _time(time: object) -> float:
     """A time in a body; inf for what is no number, or too large."""
-    return float(found) if isinstance(found, float) or (isinstance(found, int) and abs(found) < 1e300) else inf
+    return float(time) if isinstance(time, float) or (isinstance(time, int) and abs(time) < 1e300) else inf
 
 
 class MessageError(MisuseError):
@@ -103,15 +107,20 @@ class MessageError(MisuseError):
 
 
 class Message(msgspec.Struct, frozen=True, dict=True):
-    """One message.
+    """One message. Raises MessageError past a bound.
 
-    issued: when it was sent; deadline: after which nobody acts on it any more, inf for never; both s of the swarm's
-    clock. standing: whether it must reach everybody in the end, also robots that join later. body: further fields as
-    plain data, by name (see below). role: of the key that signed it, as the receiver knows it; "" where nobody signs.
-    heard: when it reached its receiver, s of that clock, None if unknown; ahead: s by which its sender's clock is ahead
-    of the receiver's, 0 if by no more than is allowed. A message with another value only shows that its sender is
-    there. key: id of the key that signed it, in hexadecimal digits; "" where nobody signs. Raises MessageError past a
-    bound.
+    sender, epoch, sequence: who sends it, in which life, and its number
+    kind: what it is for
+    issued: when it was sent, s of the swarm's clock
+    deadline: after which nobody acts on it any more, s of that clock, inf for never
+    text: the expression
+    standing: whether it must reach everybody in the end, also robots that join later
+    body: further fields as plain data, by name (see below)
+    role: of the key that signed it, as the receiver knows it; "" where nobody signs
+    heard: when it reached its receiver, s of that clock, None if unknown
+    ahead: s by which its sender's clock is ahead of the receiver's, 0 if by no more than is allowed; a message with
+        another value only shows that its sender is there
+    key: id of the key that signed it, in hexadecimal digits; "" where nobody signs
     """
 
     sender: str
@@ -250,16 +259,18 @@ class Inspection(StrEnum):
 
 def answer_body(command: str, outcome: str, value: float, fault: str) -> dict[str, object]:
     """The body of an answer. value: NaN for unknown; fault: "" for none."""
-    known = REFINED.get(outcome)
-    found: dict[str, object] = {"command": command, "outcome": known or outcome}
-    found |= {"value": None if isnan(value) else value, "fault": fault or None}
-    return found if known is None else found | {outcome: True}
+    refined_of = REFINED.get(outcome)
+    body: dict[str, object] = {"command": command, "outcome": refined_of or outcome}
+    body |= {"value": None if isnan(value) else value, "fault": fault or None}
+    return body if refined_of is None else body | {outcome: True}
 
 
 def outcome_of(body: Mapping[str, object]) -> object:
     """The outcome in an answer's body, whatever its sender has put there."""
-    said = body.get("outcome")
-    return next((refined for refined, known in REFINED.items() if said == known and body.get(refined) is True), said)
+    outcome = body.get("outcome")
+    return next(
+        (refined for refined, known in REFINED.items() if outcome == known and body.get(refined) is True), outcome
+    )
 
 
 def not_stored(message: Message) -> Message:

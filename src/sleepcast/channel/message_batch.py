@@ -87,8 +87,8 @@ class Reports:
         return ""
 
     def body(self, place: int) -> Body:
-        found = [float(column[place]) for column in self.values]
-        body: Body = {"label": self.label, "values": [None if value != value else value for value in found]}
+        values = [float(column[place]) for column in self.values]
+        body: Body = {"label": self.label, "values": [None if value != value else value for value in values]}
         return body | {RULE: self.rule} if self.rule else body
 
 

@@ -57,9 +57,15 @@ SHOWN = 3
 
 @dataclass(slots=True)
 class Holder:
-    """A robot that has a name. address: where its messages come from, "" if unknown. issued: time of the first message
-    that counts, by its clock; since: when that was heard; heard: when it was last heard (s). contested: whether another
-    robot was seen to have the name as well."""
+    """A robot that has a name.
+
+    epoch: its life
+    address: where its messages come from, "" if unknown
+    issued: time of the first message that counts, by its clock
+    since: when that was heard, s
+    heard: when it was last heard, s
+    contested: whether another robot was seen to have the name as well
+    """
 
     epoch: int
     address: str
@@ -177,13 +183,13 @@ class NameConflicts:
 
     def _known(self, name: str, now: float, key: str) -> list[Holder]:
         """The robots that have this name, but for those that have long been silent. key: who speaks under it."""
-        found = self._holders.get(name)
-        if found is None:
-            found = []
-            self._holders.put(key, name, found)
-        elif now - min((each.heard for each in found), default=inf) > LASTS:
-            self._retire(name, found, now)
-        return found
+        holders = self._holders.get(name)
+        if holders is None:
+            holders = []
+            self._holders.put(key, name, holders)
+        elif now - min((each.heard for each in holders), default=inf) > LASTS:
+            self._retire(name, holders, now)
+        return holders
 
     def _add(self, name: str, holders: list[Holder], new: Holder) -> None:
         holders.append(new)
@@ -218,19 +224,19 @@ class NameConflicts:
     def holders(self, name: str, now: float) -> Sequence[Holder]:
         """The robots that have a name, in the order in which they were first heard, if there may be several; else
         none."""
-        found = self._shared.get(name)
-        if found is None:
+        holders = self._shared.get(name)
+        if holders is None:
             return ()
-        if now - min(each.heard for each in found) > LASTS:
-            self._retire(name, found, now)
-        return tuple(found) if len(found) > 1 else ()
+        if now - min(each.heard for each in holders) > LASTS:
+            self._retire(name, holders, now)
+        return tuple(holders) if len(holders) > 1 else ()
 
     def contested(self, now: float) -> dict[str, tuple[Holder, ...]]:
         """The robots of each name that several have."""
-        found = {
+        contested = {
             name: tuple(each for each in self.holders(name, now) if each.contested) for name in tuple(self._shared)
         }
-        return {name: holders for name, holders in found.items() if holders}
+        return {name: holders for name, holders in contested.items() if holders}
 
     def is_undecided(self, name: str, now: float) -> bool:
         """Whether a name has a new epoch of which is not known yet whether it is a restart."""
@@ -249,11 +255,11 @@ class NameConflicts:
     def changed(self, now: float) -> list[str]:
         """The names whose robots have changed since the last call, and those that are undecided."""
         undecided = self.undecided(now)
-        found = dict.fromkeys((*self._changed, *undecided, *self._probed))
+        names = dict.fromkeys((*self._changed, *undecided, *self._probed))
         self._changed.clear()
         for name in [name for name in self._probed if name not in undecided]:
             del self._probed[name]
-        return list(found)
+        return list(names)
 
     def to_probe(self, now: float) -> list[str]:
         """Undecided names whose robots are to be asked now."""
@@ -267,14 +273,14 @@ class NameConflicts:
 
     def of_own(self, now: float) -> list[str]:
         """What a robot's terminal says: which of our names others have as well."""
-        found = {
+        others = {
             name: [each for each in holders if each.epoch != self.own[name]]
             for name, holders in self.contested(now).items()
         }
         return [
             f"{'another robot has our name' if len(names) == 1 else f'other robots have {len(names)} of our names:'} "
             f"{_listed(names)}, {where}: commands reach both, and no desk takes the answer of one for both"
-            for names, where in _alike(found)
+            for names, where in _alike(others)
         ]
 
     def others(self, name: str, now: float) -> list[list[float]]:
@@ -311,14 +317,14 @@ def sentences(contested: Mapping[str, Sequence[Holder]]) -> list[str]:
     ]
 
 
-def _alike(found: Mapping[str, Sequence[Holder]]) -> Iterator[tuple[list[str], str]]:
+def _alike(holders_of: Mapping[str, Sequence[Holder]]) -> Iterator[tuple[list[str], str]]:
     """The names whose robots are in the same places, and where that is; a single name with the epochs."""
     places: dict[tuple[int, tuple[str, ...]], list[str]] = {}
-    for name, holders in found.items():
+    for name, holders in holders_of.items():
         places.setdefault((len(holders), tuple(sorted(each.address for each in holders))), []).append(name)
     for (_, addresses), names in places.items():
         if len(names) == 1:
-            yield names, ", ".join(map(str, sorted(found[names[0]], key=lambda each: each.epoch)))
+            yield names, ", ".join(map(str, sorted(holders_of[names[0]], key=lambda each: each.epoch)))
         else:
             yield names, ", ".join(f"one at {address or 'an unknown address'}" for address in addresses)
 
@@ -344,21 +350,21 @@ def _others(body: Mapping[str, object], now: float) -> Iterator[tuple[int, float
 def _ranges(own: Mapping[str, int]) -> list[list[object]]:
     """Names with their epochs, numbered ones that follow each other as one: [beginning, first number, how many, epoch];
     others as [name, epoch]."""
-    found: list[list[object]] = []
+    ranges: list[list[object]] = []
     last: tuple[str, int, int] | None = None
     for name, epoch in own.items():
         numbered = fullmatch(r"(.*?)(0|[1-9][0-9]{0,8})", name)
         if numbered is None:
-            found.append([name, epoch])
+            ranges.append([name, epoch])
             last = None
             continue
         beginning, number = numbered[1], int(numbered[2])
         if last == (beginning, number - 1, epoch):
-            found[-1][2] = int(str(found[-1][2])) + 1
+            ranges[-1][2] = int(str(ranges[-1][2])) + 1
         else:
-            found.append([beginning, number, 1, epoch])
+            ranges.append([beginning, number, 1, epoch])
         last = beginning, number, epoch
-    return found
+    return ranges
 
 
 def _spoken(listed: object) -> Iterator[tuple[str, int]]:

@@ -88,7 +88,7 @@ class Datagrams:
 
     def receive(self) -> list[Numbers]:
         """The numbers received since the last call, in order, from `MAX_AT_ONCE` datagrams at most."""
-        found: list[Numbers] = []
+        received: list[Numbers] = []
         for _ in range(MAX_AT_ONCE):
             try:
                 data = self._socket.recv(MAX_BYTES + 1)
@@ -101,8 +101,8 @@ class Datagrams:
                 self.counts.dropped += 1
             else:
                 self.counts.taken += 1
-                found.append(numbers)
-        return found
+                received.append(numbers)
+        return received
 
     def close(self) -> None:
         """Stop listening."""

@@ -78,9 +78,15 @@ MAX_WANTED = 64
 
 
 class Repair(NamedTuple):
-    """Commands that a party misses, to be resent in order at a time (s). tie: makes equal times comparable. wanted:
-    numbers of commands, each with the numbers of its parts if only some are wanted. silent_since: what was on the air
-    after that (s) is left out. key: of whoever has requested them."""
+    """Commands that a party misses, to be resent in order.
+
+    time: when, s
+    tie: makes equal times comparable
+    stream: of the commands
+    wanted: their numbers, each with the numbers of its parts if only some are wanted
+    silent_since: what was on the air after that (s) is left out
+    key: of whoever has requested them
+    """
 
     time: float
     tie: int
@@ -118,13 +124,13 @@ class RepairBudget:
         """Bytes that are to be resent soon for each key."""
 
     def plan(self, key: str, size: int, now: float) -> bool:
-        """Whether a command of so many bytes may be resent soon for this key. If so, call `carry_out` then."""
+        """Whether a command of so many bytes may be resent soon for this key. If so, call `confirm` then."""
         if not self._allows(key, now, self._planned[key], self._planned.total()):
             return False
         self._planned[key] += size
         return True
 
-    def carry_out(self, key: str, size: int, now: float) -> bool:
+    def confirm(self, key: str, size: int, now: float) -> bool:
         """Whether the command may be resent now: others may have been faster."""
         self._planned[key] -= size
         return self._all.left(now) > 0.0 and self._allows(key, now)
@@ -141,13 +147,17 @@ class RepairBudget:
 
 
 class ReliableDelivery:
-    """One party's delivery. name, epoch: of its messages. The epoch is higher than in all earlier lives, or the same
-    with `first` higher than every number used in it. key: signs messages; admission: checks datagrams; chance: for
-    random moments. keep: called before a standing command of ours is sent, and every `KEEP_EVERY` numbers, to save
-    them.
+    """One party's delivery.
 
-    sequencer: the progress of each stream. overheard: datagrams that were stored already; all others are counted by
-    the admission.
+    name: of its messages
+    epoch: higher than in all earlier lives, or the same with `first` higher than every number used in it
+    key: signs messages
+    admission: checks datagrams
+    chance: for random moments
+    first: number of the first message
+    keep: called before a standing command of ours is sent, and every `KEEP_EVERY` numbers, to save them
+    sequencer: the progress of each stream
+    overheard: datagrams that were stored already; all others are counted by the admission
     """
 
     def __init__(
@@ -214,13 +224,13 @@ class ReliableDelivery:
         """Our next message, with its number and, if it is a command, its link. deadline: s of Unix time; None for
         `LIFE` from now, or for no deadline if it is standing. Call `queue` with it before composing another one."""
         until = (inf if standing else now + LIFE) if deadline is None else deadline
-        number, said, issued = self._number(), dict(body or {}), now
+        number, fields, issued = self._number(), dict(body or {}), now
         if kind is Kind.COMMAND:
-            said |= self._own().link().written()
+            fields |= self._own().link().written()
             if 0.0 <= self._issued - now <= self.admission.skew:
                 issued = self._issued  # if the clock was set back, no command may seem older than the last
             self._issued = issued
-        return Message(self.name, self.epoch, number, kind, issued, until, text, standing, said)
+        return Message(self.name, self.epoch, number, kind, issued, until, text, standing, fields)
 
     def queue(self, message: Message, now: float) -> None:
         """Queue a message that was composed; see `posted`. Raises MessageError if it is too long."""
@@ -408,14 +418,14 @@ class ReliableDelivery:
             self._repairs.heard((name, part.sequence), now)
         return not self.admission.robot or self.sequencer.knows(name, part.sequence)
 
-    def _noted(self, found: list[Message], now: float) -> list[Message]:
+    def _noted(self, messages: list[Message], now: float) -> list[Message]:
         """These messages; if any is standing, our progress is sent to the others."""
-        standing = [message for message in found if message.standing]
+        standing = [message for message in messages if message.standing]
         for message in standing:
             self._catching_up.take(message.issued, now)
         if standing:
             self._tell_progress(now)
-        return found
+        return messages
 
     def _tell_progress(self, now: float) -> None:
         """We have new standing commands: send a digest soon."""
@@ -440,7 +450,7 @@ class ReliableDelivery:
         numbers: dict[StreamId, list[int]] = {}
         for each in dealt_with:
             numbers.setdefault(each.stream, []).append(each.number)
-        self.sequencer.restore(kept.streams, {name: sorted(found) for name, found in numbers.items()})
+        self.sequencer.restore(kept.streams, {name: sorted(listed) for name, listed in numbers.items()})
         self._rebase((each.stream, each.datagrams) for each in dealt_with)
         self._store.restore(dealt_with, self._stands)
         self.admission.restore(kept.windows)
@@ -507,7 +517,7 @@ class ReliableDelivery:
         missing = [
             (name, number, self._missing(name, number)) for name, numbers in wanted.items() for number in numbers
         ]
-        self._say(Kind.REQUEST, request(missing), now)
+        self._send(Kind.REQUEST, request(missing), now)
 
     def _repair_requested(self, asked: Message, now: float) -> None:
         """Resend what is requested; those of the requested commands that are resent now, we do not request as well."""
@@ -561,7 +571,7 @@ class ReliableDelivery:
 
     def step(self, now: float) -> tuple[list[bytes], list[Message]]:
         """The datagrams to send now, and the messages that need not wait any longer."""
-        found = self._noted(self.sequencer.expire(now), now)
+        freed = self._noted(self.sequencer.expire(now), now)
         while self._later and self._later[0].time <= now:
             self._do(heappop(self._later), now)
         if self._stop_repeats.time <= now:
@@ -570,11 +580,11 @@ class ReliableDelivery:
         if wanted:
             self._request(wanted, now)
         if self._time_request is not None and self._time_request.due <= now:
-            self._say(Kind.REPORT, self._time_request.question(now), now)
+            self._send(Kind.REPORT, self._time_request.question(now), now)
             self.admission.nonce = self._time_request.nonce
         if self._digest_timer.is_due(now) or self._conflicts.due() <= now:
-            self._say(Kind.DIGEST, self._digest(now) | self._conflicts.introduction(now), now)
-        return self.posted(), found
+            self._send(Kind.DIGEST, self._digest(now) | self._conflicts.introduction(now), now)
+        return self.posted(), freed
 
     def due(self) -> float:
         """When to call `step` next, s of Unix time; earlier calls do no harm."""
@@ -592,13 +602,13 @@ class ReliableDelivery:
             self._out += job.datagrams
             return
         for number, *parts in job.wanted:
-            if not self._repair_bytes.carry_out(job.key, self._size(job.stream, number), now):
+            if not self._repair_bytes.confirm(job.key, self._size(job.stream, number), now):
                 continue
-            found = self._store.take(job.stream, number, now, job.silent_since, parts)
-            if found:
+            datagrams = self._store.take(job.stream, number, now, job.silent_since, parts)
+            if datagrams:
                 self._repairs.sent((job.stream, number))
-            self._repair_bytes.spend(job.key, sum(map(len, found)))
-            self._out += found
+            self._repair_bytes.spend(job.key, sum(map(len, datagrams)))
+            self._out += datagrams
 
     def _stop_again(self, now: float) -> None:
         """Send the copies of our STOP that are due, including late ones: any of them may be the one that gets
@@ -609,7 +619,7 @@ class ReliableDelivery:
         time += owed * STOP_EVERY
         self._stop_repeats = StopRepeats(time, until, datagrams) if time <= until else StopRepeats()
 
-    def _say(self, kind: Kind, body: dict[str, object], now: float) -> None:
+    def _send(self, kind: Kind, body: dict[str, object], now: float) -> None:
         message = Message(self.name, self.epoch, self._number(), kind, now, now + LIFE, body=body)
         self._out += encode(message, self.admission.fleet, self._key)
 
@@ -630,25 +640,25 @@ Value = TypeVar("Value")
 
 def streams_in(body: dict[str, object], what: str, kind: type[Value]) -> list[tuple[StreamId, Value]]:
     """The streams with their values in the body of a digest or request; malformed entries are left out."""
-    found = []
+    streams = []
     listed = body.get(what)
     for each in listed[:MAX_STREAMS] if isinstance(listed, list) else ():
         match each:
             case [bytes() as key, int() as epoch, value] if isinstance(value, kind):
-                found.append(((key, epoch), value))
-    return found
+                streams.append(((key, epoch), value))
+    return streams
 
 
 def wanted_parts(body: dict[str, object]) -> list[tuple[StreamId, int, list[int]]]:
     """The wanted parts of commands in the body of a request; malformed entries are left out."""
-    found = []
+    wanted = []
     listed = body.get("parts")
     for each in listed[:MAX_ASKED] if isinstance(listed, list) else ():
         match each:
-            case [bytes() as key, int() as epoch, int() as number, list() as said]:
-                numbers = [part for part in said[:MAX_PARTS] if isinstance(part, int)]
-                found += [((key, epoch), number, numbers)] if numbers else []
-    return found
+            case [bytes() as key, int() as epoch, int() as number, list() as parts]:
+                numbers = [part for part in parts[:MAX_PARTS] if isinstance(part, int)]
+                wanted += [((key, epoch), number, numbers)] if numbers else []
+    return wanted
 
 
 def request(missing: Iterable[tuple[StreamId, int, Sequence[int]]]) -> dict[str, object]:

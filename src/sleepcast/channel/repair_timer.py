@@ -36,11 +36,17 @@ CommandId = tuple[StreamId, int]
 
 @dataclass(slots=True)
 class Round:
-    """The commands of one request or digest, and their copies. begun: when it came; due: when we resend each command;
-    window: the longest wait then; soon: the time in which the number of parties whose waits end grows e-fold; all in s.
+    """The commands of one request or digest, and their copies.
 
-    copies: how many we have heard or sent. last: when each command was last heard, s; extra: copies heard besides each
-    one's first; spread: sum of the times between them, s. grown: whether they have made the window longer.
+    begun: when it came, s
+    due: when we resend each command, s
+    window: the longest wait then, s
+    soon: the time in which the number of parties whose waits end grows e-fold, s
+    copies: how many we have heard or sent
+    last: when each command was last heard, s
+    extra: copies heard besides each one's first
+    spread: sum of the times between them, s
+    grown: whether they have made the window longer
     """
 
     begun: float
@@ -93,8 +99,8 @@ class RepairTimer:
 
     def is_pending(self, command: CommandId, now: float) -> bool:
         """Whether we are about to resend this command."""
-        found = self._of.get(command)
-        return found is not None and now < found.due[command]
+        repairs = self._of.get(command)
+        return repairs is not None and now < repairs.due[command]
 
     def begin(self, commands: Sequence[CommandId], now: float, due: float) -> None:
         """These commands were requested at `now`, and we resend them at `due`, s."""
@@ -108,25 +114,25 @@ class RepairTimer:
 
     def sent(self, command: CommandId) -> None:
         """We have resent this command."""
-        found = self._of.get(command)
-        if found is not None:
-            found.copies += 1
+        repairs = self._of.get(command)
+        if repairs is not None:
+            repairs.copies += 1
 
     def heard(self, command: CommandId, now: float) -> None:
         """Another party has sent this command, as an exact copy of what we have stored."""
-        found = self._of.get(command)
-        if found is None or now > found.begun + _COUNTED_FOR:
+        repairs = self._of.get(command)
+        if repairs is None or now > repairs.begun + _COUNTED_FOR:
             return
-        found.hear(command, now)
-        if found.is_crowded:
-            found.grown = True
-            self._crowd = max(self._crowd, found.each)
-            self.window = min(max(self.window, found.window * log2(max(2.0, found.each))), REPAIR_WITHIN_SLOW)
+        repairs.hear(command, now)
+        if repairs.is_crowded:
+            repairs.grown = True
+            self._crowd = max(self._crowd, repairs.each)
+            self.window = min(max(self.window, repairs.window * log2(max(2.0, repairs.each))), REPAIR_WITHIN_SLOW)
 
-    def _end(self, found: Round) -> None:
-        for command in found.due:
+    def _end(self, ended: Round) -> None:
+        for command in ended.due:
             del self._of[command]
-        if not found.grown:
+        if not ended.grown:
             self.window = max(_SHRINK * self.window, REPAIR_WITHIN)
             if self.window == REPAIR_WITHIN:
                 self._crowd = _FEW

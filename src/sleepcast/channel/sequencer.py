@@ -48,8 +48,13 @@ class Skipped(NamedTuple):
 
 @dataclass(slots=True)
 class MissingCommand:
-    """A missing command. due: time of the next request, s; until: when it is too late, s; pauses: until the next
-    ones; put_off: how often others' requests have put off ours."""
+    """A missing command.
+
+    due: time of the next request, s
+    until: when it is too late, s
+    pauses: until the next requests
+    put_off: how often others' requests have put off ours
+    """
 
     due: float
     until: float = inf
@@ -59,12 +64,16 @@ class MissingCommand:
 
 @dataclass(slots=True)
 class Stream:
-    """The commands of one sender in one epoch. done: number of the latest that was handled, or skipped; sent, until:
-    when it was issued and its deadline, s; standing: numbers of the handled standing ones that count; waiting: commands
-    that came too early, by number; wanted: missing ones.
+    """The commands of one sender in one epoch.
 
-    base: number of the latest standing command that says which before it still count, `only`; 0 for none. over: numbers
-    of handled ones that do not count any more; we resend them only to parties that know nothing of this."""
+    done: number of the latest that was handled, or skipped
+    sent, until: when that was issued, and its deadline, s
+    standing: numbers of the handled standing ones that count
+    waiting: commands that came too early, by number
+    wanted: missing ones
+    base: number of the latest standing command that says which before it still count (`only`); 0 for none
+    over: numbers of handled ones that do not count any more; we resend them only to parties that know nothing of this
+    """
 
     name: StreamId
     done: int = 0
@@ -91,15 +100,15 @@ class Stream:
 
     def counts(self, number: int) -> bool:
         """Whether a standing command still counts."""
-        place = bisect_right(self.only, number)
-        return number >= self.base or (place > 0 and self.only[place - 1] == number)
+        index = bisect_right(self.only, number)
+        return number >= self.base or (index > 0 and self.only[index - 1] == number)
 
     def after_rules(self, link: Predecessors) -> int:
         """The number of the standing command for which one with this link waits: the latest that still counts."""
         if link.rules >= self.base:
             return link.rules
-        place = bisect_right(self.only, link.rules)
-        return self.only[place - 1] if place else 0
+        index = bisect_right(self.only, link.rules)
+        return self.only[index - 1] if index else 0
 
     def _stood(self, number: int) -> bool:
         waiting = self.waiting.get(number)
@@ -143,9 +152,9 @@ class Sequencer:
 
     def stream(self, name: StreamId) -> Stream:
         """The stream of a command that was verified, created if it is the first."""
-        found = self._streams.get(name) or Stream(name)
-        self._streams.put(name[0], name, found)
-        return found
+        stream = self._streams.get(name) or Stream(name)
+        self._streams.put(name[0], name, stream)
+        return stream
 
     def find(self, name: StreamId) -> Stream | None:
         """The stream with this id, if a command of it was received: what others only tell makes no stream."""
@@ -169,13 +178,13 @@ class Sequencer:
     def news(self) -> tuple[StreamProgress, ...]:
         """The progress of the streams that have advanced since the last call."""
         moved = (self._streams.get(name) for name in self._changed)
-        found = tuple(
+        progress = tuple(
             StreamProgress(stream.name, stream.done, stream.sent, stream.until, stream.rules)
             for stream in moved
             if stream is not None
         )
         self._changed.clear()
-        return found
+        return progress
 
     def restore(self, streams: Iterable[StreamProgress], standing: Mapping[StreamId, Sequence[int]]) -> None:
         """Restore streams. standing: numbers of each one's standing commands, ascending."""
@@ -226,17 +235,17 @@ class Sequencer:
 
     def wanted(self, now: float, most: int) -> dict[StreamId, list[int]]:
         """The missing commands to ask for at `now`, at most `most`."""
-        found: dict[StreamId, list[int]] = {}
+        numbers: dict[StreamId, list[int]] = {}
         for stream in self._streams.values():
             for number, want in list(stream.wanted.items()):
                 if want.until < now:
                     del stream.wanted[number]
                 elif want.due <= now and most > 0:
-                    found.setdefault(stream.name, []).append(number)
+                    numbers.setdefault(stream.name, []).append(number)
                     want.due = now + want.pauses.take() * (1.0 + mostly_late(self._chance)) / 2.0
                     want.put_off = 0
                     most -= 1
-        return found
+        return numbers
 
     def want_parts(self, name: StreamId, number: int, until: float, due: float) -> None:
         """Parts of a command have arrived: request the others from `due` to `until`, s."""
@@ -255,31 +264,32 @@ class Sequencer:
 
     def due(self) -> float:
         """When to request something next, or to stop waiting for it, s."""
-        found = inf
+        due = inf
         for stream in self._streams.values():
             if stream.wanted:
-                found = min(found, *(want.due for want in stream.wanted.values()))
+                due = min(due, *(want.due for want in stream.wanted.values()))
             if stream.waiting:
                 link = stream.waiting[min(stream.waiting)].link
                 if stream.after_rules(link) <= stream.rules:  # it waits for rules without limit
-                    found = min(found, link.until + SLACK)
-        return found
+                    due = min(due, link.until + SLACK)
+        return due
 
     def take_skipped(self) -> list[Skipped]:
         """The commands that were skipped since the last call."""
-        found = list(self._skipped)
+        skipped = list(self._skipped)
         self._skipped.clear()
-        return found
+        return skipped
 
     def _advance(self, stream: Stream, now: float) -> list[Message]:
-        found = []
+        ready = []
         while stream.waiting:
             message = stream.waiting[min(stream.waiting)]
             if not self._is_next(stream, message, now):
                 break
-            if self._deal(stream, message):
-                found.append(message)
-        return found
+            self.deal_with(stream, message)
+            if message.standing or message.issued >= self.since - self._skew:  # it is for us, whichever clock is wrong
+                ready.append(message)
+        return ready
 
     def _is_next(self, stream: Stream, message: Message, now: float) -> bool:
         """Whether the earliest waiting command can be handled; if one before it is missing, that one is wanted."""
@@ -295,11 +305,6 @@ class Sequencer:
             stream.wanted.pop(link.after, None)
             self._skipped.append(Skipped(*stream.name, link.after))
         return True
-
-    def _deal(self, stream: Stream, message: Message) -> bool:
-        """Handle the next command; returns whether it is for us."""
-        self.deal_with(stream, message)
-        return message.standing or message.issued >= self.since - self._skew  # whichever clock is wrong
 
     def _want(self, stream: Stream, number: int, now: float) -> None:
         if number not in stream.wanted and len(stream.wanted) < _MAX_MISSING:
@@ -380,8 +385,12 @@ StreamId = tuple[bytes, int]
 
 
 class StreamProgress(NamedTuple):
-    """The progress of a stream. done: number of the latest handled command; sent, until: its time of issue and deadline
-    (s of Unix time, inf for a standing one); rules: number of the latest standing one."""
+    """The progress of a stream.
+
+    done: number of the latest handled command
+    sent, until: its time of issue and deadline, s of Unix time, inf for a standing one
+    rules: number of the latest standing one
+    """
 
     stream: StreamId
     done: int
@@ -479,9 +488,9 @@ class MessageStore:
 
     def news(self) -> tuple[StandingCommand, ...]:
         """The standing commands that were stored since the last call."""
-        found = tuple(self._news)
+        commands = tuple(self._news)
         self._news.clear()
-        return found
+        return commands
 
     def restore(self, standing: Iterable[StandingCommand], counts: Callable[[StreamId, int], bool]) -> None:
         """Restore stored commands, oldest first; all count as not on the air for long. counts: which still do."""
@@ -491,35 +500,35 @@ class MessageStore:
 
     def heard(self, stream: StreamId, number: int, datagram: bytes, now: float) -> bool:
         """Whether this datagram is stored; if so, record that it was heard at `now` (s)."""
-        kept = self._find(stream, number)
-        if kept is None or datagram not in kept.datagrams:
+        stored = self._find(stream, number)
+        if stored is None or datagram not in stored.datagrams:
             return False
-        kept.heard[kept.datagrams.index(datagram)] = now
+        stored.heard[stored.datagrams.index(datagram)] = now
         return True
 
     def silent_since(self, stream: StreamId, number: int, time: float, parts: Sequence[int] = ()) -> bool:
         """Whether a stored command has any of these parts (all, if none is named) that has not been on the air since
         `time` (s)."""
-        kept = self._find(stream, number)
-        return kept is not None and any(kept.heard[part] < time for part in _named(kept, parts))
+        stored = self._find(stream, number)
+        return stored is not None and any(stored.heard[part] < time for part in _named(stored, parts))
 
     def datagrams(self, stream: StreamId, number: int) -> tuple[bytes, ...]:
         """The datagrams of a stored command; none if it is not stored."""
-        kept = self._find(stream, number)
-        return () if kept is None else kept.datagrams
+        stored = self._find(stream, number)
+        return () if stored is None else stored.datagrams
 
     def take(
         self, stream: StreamId, number: int, now: float, since: float = inf, parts: Sequence[int] = ()
     ) -> tuple[bytes, ...]:
         """The parts of a command that have not been on the air since `since` (s), and are marked as on the air now;
         empty if it is not stored. parts: all, if none is named."""
-        kept = self._find(stream, number)
-        if kept is None:
+        stored = self._find(stream, number)
+        if stored is None:
             return ()
-        found = [part for part in _named(kept, parts) if kept.heard[part] < since]
-        for part in found:
-            kept.heard[part] = now
-        return tuple(kept.datagrams[part] for part in found)
+        silent = [part for part in _named(stored, parts) if stored.heard[part] < since]
+        for part in silent:
+            stored.heard[part] = now
+        return tuple(stored.datagrams[part] for part in silent)
 
     def standing(self, key: bytes) -> dict[tuple[StreamId, int], tuple[bytes, ...]]:
         """The stored standing commands of a key: their datagrams by stream and number."""
@@ -529,10 +538,10 @@ class MessageStore:
         return self._standing.get((stream, number)) or self._recent.get((stream, number))
 
 
-def _named(kept: StoredCommand, parts: Sequence[int]) -> Sequence[int]:
+def _named(stored: StoredCommand, parts: Sequence[int]) -> Sequence[int]:
     """Those of the named parts that exist; all, if none is named."""
-    there = range(len(kept.datagrams))
-    return [part for part in parts if part in there] if parts else there
+    existing = range(len(stored.datagrams))
+    return [part for part in parts if part in existing] if parts else existing
 
 
 # ---- what digests tell of streams: heard from others, and never verified. Only a command that was received makes a
@@ -572,10 +581,10 @@ class ToldStreams:
         """The highest number that is told of each stream."""
         for which in [which for which, told in self._told.items() if now - told.time > TOLD_FOR]:
             self._told.pop(which)
-        found: dict[StreamId, int] = {}
+        numbers: dict[StreamId, int] = {}
         for (_, name), told in self._told.items():
-            found[name] = max(told.number, found.get(name, 0))
-        return found
+            numbers[name] = max(told.number, numbers.get(name, 0))
+        return numbers
 
 
 # ---- whether a robot catches up: it was off or out of reach, and takes standing commands that are old. Each was right

@@ -86,10 +86,15 @@ class DelayedAnswer:
 
 
 class ChannelSession:
-    """A `Channel` in the time of a mind; messages get their numbers when they are sent. clock: Unix time, s; zero:
-    start of the mind's time, s of Unix time. chance: for the times of answers. listens: whether it receives for itself;
-    otherwise a `Receiver` does, and its owner passes messages on. answers: what questions may cost, shared by all
-    robots of a process; None: this session is alone. ends: called on close."""
+    """A `Channel` in the time of a mind; messages get their numbers when they are sent.
+
+    clock: Unix time, s
+    chance: for the times of answers
+    zero: start of the mind's time, s of Unix time
+    listens: whether it receives for itself; otherwise a `Receiver` does, and its owner passes messages on
+    answers: what questions may cost, shared by all robots of a process; None: this session is alone
+    ends: called on close
+    """
 
     def __init__(
         self,
@@ -147,9 +152,9 @@ class ChannelSession:
     def stops(self) -> list[Message]:
         """The STOPs received since the last call of this or `receive`. All else waits, unread."""
         self._read(self.transport.receive_stops())
-        found = [message for message in self._heard if message.kind is Kind.STOP]
+        stops = [message for message in self._heard if message.kind is Kind.STOP]
         self._heard = [message for message in self._heard if message.kind is not Kind.STOP]
-        return found
+        return stops
 
     def _read(self, datagrams: Iterable[bytes]) -> None:
         for datagram in datagrams:
@@ -160,8 +165,9 @@ class ChannelSession:
         """Take in received messages, with the times of our mind."""
         for message in messages:
             if message.kind is Kind.ASK and self._answers.has_refused(message):
-                if is_addressed(message.body, self.delivery.name):
-                    self._say(message.id, "fault", HELD_BACK)
+                if is_addressed(message.body, self.delivery.name):  # we answer in place of the mind
+                    now = self._clock.now() - self.zero
+                    self.send(self._answer(message.id, "fault", HELD_BACK, now, now + LIFE))
                 continue
             if message.kind is Kind.ASK and AGAIN in message.body:
                 self._say_again(message)
@@ -182,8 +188,8 @@ class ChannelSession:
 
     def heard(self) -> list[Message]:
         """The messages taken in since the last call."""
-        found, self._heard = self._heard, []
-        return found
+        messages, self._heard = self._heard, []
+        return messages
 
     def due(self) -> float:
         """When to call `receive` next even if nothing comes, s of Unix time."""
@@ -238,11 +244,6 @@ class ChannelSession:
             self._delay(answer, _within(asked))
         else:
             _count_held_back(self.delivery.admission, asked.key)
-
-    def _say(self, command: str, outcome: str, fault: str = "") -> None:
-        """Answer in place of the mind."""
-        now = self._clock.now() - self.zero
-        self.send(self._answer(command, outcome, fault, now, now + LIFE))
 
     def _answer(self, command: str, outcome: str, fault: str, issued: float, deadline: float) -> Message:
         body = answer_body(command, outcome, nan, fault)
@@ -344,7 +345,7 @@ def sift(
 ) -> list[Message]:
     """The messages to robots of these names without the questions that are held back at `now` (s of Unix time); those
     that robots are to refuse are among them, see `AnswerBudget.has_refused`."""
-    found = []
+    let_in = []
     for message in messages:
         if message.kind is Kind.ASK and admission.robot:
             verdict = answers.ask(message, names, now)
@@ -352,8 +353,8 @@ def sift(
                 _count_held_back(admission, message.key)
             if verdict is BudgetDecision.DROPPED:
                 continue
-        found.append(message)
-    return found
+        let_in.append(message)
+    return let_in
 
 
 def _count_held_back(admission: Admission, asker: str) -> None:
@@ -382,8 +383,15 @@ def receiver_name(names: Sequence[str]) -> str:
 
 
 class Receiver:
-    """Receives for many robots of one process. port: brings datagrams; delivery: sends digests and requests for all;
-    clock: Unix time, s; zero: when the minds' time began. names: of the robots; answers: see `ChannelSession`."""
+    """Receives for many robots of one process.
+
+    port: brings datagrams
+    delivery: sends digests and requests for all
+    clock: Unix time, s
+    zero: when the minds' time began
+    names: of the robots
+    answers: see `ChannelSession`
+    """
 
     def __init__(
         self,
@@ -438,11 +446,11 @@ class Receiver:
         self._port.close()
 
     def _read(self, datagrams: Iterable[bytes]) -> list[Message]:
-        found: list[Message] = []
+        messages: list[Message] = []
         for datagram in datagrams:
             now = self._clock.now()
-            found += self._in_time(self.delivery.take(datagram, now), now)
-        return found
+            messages += self._in_time(self.delivery.take(datagram, now), now)
+        return messages
 
     def _in_time(self, messages: Iterable[Message], now: float) -> list[Message]:
         admission = self.delivery.admission
@@ -474,12 +482,12 @@ class Multiplexer:
 
     def port(self, wanted: Iterable[Kind]) -> Port:
         """The transport of one more party, which wants only these kinds."""
-        found = Port(self, frozenset(wanted))
-        self._ports.append(found)
-        if found.wanted:  # most ports only send
-            self._listening.append(found)
+        port = Port(self, frozenset(wanted))
+        self._ports.append(port)
+        if port.wanted:  # most ports only send
+            self._listening.append(port)
             self._listen()
-        return found
+        return port
 
     def gather(self) -> bool:
         """Distribute the datagrams received since the last call to the ports; whether there were any."""
@@ -550,18 +558,18 @@ class Port:
     def receive_stops(self) -> list[bytes]:
         """See `Transport.receive_stops`."""
         self._multiplexer.gather_stops()
-        found = [datagram for datagram in self.waiting if kind_of(datagram) is Kind.STOP]
-        if found:
+        stops = [datagram for datagram in self.waiting if kind_of(datagram) is Kind.STOP]
+        if stops:
             others = [datagram for datagram in self.waiting if kind_of(datagram) is not Kind.STOP]
             self.waiting.clear()
             self.waiting.extend(others)
-        return found
+        return stops
 
     def drain(self) -> list[bytes]:
         """The datagrams that wait here, without reading from the network."""
-        found = list(self.waiting)
+        datagrams = list(self.waiting)
         self.waiting.clear()
-        return found
+        return datagrams
 
     def close(self) -> None:
         """See `Transport.close`."""

@@ -111,12 +111,12 @@ def receptions(flights: list[InFlight]) -> list[Reception]:
     groups = turns * len(flights) + numbers
     sort = np.argsort(groups, kind="stable")
     ends = np.flatnonzero(np.diff(groups[sort], append=-1)) + 1
-    found: list[Reception] = []
+    received: list[Reception] = []
     for robots in np.split(sort, ends[:-1]):
         message = flights[numbers[robots[0]]].what
         if isinstance(message, Message):
-            found.append((message, receivers[robots]))
-    return found
+            received.append((message, receivers[robots]))
+    return received
 
 
 class TransmitQueue:
@@ -153,13 +153,17 @@ _PLAIN = (inf, inf)
 
 @dataclass(frozen=True, slots=True)
 class RadioModel:
-    """The quality of the radio.
+    """The quality of the radio. Raises MisuseError for invalid values.
 
-    reach: range between robots, m. operator: position of the operator (x, y in m; None: within reach of all),
-    operator_reach: range between the operator and a robot, m. loss, duplication, reordering: probabilities, 0..1,
-    for each copy. delay: s that every copy takes; jitter: largest additional delay, s, uniform. held_back: delay of
-    a reordered copy, s. rate: messages per second that one party can send, and queue: how many of its own may wait;
-    see `TransmitQueue`. Raises MisuseError for invalid values.
+    reach: range between robots, m
+    operator: position of the operator, x and y in m; None: within reach of all
+    operator_reach: range between the operator and a robot, m
+    loss, duplication, reordering: probabilities, 0..1, for each copy
+    delay: s that every copy takes
+    jitter: largest additional delay, s, uniform
+    held_back: delay of a reordered copy, s
+    rate: messages per second that one party can send
+    queue: how many of its own may wait; see `TransmitQueue`
     """
 
     reach: float = inf
@@ -204,9 +208,10 @@ class RadioCounts:
 class Radio:
     """The air between the robots at `x`, `y` and their operator; see the module.
 
-    x, y: metres, float64, shape (robots,); read whenever something is sent, never copied. clock: the swarm's, which
-    determines all times. around: width and height of a torus, m; infinite for a plain world. desks: how many operators
-    listen.
+    x, y: metres, float64, shape (robots,); read whenever something is sent, never copied
+    clock: the swarm's, which determines all times
+    around: width and height of a torus, m; infinite for a plain world
+    desks: how many operators listen
     """
 
     def __init__(
@@ -251,14 +256,14 @@ class Radio:
                 self.counts.crowded += 1
                 return
             begin = float(begins[0])
-        meant, found = self._receivers(transmitter, message)
+        meant, reached = self._receivers(transmitter, message)
         self.counts.sent += len(meant)
-        self.counts.out_of_reach += len(meant) - len(found)
+        self.counts.out_of_reach += len(meant) - len(reached)
         repeat = self._repeat(transmitter, message, now)
         chance = (self._seed, transmitter, message.id, message.kind.value, now, repeat)
         first = (transmitter, message.epoch, message.sequence, repeat)
-        copies = InFlight((*first, 0), message, found, begin)
-        self._send_copies(copies, CopyChance(lambda what: key(*chance, *what), found))
+        copies = InFlight((*first, 0), message, reached, begin)
+        self._send_copies(copies, CopyChance(lambda what: key(*chance, *what), reached))
 
     def send_all(self, batch: MessageBatch) -> None:
         """Send a batch; each message is lost or delayed exactly as if it were sent alone."""
@@ -297,10 +302,10 @@ class Radio:
         if number < 0:
             return list(single(self.hear(number)))
         self._deliver()
-        found = [message for message, robots in self._heard if number in robots]
+        messages = [message for message, robots in self._heard if number in robots]
         left = [(message, robots[robots != number]) for message, robots in self._heard]
         self._heard = [(message, robots) for message, robots in left if robots.size]
-        return found
+        return messages
 
     def receive_all(self) -> list[Reception]:
         """What the robots have received since the last call: each robot finds its messages in order. Two copies of a
@@ -320,7 +325,8 @@ class Radio:
         near = self._near_operator()
         robots = self._everybody() if near is None else np.flatnonzero(near)
         if self.model.loss:
-            robots = robots[self._drawn(robots, (self._seed, "sample", self._clock.now())) >= self.model.loss]
+            drawn = uniform(key(self._seed, "sample", self._clock.now()), robots.astype(np.uint64))
+            robots = robots[drawn >= self.model.loss]
         return robots
 
     def _receivers(self, transmitter: int, message: Message) -> tuple[Numbers, Numbers]:
@@ -348,9 +354,9 @@ class Radio:
         return self._within(*self.model.operator, self.model.operator_reach)
 
     def _within(self, x: float, y: float, reach: float) -> NDArray[np.bool_]:
-        across, up = np.abs(self._x - x), np.abs(self._y - y)
-        across, up = np.minimum(across, self._around[0] - across), np.minimum(up, self._around[1] - up)
-        near: NDArray[np.bool_] = across * across + up * up <= reach * reach
+        dx, dy = np.abs(self._x - x), np.abs(self._y - y)
+        dx, dy = np.minimum(dx, self._around[0] - dx), np.minimum(dy, self._around[1] - dy)
+        near: NDArray[np.bool_] = dx * dx + dy * dy <= reach * reach
         return near
 
     def _repeat(self, transmitter: int, message: Message, now: float) -> int:
@@ -358,9 +364,9 @@ class Radio:
         if now != self._repeats_at:
             self._repeats.clear()
             self._repeats_at = now
-        said = self._repeats[transmitter, message.id]
-        self._repeats[transmitter, message.id] = said + 1
-        return said
+        times = self._repeats[transmitter, message.id]
+        self._repeats[transmitter, message.id] = times + 1
+        return times
 
     def _send_copies(self, copies: InFlight, fate: CopyChance) -> None:
         """Send one copy to each receiver, and a second one to some."""
@@ -398,9 +404,6 @@ class Radio:
         if sent.size:
             self._on_the_way += sent.size
             self._waiting.append(sent)
-
-    def _drawn(self, receivers: Numbers, what: tuple[object, ...]) -> NDArray[np.float64]:
-        return uniform(key(*what), receivers.astype(np.uint64))
 
     def _deliver(self) -> None:
         """Deliver all copies that are due, by time, then by sending."""

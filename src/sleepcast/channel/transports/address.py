@@ -24,12 +24,12 @@ def split_address(uri: str, wanted: str, options: Mapping[str, str]) -> tuple[Sp
     if len(uri) > MAX_URI or not uri.isprintable():
         raise AddressError(f"{uri!r:.80}... is not a channel address: {wanted}")
     try:
-        found = urlsplit(uri)
-        _ = found.port
-        given = parse_qsl(found.query, keep_blank_values=True, max_num_fields=64)
+        address = urlsplit(uri)
+        _ = address.port
+        given = parse_qsl(address.query, keep_blank_values=True, max_num_fields=64)
     except ValueError as error:
         raise AddressError(f"{uri!r} is not a channel address: {error}; {wanted}") from None
-    if found.username is not None or found.fragment or uri.endswith("#"):
+    if address.username is not None or address.fragment or uri.endswith("#"):
         raise AddressError(f"{uri!r} is not a channel address: {wanted}")
     known = dict(options)
     for name, value in given:
@@ -38,16 +38,16 @@ def split_address(uri: str, wanted: str, options: Mapping[str, str]) -> tuple[Sp
         known[name] = value
     if len(given) > len({name for name, _ in given}):
         raise AddressError(f"{uri!r} has an option twice: {wanted}")
-    return found, known
+    return address, known
 
 
 def number_option(uri: str, option: str, value: str, most: float = inf) -> float:
     """The value of an option that is a number from 0 to `most`. Raises AddressError."""
     try:
-        found = float(value)
+        number = float(value)
     except ValueError:
-        found = -1.0
-    if not 0.0 <= found <= most:
+        number = -1.0
+    if not 0.0 <= number <= most:
         bounds = f"from 0 to {most:g}" if most < inf else "from 0"
         raise AddressError(f"{uri!r}: {option} must be a number {bounds}, not {value!r}{decimal_comma(value)}")
-    return found
+    return number

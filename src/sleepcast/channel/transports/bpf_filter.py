@@ -49,30 +49,30 @@ def keep_kinds(receiving: socket.socket, wanted: Iterable[Kind]) -> bool:
     if sys.platform != "linux":
         return False
     try:
-        _attach(receiving, program(_numbers(wanted), found=_ALL, others=NOTHING))
+        _attach(receiving, program(_numbers(wanted), these=_ALL, others=NOTHING))
     except OSError:
         return False
     return True
 
 
-def program(numbers: Sequence[int], *, found: int = NOTHING, others: int = _ALL) -> list[Instruction]:
-    """The program that keeps `found` bytes of datagrams of the kinds with these numbers, and `others` of all others."""
-    place, count = _UDP_HEADER + KIND_AT, len(numbers)
+def program(numbers: Sequence[int], *, these: int = NOTHING, others: int = _ALL) -> list[Instruction]:
+    """The program that keeps `these` bytes of datagrams of the kinds with these numbers, and `others` of all others."""
+    kind_at, count = _UDP_HEADER + KIND_AT, len(numbers)
     tests = [(_EQUAL, count - i, 0, number) for i, number in enumerate(numbers)]
     return [
         (_LENGTH, 0, 0, 0),
-        (_AT_LEAST, 0, count + 1, place + 1),
-        (_BYTE, 0, 0, place),
+        (_AT_LEAST, 0, count + 1, kind_at + 1),
+        (_BYTE, 0, 0, kind_at),
         *tests,
         (_RETURN, 0, 0, others),
-        (_RETURN, 0, 0, found),
+        (_RETURN, 0, 0, these),
     ]
 
 
 def _numbers(kinds: Iterable[Kind]) -> list[int]:
     """The numbers of these kinds on the wire."""
-    found = set(kinds)
-    return sorted(NUMBER[kind] for kind in found) + [STANDING] * (Kind.COMMAND in found)
+    distinct = set(kinds)
+    return sorted(NUMBER[kind] for kind in distinct) + [STANDING] * (Kind.COMMAND in distinct)
 
 
 def _attach(receiving: socket.socket, instructions: Sequence[Instruction]) -> None:

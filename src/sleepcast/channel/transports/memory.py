@@ -66,8 +66,8 @@ class MemoryAddress:
     @staticmethod
     def read(uri: str) -> MemoryAddress:
         """The parsed address. Raises AddressError."""
-        found, options = split_address(uri, _WANTED, _OPTIONS)
-        if found.scheme != "memory" or found.netloc or not found.path.strip("/"):
+        address, options = split_address(uri, _WANTED, _OPTIONS)
+        if address.scheme != "memory" or address.netloc or not address.path.strip("/"):
             raise AddressError(f"{uri!r} is not a channel address: {_WANTED}")
         chances = [number_option(uri, name, options[name], 1.0) for name in ("loss", "duplicate", "reorder")]
         delay, jitter = (number_option(uri, name, options[name], _LONGEST) for name in ("delay", "jitter"))
@@ -76,7 +76,7 @@ class MemoryAddress:
         if not (seed.isascii() and seed.isdigit() and len(seed) <= 19):
             raise AddressError(f"{uri!r}: seed must be a whole number from 0, not {seed!r}")
         return MemoryAddress(
-            found.path, loss, delay, jitter, duplicate, reorder, int(seed), _place(uri, options["at"]), reach
+            address.path, loss, delay, jitter, duplicate, reorder, int(seed), _place(uri, options["at"]), reach
         )
 
 
@@ -140,24 +140,24 @@ class MemoryTransport:
 
     def receive(self) -> list[bytes]:
         """See `Transport.receive`."""
-        found = []
+        datagrams = []
         with MemoryTransport._lock:
             self._wakeup.clear()  # here, or it may be set for datagrams that are received now
             now = self._clock.now()
             while self._waiting and self._waiting[0][0] <= now:
-                found.append(heappop(self._waiting)[2])
+                datagrams.append(heappop(self._waiting)[2])
             self._wake_up(now)
-        return found
+        return datagrams
 
     def receive_stops(self) -> list[bytes]:
         """See `Transport.receive_stops`."""
         with MemoryTransport._lock:
             now = self._clock.now()
-            found = sorted(each for each in self._waiting if each[0] <= now and kind_of(each[2]) is Kind.STOP)
-            if found:
-                self._waiting = [each for each in self._waiting if each not in found]
+            stops = sorted(each for each in self._waiting if each[0] <= now and kind_of(each[2]) is Kind.STOP)
+            if stops:
+                self._waiting = [each for each in self._waiting if each not in stops]
                 heapify(self._waiting)
-        return [datagram for _, _, datagram in found]
+        return [datagram for _, _, datagram in stops]
 
     def close(self) -> None:
         """See `Transport.close`."""

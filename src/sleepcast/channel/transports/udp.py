@@ -29,9 +29,9 @@ from sleepcast.channel.transports.transport import AddressedDatagram
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError, did_you_mean
 
-_MOST_AT_ONCE = 2_048
+_MAX_AT_ONCE = 2_048
 """Datagrams received in one call: a flood costs a tick a few milliseconds."""
-MOST_STOPS = 64
+MAX_STOPS = 64
 """STOPs received in one call, before anything else: as many as are checked in ten milliseconds."""
 _STOP_BUFFER = 64 * 1024
 """Receive buffer for STOPs, bytes: enough for a second without forgeries. In a flood a larger one is no use: the next
@@ -51,8 +51,8 @@ class ReservedSocket(NamedTuple):
 
 
 _RESERVED = (
-    ReservedSocket(frozenset({Kind.STOP}), MOST_STOPS, _STOP_BUFFER),
-    ReservedSocket(TO_OPERATOR, _MOST_AT_ONCE, _BUFFER),
+    ReservedSocket(frozenset({Kind.STOP}), MAX_STOPS, _STOP_BUFFER),
+    ReservedSocket(TO_OPERATOR, _MAX_AT_ONCE, _BUFFER),
 )
 
 
@@ -72,14 +72,14 @@ class UdpAddress:
     def read(uri: str) -> UdpAddress:
         """The parsed address. Raises AddressError."""
         wanted = f"wanted udp://ADDRESS:PORT?interface=NAME, for instance {EXAMPLE}"
-        found, options = split_address(uri, wanted, {"interface": ""})
-        if found.scheme != "udp" or not found.port or found.path:
+        address, options = split_address(uri, wanted, {"interface": ""})
+        if address.scheme != "udp" or not address.port or address.path:
             raise AddressError(f"{uri!r} is not a channel address: {wanted}")
         try:
-            host = ip_address(found.hostname or "")
+            host = ip_address(address.hostname or "")
         except ValueError as error:
             raise AddressError(f"{uri!r} is not a channel address: {error}; {wanted}") from None
-        return UdpAddress(host, found.port, options["interface"])
+        return UdpAddress(host, address.port, options["interface"])
 
     @property
     def link(self) -> int:
@@ -139,22 +139,22 @@ class UdpTransport:
     def receive(self) -> list[bytes]:
         """The datagrams received since the last call: STOPs first, then messages to the operator, then others in order;
         none of our own."""
-        found, self._early = self._early, []
+        datagrams, self._early = self._early, []
         for receiving, reserved in self._reserved.items():
-            found += self._received(receiving, reserved.most)
-        return found + self._received(self._receiving, _MOST_AT_ONCE)
+            datagrams += self._received(receiving, reserved.most)
+        return datagrams + self._received(self._receiving, _MAX_AT_ONCE)
 
     def receive_stops(self) -> list[bytes]:
         """See `Transport.receive_stops`. Where the system cannot filter kinds, all that has come is looked through."""
         for receiving, reserved in self._reserved.items():
             if Kind.STOP in reserved.kinds:
                 return self._received(receiving, reserved.most)
-        came = self._received(self._receiving, _MOST_AT_ONCE) if len(self._early) < _MOST_AT_ONCE else []
+        came = self._received(self._receiving, _MAX_AT_ONCE) if len(self._early) < _MAX_AT_ONCE else []
         self._early += (datagram for datagram in came if kind_of(datagram) is not Kind.STOP)
         return [datagram for datagram in came if kind_of(datagram) is Kind.STOP]
 
     def _received(self, receiving: socket.socket, most: int) -> list[bytes]:
-        found: list[bytes] = []
+        datagrams: list[bytes] = []
         for _ in range(most):
             try:
                 datagram, sender = receiving.recvfrom(MAX_DATAGRAM + 1)
@@ -165,8 +165,8 @@ class UdpTransport:
             if sender[:2] != self._own:
                 addressed = AddressedDatagram(datagram)
                 addressed.address = sender[:2]
-                found.append(addressed)
-        return found
+                datagrams.append(addressed)
+        return datagrams
 
     def ignore(self, kinds: Iterable[Kind]) -> None:
         """From now on drop messages of these kinds, and no others."""
@@ -182,17 +182,17 @@ class UdpTransport:
 
     def _reserve(self, opened: ExitStack, link: int) -> dict[socket.socket, ReservedSocket]:
         """A socket for each of `_RESERVED`, whose kinds the main socket then drops; none where the system cannot."""
-        found = {
+        sockets = {
             self._receiving_socket(opened, link, reserved.room): reserved
             for reserved in _RESERVED
             if sys.platform == "linux"
         }
         kinds = {kind for reserved in _RESERVED for kind in reserved.kinds}
-        if all(keep_kinds(receiving, reserved.kinds) for receiving, reserved in found.items()) and drop_kinds(
+        if all(keep_kinds(receiving, reserved.kinds) for receiving, reserved in sockets.items()) and drop_kinds(
             self._receiving, kinds
         ):
-            return found
-        for receiving in found:
+            return sockets
+        for receiving in sockets:
             receiving.close()
         return {}
 

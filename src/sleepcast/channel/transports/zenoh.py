@@ -34,7 +34,7 @@ except ImportError:  # an optional dependency
 KEY = "sleepcast"
 MAX_WAITING = 65_536
 """Datagrams that wait to be received; beyond, the oldest are dropped."""
-_MOST_AT_ONCE = 2_048
+_MAX_AT_ONCE = 2_048
 """Datagrams received in one call, as for UDP."""
 LARGEST = 65_535
 """Bytes of the largest message that a link accepts: far more than one of our datagrams."""
@@ -62,10 +62,10 @@ class ZenohAddress:
     @staticmethod
     def read(uri: str) -> ZenohAddress:
         """The parsed address. Raises AddressError."""
-        found, options = split_address(uri, _WANTED, {"listen": "no", "connect": ""})
-        if found.scheme != "zenoh" or not found.hostname or not found.port:
+        address, options = split_address(uri, _WANTED, {"listen": "no", "connect": ""})
+        if address.scheme != "zenoh" or not address.hostname or not address.port:
             raise AddressError(f"{uri!r} is not a channel address: {_WANTED}")
-        key = found.path.strip("/") or KEY
+        key = address.path.strip("/") or KEY
         if any(character in "*$#?" for character in key) or "//" in key:
             raise AddressError(f"{uri!r}: a key is one or more words with / between them, without *, $, # and ?")
         listen, connect = options["listen"], options["connect"]
@@ -77,7 +77,7 @@ class ZenohAddress:
                     f"{uri!r}: connect links our own router to another one, so it needs listen as well; {_WANTED}"
                 )
             connect = ZenohAddress.read(f"zenoh://{connect}").place
-        return ZenohAddress(f"{_host(uri, found.hostname)}:{found.port}", key, not listen, connect)
+        return ZenohAddress(f"{_host(uri, address.hostname)}:{address.port}", key, not listen, connect)
 
 
 def _host(uri: str, name: str) -> str:
@@ -102,10 +102,8 @@ class ZenohTransport:
         if zenoh is None:
             raise ZenohError(f"{uri}: zenoh is not installed here; to install it: {installing('zenoh')}")
         self.lost = 0
-        self._wakeup, self._taking = (
-            WakeUp(),
-            Lock(),
-        )  # otherwise it may be set for datagrams that were received already
+        self._wakeup = WakeUp()
+        self._taking = Lock()  # otherwise it may be set for datagrams that were received already
         self._heard: deque[bytes] = deque(maxlen=MAX_WAITING)
         self._stops = False
         """Whether a STOP may be among them."""
@@ -140,21 +138,21 @@ class ZenohTransport:
         """See `Transport.receive`."""
         with self._taking:
             self._wakeup.clear()
-            found = [self._heard.popleft() for _ in range(min(len(self._heard), _MOST_AT_ONCE))]
+            datagrams = [self._heard.popleft() for _ in range(min(len(self._heard), _MAX_AT_ONCE))]
             if self._heard:
                 self._wakeup.set()
-        return found
+        return datagrams
 
     def receive_stops(self) -> list[bytes]:
         """See `Transport.receive_stops`."""
         with self._taking:
-            found = [datagram for datagram in self._heard if kind_of(datagram) is Kind.STOP] if self._stops else []
-            if found:
+            stops = [datagram for datagram in self._heard if kind_of(datagram) is Kind.STOP] if self._stops else []
+            if stops:
                 others = [datagram for datagram in self._heard if kind_of(datagram) is not Kind.STOP]
                 self._heard.clear()
                 self._heard.extend(others)
             self._stops = False
-        return found
+        return stops
 
     def close(self) -> None:
         """See `Transport.close`."""

@@ -183,8 +183,8 @@ function byOf(row) {
 }
 
 function sortOf(row) {
-  const sort = row.kind === "ask" ? "ask" : row.standing ? "standing" : "";
-  return sort ? [Object.assign(document.createElement("span"), { className: "sort", textContent: sort })] : [];
+  const kind = row.kind === "ask" ? "ask" : row.standing ? "standing" : "";
+  return kind ? [Object.assign(document.createElement("span"), { className: "sort", textContent: kind })] : [];
 }
 
 // Why robots have not done what the command says, although it was for them, or not yet; or may forget that they have.

@@ -154,8 +154,8 @@ export class Alerts extends EventTarget {
 
   // Light the robots of a firing on the map.
   async light(firing) {
-    const found = await this.ask("fired", { firing: firing.firing });
-    if (found) this.dispatchEvent(new CustomEvent("light", { detail: { marks: bytes(found.marks), firing } }));
+    const answer = await this.ask("fired", { firing: firing.firing });
+    if (answer) this.dispatchEvent(new CustomEvent("light", { detail: { marks: bytes(answer.marks), firing } }));
     else this.dispatchEvent(new Event("open"));
     this.read();
   }

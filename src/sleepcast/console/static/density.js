@@ -30,7 +30,7 @@ export class Density {
   count(view, frame, across, down, bare) {
     let squares = counted(view, frame, across, down);
     for (let pass = 0; pass < SMOOTHINGS; pass += 1) squares = smoothed(squares, across, down);
-    const most = squares.reduce((found, number) => Math.max(found, number), 0) || 1;
+    const most = squares.reduce((greatest, number) => Math.max(greatest, number), 0) || 1;
     [this.sheet.width, this.sheet.height] = [across, down];
     const ink = this.sheet.getContext("2d");
     const image = ink.createImageData(across, down);
@@ -55,7 +55,7 @@ function counted(view, { poses, count }, across, down) {
 // The mean of each square and those around it; nothing lies beyond the edges.
 function smoothed(squares, across, down) {
   const rows = new Float32Array(squares.length);
-  const found = new Float32Array(squares.length);
+  const smooth = new Float32Array(squares.length);
   for (let row = 0; row < down; row += 1) {
     const first = row * across;
     for (let at = first; at < first + across; at += 1) {
@@ -63,9 +63,9 @@ function smoothed(squares, across, down) {
     }
   }
   for (let at = 0; at < squares.length; at += 1) {
-    found[at] = (rows[at] + (at >= across ? rows[at - across] : 0) + (at < squares.length - across ? rows[at + across] : 0)) / 9;
+    smooth[at] = (rows[at] + (at >= across ? rows[at - across] : 0) + (at < squares.length - across ? rows[at + across] : 0)) / 9;
   }
-  return found;
+  return smooth;
 }
 
 // A CSS colour as one number in the order of an image's bytes, without its opacity.

@@ -164,8 +164,8 @@ export class NumberDrag {
     const { at } = this;
     this.asking = true;
     try {
-      const found = await this.wire.ask("spread", { text: this.editor.text, at });
-      if (at === this.at) this.spread = found;
+      const spread = await this.wire.ask("spread", { text: this.editor.text, at });
+      if (at === this.at) this.spread = spread;
     } catch (refusal) {
       if (!(refusal instanceof Refusal)) throw refusal;
       if (at === this.at) this.spread = null; // compared with nothing that robots know

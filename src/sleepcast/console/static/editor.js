@@ -136,9 +136,9 @@ export class Editor extends EventTarget {
     for (let i = 0; i + 1 < sorted.length; i += 1) {
       const [start, end] = [sorted[i], sorted[i + 1]];
       if (classes.has(start)) [token, tokenEnd] = [classes.get(start), ends.get(start)];
-      const found = this.findings.find((each) => each.start <= start && end <= each.end);
+      const finding = this.findings.find((each) => each.start <= start && end <= each.end);
       const span = document.createElement("span");
-      span.className = `${start < tokenEnd ? token : ""} ${found ? `found ${found.severity}` : ""}`.trim();
+      span.className = `${start < tokenEnd ? token : ""} ${finding ? `found ${finding.severity}` : ""}`.trim();
       span.textContent = text.slice(start, end);
       pieces.append(span);
     }

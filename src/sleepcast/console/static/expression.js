@@ -58,13 +58,13 @@ export class ExpressionField extends EventTarget {
 
   offer() {
     const word = wordAt(tokens(this.field.value), this.field.selectionEnd);
-    const found = word?.text.length >= SHORTEST ? fitting(this.names, word, MAX_NAMES) : null;
-    if (!found) {
+    const fits = word?.text.length >= SHORTEST ? fitting(this.names, word, MAX_NAMES) : null;
+    if (!fits) {
       this.box.hide();
       return;
     }
     const brief = ({ value, parts }) => ({ value, parts: parts.slice(0, -1) }); // the field is too small for the explanation
-    this.box.show(found.map(choice).map(brief));
+    this.box.show(fits.map(choice).map(brief));
     this.place();
   }
 

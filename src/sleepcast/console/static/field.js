@@ -99,9 +99,9 @@ export class FieldLayer {
     }
   }
 
-  take(found) {
-    if (found.field !== this.name) return; // somebody chose another one meanwhile
-    this.known = found;
+  take(answer) {
+    if (answer.field !== this.name) return; // somebody chose another one meanwhile
+    this.known = answer;
     this.refusal = "";
     this.paint();
     this.tell();

@@ -47,21 +47,21 @@ export function namesOf(plot) {
 
 function axes(plot, range, toX, toY, colours) {
   const text = (words, attributes) => element("text", { fill: colours.quiet, ...attributes }, words);
-  const found = [];
+  const parts = [];
   for (const value of ticks(...range.x, 7)) {
-    found.push(element("path", { d: `M${toX(value)} ${TOP}V${HEIGHT - BOTTOM}`, stroke: colours.grid }));
+    parts.push(element("path", { d: `M${toX(value)} ${TOP}V${HEIGHT - BOTTOM}`, stroke: colours.grid }));
     const words = plot.kind === "time" ? clock(value) : short(value);
-    found.push(text(words, { x: toX(value), y: HEIGHT - BOTTOM + 16, "text-anchor": "middle" }));
+    parts.push(text(words, { x: toX(value), y: HEIGHT - BOTTOM + 16, "text-anchor": "middle" }));
   }
   for (const value of ticks(...range.y, 6)) {
-    found.push(element("path", { d: `M${LEFT} ${toY(value)}H${WIDTH - RIGHT}`, stroke: colours.grid }));
-    found.push(text(short(value), { x: LEFT - 6, y: toY(value) + 4, "text-anchor": "end" }));
+    parts.push(element("path", { d: `M${LEFT} ${toY(value)}H${WIDTH - RIGHT}`, stroke: colours.grid }));
+    parts.push(text(short(value), { x: LEFT - 6, y: toY(value) + 4, "text-anchor": "end" }));
   }
   const [across, up] = namesOf(plot);
   const middle = TOP + (HEIGHT - TOP - BOTTOM) / 2;
-  found.push(text(across, { x: LEFT + (WIDTH - LEFT - RIGHT) / 2, y: HEIGHT - 10, "text-anchor": "middle" }));
-  found.push(text(up, { x: 0, y: 0, transform: `translate(16 ${middle}) rotate(-90)`, "text-anchor": "middle" }));
-  return found;
+  parts.push(text(across, { x: LEFT + (WIDTH - LEFT - RIGHT) / 2, y: HEIGHT - 10, "text-anchor": "middle" }));
+  parts.push(text(up, { x: 0, y: 0, transform: `translate(16 ${middle}) rotate(-90)`, "text-anchor": "middle" }));
+  return parts;
 }
 
 // Which line is which, and a line where the futures part.
@@ -69,16 +69,16 @@ function futures(range, toX, { ink, quiet, ground, line }, parting) {
   const y = HEIGHT + 6;
   const text = (words, x, attributes) => element("text", { x, y: y + 4, fill: ink, ...attributes }, words);
   const swatch = (x, dash) => element("path", { d: `M${x} ${y}h24`, stroke: line, "stroke-width": 2, ...dash });
-  const found = [swatch(LEFT, {}), text("this run", LEFT + 30), swatch(LEFT + 90, { "stroke-dasharray": "7 4" }), text(EARLIER, LEFT + 120)];
-  if (!parting) return found;
-  found.push(text(parting.text, LEFT, { y: y + 20, "font-size": 11 }));
-  if (parting.at < range.x[0] || parting.at > range.x[1]) return found;
+  const parts = [swatch(LEFT, {}), text("this run", LEFT + 30), swatch(LEFT + 90, { "stroke-dasharray": "7 4" }), text(EARLIER, LEFT + 120)];
+  if (!parting) return parts;
+  parts.push(text(parting.text, LEFT, { y: y + 20, "font-size": 11 }));
+  if (parting.at < range.x[0] || parting.at > range.x[1]) return parts;
   const x = toX(parting.at);
   const right = x > WIDTH / 2;
-  found.push(element("path", { d: `M${x} ${TOP}V${HEIGHT - BOTTOM}`, stroke: quiet, "stroke-dasharray": "2 2" }));
+  parts.push(element("path", { d: `M${x} ${TOP}V${HEIGHT - BOTTOM}`, stroke: quiet, "stroke-dasharray": "2 2" }));
   const halo = { "paint-order": "stroke", stroke: ground, "stroke-width": 4 }; // a line of the plot may lie below
-  found.push(element("text", { x: x + (right ? -4 : 4), y: TOP + 11, fill: quiet, "text-anchor": right ? "end" : "start", ...halo }, parting.label));
-  return found;
+  parts.push(element("text", { x: x + (right ? -4 : 4), y: TOP + 11, fill: quiet, "text-anchor": right ? "end" : "start", ...halo }, parting.label));
+  return parts;
 }
 
 function drawn(plot, [x, ...lines], toX, toY, { line: ink }) {
@@ -92,24 +92,24 @@ function drawn(plot, [x, ...lines], toX, toY, { line: ink }) {
     return [element("path", { d: bars.join(""), fill: ink })];
   }
   const count = plot.lines.length;
-  const found = lines.map((line, at) => {
+  const paths = lines.map((line, at) => {
     const main = at % count === 0;
     const dash = at < count ? {} : { "stroke-dasharray": main ? "7 4" : "2 4" };
     return element("path", { d: path(x, line, toX, toY), fill: "none", stroke: ink, "stroke-opacity": main ? 1 : 0.55, "stroke-width": main ? 2 : 1, ...dash });
   });
-  return found.reverse(); // the main line lies over the others
+  return paths.reverse(); // the main line lies over the others
 }
 
 // A line with a gap wherever a value is unknown; what is undefined is not of this line.
 function path(x, line, toX, toY) {
   let joined = false;
-  let found = "";
+  let path = "";
   line.forEach((value, at) => {
     if (value === undefined) return;
-    if (value !== null) found += `${joined ? "L" : "M"}${toX(x[at]).toFixed(1)} ${toY(value).toFixed(1)}`;
+    if (value !== null) path += `${joined ? "L" : "M"}${toX(x[at]).toFixed(1)} ${toY(value).toFixed(1)}`;
     joined = value !== null;
   });
-  return found;
+  return path;
 }
 
 // The numbers of a plot as CSV.

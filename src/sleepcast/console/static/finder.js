@@ -10,16 +10,16 @@ export class Finder {
     this.dialog = dialog;
     this.sources = sources;
     this.field = dialog.querySelector("input");
-    this.found = new Listbox(dialog.querySelector("ul"), this.field);
+    this.box = new Listbox(dialog.querySelector("ul"), this.field);
     this.choices = [];
     this.field.addEventListener("input", () => this.look());
     this.field.addEventListener("keydown", (event) => this.key(event));
-    this.found.addEventListener("take", ({ detail }) => {
+    this.box.addEventListener("take", ({ detail }) => {
       dialog.close();
       detail.run();
     });
     dialog.addEventListener("click", (event) => event.target === dialog && dialog.close()); // beside it
-    dialog.addEventListener("close", () => this.found.hide());
+    dialog.addEventListener("close", () => this.box.hide());
     window.addEventListener("keydown", (event) => {
       if (event.key.toLowerCase() !== "k" || !(event.ctrlKey || event.metaKey) || event.altKey || event.shiftKey) return;
       event.preventDefault();
@@ -36,7 +36,7 @@ export class Finder {
   }
 
   look() {
-    this.found.show(
+    this.box.show(
       matching(this.choices, this.field.value)
         .slice(0, MAX)
         .map((choice) => ({ value: choice, parts: [["kind", choice.kind], ["name", choice.title], ["doc", choice.hint ?? ""]] })),
@@ -45,9 +45,9 @@ export class Finder {
   }
 
   key(event) {
-    if (event.key === "Enter") this.found.take();
-    else if (event.key === "ArrowDown" && this.found.open) this.found.move(1);
-    else if (event.key === "ArrowUp" && this.found.open) this.found.move(-1);
+    if (event.key === "Enter") this.box.take();
+    else if (event.key === "ArrowDown" && this.box.open) this.box.move(1);
+    else if (event.key === "ArrowUp" && this.box.open) this.box.move(-1);
     else return;
     event.preventDefault();
   }

@@ -14,8 +14,8 @@ export class History {
   }
 
   load() {
-    const found = kept(this.key, []);
-    return Array.isArray(found) ? found.filter((item) => typeof item === "string").slice(-MAX) : [];
+    const items = kept(this.key, []);
+    return Array.isArray(items) ? items.filter((item) => typeof item === "string").slice(-MAX) : [];
   }
 
   add(text) {

@@ -35,7 +35,7 @@ export class Labels {
     const { scene, frame, marks, colours } = what;
     if (scene.names !== this.names) this.shown.clear();
     this.names = scene.names;
-    const found = [];
+    const labels = [];
     const half = grown(HALF);
     const boxes = []; // left, top, right, bottom of each name that is there, in turn
     const put = (text, kind, colour, x, y, gap) => {
@@ -44,7 +44,7 @@ export class Labels {
       if (right < 0 || x > view.width || y + half < 0 || y - half > view.height) return false;
       if (hits(boxes, x - 2 - gap, y - half - gap, right + 2 + gap, y + half + gap)) return false;
       boxes.push(x - 2, y - half, right + 2, y + half);
-      found.push({ text, font, colour, x, y });
+      labels.push({ text, font, colour, x, y });
       return true;
     };
     const robot = (i, kind, colour, gap) => {
@@ -63,14 +63,14 @@ export class Labels {
     for (const area of scene.areas) put(area.name, "area", colours.place, ...cornerOf(view, area), 0);
     if (!what.robots && !what.replies) {
       this.shown.clear();
-      return found;
+      return labels;
     }
     for (const { code, x, y } of what.robots ? middles(view, frame) : []) {
       const group = scene.groups?.[code - 1];
       if (group) put(group.name, "group", colours.robots[inkOf(lookOfGroup(code))], x - width(group.name, FONTS.group) / 2, y, 0);
     }
     this.shown = this.some(view, what, robot);
-    return found;
+    return labels;
   }
 
   // Give robots their names: first who is pointed at or selected, then who had one, then others by their number.
@@ -125,15 +125,15 @@ function middles(view, { poses, groups, count }) {
     sums[at + 2] += y;
     sums[at + 3] += x * x + y * y;
   }
-  const found = [];
+  const labels = [];
   for (let code = 1; code < CODES; code += 1) {
     const [number, across, up, square] = sums.subarray(4 * code, 4 * code + 4);
     if (number < 2) continue;
     const [x, y] = [across / number, up / number];
     const spread = Math.sqrt(Math.max(0, square / number - x * x - y * y)) * view.scale;
-    if (spread < TOGETHER) found.push({ code, x: view.toScreenX(x), y: view.toScreenY(y) - spread - 16 });
+    if (spread < TOGETHER) labels.push({ code, x: view.toScreenX(x), y: view.toScreenY(y) - spread - 16 });
   }
-  return found;
+  return labels;
 }
 
 // Inside the upper left corner of an area.
@@ -161,12 +161,12 @@ class Sprites {
 
   width(text, font) {
     const key = `${font} ${text}`;
-    let found = this.widths.get(key);
-    if (found === undefined) {
+    let width = this.widths.get(key);
+    if (width === undefined) {
       this.pen.font = font;
-      this.widths.set(key, (found = this.pen.measureText(text).width));
+      this.widths.set(key, (width = this.pen.measureText(text).width));
     }
-    return found;
+    return width;
   }
 
   // Nothing is on the sheet: it is full, or colours or the screen are others.

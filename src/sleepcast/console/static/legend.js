@@ -1,11 +1,11 @@
-// The legend: which look is which group, colour or sort, and how many robots have it. A line lights its robots, and its
+// The legend: which look is which group, colour or kind, and how many robots have it. A line lights its robots, and its
 // Follow keeps them in the middle. On a narrow screen it is folded to one line.
 
 import { bytes } from "./accounting.js";
 import { write } from "./elements.js";
 import { colourName } from "./frame.js";
 import { keep, kept } from "./kept.js";
-import { colourCounts, LOOKS, lookOfColour, lookOfGroup, lookOfSort, picture, SORTS } from "./shapes.js";
+import { colourCounts, LOOKS, lookOfColour, lookOfGroup, lookOfKind, picture, KINDS } from "./shapes.js";
 import { Refusal } from "./wire.js";
 
 const REFRESH = 500; // ms between two looks at who is in the lit line
@@ -51,10 +51,10 @@ export class Legend extends EventTarget {
     this.lit = lit;
     const lines = this.lines();
     const last = lit ? [{ key: "lit", icon: "glow", count: lit.count, text: lit.caption }] : [];
-    const found = [...lines, ...last].map((line) => this.item(line));
-    for (const [key, item] of this.items) if (!found.includes(item)) this.items.delete(key);
-    if (found.some((item, place) => this.list.children[place] !== item) || found.length !== this.list.children.length) {
-      this.list.replaceChildren(...found);
+    const items = [...lines, ...last].map((line) => this.item(line));
+    for (const [key, item] of this.items) if (!items.includes(item)) this.items.delete(key);
+    if (items.some((item, index) => this.list.children[index] !== item) || items.length !== this.list.children.length) {
+      this.list.replaceChildren(...items);
     }
     this.fold.textContent = this.summary();
     this.fold.hidden = lines.length < 2;
@@ -85,10 +85,10 @@ export class Legend extends EventTarget {
     });
     const grouped = this.groups.some((group) => group.count);
     const rest = !lines.length ? scene.noun : !grouped ? "showing no colour" : colours.length ? "others" : "in no group";
-    const sorts = scene.sorts.length ? scene.sorts.map((name, sort) => [sort, name]) : [[0, rest]];
-    const plain = sorts.slice(0, SORTS).map(([sort, name]) => {
-      const look = lookOfSort(sort);
-      return line("sort", look, look, known ? bodies[look] : sort ? 0 : scene.count, name);
+    const kinds = scene.sorts.length ? scene.sorts.map((name, kind) => [kind, name]) : [[0, rest]];
+    const plain = kinds.slice(0, KINDS).map(([kind, name]) => {
+      const look = lookOfKind(kind);
+      return line("sort", look, look, known ? bodies[look] : kind ? 0 : scene.count, name);
     });
     const there = plain.filter(({ count }) => count);
     const first = there.length || lines.length ? there : plain.slice(0, 1);
@@ -207,9 +207,9 @@ function line(kind, value, look, count, text) {
 }
 
 function counts(codes, most) {
-  const found = new Array(most).fill(0);
-  for (const code of codes) found[code] += 1;
-  return found;
+  const counts = new Array(most).fill(0);
+  for (const code of codes) counts[code] += 1;
+  return counts;
 }
 
 function marked(codes, wanted) {

@@ -7,15 +7,15 @@ const NUMBER = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?(%|[a-z]+(\/[a-z]+)?\d?)?$/i;
 // Tokens of a text: {kind, text, start, end}; kinds: comment label open close mark number name head.
 // A head is the name after an opening parenthesis: what is called.
 export function tokens(text) {
-  const found = [];
+  const tokens = [];
   let previous = null;
   for (const match of text.matchAll(TOKEN)) {
     const piece = match[0];
     const token = { kind: kindOf(piece, previous), text: piece, start: match.index, end: match.index + piece.length };
-    found.push(token);
+    tokens.push(token);
     if (token.kind !== "comment") previous = token;
   }
-  return found;
+  return tokens;
 }
 
 function kindOf(piece, previous) {
@@ -29,10 +29,10 @@ function kindOf(piece, previous) {
 }
 
 // Offset of each parenthesis to the offset of its partner; -1 where there is none.
-export function partners(found) {
+export function partners(tokens) {
   const pairs = new Map();
   const open = [];
-  for (const token of found) {
+  for (const token of tokens) {
     if (token.kind === "open") {
       open.push(token.start);
       pairs.set(token.start, -1);
@@ -46,9 +46,9 @@ export function partners(found) {
 }
 
 // Whether the text only lacks closing parentheses: nothing is wrong with it yet.
-export function isUnfinished(found) {
+export function isUnfinished(tokens) {
   let depth = 0;
-  for (const token of found) {
+  for (const token of tokens) {
     if (token.kind === "open") depth += 1;
     if (token.kind === "close") depth -= 1;
     if (depth < 0) return false;
@@ -57,17 +57,17 @@ export function isUnfinished(found) {
 }
 
 // The name that ends at the caret, as {text, start, end}, or null; end reaches to the end of the word.
-export function wordAt(found, caret) {
-  const token = found.find((each) => each.start < caret && caret <= each.end);
+export function wordAt(tokens, caret) {
+  const token = tokens.find((each) => each.start < caret && caret <= each.end);
   return token && (token.kind === "name" || token.kind === "head") ? token : null;
 }
 
 // The function whose call surrounds the caret, or null.
-export function callAt(found, caret) {
+export function callAt(tokens, caret) {
   const open = [];
-  for (let i = 0; i < found.length && found[i].start < caret; i += 1) {
-    if (found[i].kind === "open") open.push(found[i + 1]?.kind === "head" ? found[i + 1].text : null);
-    if (found[i].kind === "close") open.pop();
+  for (let i = 0; i < tokens.length && tokens[i].start < caret; i += 1) {
+    if (tokens[i].kind === "open") open.push(tokens[i + 1]?.kind === "head" ? tokens[i + 1].text : null);
+    if (tokens[i].kind === "close") open.pop();
   }
   return open.pop() ?? null;
 }

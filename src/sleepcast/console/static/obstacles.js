@@ -123,17 +123,17 @@ export class ObstacleTool {
     const [x, y] = view.toWorld(px, py);
     const around = (outlines) => outlines.filter((outline) => encloses(outline.flat(), x, y)).length % 2 === 1;
     const beside = (outlines) => outlines.some((outline) => outline.some((corner, place) => reach(view, outline.at(place - 1), corner, px, py) < NEAR));
-    const found = scene.obstacles.findLastIndex(around);
-    return found >= 0 ? found : scene.obstacles.findLastIndex(beside);
+    const index = scene.obstacles.findLastIndex(around);
+    return index >= 0 ? index : scene.obstacles.findLastIndex(beside);
   }
 
   click(px, py) {
     if (!this.on) return false;
     const { view } = this.world;
     if (!this.corners.length) {
-      const found = this.at(px, py);
-      if (found >= 0 || this.chosen >= 0) {
-        this.choose(found);
+      const index = this.at(px, py);
+      if (index >= 0 || this.chosen >= 0) {
+        this.choose(index);
         return true;
       }
     }

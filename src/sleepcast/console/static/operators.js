@@ -14,7 +14,7 @@ export class Operators {
     this.me = make("p", { className: "me" });
     this.others = make("ul");
     this.leases = make("ul");
-    this.deeds = make("ul", { className: "deeds" });
+    this.actions = make("ul", { className: "deeds" });
     this.problem = make("p", { className: "problem", role: "alert", hidden: true });
     this.group = make("input", { type: "text", maxLength: 64, required: true, placeholder: "bravo", spellcheck: false, autocomplete: "off" });
     this.seconds = make("input", { type: "number", min: 1, max: 3600, value: 60, step: 1, required: true });
@@ -22,7 +22,7 @@ export class Operators {
     this.root.append(
       section("You and the others", this.me, this.others),
       section("Leases: a group obeys one operator only", this.form(), this.problem, this.leases),
-      section("What others did", this.deeds),
+      section("What others did", this.actions),
     );
     this.staging = staging;
     staging.querySelector("button").addEventListener("click", () => wire.tell("halt"));
@@ -30,7 +30,7 @@ export class Operators {
   }
 
   form() {
-    const button = (deed) => make("button", { type: "submit", value: deed, title: TITLES[deed] }, WORDS[deed]);
+    const button = (action) => make("button", { type: "submit", value: action, title: TITLES[action] }, WORDS[action]);
     this.force = button("force");
     const form = make(
       "form",
@@ -50,10 +50,10 @@ export class Operators {
     return form;
   }
 
-  async send(deed, group) {
+  async send(action, group) {
     this.say("");
     try {
-      const { doubt } = await this.wire.ask("lease", { deed, group, seconds: this.seconds.valueAsNumber || 60, to: deed === "grant" ? this.to.value : "" });
+      const { doubt } = await this.wire.ask("lease", { deed: action, group, seconds: this.seconds.valueAsNumber || 60, to: action === "grant" ? this.to.value : "" });
       this.say(doubt ? `A slip? ${doubt}` : "");
     } catch (refusal) {
       if (!(refusal instanceof Refusal)) throw refusal;
@@ -81,7 +81,7 @@ export class Operators {
       const said = lease.refused ? `; refused: ${lease.refused}` : "";
       return [make("b", {}, lease.group), ` renewed until you give it back; ${lease.agreed.toLocaleString("en")} robots agreed${said} `, give];
     }, "You hold no lease.");
-    list(this.deeds, news.deeds, (deed) => [make("time", {}, clock(deed.at)), ` ${deed.text}`], "Nothing was heard of others.");
+    list(this.actions, news.deeds, (action) => [make("time", {}, clock(action.at)), ` ${action.text}`], "Nothing was heard of others.");
     this.staging.hidden = !news.staging;
     this.staging.querySelector("span").textContent = news.staging;
     this.staging.querySelector("button").hidden = !news.active;

@@ -207,9 +207,9 @@ export class Card {
   // Lines around the main one are pairs, from the outermost to the innermost: what lies between two is shaded.
   bands({ line: ink }) {
     const count = this.plot.lines.length;
-    const found = [];
-    for (let low = 2; low <= count / 2 + 0.5; low += 1) found.push({ series: [count + 2 - low, low], fill: `${ink}28` });
-    return this.plot.kind === "time" ? found : [];
+    const bands = [];
+    for (let low = 2; low <= count / 2 + 0.5; low += 1) bands.push({ series: [count + 2 - low, low], fill: `${ink}28` });
+    return this.plot.kind === "time" ? bands : [];
   }
 
   point(chart) {

@@ -41,7 +41,7 @@ export class Prompt extends EventTarget {
     this.search = new Search(root, this.history);
     this.preview = null; // what the station said of the text that stands there now
     this.repeats = 1; // how often commands that work only together are sent
-    this.refused = []; // why the station would not send it: until the text, or its sort, is another
+    this.refused = []; // why the station would not send it: until the text, or its kind, is another
     this.doubted = null; // the text that was doubted when it was sent: sent once more it is meant as it stands
     this.sending = false;
     this.trusting = false; // whether ready-made commands need no confirmation: where the robots are simulated
@@ -168,25 +168,25 @@ export class Prompt extends EventTarget {
     });
   }
 
-  // ---- the sort of command
+  // ---- the kind of command
 
-  get sort() {
+  get kind() {
     return this.find("sort").value;
   }
 
-  // Another sort was chosen: a question changes nothing, so there is nobody who would obey.
+  // Another kind was chosen: a question changes nothing, so there is nobody who would obey.
   sorted() {
     this.refuse("");
-    this.find("sort").dataset.sort = this.sort;
-    this.find("send-text").textContent = this.sort === "ask" ? "Ask" : "Send";
-    this.find("preview").classList.toggle("asking", this.sort === "ask");
+    this.find("sort").dataset.sort = this.kind;
+    this.find("send-text").textContent = this.kind === "ask" ? "Ask" : "Send";
+    this.find("preview").classList.toggle("asking", this.kind === "ask");
     this.showPreview();
     this.showSend();
     this.tellPreview();
   }
 
   tellPreview() {
-    this.dispatchEvent(new CustomEvent("preview", { detail: this.sort === "ask" ? null : this.preview }));
+    this.dispatchEvent(new CustomEvent("preview", { detail: this.kind === "ask" ? null : this.preview }));
   }
 
   // ---- as whom
@@ -278,7 +278,7 @@ export class Prompt extends EventTarget {
     }
     this.find("unknown").parentElement.title = answer?.reasons.map(([why, count]) => `${count}: ${why}`).join("\n") ?? "";
     this.find("preview").classList.toggle("known", answer !== null);
-    const everybody = (answer?.everybody ?? false) && this.sort !== "ask";
+    const everybody = (answer?.everybody ?? false) && this.kind !== "ask";
     if (this.find("everybody").hidden === everybody) {
       this.find("everybody").hidden = !everybody;
       // Who wrote a scenario meant its ready-made commands for the robots in it.
@@ -334,11 +334,11 @@ export class Prompt extends EventTarget {
     }
     if (this.refuseLong(text)) return false;
     this.refuse("");
-    this.setSending(true); // the answer is about this text and this sort, so they stay until it comes
+    this.setSending(true); // the answer is about this text and this kind, so they stay until it comes
     try {
       const typed = this.find("meant").hidden ? NaN : this.find("meant-count").valueAsNumber;
       const count = Number.isInteger(typed) && typed >= 0 ? typed : null;
-      const answer = await this.wire.ask("send", { text, everybody: box.checked, sort: this.sort, count, confirmed: text === this.doubted, ...this.by });
+      const answer = await this.wire.ask("send", { text, everybody: box.checked, sort: this.kind, count, confirmed: text === this.doubted, ...this.by });
       this.setSending(false);
       this.history.add(text);
       this.find("sort").value = "once"; // what comes next is not meant to stand because this was
@@ -444,12 +444,12 @@ export class Prompt extends EventTarget {
 
   offerNames() {
     const word = this.begun();
-    const found = word && fitting(this.names, word, MAX_NAMES);
-    if (!found) {
+    const fits = word && fitting(this.names, word, MAX_NAMES);
+    if (!fits) {
       this.completions.hide();
       return;
     }
-    this.completions.show(found.map(choice));
+    this.completions.show(fits.map(choice));
     this.placeCompletions(word.start);
   }
 

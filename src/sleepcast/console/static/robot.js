@@ -110,8 +110,8 @@ export class RobotPane {
     const older = this.commands.slice(this.commands.findIndex((row) => row.id === command.id) + 1);
     for (const row of older.slice(0, LOOKS)) {
       try {
-        const found = await ask(row);
-        if (!OTHERS.test(found[1].reason)) return found;
+        const answer = await ask(row);
+        if (!OTHERS.test(answer[1].reason)) return answer;
       } catch (refusal) {
         if (!(refusal instanceof Refusal)) throw refusal;
         break; // what came before is not known any more

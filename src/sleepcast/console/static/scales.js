@@ -22,9 +22,9 @@ export function ticks(low, high, count) {
   const rough = (high - low) / count || 1;
   const power = 10 ** Math.floor(Math.log10(rough));
   const step = [1, 2, 2.5, 5, 10].map((each) => each * power).find((each) => each >= rough * 0.999) ?? 10 * power;
-  const found = [];
+  const ticks = [];
   for (let number = Math.ceil(low / step - 1e-9); number * step <= high + step * 1e-9; number += 1) {
-    found.push(+(number * step).toPrecision(12));
+    ticks.push(+(number * step).toPrecision(12));
   }
-  return found;
+  return ticks;
 }

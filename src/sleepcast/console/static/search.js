@@ -10,11 +10,11 @@ export class Search extends EventTarget {
     this.pane = root.querySelector("#search");
     this.field = root.querySelector("#search-text");
     this.history = history;
-    this.found = new Listbox(root.querySelector("#search-found"), this.field);
+    this.results = new Listbox(root.querySelector("#search-found"), this.field);
     this.field.addEventListener("input", () => this.look());
     this.field.addEventListener("keydown", (event) => this.key(event));
     this.field.addEventListener("blur", () => this.hide());
-    this.found.addEventListener("take", (event) => {
+    this.results.addEventListener("take", (event) => {
       this.hide();
       this.dispatchEvent(new CustomEvent("take", { detail: event.detail }));
     });
@@ -28,23 +28,23 @@ export class Search extends EventTarget {
   }
 
   look() {
-    const found = this.history.search(this.field.value).slice(0, MAX_FOUND);
-    this.found.show(found.map((text) => ({ value: text, parts: [["text", text.replace(/\s+/g, " ")]] })), 0);
+    const texts = this.history.search(this.field.value).slice(0, MAX_FOUND);
+    this.results.show(texts.map((text) => ({ value: text, parts: [["text", text.replace(/\s+/g, " ")]] })), 0);
   }
 
   key(event) {
-    if (event.key === "Enter") this.found.take();
+    if (event.key === "Enter") this.results.take();
     else if (event.key === "Escape") {
       this.hide();
       this.dispatchEvent(new Event("end"));
-    } else if (this.found.open && (event.key === "ArrowDown" || (event.key === "r" && event.ctrlKey))) this.found.move(1);
-    else if (this.found.open && event.key === "ArrowUp") this.found.move(-1);
+    } else if (this.results.open && (event.key === "ArrowDown" || (event.key === "r" && event.ctrlKey))) this.results.move(1);
+    else if (this.results.open && event.key === "ArrowUp") this.results.move(-1);
     else return;
     event.preventDefault();
   }
 
   hide() {
     this.pane.hidden = true;
-    this.found.hide();
+    this.results.hide();
   }
 }

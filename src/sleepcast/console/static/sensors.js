@@ -10,7 +10,7 @@ import { UNITS } from "./view.js";
 const RINGS = [0.1, 0.25, 0.5, 1]; // of the farthest range
 
 export class SensorsPane {
-  // world: {scene, frame, marks} as of world.js. shows: whether what a sort of sensors measured is shown.
+  // world: {scene, frame, marks} as of world.js. shows: whether what a kind of sensors measured is shown.
   constructor(world, senses, shows = () => true) {
     this.world = world;
     this.senses = senses;

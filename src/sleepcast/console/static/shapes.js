@@ -3,15 +3,15 @@
 // Groups take the seven shapes and the seven colours in turn; after each round the colours are shifted by one, and every
 // other round has a spot, so that no two of 49 look alike and 14 differ without any colour. What robots show with COLOUR
 // takes the same shapes and colours in another order, and with the spot where groups have none. A robot without either
-// looks like its sort, and points along its heading. api/looks.py has the same for pictures without a page.
+// looks like its kind, and points along its heading. api/looks.py has the same for pictures without a page.
 
 const TURN = 2 * Math.PI;
 const SHAPES = 7;
 const ROUNDS = 7; // of all shapes, until the first look comes again
-export const SORTS = 8; // looks of sorts of robots; those of groups follow, then those of colours
+export const KINDS = 8; // looks of kinds of robots; those of groups follow, then those of colours
 const PAIRS = ROUNDS * SHAPES;
-const SECOND_NEUTRAL = 8; // the colour of every other sort; 0 is that of the rest, 1 to 7 are those of groups
-const DISCS = SORTS + 2 * PAIRS; // looks of bodies that are told apart by their colours alone
+const SECOND_NEUTRAL = 8; // the colour of every other kind; 0 is that of the rest, 1 to 7 are those of groups
+const DISCS = KINDS + 2 * PAIRS; // looks of bodies that are told apart by their colours alone
 export const LOOKS = DISCS + SHAPES;
 export const NONE = 255; // no ring
 const MAX_COLOURS = 14; // different ones shown at one time; more are names rather than kinds, and nobody tells them apart
@@ -34,9 +34,9 @@ const BODIES = [
 ];
 const SPOT = 0.5; // the radius of the spot, as a part of the size
 
-function ofSort(sort) {
-  const shape = sort % 4;
-  return { corners: [ARROW, HOUSE, TEE, CHEVRON][shape], ink: (sort + Math.floor(sort / 4)) % 2 ? SECOND_NEUTRAL : 0 };
+function ofKind(kind) {
+  const shape = kind % 4;
+  return { corners: [ARROW, HOUSE, TEE, CHEVRON][shape], ink: (kind + Math.floor(kind / 4)) % 2 ? SECOND_NEUTRAL : 0 };
 }
 
 function ofPair(number, shift, spot) {
@@ -46,15 +46,15 @@ function ofPair(number, shift, spot) {
 
 const round = (number) => Math.floor(number / SHAPES);
 const all = [
-  ...Array.from({ length: SORTS }, (_, sort) => ofSort(sort)),
+  ...Array.from({ length: KINDS }, (_, kind) => ofKind(kind)),
   ...Array.from({ length: PAIRS }, (_, n) => ofPair(n, round(n), round(n) % 2 === 1)),
   ...Array.from({ length: PAIRS }, (_, n) => ofPair(n, ROUNDS - 1 - round(n), round(n) % 2 === 0)),
   ...Array.from({ length: SHAPES }, (_, n) => ({ shape: 2, ink: 1 + n, spot: false })),
 ];
 
-export const lookOfSort = (sort) => sort % SORTS;
-export const lookOfGroup = (code) => SORTS + ((code - 1) % PAIRS); // codes are counted from 1
-export const lookOfColour = (number) => SORTS + PAIRS + ((number - 1) % PAIRS);
+export const lookOfKind = (kind) => kind % KINDS;
+export const lookOfGroup = (code) => KINDS + ((code - 1) % PAIRS); // codes are counted from 1
+export const lookOfColour = (number) => KINDS + PAIRS + ((number - 1) % PAIRS);
 export const inkOf = (look) => all[look].ink;
 
 // The same by number, for many robots: 0 is no group, and no colour.
@@ -62,14 +62,14 @@ const GROUPS = Uint8Array.from({ length: 256 }, (_, code) => (code ? lookOfGroup
 const COLOURS = Uint8Array.from({ length: 256 }, (_, number) => (number ? lookOfColour(number) : 0));
 const INKS = Uint8Array.from(all, ({ ink }) => ink);
 
-// The sort of each robot, as a look. sizes: how many robots each sort has, as in a scene.
+// The kind of each robot, as a look. sizes: how many robots each kind has, as in a scene.
 export function sortsOf(sizes, count) {
-  const found = new Uint8Array(count);
+  const looks = new Uint8Array(count);
   let first = 0;
-  sizes.forEach(([robots], sort) => {
-    found.fill(lookOfSort(sort), first, (first += robots));
+  sizes.forEach(([robots], kind) => {
+    looks.fill(lookOfKind(kind), first, (first += robots));
   });
-  return found;
+  return looks;
 }
 
 // Nomads: each a disc of its own colour, in turn.
@@ -85,7 +85,7 @@ export function colourCounts({ colours }) {
 }
 
 // The looks of all robots: their bodies, and their rings (NONE for who has none) or null where nobody has one. The body is that
-// of the newest group, else of the colour, else of the sort; the ring is that of the second group, else of the colour of who
+// of the newest group, else of the colour, else of the kind; the ring is that of the second group, else of the colour of who
 // is in a group.
 export function looksOf(frame, sorts) {
   const { count, groups, second } = frame;

@@ -5,8 +5,8 @@ const MAX = 8; // pictures kept; the oldest goes
 
 // The picture (a Blob) that is kept under a name, null if there is none.
 export async function keptPicture(name) {
-  const found = await inStore("readonly", (store) => store.get(name));
-  return found?.blob ?? null;
+  const entry = await inStore("readonly", (store) => store.get(name));
+  return entry?.blob ?? null;
 }
 
 // Keep a picture under a name, or (null) none.

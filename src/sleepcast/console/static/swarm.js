@@ -2,7 +2,7 @@
 // points in one image, in which robots of groups still have small shapes while there is room for these.
 
 import { SILENT, STILL } from "./frame.js";
-import { addRing, addRobot, inkOf, LOOKS, NONE, SORTS } from "./shapes.js";
+import { addRing, addRobot, inkOf, LOOKS, NONE, KINDS } from "./shapes.js";
 import { grown } from "./type.js";
 
 export const MAX_SHAPES = 6000; // robots in sight; more become points
@@ -23,7 +23,7 @@ function sizeOf(view, radius, largest) {
   return Math.min(largest, Math.max(grown(SMALLEST) * Math.min(2, view.closeness ** 0.25), radius * view.scale));
 }
 
-// The same for each robot by its index: how large robots of its sort are on the screen now.
+// The same for each robot by its index: how large robots of its kind are on the screen now.
 export function sizesOf(view, scene) {
   const sorts = [];
   let count = 0;
@@ -148,15 +148,15 @@ function drawPoints(pen, view, scene, frame, looks, marks, colours, ratio) {
   pixels.fill(0);
   const room = roomOf(view, scene, frame.count, ratio);
   const size = Math.min(3, Math.max(1, Math.round(Math.sqrt(room / 6)))); // points leave most of the area free
-  const plain = Math.min(2, size); // of robots that look like their sort
+  const plain = Math.min(2, size); // of robots that look like their kind
   const side = Math.min(LARGEST_STAMP, Math.floor(Math.sqrt(room) / ratio)) * ratio;
   const stamps = side >= LEAST_STAMP * ratio ? stampsOf(Math.round(side)) : null;
   const { bodies } = looks;
   const put = (i, more, ink) => {
     const x = Math.round(view.toScreenX(frame.poses[3 * i]) * ratio);
     const y = Math.round(view.toScreenY(frame.poses[3 * i + 1]) * ratio);
-    const stamp = bodies[i] < SORTS ? null : stamps?.(bodies[i]);
-    const long = stamp ? stamp.side : (bodies[i] < SORTS ? plain : size) + more;
+    const stamp = bodies[i] < KINDS ? null : stamps?.(bodies[i]);
+    const long = stamp ? stamp.side : (bodies[i] < KINDS ? plain : size) + more;
     const [left, top] = stamp ? [x - (long >> 1), y - (long >> 1)] : [x, y];
     if (left < 0 || top < 0 || left + long > width || top + long > height) return;
     const first = top * width + left;

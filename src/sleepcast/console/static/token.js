@@ -17,15 +17,15 @@ try {
 
 // An address of this server with the token, and what else it is to say.
 export function admitted(path, more = {}) {
-  const found = new URL(path, window.location.href);
-  found.search = new URLSearchParams({ token, ...more });
-  found.hash = "";
-  return found;
+  const url = new URL(path, window.location.href);
+  url.search = new URLSearchParams({ token, ...more });
+  url.hash = "";
+  return url;
 }
 
 // That of the socket.
 export function socket() {
-  const found = admitted("live");
-  found.protocol = found.protocol.replace("http", "ws");
-  return found;
+  const url = admitted("live");
+  url.protocol = url.protocol.replace("http", "ws");
+  return url;
 }

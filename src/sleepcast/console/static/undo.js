@@ -1,10 +1,10 @@
-// What is done by hand on the page can be undone and done again: obstacles, the selection, layers. Each deed has a name.
+// What is done by hand on the page can be undone and done again: obstacles, the selection, layers. Each action has a name.
 // What robots were told cannot be taken back, and nothing here tries to.
 
 import { write } from "./elements.js";
 import { Refusal } from "./wire.js";
 
-const MAX = 100; // deeds kept
+const MAX = 100; // actions kept
 const SHOWN = 6000; // ms for which the page tells what was undone
 const NOTHING = "Commands to robots are never undone: send another one.";
 
@@ -13,7 +13,7 @@ export class Undo extends EventTarget {
   constructor(bar) {
     super();
     this.bar = bar;
-    this.done = []; // {name, undo, redo}: functions that may ask the station, the latest deed last
+    this.done = []; // {name, undo, redo}: functions that may ask the station, the latest action last
     this.undone = []; // the same of what was undone, the latest last
     this.stuck = null; // what was refused a moment ago
     this.coming = null;
@@ -24,7 +24,7 @@ export class Undo extends EventTarget {
     window.addEventListener("keydown", (event) => this.key(event));
   }
 
-  // Something is being done by hand that will be known as a deed when this promise has been kept or broken.
+  // Something is being done by hand that will be known as a action when this promise has been kept or broken.
   wait(promise) {
     this.coming = promise;
   }
@@ -70,22 +70,22 @@ export class Undo extends EventTarget {
 
   async turnLast(from, to, way) {
     if (this.stuck && from.at(-1) === this.stuck) from.pop();
-    const deed = from.at(-1);
-    if (!deed) {
+    const action = from.at(-1);
+    if (!action) {
       this.say(`Nothing to ${way}. ${NOTHING}`);
       return;
     }
     try {
-      await deed[way]();
-      const place = from.lastIndexOf(deed); // other deeds may have come meanwhile
-      if (place >= 0) from.splice(place, 1);
-      to.push(deed);
+      await action[way]();
+      const index = from.lastIndexOf(action); // other actions may have come meanwhile
+      if (index >= 0) from.splice(index, 1);
+      to.push(action);
       this.stuck = null;
-      this.say(`${way === "undo" ? "Undone" : "Done again"}: ${deed.name}`, way === "undo" ? "redo" : "undo");
+      this.say(`${way === "undo" ? "Undone" : "Done again"}: ${action.name}`, way === "undo" ? "redo" : "undo");
     } catch (refusal) {
       if (!(refusal instanceof Refusal)) throw refusal;
-      this.stuck = deed;
-      this.say(`Not ${way === "undo" ? "undone" : "done again"}: ${deed.name}. ${refusal.message} The next ${way} leaves it out.`);
+      this.stuck = action;
+      this.say(`Not ${way === "undo" ? "undone" : "done again"}: ${action.name}. ${refusal.message} The next ${way} leaves it out.`);
     }
   }
 

@@ -379,15 +379,15 @@ export class World extends EventTarget {
     const [x, y] = this.view.toWorld(px, py);
     const sizes = sizesOf(this.view, this.scene);
     let best = Infinity;
-    let found = -1;
+    let nearest = -1;
     for (let i = 0; i < count; i += 1) {
       const dx = poses[3 * i] - x;
       const dy = poses[3 * i + 1] - y;
       const distance = dx * dx + dy * dy;
       const reach = Math.max(NEAR, sizes(i)) / this.view.scale;
-      if (distance < Math.min(best, reach * reach)) [best, found] = [distance, i];
+      if (distance < Math.min(best, reach * reach)) [best, nearest] = [distance, i];
     }
-    return found;
+    return nearest;
   }
 
   // The robot next to the chosen one in a direction of the screen; the one nearest to the middle if none is chosen.
@@ -396,7 +396,7 @@ export class World extends EventTarget {
     const from = this.marks.chosen;
     const [x, y] = from < 0 ? [this.view.x, this.view.y] : [poses[3 * from], poses[3 * from + 1]];
     let best = Infinity;
-    let found = from;
+    let nearest = from;
     for (let i = 0; i < count; i += 1) {
       if (i === from) continue;
       const dx = poses[3 * i] - x;
@@ -405,9 +405,9 @@ export class World extends EventTarget {
       const aside = Math.abs(dx * down + dy * right);
       if (from >= 0 && (along <= 0 || aside > along)) continue;
       const distance = Math.hypot(dx, dy) + (from < 0 ? 0 : aside);
-      if (distance < best) [best, found] = [distance, i];
+      if (distance < best) [best, nearest] = [distance, i];
     }
-    return found;
+    return nearest;
   }
 
   keepInSight(index) {
@@ -446,10 +446,10 @@ export class World extends EventTarget {
 
   // Which robot is at the pointer; it may have come there by itself.
   lookUnder() {
-    const found = this.pointer ? this.at(...this.pointer) : -1;
-    if (found === this.marks.pointed) return;
-    this.marks.pointed = found;
-    this.map.classList.toggle("pointing", found >= 0);
+    const pointed = this.pointer ? this.at(...this.pointer) : -1;
+    if (pointed === this.marks.pointed) return;
+    this.marks.pointed = pointed;
+    this.map.classList.toggle("pointing", pointed >= 0);
     this.repaint("robots");
   }
 

@@ -176,8 +176,8 @@ def test_replays_of_a_revoked_key_move_nobody_and_nobody_helps_to_replay_them() 
     theirs = [datagram for datagram in recorded if look(datagram).key in (CHIEF.id, ANNA.id)]
     assert {look(datagram).kind for datagram in theirs} >= {Kind.COMMAND, Kind.STOP, Kind.RELEASE, Kind.HEARTBEAT}
     wanted: list[object] = [[key, epoch, [1, 2, 3]] for key in (CHIEF.id, ANNA.id) for epoch in range(1, 6)]
-    watch.delivery._say(Kind.REQUEST, {"want": wanted}, air.clock.now())
-    watch.delivery._say(Kind.DIGEST, {"have": [[CHIEF.id, epoch, 0] for epoch in range(1, 6)]}, air.clock.now())
+    watch.delivery._send(Kind.REQUEST, {"want": wanted}, air.clock.now())
+    watch.delivery._send(Kind.DIGEST, {"have": [[CHIEF.id, epoch, 0] for epoch in range(1, 6)]}, air.clock.now())
     told = len(recorded)
     air.run(3.0)
     again_sent = {look(datagram).key for datagram in recorded[told:]}

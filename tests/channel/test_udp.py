@@ -21,7 +21,7 @@ from sleepcast.channel.message import Role
 from sleepcast.channel.transports import open_transport
 from sleepcast.channel.transports.address import AddressError
 from sleepcast.channel.transports.transport import address_of
-from sleepcast.channel.transports.udp import MOST_STOPS, UdpError
+from sleepcast.channel.transports.udp import MAX_STOPS, UdpError
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_all_else_is_heard_behind_a_flood_of_stops() -> None:
             sending.send(flood)
         sending.send(command)
         found = receiving.receive()
-        assert found.count(flood) == MOST_STOPS
+        assert found.count(flood) == MAX_STOPS
         assert found[-1] == command
 
 

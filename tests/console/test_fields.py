@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from console.asking import put
-from sleepcast.console.adapters.fields import MOST, FieldPictures, round_above, shown_fields, still_picture
+from sleepcast.console.adapters.fields import MAX_CELLS, FieldPictures, round_above, shown_fields, still_picture
 from sleepcast.console.adapters.live_past import LivePast
 from sleepcast.console.adapters.recording import TimelineBuilder
 from sleepcast.console.adapters.swarm import SwarmAdapter
@@ -69,12 +69,12 @@ def test_a_still_field_has_its_values_where_they_are(tmp_path: Path) -> None:
         ("wind", "", False),
     ]
     found = still_picture(scenario, "warmth")
-    assert (found.columns, found.rows, len(found.cells)) == (MOST, MOST, MOST * MOST)
+    assert (found.columns, found.rows, len(found.cells)) == (MAX_CELLS, MAX_CELLS, MAX_CELLS * MAX_CELLS)
     low, middle, high = (float(text.removesuffix(" %")) for text in found.scale)
     assert (low, middle, high) == pytest.approx((20.0, 50.0, 80.0), rel=0.02)
     cells = values(found)
     row, column = np.unravel_index(cells.argmax(), cells.shape)  # rows from the bottom
-    assert ((column + 0.5) / MOST, (row + 0.5) / MOST) == pytest.approx((0.25, 0.75), abs=0.01)
+    assert ((column + 0.5) / MAX_CELLS, (row + 0.5) / MAX_CELLS) == pytest.approx((0.25, 0.75), abs=0.01)
     assert len(encode(Fielded(1, "warmth", 0, found))) < 30_000
 
 
@@ -220,7 +220,7 @@ def test_a_recording_shows_still_fields_and_says_why_it_cannot_show_others(tmp_p
     desk = ReplayBackend(timeline, ReplayDriver(timeline, ManualClock()))
     found = put(desk, Field, 1, "warmth")
     assert isinstance(found, Fielded)
-    assert found.picture.columns == MOST
+    assert found.picture.columns == MAX_CELLS
     refused = SwarmDialogue(desk).answer(Field(2, "grass"))
     assert isinstance(refused, Refused)
     assert refused.reason == "The recording does not hold how grass was at this time."

@@ -17,7 +17,7 @@ import pytest
 from playwright.sync_api import BrowserContext, expect
 
 from console.running import PATIENCE, Program, open_page
-from sleepcast.console.lobby import KNOWN_PATIENCE, MOST, Lobby
+from sleepcast.console.lobby import KNOWN_PATIENCE, MAX_CONNECTIONS, Lobby
 from sleepcast.console.server import QUIET
 from sleepcast.core.clock import ManualClock
 from small_worlds import write
@@ -102,7 +102,7 @@ def test_places_are_those_of_the_oldest_of_the_same_sort() -> None:
 
     clock = ManualClock()
     lobby = Lobby(clock, lambda _: None)
-    pages, known, unknown = ([Line() for _ in range(count)] for count in (16, 2 * MOST, 2 * MOST))
+    pages, known, unknown = ([Line() for _ in range(count)] for count in (16, 2 * MAX_CONNECTIONS, 2 * MAX_CONNECTIONS))
     for each in (*pages, *known):
         lobby.strangers.enter(each)
         lobby.know(each)  # type: ignore[arg-type]  # as much of a transport as is needed
@@ -110,7 +110,7 @@ def test_places_are_those_of_the_oldest_of_the_same_sort() -> None:
             lobby.leave(each)  # type: ignore[arg-type]  # as above
     for each in unknown:
         lobby.strangers.enter(each)
-    assert sum(each.gone for each in known) == sum(each.gone for each in unknown) == MOST
+    assert sum(each.gone for each in known) == sum(each.gone for each in unknown) == MAX_CONNECTIONS
     clock.advance(KNOWN_PATIENCE + 1.0)
     lobby.strangers.sweep()
     lobby.known.sweep()

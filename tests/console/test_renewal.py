@@ -169,8 +169,8 @@ class TestRenewing:
         with runs_of(maker) as runs:
             make = maker.make
 
-            def stopped(wish: RunRequest, tell: Callable[[str], None]) -> ShownRun:
-                found = make(wish, tell)
+            def stopped(request: RunRequest, tell: Callable[[str], None]) -> ShownRun:
+                found = make(request, tell)
                 runs.desk.stop()
                 return found
 

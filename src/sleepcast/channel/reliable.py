@@ -471,7 +471,8 @@ class ReliableDelivery:
     def _compare(self, digest: Message, now: float) -> None:
         """Compare a digest with our own progress: resend what its sender misses, and tell soon what we miss. What it
         names may not exist, so it makes no stream."""
-        theirs = {name: rules for name, rules in streams_in(digest.body, "have", int) if self._has_rules(name)}
+        told = streams_in(digest.body, "have", int)
+        theirs = {name: rules for name, rules in told if self._role_of(name) is Role.COMMANDER}  # others have no rules
         ours = self.sequencer.standing()
         self._learn(digest, theirs, now)
         names = ours.keys() | theirs.keys() if self.admission.robot else ours.keys()
@@ -512,13 +513,6 @@ class ReliableDelivery:
         key = self.admission.trust.find(name[0]) if self._commands(name) else None
         return () if key is None else self.admission.missing(name[0], key.owner, name[1], number)
 
-    def _request(self, wanted: Mapping[StreamId, Sequence[int]], now: float) -> None:
-        """Request missing commands, or missing parts of those that have partly arrived."""
-        missing = [
-            (name, number, self._missing(name, number)) for name, numbers in wanted.items() for number in numbers
-        ]
-        self._send(Kind.REQUEST, request(missing), now)
-
     def _repair_requested(self, asked: Message, now: float) -> None:
         """Resend what is requested; those of the requested commands that are resent now, we do not request as well."""
         left = MAX_WANTED
@@ -536,13 +530,13 @@ class ReliableDelivery:
 
     def _commands(self, name: StreamId) -> bool:
         """Whether a stream's sender may command."""
-        key = self.admission.trust.find(name[0])
-        return key is not None and Kind.COMMAND in MAY[key.role] and key.role is not Role.ROBOT
+        role = self._role_of(name)
+        return role is not None and Kind.COMMAND in MAY[role] and role is not Role.ROBOT
 
-    def _has_rules(self, name: StreamId) -> bool:
-        """Whether a stream's sender may send standing commands: digests tell of no others."""
+    def _role_of(self, name: StreamId) -> Role | None:
+        """The role of a stream's sender, None for an unknown one."""
         key = self.admission.trust.find(name[0])
-        return key is not None and key.role is Role.COMMANDER
+        return None if key is None else key.role
 
     def _is_revoked(self, name: StreamId) -> bool:
         key = self.admission.trust.find(name[0])
@@ -577,8 +571,9 @@ class ReliableDelivery:
         if self._stop_repeats.time <= now:
             self._stop_again(now)
         wanted = self.sequencer.wanted(now, MAX_WANTED)
-        if wanted:
-            self._request(wanted, now)
+        if wanted:  # missing commands, or missing parts of those that have partly arrived
+            missing = [(name, number, self._missing(name, number)) for name, each in wanted.items() for number in each]
+            self._send(Kind.REQUEST, request(missing), now)
         if self._time_request is not None and self._time_request.due <= now:
             self._send(Kind.REPORT, self._time_request.question(now), now)
             self.admission.nonce = self._time_request.nonce

@@ -105,7 +105,13 @@ class RepairTimer:
     def begin(self, commands: Sequence[CommandId], now: float, due: float) -> None:
         """These commands were requested at `now`, and we resend them at `due`, s."""
         while self._rounds and now - self._rounds[0].begun > _COUNTED_FOR:
-            self._end(self._rounds.popleft())
+            ended = self._rounds.popleft()
+            for command in ended.due:
+                del self._of[command]
+            if not ended.grown:
+                self.window = max(_SHRINK * self.window, REPAIR_WITHIN)
+                if self.window == REPAIR_WITHIN:
+                    self._crowd = _FEW
         begun = Round(now, {}, self.window, self.window / self._steepness)
         for command in commands:
             self._of.setdefault(command, begun).due[command] = due
@@ -128,14 +134,6 @@ class RepairTimer:
             repairs.grown = True
             self._crowd = max(self._crowd, repairs.each)
             self.window = min(max(self.window, repairs.window * log2(max(2.0, repairs.each))), REPAIR_WITHIN_SLOW)
-
-    def _end(self, ended: Round) -> None:
-        for command in ended.due:
-            del self._of[command]
-        if not ended.grown:
-            self.window = max(_SHRINK * self.window, REPAIR_WITHIN)
-            if self.window == REPAIR_WITHIN:
-                self._crowd = _FEW
 
     @property
     def _steepness(self) -> float:

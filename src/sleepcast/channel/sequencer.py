@@ -111,6 +111,7 @@ class Stream:
         return self.only[index - 1] if index else 0
 
     def _stood(self, number: int) -> bool:
+        """Whether a missing or waiting command may be a standing one."""
         waiting = self.waiting.get(number)
         return waiting is None or waiting.standing
 

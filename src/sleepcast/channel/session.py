@@ -184,7 +184,12 @@ class ChannelSession:
         now = self._clock.now()
         while self._delayed and self._delayed[0].time <= now:
             self._post(heappop(self._delayed).message)
-        self._step(now)
+        if self.delivery.admission.robot:
+            self._tell_missed(now)
+        out, freed = self.delivery.step(now)
+        for datagram in out:
+            self.transport.send(datagram)
+        self._hear(freed, now)
 
     def heard(self) -> list[Message]:
         """The messages taken in since the last call."""
@@ -294,14 +299,6 @@ class ChannelSession:
         """Send what was queued; anything else is due only after we have listened."""
         for datagram in self.delivery.posted():
             self.transport.send(datagram)
-
-    def _step(self, now: float) -> None:
-        if self.delivery.admission.robot:
-            self._tell_missed(now)
-        out, freed = self.delivery.step(now)
-        for datagram in out:
-            self.transport.send(datagram)
-        self._hear(freed, now)
 
     def _tell_missed(self, now: float) -> None:
         """Report the commands that never arrived and are now too late, at most once in `_REPORT_EVERY`."""

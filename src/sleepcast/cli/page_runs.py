@@ -100,56 +100,56 @@ class PageRuns:
 
     def choices(self, scenario: str) -> Choices:
         """What may be changed of one; with the values of the run on the page, if it is of this one."""
-        wish = self._current if self._current.scenario == scenario else RunRequest(scenario)
+        request = self._current if self._current.scenario == scenario else RunRequest(scenario)
         if self._is_snapshot(scenario):
             assert self.swarm is not None
             simulator = self.swarm.simulator
             return Choices(str(simulator.seed), len(simulator.names), True, [])
-        found = self._scenario(wish)
+        found = self._scenario(request)
         sliders = [shown_slider(slider) for slider in found.sliders]
         return Choices(str(found.seed), found.robots.count, False, sliders)
 
     def _is_snapshot(self, scenario: str) -> bool:
         return self._beginning.name is None and scenario == self._beginning.home
 
-    def _scenario(self, wish: RunRequest) -> Scenario:
-        """The scenario as wished. Raises SleepcastError for one that is not offered."""
-        name, changes = wish.scenario, Changes()
+    def _scenario(self, request: RunRequest) -> Scenario:
+        """The scenario as requested. Raises SleepcastError for one that is not offered."""
+        name, changes = request.scenario, Changes()
         if name == self._beginning.home:
             changes = self._beginning.changes
         elif name not in scenario_names() and name not in added_scenarios():
             raise MisuseError(f'there is no scenario "{name:.80}" to choose')
-        changes = replace(changes, seed=wish.seed)
+        changes = replace(changes, seed=request.seed)
         found = find_scenario(name, changes)
-        over = _over(found, wish.values)
+        over = _over(found, request.values)
         if over:
             changes = replace(changes, over=(*changes.over, *over))
             found = find_scenario(name, changes)
-        if wish.robots is None or wish.robots == found.robots.count:
+        if request.robots is None or request.robots == found.robots.count:
             return found
-        if wish.robots > MAX_MINDS:
-            raise MisuseError(f"{wish.robots:,} robots are too many: at most {MAX_MINDS:,} fit into one run")
-        return find_scenario(name, replace(changes, robots=wish.robots))
+        if request.robots > MAX_MINDS:
+            raise MisuseError(f"{request.robots:,} robots are too many: at most {MAX_MINDS:,} fit into one run")
+        return find_scenario(name, replace(changes, robots=request.robots))
 
-    def make(self, wish: RunRequest, tell: Callable[[str], None]) -> ShownRun:
-        """A run as wished."""
+    def make(self, request: RunRequest, tell: Callable[[str], None]) -> ShownRun:
+        """A run as requested."""
         beginning = self._beginning
-        if wish.seed is not None:
-            read_seed(wish.seed)
-        if self._is_snapshot(wish.scenario):
+        if request.seed is not None:
+            read_seed(request.seed)
+        if self._is_snapshot(request.scenario):
             assert beginning.snapshot is not None
             tell("Reading the snapshot")
             data, name = load(beginning.snapshot), str(beginning.snapshot)
-            swarm, station = assemble_from(data, wish.seed, beginning.threads, beginning.journal, name=name)
+            swarm, station = assemble_from(data, request.seed, beginning.threads, beginning.journal, name=name)
         else:
             tell("Reading the scenario")
-            scenario = self._scenario(wish)
+            scenario = self._scenario(request)
             tell(f"Placing {scenario.robots.count:,} robots")
             swarm, station = assemble(
-                scenario, wish.seed, mission=False, threads=beginning.threads, journal=beginning.journal
+                scenario, request.seed, mission=False, threads=beginning.threads, journal=beginning.journal
             )
         tell("Opening the page")
-        return self._run(swarm, station, wish)
+        return self._run(swarm, station, request)
 
     def fork(self, run: ShownRun, state: bytes) -> ShownRun:
         """A run that goes on from a state of this one, with its desk and its past. Its mission is played by whoever
@@ -175,13 +175,13 @@ class PageRuns:
         self,
         swarm: Swarm,
         station: Station,
-        wish: RunRequest,
+        request: RunRequest,
         speed: float | None = None,
         map_picture: MapPicture | None = None,
     ) -> ShownRun:
         station.hold(True)  # an open desk: its operator is there
         beginning = self._beginning
-        if speed is None and wish.scenario == beginning.home:
+        if speed is None and request.scenario == beginning.home:
             speed = beginning.speed
         scenario, warm = swarm.simulator.scenario, Event()
 
@@ -191,22 +191,22 @@ class PageRuns:
 
         pace = Pace(self._clock, swarm, scenario.speed_up if speed is None else speed)
         fleet = SimulatedFleet(swarm, station)
-        measures = [ScenarioMeasure(*each) for each in live_measures(fleet, folder_of(wish.scenario))]
+        measures = [ScenarioMeasure(*each) for each in live_measures(fleet, folder_of(request.scenario))]
         seen = SwarmAdapter(swarm, map_picture)
         past = LivePast(seen, swarm, station, self._clock, beginning.budget)
-        tests, around = PageTests(fleet, past), self._shown_as(swarm, station, wish, warm)
+        tests, around = PageTests(fleet, past), self._shown_as(swarm, station, request, warm)
         mission = SwarmMission(swarm, station) if scenario.mission else None
         return ShownRun(seen, station, pace, prepare, around, measures, past, tests, mission)
 
     @contextmanager
-    def _shown_as(self, swarm: Swarm, station: Station, wish: RunRequest, warm: Event) -> Iterator[None]:
+    def _shown_as(self, swarm: Swarm, station: Station, request: RunRequest, warm: Event) -> Iterator[None]:
         """Record what happens while a run is on the page, and take the snapshot if it is still there at the end. A page
         that could not be opened does neither: it would leave an empty recording, and replace a good snapshot by one of
         the start."""
         try:
             with self._recorded(swarm, station, self._made + 1):
                 self._made += 1
-                self.swarm, self._current, self._warm = swarm, wish, warm
+                self.swarm, self._current, self._warm = swarm, request, warm
                 yield
         finally:
             if self._keeping is not None and self.swarm is swarm:

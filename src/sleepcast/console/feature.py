@@ -45,9 +45,15 @@ class Then(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Handler:
-    """How one question is answered. needs: what a source must have. then: answers for another time than now; None, or
-    what gives None, for what is a matter of now. lacking: what is said where a source has not what it takes; recording:
-    where that is a recording; "" for what the source itself says then."""
+    """How one question is answered.
+
+    asked: its class
+    needs: what a source must have
+    answer: answers it
+    then: answers for another time than now; None, or what gives None, for what is a matter of now
+    lacking: what is said where a source has not what it takes; "" for what the source itself says then
+    recording: the same where that is a recording
+    """
 
     asked: type[PageMessage]
     needs: frozenset[str]

@@ -28,12 +28,17 @@ Everything is little endian. A frame of n robots has 32 + 14 n bytes, and n more
 from __future__ import annotations
 
 import struct
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 ALTERNATE = 255
 """The first byte of something else than a frame: where robots were in another future. Three bytes follow, then u32 n
 and f32 x 3n as in a frame."""
 
 VERSION = 2
+Column: TypeAlias = NDArray[np.float64]
 
 _HEADER = struct.Struct("<BBBxIIIdff")
 STOPPED, SILENT = 1, 16
@@ -57,6 +62,13 @@ def pack(
     follow = sum(bool(column) << place for place, column in enumerate(columns))
     header = _HEADER.pack(VERSION, bits, follow, len(marks[0]), number, tick & 0xFFFFFFFF, time, *speeds)
     return b"".join((header, poses, *marks, *columns))
+
+
+def packed_poses(x: Column, y: Column, heading: Column) -> bytes:
+    """x (m), y (m) and heading (rad, counter-clockwise from x) of each robot in turn, float32, little endian."""
+    poses = np.empty((len(x), 3), "<f4")
+    poses[:, 0], poses[:, 1], poses[:, 2] = x, y, heading
+    return poses.tobytes()
 
 
 def repeats(frame: bytes, before: bytes) -> bool:

@@ -24,8 +24,13 @@ LONGEST = 120
 
 
 class Mark(msgspec.Struct, frozen=True):
-    """at: simulated s. kind: command, ask, stop, release, fault, join or alert. seen: from when on there is anything to
-    be seen of it, s. command: its id, "" for none."""
+    """What happened.
+
+    at: simulated s
+    kind: command, ask, stop, release, fault, join or alert
+    seen: from when on there is anything to be seen of it, s
+    command: its id, "" for none
+    """
 
     at: float
     kind: str

@@ -49,8 +49,12 @@ class Hello(DeskMessage):
 
 
 class Refused(DeskMessage):
-    """A message that was not obeyed, and why, in words for a person. count: whether it would be obeyed if it came with
-    the number of robots that are meant; doubt: whether it would be if it came once more, confirmed."""
+    """A message that was not obeyed.
+
+    reason: why, in words for a person
+    count: whether it would be obeyed if it came with the number of robots that are meant
+    doubt: whether it would be if it came once more, confirmed
+    """
 
     reason: str
     serial: int | None = None
@@ -147,11 +151,18 @@ class Compiling(DeskMessage):
 
 
 class Span(DeskMessage):
-    """The part of the run that can be looked at: its begin and end, s. at: what this page looks at, s, None for now.
-    exact: whether what is shown is that very tick; note: why not, for a person. kept: what is kept, in a sentence.
-    forked: when this run left another one, s, None if it did not; differs: the time of the first difference between the
-    two, s; difference: what it is, in words.
-    may_fork: whether it can go on from any moment."""
+    """The part of the run that can be looked at.
+
+    began, ended: s
+    at: what this page looks at, s, None for now
+    exact: whether what is shown is that of the very tick
+    note: why not, for a person
+    kept: what is kept, in a sentence
+    forked: when this run left another one, s, None if it did not
+    differs: the time of the first difference between the two, s
+    difference: what it is, in words
+    may_fork: whether it can go on from any moment
+    """
 
     began: float
     ended: float

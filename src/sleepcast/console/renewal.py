@@ -65,9 +65,15 @@ class Note(DeskMessage):
 
 @dataclass(frozen=True, slots=True)
 class ShownRun:
-    """A swarm that a page can show, with its desk. prepare: see `Driver`. around: entered when the run is shown, and
-    left when another one is, or the program ends. measures: of its scenario, see `Plots`. past: see `Backend`.
-    tests: makes tests of it. mission: plays its mission, None if it has none."""
+    """A swarm that a page can show, with its desk.
+
+    prepare: see `Driver`
+    around: entered when the run is shown, and left when another one is, or the program ends
+    measures: of its scenario, see `Plots`
+    past: see `Backend`
+    tests: makes tests of it
+    mission: plays its mission, None if it has none
+    """
 
     swarm: SwarmView
     station: Station
@@ -103,9 +109,12 @@ class RunMaker(Protocol):
     def choices(self, scenario: str) -> Choices:
         """What may be changed of one. Raises SleepcastError for one that is not offered."""
 
-    def make(self, wish: RunRequest, tell: Callable[[str], None]) -> ShownRun:
-        """A run as wished. tell: told what is done, as it begins; what it raises ends the work. Raises SleepcastError
-        for what cannot be had."""
+    def make(self, request: RunRequest, tell: Callable[[str], None]) -> ShownRun:
+        """A run as requested. Raises SleepcastError for what cannot be had.
+
+        request: the run that somebody wants
+        tell: told what is done, as it begins; what it raises ends the work
+        """
 
     def fork(self, run: ShownRun, state: bytes) -> ShownRun:
         """A run that goes on from a state of this one. Raises SleepcastError."""
@@ -163,12 +172,12 @@ class RunSwitcher:
     async def choices(self, serial: int, scenario: str) -> SetUp:
         return SetUp(serial, await in_thread(lambda: self._maker.choices(scenario)))
 
-    async def renew(self, serial: int, wish: RunRequest | None) -> Renewed:
-        """Show another run, as wished or (None) as the one on the page was at its start. Raises SleepcastError; then
+    async def renew(self, serial: int, request: RunRequest | None) -> Renewed:
+        """Show another run, as requested or (None) as the one on the page was at its start. Raises SleepcastError; then
         the one on the page goes on."""
 
         async def make() -> ShownRun:
-            return await in_thread(lambda: self._maker.make(wish or self._maker.current, self._tell))
+            return await in_thread(lambda: self._maker.make(request or self._maker.current, self._tell))
 
         return await self._follow(serial, "Reading the scenario", make)
 
@@ -256,8 +265,8 @@ class RenewableBackend(Backend):
         self._refuse_doubt()
         seed = None if asked.seed is None else int(asked.seed)
         same = not asked.scenario
-        wish = None if same else RunRequest(asked.scenario, seed, asked.robots, asked.values)
-        return await self._runs.renew(asked.serial, wish)
+        request = None if same else RunRequest(asked.scenario, seed, asked.robots, asked.values)
+        return await self._runs.renew(asked.serial, request)
 
     async def fork(self, asked: Fork) -> Renewed:
         """Let the run go on from an earlier moment. Raises SleepcastError; then this one goes on."""

@@ -14,11 +14,20 @@ Pose = tuple[float, float, float]
 
 
 class BodyView(msgspec.Struct, frozen=True):
-    """What a robot's body senses. pose: where it is; believed: where its encoders place it, None without any. sonars:
-    from its front counter-clockwise, m from its rim, None for what was never measured; beam: opening of each, rad;
-    farthest: what they measure at most, m. touched: directions of what its bumper touches, rad from its heading.
-    reaches: how far other senses reach, by their names, m. looks: where its first sonar looks, rad. infrared: as
-    sonars; sight: what infrared sensors see at most, m."""
+    """What a robot's body senses.
+
+    pose: where it is
+    radius: m
+    believed: where its encoders place it, None without any
+    sonars: from its front counter-clockwise, m from its rim, None for what was never measured
+    beam: opening of each, rad
+    farthest: what they measure at most, m
+    touched: directions of what its bumper touches, rad from its heading
+    reaches: how far other senses reach, by their names, m
+    looks: where its first sonar looks, rad
+    infrared: as sonars
+    sight: what infrared sensors see at most, m
+    """
 
     pose: Pose
     radius: float
@@ -35,8 +44,13 @@ class BodyView(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class BodyKind:
-    """What bodies of one sort have. radius: m. encoders: whether they measure their own way. sonars: how many; beam,
-    farthest, reaches: as in `BodyView`."""
+    """What bodies of one kind have.
+
+    radius: m
+    encoders: whether they measure their own way
+    sonars: how many
+    beam, farthest, reaches: as in `BodyView`
+    """
 
     radius: float
     encoders: bool

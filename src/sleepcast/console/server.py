@@ -72,9 +72,13 @@ class PortError(SleepcastError):
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Where a page is served: host, and port, 0 for any free one. insecure: allow a host that others can reach, though
-    nothing is encrypted. browser: open the page there at once. allow: names besides the addresses of this machine by
-    which it may be asked for."""
+    """Where a page is served.
+
+    host, port: 0 is any free port
+    insecure: allow a host that others can reach, though nothing is encrypted
+    browser: open the page there at once
+    allow: extra allowed Host names, besides the addresses of this machine
+    """
 
     host: str
     port: int
@@ -171,10 +175,14 @@ async def serve_pages(
 ) -> None:
     """Serve an application until Ctrl-C, or until what it shows has ended.
 
-    make: gives the application that this door is for. live: lets what is shown live. say: tells the person at the
-    terminal what is going on. port_option: the option for the port. around: entered once there is a port, before
-    anybody hears of it, and left when all has ended. Raises MisuseError for a host that others can reach, PortError
-    for a port that is taken or forbidden.
+    make: gives the application that this door is for
+    live: lets what is shown live
+    address: where
+    say: tells the person at the terminal what is going on
+    port_option: the option for the port
+    around: entered once there is a port, before anybody hears of it, and left when all has ended
+
+    Raises MisuseError for a host that others can reach, PortError for a port that is taken or forbidden.
     """
     _check_host(address.host, address.insecure)
     hosts = hosts_of(address.host, address.allow)
@@ -196,7 +204,7 @@ async def serve_pages(
         lifespan="off",
     )
     with closing(listener), around:
-        say(_invitation(url, address.browser and _has_screen()))  # from here on Ctrl-C ends the loop in good order
+        say(_invitation(url, address.browser))  # from here on Ctrl-C ends the loop in good order
         asyncio.get_running_loop().set_exception_handler(sentences_of(say))
         logging.getLogger("asyncio").addFilter(QUIET)
         await _run(LobbyServer(config), live, lobby, listener)
@@ -281,15 +289,12 @@ def _in_url(host: str) -> str:
     return f"[{host}]" if ":" in host and not host.startswith("[") and host.count(":") > 1 else host
 
 
-def _has_screen() -> bool:
-    """Whether a browser would open a window; without one, a text browser could take over this terminal."""
-    return sys.platform == "darwin" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-
-
 def _invitation(address: str, open_browser: bool) -> str:
-    """What to say at the start. The browser is only asked to open the page: the server answers a moment later."""
+    """What to say at the start. The browser is only asked to open the page: the server answers a moment later. Without
+    a screen a text browser could take over this terminal."""
+    screen = sys.platform == "darwin" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
     try:
-        opened = open_browser and webbrowser.open(address)
+        opened = open_browser and screen and webbrowser.open(address)
     except (webbrowser.Error, OSError):
         opened = False
     what = "Opened in your browser" if opened else "Open this address in a browser on this machine"

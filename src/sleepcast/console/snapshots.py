@@ -76,8 +76,12 @@ class SnapshotStore:
         self._ticks.append(tick)
         self._states.append(state)
         self.size += len(state)
-        while self.size > self._most and len(self._ticks) > 2:
-            self._leave_out()
+        while self.size > self._most and len(self._ticks) > 2:  # leave out what is missed least, no first, no last
+            ticks, now = self._ticks, self._ticks[-1] + self._young
+            gaps = ((ticks[at + 1] - ticks[at - 1]) / (now - ticks[at]) for at in range(1, len(ticks) - 1))
+            index = 1 + min(enumerate(gaps), key=lambda each: each[1])[0]
+            self.size -= len(self._states[index])
+            del self._ticks[index], self._states[index]
 
     def until(self, tick: int) -> SnapshotStore:
         """Those of before a tick, to be added to by another run."""
@@ -103,14 +107,6 @@ class SnapshotStore:
         """The tick of the first state from this one on, None if there is none."""
         index = bisect_right(self._ticks, tick - 1)
         return self._ticks[index] if index < len(self._ticks) else None
-
-    def _leave_out(self) -> None:
-        """Leave out the one that is missed least; never the first or the last."""
-        ticks, now = self._ticks, self._ticks[-1] + self._young
-        gaps = ((ticks[at + 1] - ticks[at - 1]) / (now - ticks[at]) for at in range(1, len(ticks) - 1))
-        index = 1 + min(enumerate(gaps), key=lambda each: each[1])[0]
-        self.size -= len(self._states[index])
-        del self._ticks[index], self._states[index]
 
 
 class SnapshotTimer:

@@ -6,7 +6,6 @@ every robot ever heard is on it.
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Iterable, Iterator, Mapping
 from math import inf, nan, pi
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
 from sleepcast.console import KeptRule, Outline, SafetyOrder, Scene
+from sleepcast.console.frames import packed_poses
 from sleepcast.console.network import PendingExplanation
 from sleepcast.console.sensing import BodyView
 from sleepcast.console.view import FieldPicture, Picture
@@ -252,11 +252,7 @@ class FleetAdapter:
         lost = np.isnan(x)
         for number, place in enumerate(np.flatnonzero(lost).tolist()):
             x[place], y[place] = self._aside(number)
-        heading = np.where(lost, nan, np.nan_to_num(heading))
-        poses = array("f", bytes(12 * len(x)))
-        for column, values in enumerate((x, y, heading)):
-            poses[column::3] = array("f", values.astype("<f4").tobytes())
-        return poses.tobytes()
+        return packed_poses(x, y, np.where(lost, nan, np.nan_to_num(heading)))
 
     def _places(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """x and y of each robot, m; NaN for both where its position is unknown."""

@@ -55,7 +55,7 @@ class LivePast(Past):
         self._groups = GroupCodes()
         self._every = max(TICKS_PER_PICTURE, round(scenario.speed_up / PICTURES_PER_SECOND / scenario.tick))
         self._size = self._of_other = self._of_rows = 0
-        """Bytes of pictures, of those that only the other future has, and of accounts."""
+        """Bytes of pictures, of those that only the alternate run has, and of accounts."""
         self._posted = False
         self._snapshot_timer, self._began = SnapshotTimer(), 0.0
         self._packer: Thread | None = None
@@ -67,7 +67,8 @@ class LivePast(Past):
         them again if they look alike."""
 
     def go_on(self, before: LivePast, state: bytes) -> None:
-        """This run goes on from a state of another one, whose past is this one's, too."""
+        """This run goes on from a state of another one, whose past is this one's, too. Of the pictures it leaves room
+        for those of the other one: they may have half of it."""
         tick, now = self._view.tick, self._view.now()
         timeline, old = self.timeline, before.timeline
         timeline.began = old.began
@@ -77,21 +78,17 @@ class LivePast(Past):
         self._groups.expect(timeline.marks_at(now).names)
         self._every = before._every
         self._size, self._of_rows = timeline.size_of_pictures, timeline.size_of_rows
-        self._share_with(old)
+        every = self._every
+        while old.size_of_pictures - self._size > self.budget.pictures // 2 and len(old.poses.times) > 1:
+            every *= 2
+            old.thin(every)
+        self._of_other = max(0, old.size_of_pictures - self._size)
         self._log.begin_with(before.inputs.between(-1, tick))
         self.states = before.states.until(tick)
         self.states.add(tick, state)
         self.marks.take(before.marks, now)
         self.run = before.run + 1
         self.other = AlternateRun(tick, old, before.inputs, state)
-
-    def _share_with(self, other: Timeline) -> None:
-        """Leave room for pictures of another future: it may have half of it."""
-        every = self._every
-        while other.size_of_pictures - self._size > self.budget.pictures // 2 and len(other.poses.times) > 1:
-            every *= 2
-            other.thin(every)
-        self._of_other = max(0, other.size_of_pictures - self._size)
 
     @property
     def size(self) -> int:
@@ -102,7 +99,7 @@ class LivePast(Past):
         return f": {shown_size(self.size)}, of {shown_size(self.budget.most)} at most (--past)."
 
     async def _live(self) -> None:
-        """Look for the first difference to another future, as soon as there may be one."""
+        """Look for the first difference to an alternate run, as soon as there may be one."""
         other = self.other
         try:
             while other is not None and other.differs is None:
@@ -128,13 +125,11 @@ class LivePast(Past):
         seen = there.poses.at(now)
         apart = seen is not None and seen[0] == tick
         apart = apart and (seen != here.poses.at(now) or there.marks.at(now) != here.marks.at(now))
-        if apart or (tick >= self._alike_until and self._differ_unseen(other, tick)):
+        if not apart and tick >= self._alike_until:  # something may have come in one run only, and robots have heard it
+            left = self.inputs.between(other.tick, tick).leaves(other.inputs.between(other.tick, tick))
+            apart = left is not None and tick - left >= HEARD
+        if apart:
             self._diverged.set()
-
-    def _differ_unseen(self, other: AlternateRun, tick: int) -> bool:
-        """Whether something has come in one future only, and robots have heard it."""
-        left = self.inputs.between(other.tick, tick).leaves(other.inputs.between(other.tick, tick))
-        return left is not None and tick - left >= HEARD
 
     # ---- as a witness of the swarm
 
@@ -165,7 +160,9 @@ class LivePast(Past):
             self._posted = False
             self._picture()
         self._snapshot_timer.worked(self._clock.now() - self._began)
-        self._keep(tick)
+        self._take_over()
+        if self._packer is None and self._snapshot_timer.due:
+            self._copy(tick)
 
     # ---- pictures
 
@@ -232,12 +229,6 @@ class LivePast(Past):
             self._wait_for_state()  # the first one is on its way
         self._take_over()
         return super().moment(tick, since)
-
-    def _keep(self, tick: int) -> None:
-        """Keep a state if it is time to, and take over the one that is packed."""
-        self._take_over()
-        if self._packer is None and self._snapshot_timer.due:
-            self._copy(tick)
 
     def _take_over(self) -> None:
         if self._packed is not None:

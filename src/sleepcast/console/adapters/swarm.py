@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from array import array
 from dataclasses import replace
 from math import cos, inf, pi, sin
 from typing import cast
@@ -16,6 +15,7 @@ from sleepcast.console import MapLabel, NamedOutline, Outline, Scene
 from sleepcast.console.adapters.bodies import sensing_of
 from sleepcast.console.adapters.fields import FieldPictures, shown_fields
 from sleepcast.console.adapters.obstacles import editor_of
+from sleepcast.console.frames import packed_poses
 from sleepcast.console.sensing import BodyView
 from sleepcast.console.view import FieldPicture, Picture, PicturePlace, ShownSlider
 from sleepcast.core.model import NamedArea
@@ -93,11 +93,7 @@ class SwarmAdapter:
     def poses(self) -> bytes:
         """x (m), y (m) and heading (rad, counter-clockwise from x) of each robot in turn, float32, little endian."""
         simulator = self._swarm.simulator
-        poses = array("f", bytes(12 * len(simulator.names)))
-        for column, values in enumerate((simulator.x, simulator.y, simulator.bodies.heading)):
-            # The bytes keep their order whatever the machine's own: the array only moves them, four at a time.
-            poses[column::3] = array("f", values.astype("<f4").tobytes())
-        return poses.tobytes()
+        return packed_poses(simulator.x, simulator.y, simulator.bodies.heading)
 
     def obstacles(self) -> tuple[tuple[Outline, ...], ...] | None:
         """What is solid now, once that has changed."""

@@ -79,8 +79,14 @@ class ShownLine(msgspec.Struct, frozen=True):
 
 
 class MissionNews(DeskMessage, tag="mission"):
-    """The mission of the run. playing: whether the rest goes out at its times. problem: the place of the line that was
-    not sent, -1 for none; said: why, or why it is not played any more; doubt: whether it may be sent as it stands."""
+    """The mission of the run.
+
+    lines: its commands
+    playing: whether the rest goes out at its times
+    problem: the index of the line that was not sent, -1 for none
+    said: why, or why it is not played any more
+    doubt: whether it may be sent as it stands
+    """
 
     lines: list[ShownLine]
     playing: bool = False

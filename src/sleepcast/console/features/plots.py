@@ -99,9 +99,17 @@ class PlotRemoved(DeskMessage, tag="unplot"):
 
 
 class Plotted(DeskMessage):
-    """What is to be drawn: columns of equal length, of x and of every line, null for unknown. added: whether it follows
-    what was drawn before, or replaces it. more: whether there will be more at once. earlier: columns of the future that
-    this run has left, from the time at which it did; empty if there is none, or where `added` is true."""
+    """What is to be drawn.
+
+    columns: of equal length, of x and of every line, null for unknown
+    added: whether it follows what was drawn before, or replaces it
+    thinned: how often the series was thinned
+    told: what a person should know of it
+    problem: why it shows nothing
+    more: whether there will be more at once
+    earlier: columns of the run that this one has left, from the time at which it did; empty if there is none, or where
+        `added` is true
+    """
 
     serial: int
     columns: list[list[float | None]]
@@ -124,9 +132,16 @@ class ScenarioMeasure:
 
 @dataclass
 class PlotSpec:
-    """A plot. kind: `time`, a statistic (`what`) of the expression `x` over the robots that pass the test `where`;
-    `scatter`, the expressions `x` and `y` on each of them; or `histogram` of `x`. read: gives the value of a measure
-    that no expression stands for. earlier: what was sampled in the future that this run has left, as `Series.since`."""
+    """A plot.
+
+    kind: `time`, a statistic (`what`) of the expression `x` over the robots that pass the test `where`; `scatter`, the
+        expressions `x` and `y` on each of them; or `histogram` of `x`
+    name: of a measure
+    read: gives the value of a measure that no expression stands for
+    series: its samples
+    earlier: what was sampled in the run that this one has left, as `Series.since`
+    problem: why it shows nothing
+    """
 
     number: int
     kind: str

@@ -54,12 +54,12 @@ def decode(data, at=0, depth=_MAX_DEPTH, view=False):
         items.append(item)
     if major == 4:
         return items, at
-    found = {}
+    table = {}
     for each in range(0, len(items), 2):
         if not isinstance(items[each], str):
             raise Malformed
-        found[items[each]] = items[each + 1]
-    return found, at
+        table[items[each]] = items[each + 1]
+    return table, at
 
 
 def _half(n):

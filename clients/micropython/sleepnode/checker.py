@@ -144,14 +144,14 @@ class Checker:
         if not isinstance(form, list):
             return
         head = head_of(form)
-        sort = _DECLARES.get(head)
-        if sort and len(form) > 1 and isinstance(form[1], str) and not (gives_way(head) and self.meaning(head)):
-            found = sort
+        kind = _DECLARES.get(head)
+        if kind and len(form) > 1 and isinstance(form[1], str) and not (gives_way(head) and self.meaning(head)):
+            meaning = kind
             if head == "defun":
-                found = len(form[2]) if len(form) > 2 and isinstance(form[2], list) else 0
+                meaning = len(form[2]) if len(form) > 2 and isinstance(form[2], list) else 0
             elif head == "area":
-                found = 0
-            self.pending.setdefault(form[1].lower(), found)
+                meaning = 0
+            self.pending.setdefault(form[1].lower(), meaning)
         for item in form:
             self.declare(item)
 
@@ -247,8 +247,8 @@ class Checker:
 
     def kind_of(self, key):
         """What a learned name is or will be: variable, rule, operator, group, or None."""
-        found = self.pending.get(key)
-        return self.mind.sort(key) or ("operator" if isinstance(found, int) else found)
+        pending = self.pending.get(key)
+        return self.mind.kind_of(key) or ("operator" if isinstance(pending, int) else pending)
 
     def meaning(self, key):
         """What a name is already, in words; None if it is free."""
@@ -256,19 +256,19 @@ class Checker:
             return "buffer"
         if is_fixed(key):
             return "function"
-        found = self.mind.binding(key)
-        if found is None:
+        binding = self.mind.binding(key)
+        if binding is None:
             return self.kind_of(key)
-        if isinstance(found, Function):
+        if isinstance(binding, Function):
             return "function"
-        return "constant" if isinstance(found, tuple) else self.mind.kind(found) + " variable"
+        return "constant" if isinstance(binding, tuple) else self.mind.kind(binding) + " variable"
 
-    def free_for(self, name, sort):
-        """Refuse a name that means something of another sort."""
+    def free_for(self, name, kind):
+        """Refuse a name that means something of another kind."""
         meaning = self.meaning(name.lower())
-        if meaning not in (None, sort):
+        if meaning not in (None, kind):
             article = "an" if meaning[:1] in "aeiou" else "a"
-            raise Refused(_TAKEN_REFUSED, name, article, meaning, sort)
+            raise Refused(_TAKEN_REFUSED, name, article, meaning, kind)
 
     def may_be_local(self, name):
         """Refuse a local name that hides a constant."""
@@ -300,12 +300,12 @@ class Checker:
         if place is not None:
             self.emit(_LOCAL, place)
             return
-        found = self.mind.binding(key)
-        if isinstance(found, int):
-            self.emit(_VARIABLE, found)
-        elif isinstance(found, tuple):
-            self.number(found[0])
-        elif found is not None or is_fixed(key):
+        binding = self.mind.binding(key)
+        if isinstance(binding, int):
+            self.emit(_VARIABLE, binding)
+        elif isinstance(binding, tuple):
+            self.number(binding[0])
+        elif binding is not None or is_fixed(key):
             raise Refused(_FUNCTION_REFUSED, name, name)
         else:
             self.learned(name, key)
@@ -320,13 +320,13 @@ class Checker:
             self.emit(_ENTER)
             self.thing(key)
             return
-        sort = self.kind_of(key)
+        kind = self.kind_of(key)
         self.use(key)
-        if sort == "variable":
+        if kind == "variable":
             self.emit(_VARIABLE, self.mind.slot(key))
-        elif sort in (GROUP, "operator"):
-            hint = "IN %s" % name if sort == GROUP else "%s ..." % name
-            raise Refused(_SORT_REFUSED, name, "an" if sort != GROUP else "a", sort, hint)
+        elif kind in (GROUP, "operator"):
+            hint = "IN %s" % name if kind == GROUP else "%s ..." % name
+            raise Refused(_SORT_REFUSED, name, "an" if kind != GROUP else "a", kind, hint)
         else:
             self.emit(_ENTER)
             self.thing(key)
@@ -340,18 +340,18 @@ class Checker:
         key = head.lower()
         if is_fixed(key):
             return self.builtin(form, key)
-        found = self.mind.binding(key)
-        if isinstance(found, Function):
-            return self.host(form, found)
-        sort = "buffer" if buffer_number(key) is not None else self.kind_of(key)
-        if found is not None or sort not in (None, "operator"):
+        binding = self.mind.binding(key)
+        if isinstance(binding, Function):
+            return self.host(form, binding)
+        kind = "buffer" if buffer_number(key) is not None else self.kind_of(key)
+        if binding is not None or kind not in (None, "operator"):
             raise Refused(_NO_FUNCTION_REFUSED, head, self.meaning(key))
-        if sort is None and gives_way(key):
+        if kind is None and gives_way(key):
             return self.builtin(form, key)
         self.use(key)
-        if sort:
+        if kind:
             self.arguments(form, self.parameters(key), self.parameters(key))
-        return self.operator(key, form[1:], head if sort is None else "")
+        return self.operator(key, form[1:], head if kind is None else "")
 
     def operator(self, key, forms, unknown):
         """Call an operator that is there when this is reached. unknown: the name of one that is not there yet."""
@@ -365,8 +365,8 @@ class Checker:
         return 1 + cost
 
     def parameters(self, key):
-        found = self.mind.learned.get(key)
-        return self.pending.get(key, 0) if found is None else found[0][_PARAMETERS]
+        learned = self.mind.learned.get(key)
+        return self.pending.get(key, 0) if learned is None else learned[0][_PARAMETERS]
 
     def arguments(self, form, least, most):
         """Refuse a wrong number of arguments."""

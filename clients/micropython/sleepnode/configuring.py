@@ -43,16 +43,16 @@ def settings(file):
     """The settings in a file; more than ours may stand there, and null is none. Raises Refused."""
     try:
         with open(file) as opened:
-            found = json.load(opened)
+            values = json.load(opened)
     except OSError as error:
         raise Refused("%s cannot be read (%r): it lies beside main.py, and says where the channel is" % (file, error))
     except (ValueError, MemoryError):
-        found = None
-    if not isinstance(found, dict):
+        values = None
+    if not isinstance(values, dict):
         raise Refused("%s is damaged: wanted one JSON object, such as {%s}" % (file, '"address": "239.255.83.76", ...'))
-    found = {name: value for name, value in found.items() if value is not None}
+    values = {name: value for name, value in values.items() if value is not None}
     for name, needed, kind, least, most, wanted in _SETTINGS:
-        value = found.get(name)
+        value = values.get(name)
         if value is None and not needed:
             continue
         size = value
@@ -62,7 +62,7 @@ def settings(file):
                 size = -1
         if not isinstance(value, kind) or isinstance(value, bool) or not least <= size <= most:
             raise Refused('%s: "%s" is %s, but wanted is %s' % (file, name, json.dumps(value), wanted))
-    return found
+    return values
 
 
 def check_key(file, name):

@@ -7,12 +7,12 @@ _MAX_STREAMS, _MAX_TELLERS = 8, 4
 def gives_way(owners, new=None):
     """Whose entry gives way to one more of `new`: the first of the owner who has the most. owners: of the entries, the
     one that gives way first in front."""
-    most, found = 0, 0
+    most, first = 0, 0
     for at, owner in enumerate(owners):
         count = owners.count(owner) + (owner == new)
         if count > most:
-            most, found = count, at
-    return found
+            most, first = count, at
+    return first
 
 
 def named(table, names, key):

@@ -75,8 +75,8 @@ def shortest(value):
     if value == 0:
         return sign + "0.0"
     for count in range(_SURE if value > 1e-300 else 1, 18):
-        found, power = _digits(value, count)
-        for each in (found, found - 1, found + 1):
+        digits, power = _digits(value, count)
+        for each in (digits, digits - 1, digits + 1):
             if nearest(str(each), power + 1 - count) == value:
                 return sign + _placed(str(each).rstrip("0"), power, 16)
     return sign + repr(value)
@@ -86,8 +86,8 @@ def general(value):
     """Its first six digits, as in faults."""
     if value == 0 or value - value != 0:
         return "%g" % value
-    found, power = _digits(abs(value), 6)
-    return ("-" if value < 0 else "") + _placed(str(found).rstrip("0"), power, 6, "")
+    digits, power = _digits(abs(value), 6)
+    return ("-" if value < 0 else "") + _placed(str(digits).rstrip("0"), power, 6, "")
 
 
 def _placed(digits, power, most, end=".0"):

@@ -19,13 +19,13 @@ _L = const((1 << 252) + 27742317777372353535851937790883648493)
 
 def _power(x, n):
     """x to the power n, modulo p; `pow` with three arguments is not on every board."""
-    found = 1
+    product = 1
     while n:
         if n & 1:
-            found = found * x % _P
+            product = product * x % _P
         x = x * x % _P
         n >>= 1
-    return found
+    return product
 
 
 _D = const(37095705934669439343138083508754565189542113879843219016388785533085940283555)
@@ -101,9 +101,9 @@ def _number(digest):
 def _bytes(a):
     x, y, z, _ = a
     z = _power(z, _P - 2)
-    found = y * z % _P | (x * z % _P & 1) << 255
+    number = y * z % _P | (x * z % _P & 1) << 255
     gc.collect()
-    return found.to_bytes(32, "little")
+    return number.to_bytes(32, "little")
 
 
 def _sum(s, k, a):

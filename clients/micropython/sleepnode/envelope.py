@@ -50,12 +50,12 @@ def names(payload):
 
 def content(data):
     """Text and body of a whole message. Raises Malformed."""
-    found, at = decode(data)
-    if at != len(data) or not isinstance(found, list) or len(found) != 2:
+    items, at = decode(data)
+    if at != len(data) or not isinstance(items, list) or len(items) != 2:
         raise Malformed
-    if not isinstance(found[0], str) or not isinstance(found[1], dict):
+    if not isinstance(items[0], str) or not isinstance(items[1], dict):
         raise Malformed
-    return found
+    return items
 
 
 def payload(kind, numbers, fleet, name, text, body):
@@ -65,10 +65,10 @@ def payload(kind, numbers, fleet, name, text, body):
         _FIXED,
         *(0x8B, 1, kind, 0x1B, numbers[0], 0x1B, numbers[1], 0x1B, numbers[2], 0x1B, numbers[3], 0x18, 0, 0x18, 1),
     )
-    found = fixed + encode(fleet) + encode(name) + encode(b"\x82" + encode(text) + body)
-    return found if len(found) + 86 <= _MAX_DATAGRAM else None
+    data = fixed + encode(fleet) + encode(name) + encode(b"\x82" + encode(text) + body)
+    return data if len(data) + 86 <= _MAX_DATAGRAM else None
 
 
-def sealed(key, found, signature):
+def sealed(key, data, signature):
     """The datagram of a payload."""
-    return _HEAD + key + b"\x59" + len(found).to_bytes(2, "big") + found + b"\x58\x40" + signature
+    return _HEAD + key + b"\x59" + len(data).to_bytes(2, "big") + data + b"\x58\x40" + signature

@@ -204,20 +204,20 @@ def setq(c, form):
         c.emit(_STORE_NUMBER)
         c.thing("e%d" % number)
         return 1 + cost + _STORE_STEPS
-    found = c.mind.binding(key)
-    if isinstance(found, int):
-        if not c.mind.assignable(found):
+    binding = c.mind.binding(key)
+    if isinstance(binding, int):
+        if not c.mind.assignable(binding):
             raise Refused(_SENSOR_REFUSED, target)
-        c.rules = c.rules or c.mind.is_active_flag(found)
+        c.rules = c.rules or c.mind.is_active_flag(binding)
         cost = c.part(value)
-        c.emit(_WRITE, found)
+        c.emit(_WRITE, binding)
         return 1 + cost
-    if found is not None or is_fixed(key):
-        constant = found is not None and not isinstance(found, Function)
+    if binding is not None or is_fixed(key):
+        constant = binding is not None and not isinstance(binding, Function)
         raise Refused(_FIXED_REFUSED, target, "constant" if constant else "function")
-    sort = c.kind_of(key)
-    if sort not in (None, "variable"):
-        raise Refused(_NOT_VARIABLE_REFUSED, target, "an" if sort == "operator" else "a", sort)
+    kind = c.kind_of(key)
+    if kind not in (None, "variable"):
+        raise Refused(_NOT_VARIABLE_REFUSED, target, "an" if kind == "operator" else "a", kind)
     cost = c.part(value)
     slot = c.mind.learned.get(key)
     if slot:

@@ -67,8 +67,8 @@ def _logarithm(x):
 
 
 def _distance(a, b, x, y):
-    across, up = a - x, b - y
-    return math.sqrt(across * across + up * up)
+    dx, dy = a - x, b - y
+    return math.sqrt(dx * dx + dy * dy)
 
 
 def _edge_distance(*a):
@@ -76,14 +76,14 @@ def _edge_distance(*a):
     nearest, sign = math.inf, -1.0
     for at in range(2, len(a), 2):
         x1, y1 = a[at], a[at + 1]
-        across, up, from_x, from_y = x1 - x0, y1 - y0, px - x0, py - y0
-        t = (from_x * across + from_y * up) / (across * across + up * up or 1.0)
+        dx, dy, from_x, from_y = x1 - x0, y1 - y0, px - x0, py - y0
+        t = (from_x * dx + from_y * dy) / (dx * dx + dy * dy or 1.0)
         t = 0.0 if t < 0.0 else 1.0 if t > 1.0 else t
-        out_x, out_y = from_x - t * across, from_y - t * up
+        out_x, out_y = from_x - t * dx, from_y - t * dy
         square = out_x * out_x + out_y * out_y
         if square < nearest:
             nearest = square
-        if (y0 <= py) != (y1 <= py) and (from_x * up < from_y * across) == (up > 0.0):
+        if (y0 <= py) != (y1 <= py) and (from_x * dy < from_y * dx) == (dy > 0.0):
             sign = -sign  # a ray to the east crosses this side
         x0, y0 = x1, y1
     return sign * math.sqrt(nearest) + 0.0

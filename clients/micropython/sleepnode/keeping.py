@@ -6,11 +6,11 @@ import os
 from sleepnode.latch import marks_in
 
 
-def keep(file, found):
+def keep(file, data):
     """Write a file as a whole: if the power fails, the one of before is there, or the new one beside it. Raises
     OSError."""
     with open(file + ".new", "w") as opened:
-        json.dump(found, opened)
+        json.dump(data, opened)
     try:
         os.rename(file + ".new", file)
     except OSError:  # a FAT file system replaces no file
@@ -32,9 +32,9 @@ def kept(file):
 def stops(file):
     """Which STOPs held before a restart, as rows of a latch; those of an earlier version have no key."""
     try:
-        found = kept(file)
-        if found == marks_in(found):
-            return [each if len(each) > 3 else each + [""] for each in found]
+        rows = kept(file)
+        if rows == marks_in(rows):
+            return [each if len(each) > 3 else each + [""] for each in rows]
     except OSError:
         return []  # none was ever written
     except (ValueError, MemoryError):

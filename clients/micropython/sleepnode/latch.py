@@ -57,10 +57,10 @@ def _first(mark, body):
 
 
 def marks_in(said):
-    found = said[:64] if isinstance(said, list) else []
+    rows = said[:64] if isinstance(said, list) else []
     return [
         each
-        for each in found
+        for each in rows
         if isinstance(each, list) and len(each) >= 3 and isinstance(each[0], str) and isinstance(each[2], int)
     ]
 

@@ -25,10 +25,10 @@ def _acts(c, form, local):
     head = head_of(form)
     if not head:
         return False
-    found = c.mind.binding(head)
+    binding = c.mind.binding(head)
     rest = form[1:]
-    if isinstance(found, Function):
-        if found.acts:
+    if isinstance(binding, Function):
+        if binding.acts:
             return True
     elif c.kind_of(head) == "operator":
         pass

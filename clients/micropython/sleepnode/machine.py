@@ -181,18 +181,18 @@ def run(mind, program):
         elif op == _ENTER or op == _CALL:
             if op == _CALL:
                 arguments = _taken(stack, argument)
-                found = mind.operator(thing, argument)
+                entered = mind.operator(thing, argument)
             else:
                 arguments = []
-                found = mind.expression(thing)
-            if not isinstance(found, tuple):
-                stack.append(found)
+                entered = mind.expression(thing)
+            if not isinstance(entered, tuple):
+                stack.append(entered)
                 continue
-            tall = found[0][_HEIGHT]
+            tall = entered[0][_HEIGHT]
             if len(frames) >= 4 * _MAX_DEPTH or levels + tall > _MAX_LEVELS:
                 stack.append(mind.fault("calls nested too deeply: at most %d" % _MAX_DEPTH))
                 continue
-            mind.steps += _two(found[0], _COST)
+            mind.steps += _two(entered[0], _COST)
             if mind.steps > _MAX_STEPS:
                 return mind.fault("out of steps: at most %d in one evaluation" % _MAX_STEPS)
             frames.append(program)
@@ -200,7 +200,7 @@ def run(mind, program):
             frames.append(local)
             frames.append(tall)
             levels += tall
-            program, code, pc = found, found[0], _FIRST
+            program, code, pc = entered, entered[0], _FIRST
             local = arguments + [None] * (_two(code, _PLACES) - len(arguments))
         elif op == _OPERATOR:
             if mind.operator(thing, argument, program[at + 1]) is None:
@@ -292,9 +292,9 @@ def _taken(stack, count):
     """The upper values of the stack, taken off it."""
     if not count:
         return []
-    found = stack[-count:]
+    values = stack[-count:]
     del stack[-count:]
-    return found
+    return values
 
 
 def chance(mind, on, x, y):

@@ -114,12 +114,12 @@ class Mind:
 
     def binding(self, key):
         """What the robot was made with: a slot, a constant in a tuple, a Function; or None."""
-        found = self.names.get(key)
-        if found is None and key.startswith("active") and key[6:].isdigit() and key[6:7] != "0":
+        binding = self.names.get(key)
+        if binding is None and key.startswith("active") and key[6:].isdigit() and key[6:7] != "0":
             number = int(key[6:])
             if number < 64:
                 return _ACTIVE + number
-        return found
+        return binding
 
     def kind(self, slot):
         """sensor, actuator or support."""
@@ -135,9 +135,9 @@ class Mind:
 
     def slot(self, key):
         """The slot of a user variable, a new one if nobody has named it."""
-        found = self.learned.get(key)
-        if isinstance(found, int):
-            return found
+        known = self.learned.get(key)
+        if isinstance(known, int):
+            return known
         if key not in self._slots:
             if len(self.values) - self.first_user >= _MAX_VARIABLES:
                 raise Refused(_VARIABLES_REFUSED, key, _MAX_VARIABLES)
@@ -145,12 +145,12 @@ class Mind:
             self._slots[key] = len(self.values) - 1
         return self._slots[key]
 
-    def sort(self, key):
+    def kind_of(self, key):
         """What a learned name is: variable, rule, operator or group; None for a name that is not learned."""
-        found = self.learned.get(key)
-        if isinstance(found, tuple):
-            return "rule" if found[0][_FLAGS] & _RULE else "operator"
-        return "variable" if isinstance(found, int) else found
+        known = self.learned.get(key)
+        if isinstance(known, tuple):
+            return "rule" if known[0][_FLAGS] & _RULE else "operator"
+        return "variable" if isinstance(known, int) else known
 
     def kept(self, text):
         """A text that programs have: that of the learned name, if it is one, which saves memory."""
@@ -173,8 +173,8 @@ class Mind:
             if pending and last in pending:
                 more = pending[last]
             else:
-                found = self.learned.get(last)
-                more = found[_USES] if isinstance(found, tuple) else ()
+                known = self.learned.get(last)
+                more = known[_USES] if isinstance(known, tuple) else ()
             for key in more:
                 waiting.append(way + (key,))
         return None
@@ -255,7 +255,7 @@ class Mind:
     def rule(self, key):
         """Evaluate a rule."""
         value = self.run(self.learned[key])
-        if self.sort(key) != "rule":
+        if self.kind_of(key) != "rule":
             return value
         state = self.learned[key][0]
         own = state[_FAULTS] == _BUILT_IN
@@ -337,21 +337,21 @@ class Mind:
         return chance.draw(self.key, self.tick, self._draws - 1)
 
     def value_of(self, key):
-        found = self.learned[key]
-        return self.values[found] if isinstance(found, int) else self.fault("%s is already a name" % key)
+        known = self.learned[key]
+        return self.values[known] if isinstance(known, int) else self.fault("%s is already a name" % key)
 
     def expression(self, key):
         """The program of a rule or buffer; the value of a variable that was made later; None for neither."""
-        found = self.learned.get(key)
-        if isinstance(found, int):
-            return self.values[found]
-        return found if self.sort(key) == "rule" else None
+        known = self.learned.get(key)
+        if isinstance(known, int):
+            return self.values[known]
+        return known if self.kind_of(key) == "rule" else None
 
     def operator(self, key, count, unknown=""):
         """The program of an operator with so many parameters, None and a fault if there is none."""
-        found = self.learned.get(key)
-        if self.sort(key) == "operator" and found[0][_PARAMETERS] == count:
-            return found
+        known = self.learned.get(key)
+        if self.kind_of(key) == "operator" and known[0][_PARAMETERS] == count:
+            return known
         return self.fault(
             "this robot has no function %s" % unknown if unknown else "no operator %s of %d arguments" % (key, count)
         )
@@ -372,10 +372,10 @@ class Mind:
 
     def assign(self, key, value):
         """SETQ of a user variable that was not there when the text was checked."""
-        found = self.learned.get(key)
-        if not isinstance(found, int):
+        slot = self.learned.get(key)
+        if not isinstance(slot, int):
             return self.fault("no variable %s: make it first with (DEFVAR %s)" % (key, key))
-        self.put(found, value)
+        self.put(slot, value)
         return value
 
     def host(self, function, label, arguments):
@@ -462,19 +462,19 @@ class Mind:
 
     # ---- learning
 
-    def _clash(self, key, sort):
-        """Whether a name means something of another sort; that is a fault."""
-        if self.sort(key) in (None, sort):
+    def _clash(self, key, kind):
+        """Whether a name means something of another kind; that is a fault."""
+        if self.kind_of(key) in (None, kind):
             return False
         self.fault("%s is already the name of something else" % key)
         return True
 
-    def _full(self, sort, most):
-        """Whether there is no room for one more of a sort; that is a fault."""
-        count = sum([self.sort(key) == sort and buffer_number(key) is None for key in self.learned])
+    def _full(self, kind, most):
+        """Whether there is no room for one more of a kind; that is a fault."""
+        count = sum([self.kind_of(key) == kind and buffer_number(key) is None for key in self.learned])
         if count < most:
             return False
-        self.fault("no room for another %s: there are %d" % (sort, most))
+        self.fault("no room for another %s: there are %d" % (kind, most))
         return True
 
     def _define(self, key, value):
@@ -497,18 +497,18 @@ class Mind:
             return self.fault("%s would name itself%s" % (key.upper(), through(way)))
         if self._clash(key, "rule"):
             return None
-        found = self.learned.get(key)
-        if found is None:
+        before = self.learned.get(key)
+        if before is None:
             if buffer_number(key) is None and self._full("rule", _MAX_RULES):
                 return None
             self._changing()
-        elif found[0][_FAULTS] == _BUILT_IN:
+        elif before[0][_FAULTS] == _BUILT_IN:
             return self._built_in(key)
         else:
             self._changing()
         program[0][_FAULTS] = 0
         program = (bytearray(program[0]),) + program[1:]  # made again, where memory is free
-        if found is None:
+        if before is None:
             key = str(key.encode(), "utf-8")
             self._place(key)
         try:
@@ -570,7 +570,7 @@ class Mind:
 
     def _is_changeable(self, key):
         """Whether messages may change a rule; if not, that is a fault."""
-        if self.sort(key) != "rule":
+        if self.kind_of(key) != "rule":
             self.fault("no rule %s" % key)
             return False
         if self.learned[key][0][_FAULTS] == _BUILT_IN:
@@ -582,7 +582,7 @@ class Mind:
         number = buffer_number(key)
         if number is not None:
             return bool(self.values[_ACTIVE + number])
-        return self.sort(key) == "rule" and bool(self.learned[key][0][_FLAGS] & _RUNS)
+        return self.kind_of(key) == "rule" and bool(self.learned[key][0][_FLAGS] & _RUNS)
 
     def _activate(self, key, on):
         number, state = buffer_number(key), self.learned[key][0]
@@ -604,7 +604,7 @@ class Mind:
         return 1.0
 
     def _forget(self, key):
-        if self.sort(key) == "operator":
+        if self.kind_of(key) == "operator":
             del self.learned[key]
             return 1.0
         if not self._is_changeable(key):
@@ -642,12 +642,12 @@ class Mind:
                 self.report("no memory to remember the rules for ROLLBACK", ())
 
     def _rule_set(self):
-        found = []
+        rules = []
         for key in self._changeable():
             state = self.learned[key][0]
             state[_FLAGS] = state[_FLAGS] | _RAN if self._runs(key) else state[_FLAGS] & ~_RAN
-            found += key, self.learned[key]
-        return found
+            rules += key, self.learned[key]
+        return rules
 
     def _changeable(self):
         return [key for key in self._order if self.learned[key][0][_FAULTS] != _BUILT_IN]

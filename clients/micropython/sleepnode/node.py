@@ -644,11 +644,11 @@ class Node:
             _, kind, deadline, text, body = due[0]
             self.number += 1
             numbers = self._epoch, self.number, 1000 * now, 1000 * deadline
-            found = payload(kind, numbers, self.fleet, self.name, text, body)
-            if found is None:
+            data = payload(kind, numbers, self.fleet, self.name, text, body)
+            if data is None:
                 self._drop(_TOO_LONG_TO_SEND)
                 return True
-            self._signing = [found, ed25519.sign(self._secret, self._public, signed(found))]
+            self._signing = [data, ed25519.sign(self._secret, self._public, signed(data))]
         try:
             next(self._signing[1])
         except StopIteration as end:

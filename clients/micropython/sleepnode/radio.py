@@ -33,10 +33,10 @@ class Radio:
     def receive(self):
         """A datagram that has come, None for none. Raises MemoryError if what came does not fit into the memory."""
         for _ in self._poll.ipoll(0):
-            found = None
+            datagram = None
             for size in (_MOST, _MOST, _SHORT):
                 try:
-                    found = self.socket.recvfrom(size)[0]
+                    datagram = self.socket.recvfrom(size)[0]
                     break
                 except OSError:
                     return None
@@ -44,9 +44,9 @@ class Radio:
                     self._reserve = None
                     gc.collect()
             self._keep_reserve()
-            if found is None:
+            if datagram is None:
                 raise MemoryError
-            return found
+            return datagram
         return None
 
     def _keep_reserve(self):

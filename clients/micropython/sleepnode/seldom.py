@@ -197,13 +197,13 @@ def _tell(c, form):
     return 1 + cost
 
 
-def _holes(form, found):
+def _holes(form, holes):
     if isinstance(form, list):
         if head_of(form) == "unquote" and len(form) == 2:
-            found.append(form[1])
+            holes.append(form[1])
         else:
             for item in form:
-                _holes(item, found)
+                _holes(item, holes)
 
 
 def _entered(c, form):

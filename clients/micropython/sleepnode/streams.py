@@ -60,12 +60,12 @@ class Streams:
         self.news(since)
 
     def of(self, name):
-        found = self._streams.get(name)
-        if found is None:
+        stream = self._streams.get(name)
+        if stream is None:
             if len(self._streams) >= _MAX_STREAMS:
                 make_room("streams", self._streams, name[0])
-            found = self._streams[name] = [0, 0, {}, {}]
-        return found
+            stream = self._streams[name] = [0, 0, {}, {}]
+        return stream
 
     def take(self, name, number, standing, body, message, now):
         """The commands that can be obeyed now that this one has come, in order; and the one for which there is no room
@@ -76,8 +76,8 @@ class Streams:
         waiting = stream[_WAITING]
         waiting[number] = standing, body, message
         stream[_WANTED].pop(number, None)
-        found = self._advance(stream, now)
-        return found, waiting.pop(max(waiting))[2] if len(waiting) > _MAX_WAITING else None
+        due = self._advance(stream, now)
+        return due, waiting.pop(max(waiting))[2] if len(waiting) > _MAX_WAITING else None
 
     def has(self, key, epoch, number):
         """Whether a command waits, or was obeyed or skipped."""
@@ -91,14 +91,14 @@ class Streams:
 
     def expire(self, now):
         """The commands that need not wait any longer."""
-        found = []
+        due = []
         for stream in self._streams.values():
             if stream[_WAITING]:
-                found += self._advance(stream, now)
-        return found
+                due += self._advance(stream, now)
+        return due
 
     def _advance(self, stream, now):
-        found = []
+        due = []
         while stream[_WAITING]:
             number = min(stream[_WAITING])
             standing, body, message = stream[_WAITING][number]
@@ -120,8 +120,8 @@ class Streams:
                 self.eager = self.is_behind()
                 if message[4] < 1000 * (now - _OLD):
                     self._old = now
-            found.append(message)
-        return found
+            due.append(message)
+        return due
 
     def _want(self, stream, number, now, until):
         if number not in stream[_WANTED] and len(stream[_WANTED]) < _MAX_WANTED:
@@ -129,7 +129,7 @@ class Streams:
 
     def wanted(self, now):
         """What to request now, as in a request's body; [] for nothing."""
-        found, behind = [], self.is_behind()
+        requests, behind = [], self.is_behind()
         for name, stream in self._streams.items():
             numbers = []
             for number, want in list(stream[_WANTED].items()):
@@ -140,8 +140,8 @@ class Streams:
                     want[0] = now + _late(want[1] // 2, want[1])
                     want[1] = min(2 * want[1], 2000)
             if numbers:
-                found.append([name[0], name[1], numbers])
-        return found
+                requests.append([name[0], name[1], numbers])
+        return requests
 
     # ---- digests
 
@@ -167,11 +167,11 @@ class Streams:
             self._alike += 1
 
     def _by_stream(self, have, may):
-        found = {}
+        numbers = {}
         for each in have if isinstance(have, list) else ():
             if isinstance(each, list) and len(each) == 3 and isinstance(each[2], int) and may(each[0]):
-                found[each[0], each[1]] = each[2]
-        return found
+                numbers[each[0], each[1]] = each[2]
+        return numbers
 
     def is_behind(self):
         """Whether others are known to have more standing commands."""

@@ -28,14 +28,14 @@ def told(node, body):
         node.driven,
     )
     names = "type mind values active running user groups stopped driven".split()  # so they need not stay in memory
-    found = {names[at]: said[at] for at in range(9)}
+    record = {names[at]: said[at] for at in range(9)}
     for key, slot in mind.learned.items():
         if isinstance(slot, int):
             value = mind.values[slot]
             said[5][key] = float("nan") if value is None else value
     if node.catching_up:
-        found["catching_up"] = True
-    more = {"told": found}
+        record["catching_up"] = True
+    more = {"told": record}
     if node.latch.holding:
         more["stops"] = [each + [0.0] for each in node.latch.rows()]
     return more
@@ -43,22 +43,22 @@ def told(node, body):
 
 def vocabulary(body):
     """The names of this type of robot as a text."""
-    found = {"name": "small computer", "sensors": [], "actuators": [], "constants": [], "functions": []}
-    for sort in ("sensors", "actuators"):
-        for name, _, unit, low, high in getattr(body, sort):
-            found[sort].append([name, unit, low, high, None, "", ""])
+    names = {"name": "small computer", "sensors": [], "actuators": [], "constants": [], "functions": []}
+    for kind in ("sensors", "actuators"):
+        for name, _, unit, low, high in getattr(body, kind):
+            names[kind].append([name, unit, low, high, None, "", ""])
     for name in sorted(body.constants):
-        found["constants"].append([name, body.constants[name], None, ""])
+        names["constants"].append([name, body.constants[name], None, ""])
     for each in body.functions:
         more = 1 if each.labelled else 0
         most, least = each.most - more, each.least - more
-        found["functions"].append([each.name, [None] * most, least, "", None, each.acts, each.labelled, False, ""])
-    return json.dumps(found)
+        names["functions"].append([each.name, [None] * most, least, "", None, each.acts, each.labelled, False, ""])
+    return json.dumps(names)
 
 
 def learned(mind):
     """The names of its groups as a text. The texts of its rules and operators are not kept."""
-    groups = sorted([key for key, found in mind.learned.items() if found == "group"])
+    groups = sorted([key for key, meaning in mind.learned.items() if meaning == "group"])
     return json.dumps({"groups": groups, "operators": [], "rules": []})
 
 

@@ -55,8 +55,8 @@ def load_key(file):
     """Owner and seed of a key file of `sleepcast keys`. Raises Refused."""
     try:
         with open(file) as opened:
-            found = json.load(opened)
-        return found["owner"], bytes.fromhex(found["secret"])
+            key = json.load(opened)
+        return key["owner"], bytes.fromhex(key["secret"])
     except _UNUSABLE as error:
         raise Refused(_WHY % (file, error))
 
@@ -72,10 +72,10 @@ class Trust:
         try:
             from sleepnode.keeping import kept
 
-            found = kept(file)
-            for key in found["keys"]:
+            stored = kept(file)
+            for key in stored["keys"]:
                 self.add(key["owner"], key["role"], bytes.fromhex(key["public"]), key.get("revoked", False))
-            self.gone = [bytes.fromhex(each) for each in found.get("gone", ())]
+            self.gone = [bytes.fromhex(each) for each in stored.get("gone", ())]
         except _UNUSABLE as error:
             raise Refused(_WHY % (file, error))
         finally:

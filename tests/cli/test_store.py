@@ -170,7 +170,7 @@ def test_robots_with_a_damaged_store_stand_and_every_desk_says_so(channel: str, 
         assert process.stderr
         complaints = process.stderr.read()
     assert f"{store} was damaged (database disk image is malformed). It was set aside as three.store.b" in complaints
-    assert "r1 to r3 (3 robots): its store was damaged, so a STOP may be forgotten; stands still until" in complaints
+    assert "r1 to r3 (3 robots): its store was damaged, so a STOP may be forgotten; stopped until" in complaints
 
 
 def test_the_rules_of_robots_that_catch_up_wait(channel: str, tmp_path: Path) -> None:

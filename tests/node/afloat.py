@@ -75,7 +75,7 @@ class Living:
         trust = Trust((DESK.public, ROBOTS.public))
         admission = Admission(trust, "lab", self.air.clock, robot=True, rate=1e9)
         chance = Random(self.air.chance.random())
-        self.party.delivery = ReliableDelivery(self.name, self.store.life(self.name), ROBOTS, admission, chance)
+        self.party.delivery = ReliableDelivery(self.name, self.store.new_epoch(self.name), ROBOTS, admission, chance)
         self.party.delivery.start(now)
         self.node = Mortal(self.name, NOTES, body=self.world, on_air=True)
         self.node.zero, self.ticks = now, 0

@@ -372,7 +372,7 @@ def test_an_operator_with_an_old_store_begins_a_new_life(folder: Path) -> None:
     old = file.read_bytes()
     with closing(Store(file, clock, pytest.fail)) as store:
         assert store.numbers("desk") == first
-        store.life("desk")
+        store.new_epoch("desk")
     file.write_bytes(old)
     with closing(Store(file, clock, said.append)) as store:
         assert store.numbers("desk")[0] > first[0]

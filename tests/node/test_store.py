@@ -43,7 +43,7 @@ def test_every_command_is_evaluated_once_whatever_happens(tmp_path: Path, seed: 
         fleet.run(0.1, deaths=0.5)
     fleet.run(12.0)
     for robot in fleet.robots:
-        assert robot.store.life(robot.name) > 0
+        assert robot.store.new_epoch(robot.name) > 0
         journal = robot.journal()
         times = Counter(command for command, _, _, _ in journal)
         assert times[first.id] == 1
@@ -347,7 +347,7 @@ def test_an_operators_commands_have_one_order_over_his_lives(tmp_path: Path) -> 
             party.delivery = ReliableDelivery(
                 "desk", epoch, DESK, party.delivery.admission, Random(life), first=first, keep=store.keep
             )
-            store.attend(party.delivery)
+            store.adopt_operator(party.delivery)
             for number in range(3):
                 sent.append(fleet.post(f"(NOTE {3 * life + number})", standing=number == 1, desk=party))
                 fleet.run(fleet.chance.random() * 0.2)
@@ -366,14 +366,14 @@ def test_robots_whose_stores_are_copies_begin_different_lives(tmp_path: Path) ->
     """Also where no clock goes on: then two robots of one name are told apart, and noticed."""
     clock, file = ManualClock(0.0), tmp_path / "r1.store"
     with closing(Store(file, clock, print)) as store:
-        before = store.life("r1")
+        before = store.new_epoch("r1")
         store.write()
     lives = set()
     for number in range(4):
         copy = tmp_path / f"copy{number}.store"
         shutil.copy(file, copy)
         with closing(Store(copy, clock, print)) as store:
-            lives.add(store.life("r1"))
+            lives.add(store.new_epoch("r1"))
     assert len(lives) > 1
     assert min(lives) > before
 

@@ -221,10 +221,10 @@ def _delivery(
     if store is None:  # a life begins later than all before, so that its numbers are news
         return ReliableDelivery(name, epoch_at(clock.now()), key, admission, chance)
     if robot:
-        return ReliableDelivery(name, store.life(name), key, admission, chance)
+        return ReliableDelivery(name, store.new_epoch(name), key, admission, chance)
     epoch, first = store.numbers(name)
     delivery = ReliableDelivery(name, epoch, key, admission, chance, first=first, keep=store.keep)
-    store.attend(delivery)
+    store.adopt_operator(delivery)
     return delivery
 
 

@@ -17,16 +17,11 @@ CLONE = Path(__file__).resolve().parents[3]
 
 def installing(extra: str) -> str:
     """The command that installs an extra of pyproject.toml for this Python."""
-    if _is_of_clone():
+    if (CLONE / "go.py").is_file() and Path(sys.prefix).resolve() == CLONE / ".venv":  # which go.py has made
         go = "go.py" if Path.cwd() == CLONE else shlex.quote(str(CLONE / "go.py"))
         return f"python3 {go} with {extra}"
     wanted = " ".join(map(shlex.quote, _libraries(extra) or [f"sleepcast[{extra}]"]))
     return f"{shlex.quote(sys.executable)} -m pip install {wanted}"
-
-
-def _is_of_clone() -> bool:
-    """Whether this Python is that of a clone's `.venv`, which go.py has made."""
-    return (CLONE / "go.py").is_file() and Path(sys.prefix).resolve() == CLONE / ".venv"
 
 
 def _libraries(extra: str) -> list[str]:

@@ -54,8 +54,9 @@ def replace_file(file: Path, data: bytes, *, private: bool = False) -> None:
     if target.exists() and not target.is_file():
         raise OSError(None, "that is no file")
     temporary = target.with_name(f".{target.name}.{os.getpid()}.new")
+    opener = (lambda path, flags: os.open(path, flags, 0o600)) if private else None
     try:
-        with open(temporary, "xb", opener=_private if private else None) as output:
+        with open(temporary, "xb", opener=opener) as output:
             output.write(data)
             output.flush()
             os.fsync(output.fileno())
@@ -84,10 +85,6 @@ def lock_file(file: Path) -> int | None:
         os.close(descriptor)
         return None
     return descriptor
-
-
-def _private(path: str, flags: int) -> int:
-    return os.open(path, flags, 0o600)
 
 
 def settle(folder: Path) -> None:

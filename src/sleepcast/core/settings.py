@@ -174,10 +174,10 @@ def toml_document(path: Path, text: str | None = None) -> Document:
     try:
         return Document(path, tomllib.loads(text), key_lines(text))
     except (ValueError, RecursionError) as error:  # numbers of thousands of digits, and lists in lists in lists
-        said = str(error)
-        place = re.search(r"\(at line (\d+), column (\d+)\)", said)
+        message = str(error)
+        place = re.search(r"\(at line (\d+), column (\d+)\)", message)
         line = int(place[1]) if place else text.count("\n") + 1
-        reason = said[: place.start()].strip() if place else said
+        reason = message[: place.start()].strip() if place else message
         raise SettingsError(f"{path}:{line}: not TOML: {reason}") from error
 
 
@@ -245,7 +245,8 @@ class Table:
         if kind is None:
             for key in self.names():
                 if key not in self._asked:
-                    raise self.error(key, f"unknown key{did_you_mean(key, self._asked)}; {self._known()}")
+                    known = f"known here: {', '.join(sorted(self._asked))}" if self._asked else "nothing is wanted here"
+                    raise self.error(key, f"unknown key{did_you_mean(key, self._asked)}; {known}")
 
     def names(self) -> list[str]:
         """The keys that it has, those below after its own."""
@@ -438,9 +439,6 @@ class Table:
             return measure_of(value, dimension, low, high)
         except QuantityError as error:
             raise self.error(key, str(error)) from None
-
-    def _known(self) -> str:
-        return f"known here: {', '.join(sorted(self._asked))}" if self._asked else "nothing is wanted here"
 
     def _refuse(self, key: str, wanted: str, value: object) -> NoReturn:
         raise self.error(key, refusal(wanted, value))

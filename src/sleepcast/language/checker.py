@@ -127,7 +127,7 @@ class Checker:
         """Names that this very text declares: key to "variable", "rule", "group" or "operator"."""
         self.pending_parameters: dict[str, int] = {}
         self.pending_uses: dict[str, frozenset[str]] = {}
-        self.kept: list[Part] = []
+        self.stored_parts: list[Part] = []
         """Expressions that this text stores for later, as parts."""
         self.checked = 0
         """Forms turned into parts so far."""
@@ -408,13 +408,13 @@ class Checker:
         Gives the steps that storing them costs, having noted an error if `key` would come to use itself.
         """
         before = self.checked
-        kept = self.scopes, self.uses, self.free, self.loops
+        outside = self.scopes, self.uses, self.free, self.loops
         self.scopes, self.uses, self.free, self.loops = [], set(), set(), 0
         with self.scope(parameters):
             tree = Part("progn", where, self.parts(body))
-        self.kept.append(tree)
+        self.stored_parts.append(tree)
         uses = frozenset(self.uses)
-        self.scopes, self.uses, self.free, self.loops = kept
+        self.scopes, self.uses, self.free, self.loops = outside
         self.bounded(tree, where)
         through = circle(
             key, uses, lambda k: self.pending_uses[k] if k in self.pending_uses else uses_in(self.names, k)

@@ -3,9 +3,9 @@
 `ClassicMachine` is one robot of that program; `run_transcript` is its interactive form. Text becomes shorts
 in buffer E0 (`classic_evaluator.tokenise`), and `classic_evaluator` walks them. There are three modes:
 
-- `faithful` gives what the original gave wherever it had a defined behaviour, the faults of its token pointer
+- `faithful` gives what the original gave wherever it had a defined behaviour, the bugs of its token pointer
   included: `(COND ((AND 1 0) 99) ((AND 1 1) 88))` is 0, and after a failed form its caller reads on inside it.
-- `classic`, the default, repairs these, and reports an empty buffer and a missing argument, which were 0.
+- `classic`, the default, fixes these, and reports an empty buffer and a missing argument, which were 0.
 - `appendix-a` is `faithful` with what is known of the listing in appendix A: SETQ does not set.
 
 What made the original crash, hang or write outside its tables is a `ClassicError` in all modes. What was
@@ -56,7 +56,7 @@ MODES: Final = get_args(Mode)
 class ClassicMachine:
     """One robot of the original program: variables V0 to V5, buffers E0 to E5, and an evaluator.
 
-    `mode` is "classic" (the faults of the original repaired), "faithful" (as it was) or "appendix-a" (as it was,
+    `mode` is "classic" (the bugs of the original fixed), "faithful" (as it was) or "appendix-a" (as it was,
     and SETQ does not set). `say` receives each line that the original would print while evaluating: its messages
     and what PRINT shows.
     Raises MisuseError for another mode.

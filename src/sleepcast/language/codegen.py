@@ -112,7 +112,7 @@ class Emitter(ABC):
             pieces.append(piece)
         return pieces
 
-    def kept(self, parts: Sequence[Part]) -> list[str]:
+    def repeatable(self, parts: Sequence[Part]) -> list[str]:
         """Operands as codes that can be repeated in any order."""
         pieces = self.values(parts)
         if all(p.atom for p in pieces):
@@ -257,7 +257,7 @@ class _Generator(Emitter):
             return self._comparison(part)
         how = _INLINE.get((name, count))
         if how is not None:
-            return how(self, part, *self.kept(part.parts))
+            return how(self, part, *self.repeatable(part.parts))
         return CodePiece(f"A(m,{self.constant(part)},({self.arguments(part.parts)}))")
 
     def _fold(self, part: Part) -> CodePiece:

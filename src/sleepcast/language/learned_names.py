@@ -2,29 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
-from sleepcast.language import Form, List, Symbol, Vocabulary
+from sleepcast.language import Form, FreshNames, List, Symbol
 from sleepcast.language.program import build
 from sleepcast.language.reader import walk
-from sleepcast.language.symbols import Declared, Group, Operator, Stored, UserVariable, given
+from sleepcast.language.symbols import Group, Operator, Stored, UserVariable
 from sleepcast.language.vocabulary import buffer_number
 
 
-class LearnedNames:
-    """The names of a robot that has learned everything that `learn` was given, whatever its tests (a `Names`)."""
-
-    def __init__(self, vocabulary: Vocabulary) -> None:
-        self.vocabulary = vocabulary
-        self._learned: dict[str, Declared] = given(vocabulary)
-
-    def declared(self, key: str) -> Declared | None:
-        """What was learned under this key."""
-        return self._learned.get(key)
-
-    def heard(self) -> Iterable[str]:
-        """Every learned name as written."""
-        return [each.name for each in self._learned.values()]
+class LearnedNames(FreshNames):
+    """The names of a robot that has learned everything that `learn` was given, whatever its tests."""
 
     def learn(self, form: Form) -> None:
         """Take in what a checked expression declares: variables, buffers, rules, operators and groups."""

@@ -137,7 +137,7 @@ class _Advice:
     def on(self, program: Program, checker: Checker) -> None:
         confirmed = [(each.start, each.end) for each in self.findings.kept if each.confirm]
         wrong = self.findings.counts["error"] > 0  # what is mended first
-        for tree in (program.root, *checker.kept):
+        for tree in (program.root, *checker.stored_parts):
             self.dimension(tree)
             for form, message in () if wrong else doubts(tree, self.text, self.dimensions.__getitem__):
                 if not any(start <= form.start < end for start, end in confirmed):
@@ -439,8 +439,8 @@ def _test(part: Part, text: str, dimension: Callable[[Part], Dimension | None]) 
         return
     measured = dimension(part)
     if measured not in (None, NONE):
-        said = brief(part.form, text)
-        yield part.form, f"{said} @@ is {measured}: as a test it is true unless it is 0 (did you mean (< {said} ...)?)"
+        test = brief(part.form, text)
+        yield part.form, f"{test} @@ is {measured}: as a test it is true unless it is 0 (did you mean (< {test} ...)?)"
 
 
 def _exactly(part: Part, text: str) -> Iterator[tuple[Form, str]]:

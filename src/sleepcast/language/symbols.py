@@ -58,8 +58,8 @@ class Naming(Protocol):
     def uses(self) -> frozenset[str]: ...
 
 
-class KeptExpression(Protocol):
-    """An expression that a mind keeps: a rule, or a buffer."""
+class StoredExpression(Protocol):
+    """An expression that a mind stores: a rule, or a buffer."""
 
     @property
     def name(self) -> str: ...
@@ -68,9 +68,9 @@ class KeptExpression(Protocol):
     def program(self) -> Naming: ...
 
 
-def declared_in(kept: Mapping[str, KeptExpression], learned: Mapping[str, Declared], key: str) -> Declared | None:
-    """What a mind has learned under `key`. kept: its rules and buffers; learned: its other names."""
-    if buffer_number(key) is not None and (buffer := kept.get(key)) is not None:
+def declared_in(stored: Mapping[str, StoredExpression], learned: Mapping[str, Declared], key: str) -> Declared | None:
+    """What a mind has learned under `key`. stored: its rules and buffers; learned: its other names."""
+    if buffer_number(key) is not None and (buffer := stored.get(key)) is not None:
         return Stored(buffer.name, buffer.program.uses)
     return learned.get(key)
 
@@ -97,15 +97,15 @@ class FreshNames:
     """The names of a robot that has heard nothing yet."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
-        self.vocabulary, self._given = vocabulary, given(vocabulary)
+        self.vocabulary, self._learned = vocabulary, given(vocabulary)
 
     def declared(self, key: str) -> Declared | None:
-        """What it has learned under this key from the start."""
-        return self._given.get(key)
+        """What it has learned under this key."""
+        return self._learned.get(key)
 
     def heard(self) -> Iterable[str]:
-        """Every name that it has learned from the start."""
-        return [each.name for each in self._given.values()]
+        """Every learned name as written."""
+        return [each.name for each in self._learned.values()]
 
 
 def known_groups(names: Names) -> list[str]:

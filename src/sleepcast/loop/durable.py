@@ -100,11 +100,11 @@ class Durability:
     def after(self, keepers: Iterable[Keeper], minds: Iterable[Mind]) -> list[tuple[Mind, list[Message]]]:
         """Store what came of it, and return what each of these minds may say now: what it has said before this call.
         Answers to STOPs that are heard meanwhile wait for the next call. keepers: at least theirs, each once."""
-        said = [(mind, mind.node.take_outbox()) for mind in minds if mind.node.outbox]
+        spoken = [(mind, mind.node.take_outbox()) for mind in minds if mind.node.outbox]
         lost = self._write([keeper for keeper in keepers if keeper.after()])
         return [
             (mind, [not_stored(message) for message in messages] if id(mind.keeper) in lost else messages)
-            for mind, messages in said
+            for mind, messages in spoken
         ]
 
     def close(self) -> None:

@@ -131,17 +131,15 @@ class MissionLog:
         """The first order of its words that was not sent."""
         words = _words_of(message)
         waiting = None if words is None else self._waiting.get(words)
-        if waiting and (message.kind not in _WORDLESS or self._in_time(waiting[0], message)):
-            return waiting[0]
-        return None
+        if not waiting:
+            return None
+        in_time = abs(message.issued - self.orders[waiting[0]].time) < 1.5 * self._tick
+        return waiting[0] if in_time or message.kind not in _WORDLESS else None
 
     def _number_of(self, order: Order) -> int | None:
         """The index of this order, the first that was not sent of several that are the same."""
         alike = [number for number, each in enumerate(self.orders) if is_same(each, order)]
         return next((number for number in alike if number not in self._sent), next(iter(alike), None))
-
-    def _in_time(self, number: int, message: Message) -> bool:
-        return abs(message.issued - self.orders[number].time) < 1.5 * self._tick
 
     def wordless(self) -> set[int]:
         """The indices of those that were given, and of which there is no message: HOLD and AWAY."""

@@ -310,7 +310,9 @@ class NetworkSwarm:
 
     def _think_all(self, awake: Sequence[Member]) -> None:
         """Let these evaluate, those first who had to wait in the last tick; STOP is heard all the while."""
-        now, first = self._time(), self._first
+        # Real time, because deadlines are in real time, however late the ticks are; it never goes back.
+        now = self.time = max(self.time, self.air.now() - self.members[0].node.zero)
+        first = self._first
         readings = self.simulator.readings([member.number for member in awake])
         turns = sorted(zip(awake, readings, strict=True), key=lambda turn: (turn[0].number < first, turn[0].number))
         self.budget.begin()
@@ -379,13 +381,6 @@ class NetworkSwarm:
     def _receive(member: Member) -> None:
         for message in member.session.heard():
             member.node.receive(message)
-
-    def _time(self) -> float:
-        """Time of the minds, s: real time, because deadlines are in real time, however late the ticks are. It never
-        goes back."""
-        zero = self.members[0].node.zero if self.members else 0.0
-        self.time = max(self.time, self.air.now() - zero)
-        return self.time
 
     def _think(self, member: Member, now: float) -> None:
         node, body = member.node, self.simulator.robots[member.number]

@@ -180,7 +180,7 @@ class Swarm:
         )
         self.operators = {operator.name: Role(operator.role) for operator in scenario.operators}
         """The role of each operator, the first one's first; empty where whoever sends may do anything."""
-        self._numbers = {name: OPERATOR - place for place, name in enumerate(self.operators)}
+        self._numbers = {name: OPERATOR - index for index, name in enumerate(self.operators)}
         for rule in scenario.minds.locked:
             self.fleet.install(rule.name, rule.text)
         self.actuators = tuple(actuator.name for actuator in simulator.model.actuators)

@@ -553,21 +553,21 @@ def mark_of(message: Message) -> StopMark:
     sender, epoch, number = message.sender, message.epoch, message.sequence
     first = message.body.get(FIRST)
     if isinstance(first, str) and first.startswith(f"{sender}-{epoch}."):
-        said = first.rpartition(".")[2]
-        if len(said) <= len(str(MAX_NUMBER)) and said.isascii() and said.isdigit():
-            number = min(number, int(said))
+        digits = first.rpartition(".")[2]
+        if len(digits) <= len(str(MAX_NUMBER)) and digits.isascii() and digits.isdigit():
+            number = min(number, int(digits))
     return StopMark(sender, epoch, number, message.key)
 
 
-def marks_of(said: object) -> list[StopMark]:
+def marks_of(field: object) -> list[StopMark]:
     """The marks in a body's field; malformed ones are left out."""
-    return [mark for mark, _ in marks_and_ages(said)]
+    return [mark for mark, _ in marks_and_ages(field)]
 
 
-def marks_and_ages(said: object) -> list[tuple[StopMark, float]]:
+def marks_and_ages(field: object) -> list[tuple[StopMark, float]]:
     """The marks in a body's field, each with its age in s, 0 if it has none."""
     marks = []
-    for each in said[:MAX_MARKS] if isinstance(said, list | tuple) else ():
+    for each in field[:MAX_MARKS] if isinstance(field, list | tuple) else ():
         match each:
             case [str() as sender, int() as epoch, int() as number, *rest]:
                 if len(sender) <= MAX_NAME and 0 <= epoch <= MAX_NUMBER and 0 <= number <= MAX_NUMBER:

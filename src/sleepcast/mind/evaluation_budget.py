@@ -49,8 +49,9 @@ class EvaluationBudget:
         self._began, self.held_back = now, False
 
     def allows(self, message: Message) -> bool:
-        """Whether this message may be evaluated in this tick."""
-        allowed = all(self._taken.get(each, 0.0) < _room(each) for each in _accounts(message))
+        """Whether this message may be evaluated in this tick; no sender alone can take the time of all."""
+        room = {each: SECONDS_AT_ONCE if each[0] else 2.0 * SECONDS_AT_ONCE for each in _accounts(message)}
+        allowed = all(self._taken.get(each, 0.0) < seconds for each, seconds in room.items())
         self.held_back |= not allowed
         return allowed
 
@@ -75,13 +76,8 @@ def _accounts(message: Message) -> tuple[Account, ...]:
     """Where the time for a message is counted."""
     if message.kind is Kind.ASK:
         return (message.key or message.sender, Kind.ASK), _QUESTIONS
-    told = (message.sender, Kind.REPORT), _TELLS
-    return told if message.role == Role.ROBOT else ((message.key or message.sender, Kind.COMMAND),)
-
-
-def _room(account: Account) -> float:
-    """Seconds that may be taken at once; no sender alone can take those of all."""
-    return SECONDS_AT_ONCE if account[0] else 2.0 * SECONDS_AT_ONCE
+    tell = (message.sender, Kind.REPORT), _TELLS
+    return tell if message.role == Role.ROBOT else ((message.key or message.sender, Kind.COMMAND),)
 
 
 def _share(account: Account) -> float:

@@ -295,13 +295,13 @@ def forget(base: RuleBase, key: str) -> str | None:
         return built_in(rule.name)
     base.merging.forget(key)
     flag = base.merging.flag(key, False)
-    there = key in base.operators or rule is not None
+    known = key in base.operators or rule is not None
     if not base.merging.write(key):
         if key not in base.operators and rule is not None and flag is False:
             base.activate(key, False)
         refusal = base.too_late(key)
-        return refusal if there else no_rule(key)
-    if not there:
+        return refusal if known else no_rule(key)
+    if not known:
         return no_rule(key)
     if key in base.operators:
         del base.operators[key]

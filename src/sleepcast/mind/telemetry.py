@@ -398,17 +398,17 @@ def motion_of(state: RestState) -> Motion:
     return _finite(state.speed), _finite(state.distance)
 
 
-def read_motion(said: object) -> RestState | None:
+def read_motion(sent: object) -> RestState | None:
     """How a stopped body moves, as a body says it; None for what says nothing."""
-    match said:
+    match sent:
         case [speed, distance]:
             return RestState(_amount(speed), _amount(distance))
     return None
 
 
-def _amount(said: object) -> float:
+def _amount(sent: object) -> float:
     """A number that is not below 0; NaN for anything else."""
-    return float(said) if isinstance(said, int | float) and 0.0 <= said < inf else nan
+    return float(sent) if isinstance(sent, int | float) and 0.0 <= sent < inf else nan
 
 
 def read_vocabulary(text: str) -> Vocabulary:

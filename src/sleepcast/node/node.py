@@ -604,9 +604,9 @@ class Node:
         known = [None if isnan(v) else v for v in values]
         self._say(Kind.REPORT, body={"label": label, "values": known, **details})
 
-    def remark(self, said: str) -> None:
+    def remark(self, text: str) -> None:
         """Report something that no expression has asked for."""
-        self._report(said, ())
+        self._report(text, ())
 
     def _may_tell(self, hops: int) -> bool:
         """Whether something may be told now, over this many hops; counted as told, or else as lost."""

@@ -108,7 +108,7 @@ class Store:
         self.file, self._clock, self._say = Path(os.path.realpath(file)), clock, say
         self.doubt = ""
         self._robots: dict[str, StoredRobot] = {}
-        self._attended: tuple[Remembered, ReliableDelivery] | None = None
+        self._operator: tuple[Remembered, ReliableDelivery] | None = None
         self._listening: tuple[Remembered, ReliableDelivery] | None = None
         self._lock: int | None = None
         self._connection: sqlite3.Connection | None = None
@@ -131,8 +131,8 @@ class Store:
 
     # ---- robots
 
-    def life(self, name: str) -> int:
-        """Begin a new life of this robot; returns its number, higher than those of all its lives before."""
+    def new_epoch(self, name: str) -> int:
+        """Begin a new epoch of this robot or operator; returns its number, higher than those of all before."""
         before = self._remembered(name)
         # Copies of a store, with clocks that stand still, are to differ.
         later = before.epoch + SystemRandom().randint(1, APART)
@@ -147,35 +147,35 @@ class Store:
             robot = self._content.robots[name] = Remembered(number, self._clock.now())
         return robot
 
-    def _heard(self, kept: Remembered) -> DeliveryState:
-        return DeliveryState(tuple(kept.streams), tuple(kept.windows), tuple(self._content.standing))
+    def _heard(self, record: Remembered) -> DeliveryState:
+        return DeliveryState(tuple(record.streams), tuple(record.windows), tuple(self._content.standing))
 
     def listen(self, delivery: ReliableDelivery) -> None:
         """Store the progress of a delivery (whose epoch is its `life`) that receives for all robots here, after
         restoring it."""
-        kept = self._remembered(delivery.name)
-        delivery.restore(self._heard(kept), kept.since)
-        self._listening = kept, delivery
+        record = self._remembered(delivery.name)
+        delivery.restore(self._heard(record), record.since)
+        self._listening = record, delivery
 
     def adopt(self, node: Node, delivery: ReliableDelivery | None) -> bool:
         """Restore a robot and store its state from now on; returns whether it was known. Its delivery (whose epoch is
         its `life`), if any, has received nothing yet, and its mind has learned nothing but what is built in. Raises
         StoreError for an impossible state."""
         if node.name not in self._content.robots:
-            self.life(node.name)
-        kept = self._content.robots[node.name]
-        robot = self._robots[node.name] = StoredRobot(kept.number, node, delivery)
-        mind, kept.mind = kept.mind, None
+            self.new_epoch(node.name)
+        record = self._content.robots[node.name]
+        robot = self._robots[node.name] = StoredRobot(record.number, node, delivery)
+        mind, record.mind = record.mind, None
         if mind is not None:
-            self._restore(node, mind, kept.saved)
+            self._restore(node, mind, record.saved)
         elif self._seal.doubt:
             self._tell(node, stand(node, self._seal.doubt))
         if delivery is not None:
-            delivery.restore(self._heard(kept), kept.since)
-        heard = kept if self._listening is None else self._listening[0]
+            delivery.restore(self._heard(record), record.since)
+        heard = record if self._listening is None else self._listening[0]
         if not heard.streams:
-            node.recall(self._dealt_with(kept.number))
-        for taken in kept.taken:
+            node.recall(self._dealt_with(record.number))
+        for taken in record.taken:
             message = _shifted(taken.message, -node.zero)
             robot.known[message.id] = taken.begun
             if taken.begun and (not message.standing or taken.begun >= MAX_BEGUN):
@@ -215,24 +215,24 @@ class Store:
             return ""
         first, last = doubtful[0], doubtful[-1]
         names = first.name if first is last else f"{first.name} to {last.name} ({len(doubtful)} robots)"
-        first.remark(f"stands until RELEASE: {first.doubt}")
-        return f"{names}: {first.doubt}, so a STOP may be forgotten; stands still until RELEASE (sleepcast release)"
+        first.remark(f"stopped until RELEASE: {first.doubt}")
+        return f"{names}: {first.doubt}, so a STOP may be forgotten; stopped until RELEASE (sleepcast release)"
 
     # ---- an operator
 
     def numbers(self, name: str) -> tuple[int, int]:
         """The epoch of the operator of this name, and the first unused message number in it: numbering continues across
         restarts."""
-        kept = self._remembered(name)
-        if not kept.epoch or self.doubt:  # which numbers were used is unknown, so that epoch is not continued
-            self.life(name)
-        return kept.epoch, kept.sequence + 1
+        record = self._remembered(name)
+        if not record.epoch or self.doubt:  # which numbers were used is unknown, so that epoch is not continued
+            self.new_epoch(name)
+        return record.epoch, record.sequence + 1
 
-    def attend(self, delivery: ReliableDelivery) -> None:
+    def adopt_operator(self, delivery: ReliableDelivery) -> None:
         """Store an operator's numbers and standing commands from now on, after restoring those of earlier processes."""
-        kept = self._remembered(delivery.name)
-        delivery.restore(self._heard(kept), kept.since)
-        self._attended = kept, delivery
+        record = self._remembered(delivery.name)
+        delivery.restore(self._heard(record), record.since)
+        self._operator = record, delivery
         self.keep()
 
     def keep(self) -> None:
@@ -242,11 +242,11 @@ class Store:
 
     def _keep(self, ahead: int) -> None:
         """ahead: how many more numbers may be used before they are stored again."""
-        if self._attended is not None:
-            kept, delivery = self._attended
-            self._take_news(kept.number, delivery)
-            kept.sequence = delivery.next_number - 1 + ahead
-            self._unwritten.lives[kept.number] = delivery.name, kept
+        if self._operator is not None:
+            record, delivery = self._operator
+            self._take_news(record.number, delivery)
+            record.sequence = delivery.next_number - 1 + ahead
+            self._unwritten.lives[record.number] = delivery.name, record
             self.write()
 
     # ---- a tick
@@ -256,8 +256,8 @@ class Store:
         self._report()
         begins = bool(self._unwritten.lives)
         if self._listening is not None:
-            kept, delivery = self._listening
-            self._take_news(kept.number, delivery)
+            record, delivery = self._listening
+            self._take_news(record.number, delivery)
         for robot in self._robots.values():
             if robot.delivery is not None:
                 self._take_news(robot.number, robot.delivery)
@@ -292,8 +292,9 @@ class Store:
                 if message.kind in LASTING:
                     did = urgent = True
                     self._finish(robot, message, outcome, time + robot.node.zero)
-            if did or look:
-                self._look(robot, now)
+            if (did or look) and (current := fingerprint(robot.node)) != robot.fingerprint:
+                robot.fingerprint = current
+                self._unwritten.minds[robot.number] = now, pack(mind_of(robot.node), MAX_MIND)
         return urgent and bool(self._unwritten)
 
     def write(self) -> bool:
@@ -342,12 +343,6 @@ class Store:
         arrived = None if message.heard is None else message.heard + robot.node.zero
         waits.evaluated.append((robot.number, message.id, message.kind.value, time, outcome, arrived))
         del waits.evaluated[:-MAX_UNWRITTEN]
-
-    def _look(self, robot: StoredRobot, now: float) -> None:
-        current = fingerprint(robot.node)
-        if current != robot.fingerprint:
-            robot.fingerprint = current
-            self._unwritten.minds[robot.number] = now, pack(mind_of(robot.node), MAX_MIND)
 
     # ---- the file
 
@@ -399,10 +394,10 @@ class Store:
         copy is ever mistaken for it. reason: the problem, as the end of a sentence about the store."""
         self.doubt = _told(reason)
         self._seal.store, self._seal.doubt = Seal().store, self.doubt
-        for kept in self._content.robots.values():
-            if kept.mind is not None and not kept.mind.stopped:
-                kept.mind = msgspec.structs.replace(kept.mind, stopped=True, doubt=self.doubt)
-                self._unwritten.minds[kept.number] = kept.saved, pack(kept.mind, MAX_MIND)
+        for record in self._content.robots.values():
+            if record.mind is not None and not record.mind.stopped:
+                record.mind = msgspec.structs.replace(record.mind, stopped=True, doubt=self.doubt)
+                self._unwritten.minds[record.number] = record.saved, pack(record.mind, MAX_MIND)
 
     def _write(self, now: float) -> bool:
         """Write what waits, and update the marker; returns whether it is stored. If a STOP waits and the disk refuses,
@@ -461,16 +456,16 @@ class Store:
         try:
             self._marker.withdraw()
         except OSError as error:
-            said = f"a restart would forget this STOP: {self._marker.file} cannot be removed: {_reason(error)}"
-            self._say(said)
+            sentence = f"a restart would forget this STOP: {self._marker.file} cannot be removed: {_reason(error)}"
+            self._say(sentence)
             self._remarks.append("a restart would forget this STOP: its store is read-only")
 
     def _report(self) -> None:
         """Report to the operators what has been remarked, through one robot of the process."""
         while self._remarks:
-            said = self._remarks.popleft()
+            sentence = self._remarks.popleft()
             for robot in self._robots.values():
-                robot.node.remark(said)
+                robot.node.remark(sentence)
                 break
 
 

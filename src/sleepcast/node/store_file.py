@@ -387,7 +387,10 @@ class WriteBatch:
         )
         to.executemany(
             "INSERT OR REPLACE INTO windows VALUES (?, ?, ?, ?, ?, ?)",
-            ((*which, each.latest, _bytes(each.numbers)) for which, each in self.windows.items()),
+            (
+                (*which, each.latest, each.numbers.to_bytes((each.numbers.bit_length() + 7) // 8, "big"))
+                for which, each in self.windows.items()
+            ),
         )
         to.executemany(
             "INSERT OR IGNORE INTO standing (key, epoch, sequence, datagrams) VALUES (?, ?, ?, ?)",
@@ -404,7 +407,7 @@ class WriteBatch:
         to.executemany(
             "INSERT INTO taken (robot, command, begun, message) VALUES (?, ?, ?, ?) "
             "ON CONFLICT (robot, command) DO UPDATE SET begun = excluded.begun",
-            ((*which, begun, msgspec.msgpack.encode(said)) for which, (said, begun) in self.taken.items()),
+            ((*which, begun, msgspec.msgpack.encode(message)) for which, (message, begun) in self.taken.items()),
         )
         to.executemany("DELETE FROM taken WHERE robot = ? AND command = ?", self.finished)
 
@@ -419,7 +422,3 @@ class WriteBatch:
             (last,) = to.execute("SELECT max(number) FROM evaluations").fetchone()
             for table in ("evaluations", "arrivals"):
                 to.execute(f"DELETE FROM {table} WHERE number <= ?", (last - MAX_EVALUATIONS,))
-
-
-def _bytes(number: int) -> bytes:
-    return number.to_bytes((number.bit_length() + 7) // 8, "big")

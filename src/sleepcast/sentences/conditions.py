@@ -162,7 +162,7 @@ class Conditions(Cursor):
             return call("<", low, self.from_here(), high)
         comparator = ">" if any(self.take(*words) for words in FARTHER) else self.comparator()
         if not comparator:
-            self.stuck(f'"{self.said()}" is no condition' if self.token.kind != END else "wanted a condition")
+            self.stuck(f'"{self.written()}" is no condition' if self.token.kind != END else "wanted a condition")
         limit = self.value()
         if comparing and self.word() != "from":
             return self.amount_of(comparator, limit)
@@ -182,9 +182,9 @@ class Conditions(Cursor):
             return x, y
         if self.word() in SENDERS:
             if not self._telling:
-                self.stuck(f'"{self.said()}" is only understood in what robots tell each other')
+                self.stuck(f'"{self.written()}" is only understood in what robots tell each other')
             self.at += 1
-            self._sender_said = True
+            self._names_sender = True
             return call(UNQUOTE, self.own("x")), call(UNQUOTE, self.own("y"))
         for length in range(self._longest_place, 0, -1):
             name = self._places.get(tuple(self.word(ahead) for ahead in range(length)))
@@ -196,7 +196,7 @@ class Conditions(Cursor):
         if self.token.kind in (NUMBER, ODD):
             self.stuck("a point is written with parentheses, such as (3 km, 4 km)")
         suggested = self.suggested(" ".join(words) for words in self._places)
-        raise Stuck(f'"{self.said()}" is no place that these robots know{suggested}', self.at)
+        raise Stuck(f'"{self.written()}" is no place that these robots know{suggested}', self.at)
 
     # ---- amounts
 

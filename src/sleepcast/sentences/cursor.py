@@ -63,7 +63,7 @@ class Cursor:
         self._comparing = False
         """Whether "and ordnance over 70 %" may follow what was just read."""
         self._telling = False
-        self._sender_said = False
+        self._names_sender = False
 
     # ---- tokens
 
@@ -103,7 +103,7 @@ class Cursor:
     def stuck(self, message: str) -> NoReturn:
         raise Stuck(message, self.at)
 
-    def said(self) -> str:
+    def written(self) -> str:
         """What stands here, as it is written."""
         return self.text[self.token.start : self.token.end]
 
@@ -137,7 +137,7 @@ class Cursor:
 
     def suggested(self, words: Iterable[str]) -> str:
         """One of these words that is like what stands here, while it is told at all: looking for it takes a while."""
-        return did_you_mean(self.said(), words) if len(self.unclear) < MAX_UNCLEAR else ""
+        return did_you_mean(self.written(), words) if len(self.unclear) < MAX_UNCLEAR else ""
 
     # ---- names and values
 
@@ -156,7 +156,7 @@ class Cursor:
         declared = self.lexicon.name(token.written)
         if declared is None:  # what follows may well be understood
             suggested = self.suggested(self.lexicon.names())
-            message = f'"{self.said()}" is no variable that these robots know{suggested}'
+            message = f'"{self.written()}" is no variable that these robots know{suggested}'
             self.unclear.append(Unclear(token.start, token.end, message))
         self.at += 1
         return Symbol(declared or token.written)
@@ -168,12 +168,11 @@ class Cursor:
     def number(self) -> Form:
         token = self.token
         if token.kind != NUMBER:
-            if "," in self.said():
-                said = self.said()
-                why = f"numbers have no commas, and a blank follows each comma{decimal_comma(said)}"
-                self.stuck(f'"{said}" is no number: {why}')
+            if "," in self.written():
+                why = f"numbers have no commas, and a blank follows each comma{decimal_comma(self.written())}"
+                self.stuck(f'"{self.written()}" is no number: {why}')
             if token.kind == ODD:
-                self.stuck(f'"{self.said()}" is no number with a unit')
+                self.stuck(f'"{self.written()}" is no number with a unit')
             self.stuck("wanted a number")
         try:
             number = read(f"{token.text}{token.unit}")

@@ -73,7 +73,7 @@ class _Parser(Conditions):
     def sentence(self) -> Form | None:
         form = self.order("")
         if self.token.kind != END:
-            self.note(Stuck(f'"{self.said()}" has no place here', self.at))
+            self.note(Stuck(f'"{self.written()}" has no place here', self.at))
         return form
 
     def order(self, marker: str) -> Form | None:
@@ -152,7 +152,7 @@ class _Parser(Conditions):
             if self.token.kind == END:
                 break
             if not self.take_joint():
-                self.note(Stuck(f'"{self.said()}" has no place here', self.at))
+                self.note(Stuck(f'"{self.written()}" has no place here', self.at))
                 self.take_joint()
             elif self.token.kind == END:
                 self.note(Stuck("wanted what else the robots are to do", self.at))
@@ -178,7 +178,7 @@ class _Parser(Conditions):
         if verb is None:
             if self.token.kind == END:
                 self.stuck("wanted what the robots are to do")
-            self.stuck(f'"{self.said()}" is nothing that these robots are known to do{self.suggested(VERBS)}')
+            self.stuck(f'"{self.written()}" is nothing that these robots are known to do{self.suggested(VERBS)}')
         self.at += 1
         return self.doing(verb)
 
@@ -253,12 +253,12 @@ class _Parser(Conditions):
         """What robots tell others: an order of its own, up to the end."""
         if self._telling:
             raise Stuck("what robots are told, they do not tell on", self.at - 1)
-        self._telling, self._sender_said, self._comparator = True, False, ""
+        self._telling, self._names_sender, self._comparator = True, False, ""
         told = self.order("to")
         self._telling = False
         if told is None:
             return call("TELL")
-        return call("TELL", call(QUASIQUOTE, told) if self._sender_said else told)
+        return call("TELL", call(QUASIQUOTE, told) if self._names_sender else told)
 
 
 def _both(subject: object, test: object) -> Form | None:

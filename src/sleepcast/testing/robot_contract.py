@@ -249,9 +249,9 @@ class BridgeContract(RobotContract):
         self._wait_until(rig, lambda: not rig.body.lost)
         rig.wait(rig.time_to_full_speed())
         assert rig.sensed()["speed"] == 0
-        said = rig.body.complaints()
-        assert said[0].startswith("the body is out of reach: ")
-        assert said[-1] == "the body is within reach again, and at rest until a command moves it"
+        complaints = rig.body.complaints()
+        assert complaints[0].startswith("the body is out of reach: ")
+        assert complaints[-1] == "the body is within reach again, and at rest until a command moves it"
         self._drive(rig)
 
     def test_stop_holds_while_the_robot_is_gone(self, rig: BridgeRig) -> None:

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
 from typing import TypeVar
 
@@ -49,6 +50,18 @@ def called_here(capsys: pytest.CaptureFixture[str], *arguments: str) -> Called:
     status = main(arguments)
     said = capsys.readouterr()
     return Called(status, said.out, said.err)
+
+
+def called_warm(*arguments: str) -> Called:
+    """The same with nothing typed, in this process: for one of many calls, of which each would take most of its time to
+    load the same libraries once more."""
+    streams = [TextIOWrapper(BytesIO(), encoding="utf-8", write_through=True) for _ in range(3)]
+    with pytest.MonkeyPatch.context() as patch:
+        for name, stream in zip(("stdin", "stdout", "stderr"), streams, strict=True):
+            patch.setattr(sys, name, stream)
+        status = main(arguments)
+    out, err = (stream.buffer.getvalue().decode() for stream in streams[1:])  # type: ignore[attr-defined]
+    return Called(status, out, err)
 
 
 def again_until(wanted: Callable[[Found], object], call: Callable[[], Found]) -> Found:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from channel.test_udp import free_port
-from cli.calling import LONGEST, Called, called, called_here
+from cli.calling import LONGEST, Called, called_here, called_warm
 from cli.test_swarm import account
 from nomad.serving import Served, serving
 from processes import SLEEPCAST, live_in, running
@@ -48,7 +48,7 @@ def node(name: str, served: Served, channel: str, *options: str) -> AbstractCont
 
 
 def on_air(channel: str, *arguments: str) -> Called:
-    return called(*arguments, "--channel", channel)
+    return called_warm(*arguments, "--channel", channel)
 
 
 def test_robots_on_the_air_obey_answer_and_are_missed(home: Path, served: Served, channel: str) -> None:
@@ -79,7 +79,7 @@ def test_robots_on_the_air_obey_answer_and_are_missed(home: Path, served: Served
 
 def test_keys_decide_who_is_obeyed(home: Path, served: Served, channel: str) -> None:
     for owner, role in (("desk", "operator"), ("watch", "observer"), ("r*", "robot")):
-        assert called("keys", "new", owner, "--role", role).status == 0
+        assert called_warm("keys", "new", owner, "--role", role).status == 0
     with ExitStack() as stack:
         stack.enter_context(node("r1", served, channel, "--key", "r*"))
         assert account(channel, "ask", "id", "--key", "watch")["matched"] == ["r1"]

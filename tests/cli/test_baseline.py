@@ -9,7 +9,7 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
-from cli.calling import called
+from cli.calling import called_warm
 from cli.test_key_changes import keys
 from cli.test_swarm import account, channel, swarm
 from sleepcast.api.connection import FLEET, AirOptions, observing_station, station_for
@@ -54,7 +54,7 @@ def alike(channel: str, count: int) -> dict[str, bytes]:
 
 
 def baseline(channel: str, *more: str) -> Any:
-    found = called("baseline", "--yes", "--json", "--channel", channel, *more)
+    found = called_warm("baseline", "--yes", "--json", "--channel", channel, *more)
     assert found.status == 0, found.err
     return json.loads(found.out)
 
@@ -71,7 +71,7 @@ def test_a_newcomer_ends_like_the_others_with_few_commands(channel: str, tmp_pat
         assert told["n_kept"] < 16
         assert told["n_kept"] + told["n_dropped"] == told["standing"] == len(texts)
         assert told["n_matched"] == 2
-        again = called("baseline", "--channel", channel)
+        again = called_warm("baseline", "--channel", channel)
         assert (again.status, "still count" in again.out) == (0, True), again
         stack.enter_context(swarm(1, channel, "--name-prefix", "new", "--store", str(tmp_path / "new.store")))
         assert set(alike(channel, 3)) == {"old1", "old2", "new1"}
@@ -95,15 +95,15 @@ def test_nothing_is_sent_while_a_robot_is_missing_or_differs_or_the_key_may_not(
     with swarm(2, channel, "--key", "*"):
         account(channel, "ask", "id", "--key", "desk")
         send_many(channel, ["(RULE a 1)", "(RULE a 2)", "(RULE a 3)"], "desk")
-        may_not = called("baseline", "--channel", channel, "--key", "anna")
+        may_not = called_warm("baseline", "--channel", channel, "--key", "anna")
         assert (may_not.status, "commander" in may_not.err) == (2, True), may_not
-        unasked = called("baseline", "--channel", channel, "--key", "desk", "--expect", "2")
+        unasked = called_warm("baseline", "--channel", channel, "--key", "desk", "--expect", "2")
         assert (unasked.status, "say --yes" in unasked.err) == (2, True), unasked
-        missing = called("baseline", "--yes", "--channel", channel, "--key", "desk", "--expect", "3")
+        missing = called_warm("baseline", "--yes", "--channel", channel, "--key", "desk", "--expect", "3")
         assert (missing.status, "not every robot" in missing.err) == (1, True), missing
         send_many(channel, ["(RULE a 9)"], "chief")
-        differs = called("baseline", "--yes", "--channel", channel, "--key", "desk")
+        differs = called_warm("baseline", "--yes", "--channel", channel, "--key", "desk")
         assert (differs.status, "differ in the rule a" in differs.err) == (1, True), differs
         send_many(channel, ["(RULE a 4)"], "desk")
-        done = called("baseline", "--yes", "--channel", channel, "--key", "desk")
+        done = called_warm("baseline", "--yes", "--channel", channel, "--key", "desk")
         assert (done.status, "matched 2" in done.out) == (0, True), done

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from channel.test_udp import free_port
-from cli.calling import Called, called
+from cli.calling import Called, called_warm
 from cli.test_swarm import account, swarm
 from processes import live_in
 from sleepcast.api.connection import journal_of, open_journal
@@ -222,11 +222,11 @@ def test_commands_on_the_air_are_written_by_whoever_sends_them(tmp_path: Path, m
     with swarm(2, channel):
         sent = account(channel, "send", "(WHEN (> id 1) (DRIVE 1 0))")
         stopped = account(channel, "stop", "--journal", str(tmp_path / "stops.db"))
-        refused = called("send", "(DRIVE 1 0)", "--channel", channel)
+        refused = called_warm("send", "(DRIVE 1 0)", "--channel", channel)
         (tmp_path / "damaged.db").write_text("no journal at all", encoding="utf-8")
         damaged = "--journal", str(tmp_path / "damaged.db"), "--channel", channel
-        unwritten = called("send", "(WHEN (> id 1) (DRIVE 1 0))", *damaged)
-        still = called("stop", *damaged)
+        unwritten = called_warm("send", "(WHEN (> id 1) (DRIVE 1 0))", *damaged)
+        still = called_warm("stop", *damaged)
     assert refused.status == 2
     assert (unwritten.status, unwritten.out) == (1, "")
     assert "file is not a database" in unwritten.err

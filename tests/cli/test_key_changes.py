@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from cli.calling import LONGEST, called, called_here
+from cli.calling import LONGEST, called_here, called_warm
 from cli.test_swarm import account, channel, swarm
 from sleepcast.api.connection import FLEET, AirOptions, keeper_for, session_for
 from sleepcast.channel.keyring import KeyFileLostError, add_trust, key_file, load_trust, save_key, save_trust
@@ -64,7 +64,7 @@ def test_keys_end_and_are_renewed_on_the_air(channel: str, tmp_path: Path) -> No
 def test_no_key_goes_farther_on_the_wire_than_it_may(channel: str, tmp_path: Path) -> None:
     folder = keys(tmp_path)
     for owner, role in (("watch", "observer"), ("rogue", "robot")):
-        assert called("keys", "new", owner, "--role", role).status == 0
+        assert called_warm("keys", "new", owner, "--role", role).status == 0
 
     def speak(owner: str, *said: tuple[Kind, str, bool]) -> None:
         """Without asking, as our own programs do, whether one may."""
@@ -82,7 +82,7 @@ def test_no_key_goes_farther_on_the_wire_than_it_may(channel: str, tmp_path: Pat
     command = (Kind.COMMAND, "(WHEN (> id 0) (JOIN bad))", False)
     with swarm(2, channel, "--key", "*") as robots:
         assert account(channel, "stop", "--key", "watch")["n_matched"] == 2
-        refused = called("release", "--key", "watch", "--channel", channel)
+        refused = called_warm("release", "--key", "watch", "--channel", channel)
         assert (refused.status, refused.out) == (2, "")
         assert "watch is an observer" in refused.err
         speak("watch", command, standing, release)
@@ -105,7 +105,7 @@ def test_no_key_goes_farther_on_the_wire_than_it_may(channel: str, tmp_path: Pat
 def test_a_change_that_no_robot_took_is_told_and_the_old_key_stays(channel: str, tmp_path: Path) -> None:
     folder = keys(tmp_path)
     secret = (folder / "desk.key").read_bytes()
-    rotated = called("keys", "rotate", "desk", "--channel", channel)
+    rotated = called_warm("keys", "rotate", "desk", "--channel", channel)
     assert (rotated.status, (folder / "desk.key").read_bytes()) == (1, secret)
     assert "no robot has received it" in rotated.err
 
@@ -135,16 +135,16 @@ def test_what_is_refused_changes_nothing(
 
 def test_keys_are_renewed_without_a_fleet(channel: str, tmp_path: Path) -> None:
     folder = keys(tmp_path)
-    done = called("keys", "rotate", "anna", "--json")
+    done = called_warm("keys", "rotate", "anna", "--json")
     assert done.status == 0, done.err
     new = json.loads(done.out)["key"]
-    listed = json.loads(called("keys", "list", "--json").out)
+    listed = json.loads(called_warm("keys", "list", "--json").out)
     assert [(key["revoked"], key["own"], key["key"] == new) for key in listed if key["owner"] == "anna"] == [
         (True, False, False),
         (False, True, True),
     ]
     assert len(list(folder.glob("anna.*.retired"))) == 1
-    ended = called("keys", "revoke", new)
+    ended = called_warm("keys", "revoke", new)
     assert (ended.status, new in ended.out) == (0, True)
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from threading import Barrier, BrokenBarrierError
 
 import pytest
-from tests.cli.calling import Called, called
 
+from cli.calling import Called, called_warm
 from sleepcast.api.connection import AirOptions
 from sleepcast.api.connection import chosen_keys as keys_of
 from sleepcast.channel.keyring import development_keys, find_key, keys_folder, load_key, load_trust
@@ -24,7 +24,7 @@ PUBLIC = "03a107bff3ce10be1d70dd18e74bc09967e4d6309ba50d5f1ddc8664125531b8"
 
 
 def keys(folder: Path, *arguments: str) -> Called:
-    return called("keys", *arguments, "--keys", str(folder))
+    return called_warm("keys", *arguments, "--keys", str(folder))
 
 
 def test_a_key_is_made_listed_trusted_elsewhere_and_revoked(tmp_path: Path) -> None:
@@ -112,14 +112,14 @@ def test_where_nothing_can_be_written_a_sentence_says_so(tmp_path: Path) -> None
 def test_a_key_that_is_in_use_is_taken_where_no_other_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
     folder = keys_folder()
-    assert called("keys", "use", "anna").status == 2
+    assert called_warm("keys", "use", "anna").status == 2
     for owner, role in (("anna", "observer"), ("chief", "commander"), ("r*", "robot")):
-        assert called("keys", "new", owner, "--role", role).status == 0
+        assert called_warm("keys", "new", owner, "--role", role).status == 0
     asked = AirOptions("udp://127.0.0.1:1", "lab", None, None, None)
-    taken = called("keys", "use", "chief")
+    taken = called_warm("keys", "use", "chief")
     assert "take the key of chief (commander) from now on" in taken.out
     assert "node and swarm still use the development key" in taken.err
-    assert called("keys", "use", "r*").err == ""
+    assert called_warm("keys", "use", "r*").err == ""
     said: list[str] = []
     pair, trust = keys_of(asked, False, said.append)
     assert (pair.public.owner, len(trust.keys)) == ("chief", 3)
@@ -127,14 +127,14 @@ def test_a_key_that_is_in_use_is_taken_where_no_other_is_named(tmp_path: Path, m
     assert keys_of(replace(asked, key="anna"), False, said.append)[0].public.owner == "anna"
     assert said == [], "nobody need be told of development keys"
     assert commander(folder, None).public.owner == "chief"
-    used = {key["owner"]: key["in_use"] for key in json.loads(called("keys", "list", "--json").out)}
+    used = {key["owner"]: key["in_use"] for key in json.loads(called_warm("keys", "list", "--json").out)}
     assert used == {"anna": False, "chief": True, "r*": True}
-    assert called("keys", "use", "--development").status == 0
+    assert called_warm("keys", "use", "--development").status == 0
     assert keys_of(asked, False, said.append)[0].public.owner == "desk"
     assert "development keys of this machine" in said[0]
-    assert called("keys", "use").status == 2
+    assert called_warm("keys", "use").status == 2
     (folder / "in-use.json").write_text('{"format": 2, "desk": "anna"}')
-    refused = called("ask", "1", "--channel", "udp://127.0.0.1:1")
+    refused = called_warm("ask", "1", "--channel", "udp://127.0.0.1:1")
     assert (refused.status, "of format 2, and this sleepcast reads 1" in refused.err) == (2, True)
 
 

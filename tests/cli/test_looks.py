@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from channel.test_udp import free_port
-from cli.calling import called
+from cli.calling import called_warm
 from cli.terminal import terminal
 from cli.test_swarm import channel, in_time, swarm
 from processes import live_in
@@ -67,19 +67,19 @@ def test_who_would_obey_is_said_before_anything_is_sent(taught: str) -> None:
     assert (sent["predicted"], sorted(map(str, sent["matched"]))) == (["r5", "r6"], ["r5", "r6"])
     why = told(taught, "why", "r4", str(sent["id"]))
     assert (why["robot"], why["matched"], why["reason"]) == ("r4", False, "twice = 8, needed > 9")
-    rule = called("why", "r5", "keep", "--channel", taught)
+    rule = called_warm("why", "r5", "keep", "--channel", taught)
     assert "r5, keep: obeyed" in rule.out
     assert "(late 4)" in rule.out
-    lost = called("why", "r5", "nothing", "--channel", taught)
+    lost = called_warm("why", "r5", "nothing", "--channel", taught)
     assert (lost.status, lost.out) == (1, "")
     assert "r5 remembers no command or rule nothing" in lost.err
 
 
 def test_values_are_read_in_their_units(taught: str) -> None:
-    asked = called("ask", "(- 1 fuel)", "--channel", taught)
+    asked = called_warm("ask", "(- 1 fuel)", "--channel", taught)
     assert re.search(r"know it: min [\d.]+ %, mean [\d.]+ %, max [\d.]+ %$", asked.out, re.MULTILINE), asked
     sent = told(taught, "send", "(WHEN (AND (> fuel -1) (< (DIST x y 0 0) -1)) (JOIN nobody))")
-    why = called("why", "r1", str(sent["id"]), "--channel", taught)
+    why = called_warm("why", "r1", str(sent["id"]), "--channel", taught)
     assert re.search(r"^ *[\d.]+ % +fuel$", why.out, re.MULTILINE), why
     assert re.search(r"^ *[\d.]+ mi +x$", why.out, re.MULTILINE), why
     assert re.search(r"\(DIST x y 0 0\) = [\d.]+ mi, needed < -0.0006214 mi$", why.out), why
@@ -101,7 +101,7 @@ def test_a_table_of_robots(taught: str) -> None:
     assert [(each["name"], each["values"]) for each in robots] == [(f"r{i}", {"twice": 2 * i}) for i in range(1, 7)]
     assert ["bravo" in each["groups"] for each in robots] == [False] * 2 + [True] * 4
     assert {(each["stopped"], each["rules"]) for each in robots} == {(False, 1)}
-    missing = called("watch", "--once", "--show", "twce", "--channel", taught)
+    missing = called_warm("watch", "--once", "--show", "twce", "--channel", taught)
     assert (missing.status, missing.out) == (2, "")
     assert "did you mean twice" in missing.err
 
@@ -110,20 +110,20 @@ def test_what_was_told_is_kept_and_grows_old(channel: str) -> None:
     with swarm(3, channel):
         assert told(channel, "who", "(WHEN (> id 1) (JOIN bravo))")["yes"] == ["r2", "r3"]
     late = time.monotonic() + 5.0
-    found = json.loads(called("roster", "--json").out)
+    found = json.loads(called_warm("roster", "--json").out)
     assert sorted(each["name"] for each in found["robots"]) == ["r1", "r2", "r3"]
     assert all(0 <= each["heard"] < 600 for each in found["robots"])
-    assert "2 robots were heard" in called("roster", "--forget", "r3").out
-    unknown = called("roster", "--forget", "r3")
+    assert "2 robots were heard" in called_warm("roster", "--forget", "r3").out
+    unknown = called_warm("roster", "--forget", "r3")
     assert unknown.status == 2
     assert "no robot 'r3' was ever heard" in unknown.err
-    lost = called("why", "r1", "--channel", channel)
+    lost = called_warm("why", "r1", "--channel", channel)
     assert (lost.status, lost.out) == (1, "")
     assert "r1 does not answer (last heard" in lost.err
     time.sleep(max(0.0, late - time.monotonic()))
     heard = told(channel, "who", "--told", "(WHEN (> id 1) (JOIN bravo))")
     assert set(heard["unknown"].values()) == {"its last news is too old"}
-    asked_sonar = called("who", "--told", "(WHEN (> (SONAR 1 2) 1) (JOIN bravo))", "--channel", channel)
+    asked_sonar = called_warm("who", "--told", "(WHEN (> (SONAR 1 2) 1) (JOIN bravo))", "--channel", channel)
     assert "(SONAR number) takes 1 argument, got 2" in asked_sonar.err, "the names are known without anybody there"
     assert (asked_sonar.status, "by the names of scout (r1, r2, r3)" in asked_sonar.err) == (
         0,
@@ -132,7 +132,7 @@ def test_what_was_told_is_kept_and_grows_old(channel: str) -> None:
 
 
 def test_nobody_there(channel: str) -> None:
-    found = called("who", "(WHEN (> id 1) (ST))", "--channel", channel, "--within", "0")
+    found = called_warm("who", "(WHEN (> id 1) (ST))", "--channel", channel, "--within", "0")
     assert found.status == 1
     assert "nobody is known here" in found.out
     assert told(channel, "watch", "--once", "--within", "0")["robots"] == []

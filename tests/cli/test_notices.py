@@ -12,7 +12,7 @@ from pathlib import Path
 
 from benchmarks.channel.flooder import forged
 
-from cli.calling import LONGEST, Called, again_until, called
+from cli.calling import LONGEST, Called, again_until, called_warm
 from cli.terminal import terminal
 from cli.test_swarm import channel, swarm
 from sleepcast.channel.keyring import development_keys, keys_folder
@@ -47,7 +47,7 @@ def attacked(uri: str) -> Iterator[str]:
 
 def test_forgeries_are_told_at_the_robots_and_at_every_desk(channel: str) -> None:
     def on_air(*arguments: str) -> Called:
-        return called(*arguments, "--channel", channel)
+        return called_warm(*arguments, "--channel", channel)
 
     with swarm(3, channel) as robots, attacked(channel) as key:
         wanted = f"{FORGED} {key} (desk)"

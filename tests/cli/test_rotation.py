@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cli.calling import LONGEST, called
+from cli.calling import LONGEST, called_warm
 from console.running import Program, open_page
 from sleepcast.api.assembly import assemble
 from sleepcast.api.recording import RecordingPlan, recorded
@@ -41,7 +41,7 @@ def world(tmp_path: Path) -> Path:
 def parts(world: Path) -> list[Path]:
     """Twenty seconds in parts of six."""
     file = world / "run.mcap"
-    done = called("run", str(world), "--seconds", "20", "--quiet", "--record", str(file), "--record-rotate", "6s")
+    done = called_warm("run", str(world), "--seconds", "20", "--quiet", "--record", str(file), "--record-rotate", "6s")
     assert (done.status, done.err) == (0, "")
     return sorted(world.glob("*.mcap"), key=lambda part: load_recording(part).part)
 
@@ -57,7 +57,7 @@ def test_a_part_follows_upon_the_other(parts: list[Path]) -> None:
 
 
 def test_each_part_holds_what_went_before(parts: list[Path], world: Path) -> None:
-    called("run", str(world), "--seconds", "20", "--quiet", "--record", str(world / "whole.mcap"))
+    called_warm("run", str(world), "--seconds", "20", "--quiet", "--record", str(world / "whole.mcap"))
     whole, last = load_recording(world / "whole.mcap"), load_recording(parts[-1])
     assert last.posted == whole.posted
     assert last.accounting == whole.accounting
@@ -74,10 +74,10 @@ def test_each_part_holds_what_went_before(parts: list[Path], world: Path) -> Non
 
 def test_each_part_can_be_verified_by_itself_and_says_which_it_is(parts: list[Path]) -> None:
     for number, part in enumerate(parts, 1):
-        done = called("replay", str(part), "--verify", "--quiet")
+        done = called_warm("replay", str(part), "--verify", "--quiet")
         assert done.status == 0, done.out
         assert f"  part {number}: from {6 * (number - 1)} s on" in done.out
-    told = json.loads(called("replay", str(parts[1]), "--json").out)
+    told = json.loads(called_warm("replay", str(parts[1]), "--json").out)
     assert (told["part"], told["began"], told["following"]) == (2, 6.0, "run-0003.mcap")
 
 
@@ -94,21 +94,21 @@ def test_a_part_on_the_page_begins_where_it_begins(parts: list[Path]) -> None:
 
 def test_parts_by_size_are_of_about_that_size(world: Path) -> None:
     options = ("--record-rotate", "100kB", "--record-pictures", "0.1", "--record-readings", "0.1")
-    called("run", str(world), "--seconds", "60", "--quiet", "--record", str(world / "run.mcap"), *options)
+    called_warm("run", str(world), "--seconds", "60", "--quiet", "--record", str(world / "run.mcap"), *options)
     *full, last = sorted(world.glob("run*.mcap"), key=lambda part: load_recording(part).part)
     assert len(full) >= 2
     assert all(90_000 < part.stat().st_size < 200_000 for part in full)
-    assert called("replay", str(last), "--verify", "--quiet").status == 0
+    assert called_warm("replay", str(last), "--verify", "--quiet").status == 0
 
 
 def test_nothing_is_replaced_by_a_part(world: Path) -> None:
     (world / "run-0002.mcap").write_text("precious")
-    done = called("run", str(world), "--record", str(world / "run.mcap"), "--record-rotate", "6s")
+    done = called_warm("run", str(world), "--record", str(world / "run.mcap"), "--record-rotate", "6s")
     assert (done.status, done.out) == (2, "")
     assert "run-0002.mcap already exists" in done.err
     (world / "run-0002.mcap").rename(world / "run-0003.mcap")
     options = ("--seconds", "20", "--quiet", "--record", str(world / "run.mcap"), "--record-rotate", "6s")
-    done = called("run", str(world), *options)
+    done = called_warm("run", str(world), *options)
     assert done.status == 0
     assert done.err.count("\n") == 1
     assert "run-0003.mcap already exists" in done.err
@@ -170,7 +170,7 @@ def test_anything_else_is_refused_in_words(text: str, words: str) -> None:
 
 
 def test_rotation_without_a_recording_is_refused(world: Path) -> None:
-    done = called("run", str(world), "--record-rotate", "6s")
+    done = called_warm("run", str(world), "--record-rotate", "6s")
     assert done.status == 2
     assert "add --record FILE" in done.err
 
@@ -208,7 +208,7 @@ def test_changes_of_the_world_are_recorded_and_repeated(changed: Recording) -> N
         (1, ()),
         (1, (1, changed_first(changed))),
     ]
-    done = called("replay", str(changed.file), "--verify", "--quiet")
+    done = called_warm("replay", str(changed.file), "--verify", "--quiet")
     assert done.status == 0, done.out
     assert "the same to the last bit" in done.out
 
@@ -239,7 +239,7 @@ def test_what_the_scenario_lets_happen_is_recorded_and_happens_once_when_it_is_r
         swarm.simulator.world.add(Circle(3.0, 3.0, 0.3))  # in the tick in which the ball moves
         swarm.run(2.1)
     assert [(each.tick, each.own) for each in load_recording(file).obstacles] == [(10, False), (10, True), (20, True)]
-    done = called("replay", str(file), "--verify", "--quiet")
+    done = called_warm("replay", str(file), "--verify", "--quiet")
     assert done.status == 0, done.out
     timeline = load_timeline(load_recording(file))
     shown = timeline.obstacles.at(1.5)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from cli.calling import Called, again_until, called
+from cli.calling import Called, again_until, called_warm
 from cli.terminal import terminal
 from cli.test_swarm import account, channel, swarm
 from counting import ONCE, counted
@@ -29,7 +29,7 @@ def told(found: Called) -> dict[str, Any]:
 
 def test_a_dozen_robots_are_commanded_with_care(channel: str, tmp_path: Path) -> None:
     def on_air(*arguments: str) -> Called:
-        return called(*arguments, "--channel", channel)
+        return called_warm(*arguments, "--channel", channel)
 
     def foreseen(count: int, *arguments: str) -> dict[str, Any]:
         """What becomes of a command that so many were to obey; said again where some were too late to tell of it."""
@@ -89,17 +89,17 @@ def test_what_robots_told_before_a_command_does_not_foresee_who_obeys_the_next(c
         assert account(channel, "send", "--all", "(JOIN bravo)")["n_matched"] == 3
         process.kill()  # they say nothing new
         process.wait()
-        found = called("who", "(WHEN (IN bravo) (MARK))", "--channel", channel)
+        found = called_warm("who", "(WHEN (IN bravo) (MARK))", "--channel", channel)
         assert "would not 0\n  unknown 3: r1 (it" in found.out  # was commanded since its last news, or that is too old
         for more in ((), ("--anyway",), ("--only", "r2")):  # robots that have left refuse nothing
-            sent = called("send", "--all", "(DRIVE 1)", "--channel", channel, *more)
+            sent = called_warm("send", "--all", "(DRIVE 1)", "--channel", channel, *more)
             assert "takes 2 arguments, got 1 at 1:1, by the names of scout (r1, r2, r3)" in sent.err
             assert "silent" in sent.out, (sent, more)
 
 
 def test_a_name_that_no_robot_has_is_told_before_anything_is_sent(channel: str, tmp_path: Path) -> None:
     def on_air(*arguments: str) -> Called:
-        return called(*arguments, "--channel", channel)
+        return called_warm(*arguments, "--channel", channel)
 
     wrong, nobody = "(WHEN (> feul 50%) (MARK))", "none of the 3 robots that have sent telemetry has "
     with swarm(3, channel):

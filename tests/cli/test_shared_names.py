@@ -6,7 +6,7 @@ import json
 import re
 import signal
 
-from cli.calling import again_until, called
+from cli.calling import again_until, called_warm
 from cli.test_stop import wait_for
 from cli.test_swarm import channel, swarm
 from processes import SLEEPCAST, running
@@ -19,7 +19,7 @@ BOTH_HEARD = re.compile(r"2 robots have the name r1, one at 1\S+ \(epoch \d+\), 
 
 def test_a_swarm_and_a_node_have_one_name(channel: str) -> None:
     def on_air(*arguments: str) -> tuple[int, str, str]:
-        found = called(*arguments, "--channel", channel)
+        found = called_warm(*arguments, "--channel", channel)
         return found.status, found.out, found.err
 
     node = (*SLEEPCAST, "node", "--name", "r1", "--body", "sim", "--no-store", "--channel", channel)
@@ -57,4 +57,4 @@ def test_a_swarm_and_a_node_have_one_name(channel: str) -> None:
         assert [(robot["name"], robot["shared"]) for robot in watched["robots"]] == [("r1", True), ("r2", False)]
         assert watched["notices"][0].startswith("2 robots have the name r1, one ")
         again_until(lambda found: BOTH_HEARD.search(found[1]), lambda: on_air("watch", "--once", "--json"))
-    assert "2 robots have the name r1, one " in called("journal").out
+    assert "2 robots have the name r1, one " in called_warm("journal").out

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from cli.calling import LONGEST, Called, again_until, called
+from cli.calling import LONGEST, Called, again_until, called_warm
 from cli.terminal import terminal
 from cli.test_swarm import channel, swarm
 from processes import SLEEPCAST, running
@@ -32,7 +32,7 @@ def wait_for(process: subprocess.Popen[str], text: str) -> list[str]:
 
 def test_it_goes_on_until_each_expected_robot_has_confirmed(channel: str, tmp_path: Path) -> None:
     def on_air(*arguments: str) -> Called:
-        return called(*arguments, "--channel", channel)
+        return called_warm(*arguments, "--channel", channel)
 
     def given_up(said: str, *arguments: str) -> Called:
         """STOP, given up after a moment; once more where robots of a busy machine did not confirm it within that."""
@@ -112,7 +112,7 @@ def test_sigterm_tells_the_truth_as_well(channel: str) -> None:
 def test_it_ends_when_somebody_releases_the_robots_meanwhile(channel: str) -> None:
     with swarm(1, channel), running(*SLEEPCAST, "stop", "--channel", channel, "--expect", "2") as stop:
         wait_for(stop, "stopped 1, silent 1 of 2 robots")
-        assert called("release", "--channel", channel).status == 0
+        assert called_warm("release", "--channel", channel).status == 0
         _, err = stop.communicate(timeout=LONGEST)
         assert stop.returncode == 1
         assert "desk has released the robots meanwhile: they may move" in err
@@ -120,10 +120,10 @@ def test_it_ends_when_somebody_releases_the_robots_meanwhile(channel: str) -> No
 
 def test_a_key_that_robots_do_not_trust_is_no_radio_silence(channel: str) -> None:
     """Robots say nothing to a stranger. The stranger is told so, and what else is on the air."""
-    made = called("keys", "new", "anna", "--role", "operator")
+    made = called_warm("keys", "new", "anna", "--role", "operator")
     assert made.status == 0, made.err
     with swarm(2, channel), running(*SLEEPCAST, "ask", "id", "--channel", channel, "--expect", "9"):
-        refused = called("stop", "--channel", channel, "--key", "anna", "--timeout", "4")
+        refused = called_warm("stop", "--channel", channel, "--key", "anna", "--timeout", "4")
     assert refused.status == 1
     assert "no robot has confirmed STOP yet" in refused.err
     assert "knows no robot's key" in refused.err
@@ -134,7 +134,7 @@ def test_a_key_that_robots_do_not_trust_is_no_radio_silence(channel: str) -> Non
 
 def test_another_fleet_is_no_radio_silence(channel: str) -> None:
     with swarm(2, channel, "--fleet", "other"):
-        refused = called("stop", "--channel", channel, "--timeout", "3")
+        refused = called_warm("stop", "--channel", channel, "--timeout", "3")
     assert refused.status == 1
     assert "is of the fleet 'sleepcast'" in refused.err
 
@@ -147,21 +147,21 @@ def test_a_stop_that_no_disk_holds_is_no_success_and_the_next_life_begins_stoppe
     with swarm(2, channel, "--store", str(store)) as process:
         soft, hard = resource.prlimit(process.pid, resource.RLIMIT_FSIZE)
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (1, hard))
-        stopped = called("stop", "--expect", "2", "--channel", channel)
+        stopped = called_warm("stop", "--expect", "2", "--channel", channel)
         assert stopped.status == 1
         assert "not stored, so a restart may forget it 2: r1, r2" in stopped.out
         assert "STOP could not be stored everywhere, so a restart may forget it" in stopped.err
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (soft, hard))
         told = again_until(
             lambda found: json.loads(found.out)["n_not_stored"] == 0,
-            lambda: called("release", "--json", "--channel", channel),
+            lambda: called_warm("release", "--json", "--channel", channel),
         )
         assert json.loads(told.out)["matched"] == ["r1", "r2"]
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (1, hard))
-        assert json.loads(called("stop", "--json", "--channel", channel).out)["not_stored"] == ["r1", "r2"]
+        assert json.loads(called_warm("stop", "--json", "--channel", channel).out)["not_stored"] == ["r1", "r2"]
         process.kill()
     with swarm(2, channel, "--store", str(store)):
-        robots = json.loads(called("watch", "--once", "--json", "--channel", channel).out)["robots"]
+        robots = json.loads(called_warm("watch", "--once", "--json", "--channel", channel).out)["robots"]
         assert [(robot["stopped"], robot["doubt"]) for robot in robots] == [(True, "its store has lost its marker")] * 2
 
 
@@ -169,7 +169,7 @@ def test_it_goes_on_until_all_are_at_rest(channel: str) -> None:
     """A craft of bravo brakes at 0.5 m/s2, so it has accepted STOP long before it stands."""
 
     def on_air(*arguments: str) -> Called:
-        return called(*arguments, "--channel", channel)
+        return called_warm(*arguments, "--channel", channel)
 
     def moving(found: Called) -> dict[str, dict[str, float]]:
         return dict(json.loads(found.out)["stopping"])

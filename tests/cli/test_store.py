@@ -19,7 +19,7 @@ from random import Random
 import pytest
 
 from channel.test_udp import free_port
-from cli.calling import LONGEST, called
+from cli.calling import LONGEST, called_warm
 from processes import SLEEPCAST, live_in, running, start
 from sleepcast.api.connection import AirOptions, session_for
 from sleepcast.channel import Kind, Message
@@ -81,7 +81,7 @@ def exchange(session: ChannelSession, text: str, kind: Kind = Kind.COMMAND) -> d
 
 def stopped(channel: str) -> list[bool]:
     """Whether each robot is."""
-    robots = json.loads(called("watch", "--once", "--json", "--channel", channel).out)["robots"]
+    robots = json.loads(called_warm("watch", "--once", "--json", "--channel", channel).out)["robots"]
     return [robot["stopped"] for robot in robots]
 
 
@@ -154,17 +154,17 @@ def test_robots_with_a_damaged_store_stand_and_every_desk_says_so(channel: str, 
         before = exchange(session, "heading", Kind.ASK)
         session.wait(0.5)
         assert exchange(session, "heading", Kind.ASK) == before, "STOP holds"
-        robots = json.loads(called("watch", "--once", "--json", "--channel", channel).out)["robots"]
+        robots = json.loads(called_warm("watch", "--once", "--json", "--channel", channel).out)["robots"]
         assert [robot["doubt"] for robot in robots if robot["stopped"]] == ["its store was damaged"] * 3
         told = "stopped until RELEASE: r1, r2, r3 (its store was damaged)"
-        assert told in called("who", turn, "--told", "--channel", channel).out
-        assert told in " ".join(called("watch", "--once", "--channel", channel).out.split())
+        assert told in called_warm("who", turn, "--told", "--channel", channel).out
+        assert told in " ".join(called_warm("watch", "--once", "--channel", channel).out.split())
         assert exchange(session, "", Kind.RELEASE) == dict.fromkeys(NAMES, "released")
         exchange(session, turn)
         until = time.monotonic() + LONGEST
         while exchange(session, "heading", Kind.ASK) == before:
             assert time.monotonic() < until
-        robots = json.loads(called("watch", "--once", "--json", "--channel", channel).out)["robots"]
+        robots = json.loads(called_warm("watch", "--once", "--json", "--channel", channel).out)["robots"]
         assert [robot["doubt"] for robot in robots] == [""] * 3
         process.send_signal(signal.SIGINT)
         assert process.stderr
@@ -185,13 +185,13 @@ def test_the_rules_of_robots_that_catch_up_wait(channel: str, tmp_path: Path) ->
         while exchange(session, "(KNOWN count)", Kind.ASK) != dict.fromkeys(NAMES, 1.0):
             assert time.time() < now + LONGEST
         assert exchange(session, "n", Kind.ASK) == dict.fromkeys(NAMES, 0.0)
-        robots = json.loads(called("watch", "--once", "--json", "--channel", channel).out)["robots"]
+        robots = json.loads(called_warm("watch", "--once", "--json", "--channel", channel).out)["robots"]
         assert [robot["catching_up"] for robot in robots] == [True] * 3
-        assert called("watch", "--once", "--channel", channel).out.count("catching up") == 3
+        assert called_warm("watch", "--once", "--channel", channel).out.count("catching up") == 3
         post(session, "(RULE more 1)", standing=True)
         while 0.0 in exchange(session, "n", Kind.ASK).values():
             assert time.time() < now + LONGEST
-        robots = json.loads(called("watch", "--once", "--json", "--channel", channel).out)["robots"]
+        robots = json.loads(called_warm("watch", "--once", "--json", "--channel", channel).out)["robots"]
         assert [robot["catching_up"] for robot in robots] == [False] * 3
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from channel.test_udp import free_port
-from cli.calling import LONGEST, Called, again_until, called, called_here
+from cli.calling import LONGEST, Called, again_until, called_here, called_warm
 from processes import SLEEPCAST, live_in, running
 
 
@@ -32,7 +32,8 @@ def in_time(channel: str, *arguments: str) -> Called:
     """A call with `--json`. On a busy machine robots may be late to tell what they are; what cannot be foreseen is not
     sent then, and is said again."""
     return again_until(
-        lambda found: not too_late(found.out, found.err), lambda: called(*arguments, "--channel", channel, "--json")
+        lambda found: not too_late(found.out, found.err),
+        lambda: called_warm(*arguments, "--channel", channel, "--json"),
     )
 
 

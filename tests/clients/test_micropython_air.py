@@ -16,7 +16,7 @@ import pytest
 from msgspec.structs import replace
 
 from channel.test_udp import free_port
-from cli.calling import called
+from cli.calling import called_warm
 from cli.test_swarm import swarm
 from clients import board
 from durable_cases import Do, try_all
@@ -78,7 +78,7 @@ def tiny(
 
 def account(channel: str, *arguments: str) -> dict[str, Any]:
     """What becomes of a command."""
-    found = called(*arguments, "--within", "0.3", "--channel", channel, "--key", "desk", "--json")
+    found = called_warm(*arguments, "--within", "0.3", "--channel", channel, "--key", "desk", "--json")
     assert found.out, found.err
     told: dict[str, Any] = json.loads(found.out)
     return told

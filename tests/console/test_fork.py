@@ -14,12 +14,12 @@ import pytest
 from playwright.sync_api import BrowserContext, expect
 
 from console.running import PATIENCE, Page, Program, open_page
+from sleepcast.columns.rows import Rows
 from sleepcast.console.account_table import CommandRow
 from sleepcast.console.differences import first_difference
 from sleepcast.console.failing import ShownFailing
 from sleepcast.console.marks import MAX_MARKS, Marks
 from sleepcast.console.snapshots import SnapshotStore
-from sleepcast.fleet.rows import Rows
 from sleepcast.language.vocabulary import Variable, VariableKind
 from sleepcast.loop import Swarm, resume
 from sleepcast.loop.snapshots import copy_of

@@ -12,9 +12,10 @@ import pytest
 from fleet.twins import Twins, vocabulary
 from language.cases import ACTUATORS, SENSORS
 from sleepcast.channel.message import Kind, Message, outcome_of
+from sleepcast.columns import pure, rows
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import Quantity
-from sleepcast.fleet import Fleet, FleetError, pure, rows
+from sleepcast.fleet import Fleet, FleetError
 from sleepcast.language import CheckError, ReadError, Vocabulary
 from sleepcast.language.parts import Template
 from sleepcast.mind import limits

@@ -24,8 +24,8 @@ from language.cases import SENSORS
 from sleepcast import fleet, language, node
 from sleepcast import mind as shared
 from sleepcast.channel.message import Kind, Message
+from sleepcast.columns import rows
 from sleepcast.core.errors import SleepcastError
-from sleepcast.fleet import rows
 from sleepcast.fleet.native.kernels import Kernels, available
 
 pytestmark = pytest.mark.usefixtures("rules_elsewhere")

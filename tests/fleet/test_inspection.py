@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from fleet.twins import Twins, vocabulary
 from language.authors import Author
 from language.cases import SENSORS
+from sleepcast.columns.rows import Column, Rows
+from sleepcast.columns.telemetry import NOT_YET
 from sleepcast.core.serial import pack, unpack
 from sleepcast.fleet import Fleet, inspection
-from sleepcast.fleet.inspection import NOT_YET
-from sleepcast.fleet.rows import Column, Rows
 from sleepcast.fleet.schema import FleetSnapshot
 from sleepcast.fleet.snapshot import restore, state_of
 from sleepcast.fleet.state import FleetState

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from sleepcast.columns.rows import Rows
 from sleepcast.fleet.evaluation import RuleStatistics
-from sleepcast.fleet.rows import Rows
 
 
 def told_by_native_code(tally: RuleStatistics, *steps: int) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from sleepcast.columns.rows import Index
 from sleepcast.fleet import RobotView
-from sleepcast.fleet.rows import Index
 from sleepcast.language.reader import ReadError
 from sleepcast.language.vocabulary import TICK, VocabularyError
 from sleepcast.loop import LONGEST_CATCH_UP, Pace, Swarm, step_swarm, vocabulary_of

@@ -235,10 +235,12 @@ def test_a_page_forgets_groups_that_nobody_is_in() -> None:
     """Robots may name a new group with every report, for as long as one looks on."""
     far = Far(taught().minds)
     far.look()
-    seen, names = FleetMinds(far.minds), tuple(far.minds)
+    station = far.station()
+    seen, names = FleetMinds(station, far.minds), tuple(far.minds)
     first, *_ = names
     for number in range(50):
-        assert far.minds.take(told(first, telemetry_of(far, first, groups=["crew", f"g{number}"])), 2.0 + number)
+        news = far.minds.take(told(first, telemetry_of(far, first, groups=["crew", f"g{number}"])), 2.0 + number)
+        station.observe(2.0 + number, news)
         seen.look(names)
     assert [key for key in seen.groups if key.startswith("g")] == ["g49"]
     assert seen.groups["crew"].tolist() == [True] + [False] * (len(names) - 1)

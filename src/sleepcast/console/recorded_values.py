@@ -1,8 +1,8 @@
 """What expressions come to in a recording: on the recorded sensor readings, groups and flags, at any time of it.
 
-The readings of a moment are put into the columns of a fleet that has heard nothing, so that expressions mean here what
-they mean everywhere. What robots have learned (their own variables, rules, operators) is not in a recording. A plot
-over time that needs it is made by running the recording again (`past`), where that leads through what was recorded.
+A moment of a recording is a table of telemetry, so that expressions mean here what they mean everywhere. What robots
+have learned (their own variables, rules, operators) is not in a recording. A plot over time that needs it is made by
+running the recording again (`past`), where that leads through what was recorded.
 """
 
 from __future__ import annotations
@@ -13,6 +13,9 @@ from math import nan
 
 import numpy as np
 
+from sleepcast.columns.rows import Rows
+from sleepcast.columns.telemetry import KnownSymbols, Sort, TelemetryTable
+from sleepcast.columns.values import AskedColumns
 from sleepcast.console.completion import ShownName, names_in
 from sleepcast.console.features.plots import (
     AddPlot,
@@ -33,14 +36,11 @@ from sleepcast.console.timeline import Timeline, values_of
 from sleepcast.console.values import Column, Index, Mask, suggested_of
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
-from sleepcast.fleet.inspection import QuietMemory
-from sleepcast.fleet.machine import evaluate
-from sleepcast.fleet.rows import Rows
-from sleepcast.fleet.state import FleetState, Minds
+from sleepcast.fleet.state import Minds, values_at_first
 from sleepcast.language import Checked, CheckError, Variable, check
 from sleepcast.language.parts import acts
 from sleepcast.language.symbols import Declared, FreshNames, Group
-from sleepcast.language.vocabulary import FROZEN, MARKED, SLEEPING, TIME_SLOT, Vocabulary
+from sleepcast.language.vocabulary import FROZEN, ID, MARKED, SLEEPING, TIME_SLOT, Vocabulary
 
 MAX_TIMES = 256
 """Times at which a plot of a recording is drawn."""
@@ -52,8 +52,8 @@ HOLDS = (
     "A recording holds what robots sensed, their groups and flags. What they had learned is found by running it again: "
     "of one robot where time stands still, and of all in a plot over time."
 )
-FLAGS = ((FROZEN, 2), (SLEEPING, 4), (MARKED, 8))
-"""The variables that the flags of a frame stand for, by bit."""
+FLAGS = {FROZEN: 2, SLEEPING: 4, MARKED: 8}
+"""The variables that the flags of a frame stand for, each with its bit."""
 
 
 class RecordedNames(FreshNames):
@@ -70,17 +70,74 @@ class RecordedNames(FreshNames):
         return [*super().heard(), *(group.name for group in self._groups.values())]
 
 
+def groups_at(timeline: Timeline, time: float) -> Iterator[tuple[str, Mask]]:
+    """The groups of a recording at a time of it, s, each with its members: who is in more than two shows the newest."""
+    marks = timeline.marks_at(time)
+    newest, second = (np.frombuffer(codes, np.uint8) for codes in (marks.groups, marks.second or marks.groups))
+    for number, name in enumerate(marks.names, 1):
+        yield name, (newest == number) | (second == number)
+
+
+class RecordedTelemetry(TelemetryTable):
+    """What was recorded of the robots as their telemetry, at the time of it that is looked at (`now`, s)."""
+
+    def __init__(self, timeline: Timeline, now: Callable[[], float]) -> None:
+        self._timeline, self._now = timeline, now
+        self._learned, self._at_first = Minds(timeline.vocabulary)[0], values_at_first(timeline.vocabulary)
+        self._names = {
+            each.slot: key for key, each in timeline.vocabulary.bindings.items() if isinstance(each, Variable)
+        }
+        self._columns = AskedColumns(len(timeline.scene.names), self._filled, self._members)
+        self._time = nan
+        """The time of what is in the columns, s."""
+        self._known: object = None
+        """How much of the recording that rests on: it may still go on."""
+        self._readings: dict[str, list[float | None]] | None = None
+
+    def latest(self) -> AskedColumns:
+        """The columns of the time that is looked at now."""
+        timeline, time = self._timeline, self._now()
+        known = time, timeline.values.before(time), timeline.marks.before(time)
+        if self._known != known:
+            self._known, self._time, self._readings = known, float(time), None
+            self._columns = AskedColumns(len(timeline.scene.names), self._filled, self._members)
+        return self._columns
+
+    def divide(self, rows: Rows, sort: Callable[[KnownSymbols], Sort]) -> list[tuple[Sort, Rows, Mask | None]]:
+        """What robots have learned is not in a recording: here they know what their vocabulary gives them."""
+        return [(sort(self._learned), rows, None)]
+
+    def _filled(self, slot: int) -> Column | float:
+        """A variable as it was recorded; of what the language itself keeps on a robot, all but flags is as at first."""
+        if slot in FLAGS:
+            flags = np.frombuffer(self._timeline.marks_at(self._time).flags, np.uint8)
+            return (flags & FLAGS[slot] > 0).astype(np.float64)
+        if slot == TIME_SLOT:
+            return self._time
+        if slot == ID:
+            return np.arange(1.0, self._columns.count + 1.0)
+        values = self._recorded().get(self._names.get(slot, ""), [])
+        if len(values) == self._columns.count:
+            return np.array(values, np.float64)
+        return self._at_first[slot] if slot < len(self._at_first) else nan
+
+    def _recorded(self) -> dict[str, list[float | None]]:
+        """The readings of this time, by the keys of their variables; they are taken out only if one is asked for."""
+        if self._readings is None:
+            data = self._timeline.values.at(self._time)
+            self._readings = {} if data is None else {key.casefold(): each for key, each in values_of(data).items()}
+        return self._readings
+
+    def _members(self) -> dict[str, Mask]:
+        return {name.casefold(): members for name, members in groups_at(self._timeline, self._time)}
+
+
 class RecordedValues:
     """The values of a recording (`Values`). now: the time of it that is looked at, s."""
 
     def __init__(self, timeline: Timeline, now: Callable[[], float]) -> None:
         self._timeline, self._now = timeline, now
-        self._minds = Minds(timeline.vocabulary)
-        self._state = FleetState(timeline.vocabulary, range(1, len(timeline.scene.names) + 1), 0)
-        self._read: bytes | None = None
-        """The readings that are in the columns."""
-        self._sensors: set[str] = set()
-        """Those of which there have been readings."""
+        self._table = RecordedTelemetry(timeline, now)
 
     @property
     def names(self) -> Sequence[str]:
@@ -110,64 +167,34 @@ class RecordedValues:
         return self._now()
 
     def of(self, text: str, robots: Index | None = None) -> tuple[Column, int]:
-        rows = Rows.run(0, len(self.names)) if robots is None else Rows.of(robots)
         checked = self.checked(text)
         program = checked.required()
         if checked.unknown:
             raise MisuseError(f"{CheckError(checked.findings, text, checked.more)}\n{HOLDS}")
         if acts(program.root):
             raise MisuseError(f"{text} has side effects and cannot be previewed")
-        self._look()
-        memory = QuietMemory(self._state, self._minds)
-        values = evaluate(memory, program, rows)
-        reason = memory.reason[rows.index]
-        return np.where(reason == 0, values, nan), 0
+        return self._table.values(program, np.arange(len(self.names)) if robots is None else robots)[0], 0
 
     def checked(self, text: str) -> Checked:
         return check(text, self._known())
 
-    def groups(self) -> Iterator[tuple[str, Mask]]:
-        marks = self._timeline.marks_at(self._now())
-        newest, second = (np.frombuffer(codes, np.uint8) for codes in (marks.groups, marks.second or marks.groups))
-        for number, name in enumerate(marks.names, 1):
-            yield name, (newest == number) | (second == number)
+    def groups(self) -> Iterable[tuple[str, Mask]]:
+        return groups_at(self._timeline, self._now())
 
     def suggested(self) -> list[str]:
         return suggested_of(self._timeline.vocabulary)
 
     def known(self) -> list[ShownName]:
         """The names that an expression may use, with the ranges of their values."""
-        self._look()
-        everybody = Rows.run(0, len(self.names))
-        shown = names_in(self._timeline.vocabulary, lambda variable: self._state.column(variable.slot, everybody))
-        return shown + [
+        columns, everybody = self._table.latest(), Rows.run(0, len(self.names))
+        variables = names_in(self._timeline.vocabulary, lambda variable: columns.column(variable.slot, everybody))
+        return variables + [
             ShownName(name, "group", range=f"{int(members.sum())} robots") for name, members in self.groups()
         ]
 
     def _known(self) -> RecordedNames:
         names = self._timeline.marks_at(self._timeline.seconds).names  # a group that comes later is empty
         return RecordedNames(self._timeline.vocabulary, {name.casefold(): Group(name) for name in names})
-
-    def _look(self) -> None:
-        """Put what was recorded of this time into the columns."""
-        timeline, time, everybody = self._timeline, self._now(), Rows.run(0, len(self.names))
-        data = timeline.values.at(time)
-        if data is not self._read:
-            self._read = data
-            columns = {} if data is None else values_of(data)
-            for name in self._sensors | columns.keys():
-                variable, values = timeline.vocabulary.bindings.get(name.casefold()), columns.get(name, [])
-                if isinstance(variable, Variable):
-                    known = len(values) == everybody.size
-                    self._state.assign(variable.slot, everybody, np.array(values, np.float64) if known else nan)
-            self._sensors |= columns.keys()
-        flags = np.frombuffer(timeline.marks_at(time).flags, np.uint8)
-        for slot, bit in FLAGS:
-            self._state.assign(slot, everybody, (flags & bit > 0).astype(np.float64))
-        self._state.assign(TIME_SLOT, everybody, float(time))
-        self._state.groups.clear()
-        for name, members in self.groups():
-            self._state.groups[name.casefold()] = members
 
 
 class RecordedPlots(Plots):

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from sleepcast.fleet.inspection import QuietMemory, reads_of
-from sleepcast.fleet.machine import Plain, evaluate, is_plain
-from sleepcast.fleet.rows import CHUNK, Column, Index, Mask, Rows, distinct
+from sleepcast.columns.evaluation import by_the_living
+from sleepcast.columns.machine import Plain, evaluate, is_plain
+from sleepcast.columns.rows import CHUNK, Column, Index, Mask, Rows, distinct
+from sleepcast.columns.telemetry import KnownSymbols, QuietMemory, Sort
+from sleepcast.fleet.inspection import reads_of
+from sleepcast.fleet.memory import FleetMemory
+from sleepcast.fleet.messages import Outbox
 from sleepcast.fleet.state import FleetState, MindNames, Minds
-from sleepcast.language.parts import Part, walk
+from sleepcast.language.parts import Part, host_of, walk
 from sleepcast.language.program import Program
 from sleepcast.language.reader import read
 
@@ -19,7 +23,7 @@ MAX_ASKED = 256
 
 
 class FleetQueries:
-    """The expressions that have been asked for, by their text. bodies: see `QuietMemory`."""
+    """The expressions that have been asked for, by their text. bodies: see `AskedMemory`."""
 
     def __init__(self, state: FleetState, minds: Minds, bodies: Sequence[object | None]) -> None:
         self._state, self._minds, self._bodies = state, minds, bodies
@@ -41,9 +45,9 @@ class FleetQuery:
     def __init__(self, text: str, state: FleetState, minds: Minds, bodies: Sequence[object | None]) -> None:
         self.turns = state.turns
         self.rows = Rows.run(0, state.count)
-        self._text, self._minds = text, minds
-        self._memory = QuietMemory(state, minds, bodies)
-        self._pieces: list[tuple[Program, Rows, Mask | None]] = self._memory.divide(self.rows, self._program)
+        self._text, self._state, self._minds = text, state, minds
+        self._memory = AskedMemory(state, minds, bodies)
+        self._pieces: list[tuple[Program, Rows, Mask | None]] = state.divide(self.rows, self._program)
         self._plain = len(self._pieces) == 1 and self.rows.size <= CHUNK and is_plain(self._pieces[0][0].root)
         self.reads = self._read()
         """The slots of the variables that it may read; None for any."""
@@ -80,12 +84,32 @@ class FleetQuery:
     def _read(self) -> frozenset[int] | None:
         found: set[int] = set()
         for program, some, _ in self._pieces:
-            numbers = distinct(self._memory.state.mind[some.index])[0]
+            numbers = distinct(self._state.mind[some.index])[0]
             slots = reads_of(program, {self._minds[number] for number in numbers.tolist()})[0]
             if slots is None or any(part.op == "host" for part in walk(program.root)):
                 return None
             found |= slots
         return frozenset(found)
+
+
+class AskedMemory(QuietMemory):
+    """What robots hold now, as the language's functions read it. bodies: those whose sensors may be asked; a robot
+    without one that would ask it is undecided."""
+
+    def __init__(self, state: FleetState, minds: Minds, bodies: Sequence[object | None]) -> None:
+        super().__init__(state)
+        self._robots, self._minds = state, minds
+        self._bodies = FleetMemory(state, minds, Outbox(state, ()), bodies) if bodies else None
+
+    def divide(self, rows: Rows, sort: Callable[[KnownSymbols], Sort]) -> list[tuple[Sort, Rows, Mask | None]]:
+        return self._robots.divide(rows, lambda number: sort(self._minds[number]))
+
+    @by_the_living
+    def host(self, part: Part, rows: Rows, *arguments: Column) -> Column:
+        if self._bodies is None or host_of(part).acts:
+            return super().host(part, rows, *arguments)
+        self._bodies.begin(self.top, rows)
+        return self._bodies.host(part, rows, *arguments)
 
 
 def _no_local(slot: int, rows: Rows) -> Column:

@@ -13,10 +13,10 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from sleepcast.channel.message import Message
+from sleepcast.columns.rows import Column, Index, Mask, Rows
 from sleepcast.core.arrays import filled
 from sleepcast.core.model import RestState
 from sleepcast.fleet.authority import FleetAuthority
-from sleepcast.fleet.rows import Column, Index, Mask, Rows
 from sleepcast.fleet.state import FleetState
 from sleepcast.language.vocabulary import FROZEN, SLEEPING, TIME_SLOT
 from sleepcast.mind.authority import Life, outlasts, stops_told

@@ -1,209 +1,43 @@
-"""One evaluation - its robots, cost, faults and changes of minds - and rule statistics: how each rule has performed on
-each robot.
-
-A refused act is recorded as a fault, gives unknown, and changes nothing. Robots that have run out of steps take no
-further part: acts have no effect on them.
-"""
+"""What an evaluation changes of robots' minds, and rule statistics: how each rule has performed on each robot."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from functools import partial, wraps
+from functools import partial
 from math import inf, nan
-from typing import Concatenate, NamedTuple, ParamSpec, TypeAlias, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.columns.evaluation import Evaluation
+from sleepcast.columns.rows import Column, Index, Mask, Rows
 from sleepcast.core.arrays import filled
 from sleepcast.core.serial import Arrays, SerialError, dump_arrays, load_arrays, within
 from sleepcast.fleet.native.compiler import ResultColumns
-from sleepcast.fleet.rows import Column, Index, Mask, Rows, distinct
 from sleepcast.fleet.schema import RuleStatisticsState, StatisticsState
 from sleepcast.fleet.state import FleetState, Mind, Minds
 from sleepcast.language.parts import Part
-from sleepcast.language.program import MAX_STEPS, Program
-from sleepcast.language.reader import show
-from sleepcast.language.rehearsal import Answer, NotedFault
 from sleepcast.language.vocabulary import ACTIVE0, TICK, buffer_number
-from sleepcast.mind.limits import MAX_FAULTS, PROVEN_TICKS
+from sleepcast.mind.limits import PROVEN_TICKS
 from sleepcast.mind.merging import Merging
 from sleepcast.mind.rules import Effect, RuleBase
 
 Sort = TypeVar("Sort", bound=Hashable)
-Rest = ParamSpec("Rest")
 
 
-class Noted(NamedTuple):
-    """A fault that occurred on some robots."""
+class FleetEvaluation(Evaluation):
+    """An evaluation on robots of a fleet: what it changes of their minds."""
 
-    robots: Index
-    part: Part
-    reason: str
-
-
-Owner = TypeVar("Owner", bound="Evaluation")
-Method: TypeAlias = Callable[Concatenate[Owner, Part, Rows, Rest], Column]
-
-
-def by_the_living(method: Method[Owner, Rest]) -> Method[Owner, Rest]:
-    """Exclude robots that have run out of steps; their value is unknown."""
-
-    @wraps(method)
-    def living(memory: Owner, part: Part, rows: Rows, /, *columns: Rest.args, **none: Rest.kwargs) -> Column:
-        if rows.size == 0:
-            return np.empty(0)
-        if memory.dead is None:
-            return method(memory, part, rows, *columns, **none)
-        alive = ~memory.dead[rows.index]
-        found = np.full(rows.size, nan)
-        if alive.any():
-            kept = [column[alive] if isinstance(column, np.ndarray) else column for column in columns]
-            found[alive] = method(memory, part, rows.take(alive), *kept, **none)  # type: ignore[arg-type]
-        return found
-
-    return living
-
-
-class Evaluation:
-    """See the module; one object is used for successive evaluations.
-
-    Results of the last evaluation: matched (which rows), noted (faults in order) and, if it is a list, answers
-    (values that the memory returned; only with one robot).
-    """
+    state: FleetState
 
     def __init__(self, state: FleetState, minds: Minds) -> None:
-        self.state, self.minds, self.statistics = state, minds, StatisticsTable(state)
-        self.depth = self.levels = 0
-        """Nesting of entered programs, and of parentheses in them: the same for all robots that have come so far."""
-        self.top: Program
-        self.matched: Mask = np.zeros(state.count, np.bool_)
-        self.undecided: Mask | None = None
-        """Where the top-level test was unknown; None in evaluations that do not look for that."""
-        self.moved: Mask | None = None
-        """Which robots' bodies were asked to move, likewise."""
-        self.dead: Mask | None = None
-        """Which robots have run out of steps, or None."""
-        self._entered: NDArray[np.int32] | None = None
-        """Steps charged for entering buffers and operators, allocated when one is first entered."""
-        self.noted: list[Noted] = []
-        self._faults: NDArray[np.int16] | None = None
-        self.answers: list[Answer] | None = None
-
-    # ---- an evaluation and its bounds
-
-    def begin(self, program: Program, rows: Rows) -> None:
-        """Begin an evaluation on these robots."""
-        self.top, self.depth, self.levels, self.dead = program, 0, program.height, None
-        self.noted, self._faults = [], None
-        self.matched[rows.index] = program.test is None
-        if self._entered is not None:
-            self._entered[rows.index] = 0
-
-    def charge(self, program: Program, rows: Rows) -> None:
-        """Charge for entering a program; robots that cannot pay leave the evaluation, with a fault."""
-        if self._entered is None:
-            self._entered = np.zeros(self.state.count, np.int32)
-        self._entered[rows.index] += program.cost
-        broke = self._entered[rows.index] > MAX_STEPS - self.top.cost
-        if broke.any():
-            some = rows.take(broke)
-            self.fault(self.top.root, some, f"out of steps: at most {MAX_STEPS} in one evaluation")
-            if self.dead is None:
-                self.dead = np.zeros(self.state.count, np.bool_)
-            self.dead[some.index] = True
-
-    def steps(self, rows: Rows) -> NDArray[np.int32] | int:
-        """Steps used by each of these robots, or one number if all are equal."""
-        return self.top.cost if self._entered is None else self._entered[rows.index] + np.int32(self.top.cost)
-
-    @by_the_living
-    def fault(self, part: Part, rows: Rows, reason: str) -> Column:
-        """Record a fault; returns unknown."""
-        unknown = np.full(rows.size, nan)
-        if len(self.noted) >= MAX_FAULTS:
-            rows = self._with_room(rows)
-        if rows.size:
-            self.noted.append(Noted(rows.robots, part, reason))
-        return unknown
-
-    def faults(self, part: Part, rows: Rows, places: Index, reasons: Sequence[str]) -> None:
-        """Record faults at some places of the rows, each with its reason; dropped on robots that have too many
-        already."""
-        if len(self.noted) >= MAX_FAULTS:
-            room = self._counted()[rows.robots[places]] < MAX_FAULTS
-            places, reasons = places[room], [reason for reason, there in zip(reasons, room, strict=True) if there]
-        sorts: dict[str, list[int]] = {}
-        for place, reason in zip(places.tolist(), reasons, strict=True):
-            sorts.setdefault(reason, []).append(place)
-        for reason, met in sorts.items():
-            mask = np.zeros(rows.size, np.bool_)
-            mask[met] = True
-            self.fault(part, rows.take(mask), reason)
-
-    def _counted(self) -> NDArray[np.int16]:
-        """Number of faults of each robot so far; counted only once there may be too many."""
-        if self._faults is None:
-            self._faults = np.zeros(self.state.count, np.int16)
-            for noted in self.noted:
-                self._faults[noted.robots] += 1
-        return self._faults
-
-    def _with_room(self, rows: Rows) -> Rows:
-        """Those with fewer than `MAX_FAULTS` faults; counts one more for them."""
-        faults = self._counted()
-        rows = rows.take(faults[rows.index] < MAX_FAULTS)
-        faults[rows.index] += 1
-        return rows
-
-    @by_the_living
-    def refuse(self, part: Part, rows: Rows, reason: str) -> Column:
-        """Record a fault that this memory itself detects."""
-        if self.answers is not None:
-            self.answers.append(NotedFault(part, reason))
-        return self.fault(part, rows, reason)
-
-    def refuse_where(self, part: Part, rows: Rows, wrong: Mask, reason: str, values: Column) -> Rows:
-        """Refuse the rows where `wrong`, setting their values to unknown in place; returns the other rows."""
-        if not wrong.any():
-            return rows
-        self.refuse(part, rows.take(wrong), reason)
-        values[wrong] = nan
-        return rows.take(~wrong)
-
-    def answer(self, values: Column) -> Column:
-        """Append to `answers` what the memory returned, if that is recorded."""
-        if self.answers is not None:
-            self.answers.append(float(values[0]))
-        return values
-
-    def first_faults(self) -> dict[int, str]:
-        """The first fault of each robot that had one in the last evaluation, as text."""
-        found: dict[int, str] = {}
-        for noted in reversed(self.noted):
-            found.update(dict.fromkeys(noted.robots.tolist(), fault_text(noted)))
-        return found
-
-    # ---- minds
+        super().__init__(state)
+        self.minds, self.statistics = minds, StatisticsTable(state)
 
     def divide(self, rows: Rows, sort: Callable[[int], Sort]) -> list[tuple[Sort, Rows, Mask | None]]:
-        """Group the rows by the result of `sort` for their mind's number; each group with its places (None: all)."""
-        if rows.size == 0:
-            return []
-        if (one := self.state.one_mind) is not None:
-            return [(sort(one), rows, None)]
-        numbers = self.state.mind[rows.index]
-        if (numbers == numbers[0]).all():
-            one = int(numbers[0])
-            if rows.size == self.state.count:
-                self.state.turn(rows, one)  # updates the cached common mind
-            return [(sort(one), rows, None)]
-        unique, which = distinct(numbers)
-        sorts: dict[Sort, int] = {}
-        codes = np.array([sorts.setdefault(sort(number), len(sorts)) for number in unique.tolist()])[which]
-        if len(sorts) == 1:
-            return [(next(iter(sorts)), rows, None)]
-        return [(found, rows.take(codes == code), codes == code) for found, code in sorts.items()]
+        """See `FleetState.divide`."""
+        return self.state.divide(rows, sort)
 
     def where(self, rows: Rows, holds: Callable[[Mind], bool]) -> Mask:
         """On which of the rows `holds` is true of the mind."""
@@ -251,18 +85,9 @@ class Evaluation:
             self.statistics.prove(some)
         state.unproven_since[rows.index] = ticks
 
-    def is_dead(self, rows: Rows) -> bool:
-        """Whether the first of these robots has left the evaluation."""
-        return self.dead is not None and bool(self.dead[rows.robots[0]])
-
     def kept(self, robot: int) -> Mind:
         """The mind of one robot."""
         return self.minds[int(self.state.mind[robot])]
-
-
-def fault_text(noted: Noted) -> str:
-    """A fault as text for people."""
-    return f"{noted.reason} in {show(noted.part.form)}"
 
 
 # ---- rule statistics: how each rule has performed on each robot, and when its lease ends, as columns by its key

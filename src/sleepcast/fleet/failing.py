@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sleepcast.columns.rows import Index, Rows
 from sleepcast.fleet.memory import FleetMemory
-from sleepcast.fleet.rows import Index, Rows
 from sleepcast.fleet.state import Mind
 
 RECENT = 3.0

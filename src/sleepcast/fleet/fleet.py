@@ -22,13 +22,14 @@ from sleepcast.channel.message import (
     is_addressed,
 )
 from sleepcast.channel.message_batch import MessageBatch, NameIndex
+from sleepcast.columns.evaluation import Noted
+from sleepcast.columns.rows import Column, Index, Mask, Rows
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.model import RestState
 from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.asked import FleetQueries
 from sleepcast.fleet.authority import FleetAuthority
 from sleepcast.fleet.bodies import FleetBodies
-from sleepcast.fleet.evaluation import Noted
 from sleepcast.fleet.inspection import (
     EvaluationLog,
     FleetTelemetry,
@@ -41,7 +42,6 @@ from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.messages import Inbox, Outbox
 from sleepcast.fleet.native.kernels import Kernels, available
 from sleepcast.fleet.obeying import Evaluated, Obeying
-from sleepcast.fleet.rows import Column, Index, Mask, Rows
 from sleepcast.fleet.scheduler import BatchScheduler, expired
 from sleepcast.fleet.state import FleetState, Mind, MindNames, Minds
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
@@ -180,12 +180,11 @@ class RobotView:
 
     def fetch(self, part: Part) -> Program | None:
         """See `Node.fetch`."""
-        kept = self._mind.rules.get(part.name)
-        return None if kept is None else kept.program
+        return self._mind.fetch(part)
 
     def operator(self, part: Part) -> Program | None:
         """See `Node.operator`."""
-        return self._mind.operators.get(part.name)
+        return self._mind.operator(part)
 
     def rules(self) -> list[RuleView]:
         """See `Node.rules`."""

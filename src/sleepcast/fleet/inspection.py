@@ -18,7 +18,7 @@ very same values.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from math import nan
 from weakref import WeakKeyDictionary
@@ -28,24 +28,26 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.message_batch import ascending
+from sleepcast.columns.machine import evaluate
+from sleepcast.columns.rows import Column, Index, Mask, Rows, distinct
+from sleepcast.columns.telemetry import BulkTelemetry, KnownSymbols, Sort
+from sleepcast.columns.values import ValueColumns
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import RestState
 from sleepcast.core.serial import Array
 from sleepcast.fleet.bodies import FleetBodies
-from sleepcast.fleet.evaluation import Evaluation, by_the_living
-from sleepcast.fleet.machine import evaluate
-from sleepcast.fleet.memory import FleetMemory, Found, Given
+from sleepcast.fleet.evaluation import FleetEvaluation
+from sleepcast.fleet.memory import FleetMemory, Given
 from sleepcast.fleet.messages import Outbox
-from sleepcast.fleet.rows import Column, Index, Mask, Rows, distinct
 from sleepcast.fleet.schema import TelemetryState
 from sleepcast.fleet.state import FleetState, Mind, MindNames, Minds
 from sleepcast.language.acts import ACTS
 from sleepcast.language.explain import Recollection
 from sleepcast.language.numerics import draw
-from sleepcast.language.parts import Part, Storing, acts, host_of, walk, written
+from sleepcast.language.parts import Part, Storing, walk, written
 from sleepcast.language.program import Program
 from sleepcast.language.reader import read
-from sleepcast.language.rehearsal import ACTION, CHANCE, Rehearsal, asks, does
+from sleepcast.language.rehearsal import Rehearsal
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, TIME_SLOT, Vocabulary
 
@@ -58,7 +60,7 @@ _NOWHERE = -1
 class ReadSet:
     """What the robots of a memory may read; None stands for everything. It may name too much, never too little."""
 
-    def __init__(self, memory: Evaluation) -> None:
+    def __init__(self, memory: FleetEvaluation) -> None:
         self._memory = memory
         self._of_mind: WeakKeyDictionary[Mind, frozenset[int] | None] = WeakKeyDictionary()
 
@@ -161,20 +163,21 @@ def _taught(part: Part) -> set[str]:
 
 # ---- telemetry
 
-MAX_REASONS = 200
-"""Distinct reasons in one judgement, so that a byte can hold the index; further ones count as the last."""
 MANY = 30_000
 """Number of robots from which on a fleet is large: the variables of fewer take less than ten megabytes."""
-NOT_YET = "its telemetry does not yet hold what the test reads"
 
 
-class FleetTelemetry:
-    """The latest telemetry of a fleet, and previews on it. state: of the fleet; minds: its table; bodies: of the
-    robots."""
+class FleetTelemetry(BulkTelemetry):
+    """The latest telemetry of a fleet.
+
+    state: of the fleet
+    minds: its table
+    bodies: of the robots
+    """
 
     def __init__(self, state: FleetState, minds: Minds, bodies: FleetBodies) -> None:
         self._state, self._minds, self._bodies = state, minds, bodies
-        self._then = state.shadow()
+        self._then = ValueColumns(state.count, [nan] * len(state.slots()))
         self._stopped: Mask = np.zeros(state.count, np.bool_)
         self._large = state.count >= MANY
         self._last = Rows.run(0, 0)
@@ -222,23 +225,21 @@ class FleetTelemetry:
         else:
             self._asked = {slot: those.made(np.bool_, shape, f"who reported {slot}") for slot, those in asked.items()}
 
-    def values(self, program: Program, robots: Index) -> tuple[Column, NDArray[np.uint8], list[str]]:
-        """Evaluate a program on these robots' telemetry: its values, NaN for unknown and for robots that are undecided;
-        and for each robot that is undecided the index of the reason, from 1, in the list that follows (0: decided)."""
-        rows = Rows.of(robots)
-        memory = QuietMemory(self._then, self._minds)
-        if self._large:
-            memory.know(rows, self._ask(program, rows))
-        values = evaluate(memory, program, rows)
-        reason = memory.reason[rows.index]
-        return np.where(reason == 0, values, nan), reason, memory.reasons
+    def latest(self) -> ValueColumns:
+        return self._then
 
-    def _ask(self, test: Program, rows: Rows) -> Mask:
-        """Have these robots report everything that the test reads from now on; returns which of them already do."""
+    def divide(self, rows: Rows, sort: Callable[[KnownSymbols], Sort]) -> list[tuple[Sort, Rows, Mask | None]]:
+        """By the robots' current minds."""
+        return self._state.divide(rows, lambda number: sort(self._minds[number]))
+
+    def ask(self, program: Program, rows: Rows) -> Mask | None:
+        """As `TelemetryTable.ask`: the robots of a small fleet tell everything from the first."""
+        if not self._large:
+            return None
         one = self._state.one_mind
         there = [one] if one is not None else distinct(self._state.mind[rows.index])[0].tolist()
         minds = {self._minds[number] for number in there}
-        slots, _ = reads_of(test, minds)
+        slots, _ = reads_of(program, minds)
         reported = np.ones(rows.size, np.bool_)
         for slot in self._state.slots() if slots is None else sorted(slots & {*self._state.slots()}):
             if slot not in self._asked:
@@ -247,88 +248,6 @@ class FleetTelemetry:
                 self._asked[slot][self._last.index] = True
             reported &= self._asked[slot][rows.index]
         return reported
-
-
-class QuietMemory(FleetMemory):
-    """A read-only memory. bodies: those whose sensors may be asked; without them a robot that would ask one is
-    undecided. reason: by robot, as in `FleetTelemetry.values`."""
-
-    def __init__(self, state: FleetState, minds: Minds, bodies: Sequence[object | None] = ()) -> None:
-        super().__init__(state, minds, Outbox(state, ()), bodies)
-        self.reason: NDArray[np.uint8] = np.zeros(state.count, np.uint8)
-        self.reasons: list[str] = []
-
-    def know(self, rows: Rows, reported: Mask) -> None:
-        """Restrict these robots to the `reported` ones; the others are undecided."""
-        if not reported.all():
-            self.reasons.append(NOT_YET)
-            self.reason[rows.take(~reported).index] = len(self.reasons)
-
-    def _undecided(self, rows: Rows, reason: str) -> Column:
-        """Make these robots undecided and exclude them from the rest."""
-        if reason not in self.reasons and len(self.reasons) < MAX_REASONS:
-            self.reasons.append(reason)
-        number = self.reasons.index(reason) + 1 if reason in self.reasons else MAX_REASONS
-        before = self.reason[rows.index]
-        self.reason[rows.index] = np.where(before == 0, np.uint8(number), before)
-        if self.dead is None:
-            self.dead = np.zeros(self.state.count, np.bool_)
-        self.dead[rows.index] = True
-        return np.full(rows.size, nan)
-
-    @by_the_living
-    def draw(self, part: Part, rows: Rows) -> Column:
-        return self._undecided(rows, CHANCE)
-
-    def fetch(self, part: Part, rows: Rows) -> Found:
-        return self._quiet(part, super().fetch(part, rows))
-
-    def operator(self, part: Part, rows: Rows) -> Found:
-        return self._quiet(part, super().operator(part, rows))
-
-    def _quiet(self, part: Part, found: Found) -> Found:
-        """Programs without side effects; robots that would enter another one become undecided."""
-        quiet: Found = []
-        for program, rows, mask in found:
-            if program is not None and acts(program.root):
-                self._undecided(self._alive(rows), does(part.name))
-                quiet.append((None, rows, mask))
-            else:
-                quiet.append((program, rows, mask))
-        return quiet
-
-    def _alive(self, rows: Rows) -> Rows:
-        return rows if self.dead is None else rows.take(~self.dead[rows.index])
-
-    @by_the_living
-    def host(self, part: Part, rows: Rows, *arguments: Column) -> Column:
-        if self.bodies and not host_of(part).acts:
-            return super().host(part, rows, *arguments)
-        return self._undecided(rows, asks(part.name))
-
-    def defined(self, part: Part, rows: Rows) -> Mask:
-        self._undecided(self._alive(rows), ACTION)
-        return np.zeros(rows.size, np.bool_)
-
-    @by_the_living
-    def assign(self, part: Part, rows: Rows, values: Column) -> Column:
-        return self._undecided(rows, ACTION)
-
-    @by_the_living
-    def write(self, part: Part, rows: Rows, values: Column) -> Column:
-        return self._undecided(rows, ACTION)
-
-    @by_the_living
-    def define(self, part: Part, rows: Rows, values: Column) -> Column:
-        return self._undecided(rows, ACTION)
-
-    @by_the_living
-    def store(self, part: Part, rows: Rows, values: Column) -> Column:
-        return self._undecided(rows, ACTION)
-
-    @by_the_living
-    def act(self, part: Part, rows: Rows, *arguments: Column) -> Column:
-        return self._undecided(rows, ACTION)
 
 
 # ---- the evaluation log

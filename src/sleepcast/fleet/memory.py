@@ -12,12 +12,13 @@ from typing import TypeAlias
 
 import numpy as np
 
+from sleepcast.columns.evaluation import Found, by_the_living
+from sleepcast.columns.rows import Column, Index, Mask, Rows
 from sleepcast.core.model import HostFunction
 from sleepcast.fleet.bodies import ManyBodies
-from sleepcast.fleet.evaluation import Evaluation, by_the_living
+from sleepcast.fleet.evaluation import FleetEvaluation
 from sleepcast.fleet.messages import Outbox
 from sleepcast.fleet.native.kernels import Kernels
-from sleepcast.fleet.rows import Column, Index, Mask, Rows
 from sleepcast.fleet.state import FleetState, Minds, draws
 from sleepcast.language.acts import FLAGS
 from sleepcast.language.functions import MAX_HOPS
@@ -48,14 +49,10 @@ Act = Callable[..., Column]
 """Implementation of one act: (memory, part, rows, *arguments) to its values."""
 
 
-Found: TypeAlias = list[tuple[Program | None, Rows, Mask | None]]
-"""Programs, each with the robots that have it and their places among the rows (None: all)."""
-
-
 Given: TypeAlias = tuple[Rows, Column | list[float | str]]
 
 
-class FleetMemory(Evaluation):
+class FleetMemory(FleetEvaluation):
     """See the module. bodies: targets of the vocabulary's functions, by robot.
 
     printed: collects reports, if it is a list. hosts: if it is a list, collects the results of the robots' own
@@ -80,8 +77,6 @@ class FleetMemory(Evaluation):
         self.kernels = kernels
         self.merges = False
         """Whether the changes are those of a command that is merged with others."""
-        self.barred = ""
-        """Why nothing may act on the bodies now, "" if it may."""
         self.drivers: Callable[[Rows], Sequence[tuple[str, Rows]]] = lambda rows: [("", rows)]
         """For whom these robots speak, "" for nobody."""
         self.hops = MAX_HOPS
@@ -188,30 +183,35 @@ class FleetMemory(Evaluation):
             self.state.assign(part.slot, rows.take(done), values[done])
         return self.answer(values)
 
+    def native(self, program: Program, rows: Rows) -> tuple[Column, Rows] | None:
+        """See `Kernels.run`; native code does not tell what moves, or why a test fails."""
+        if self.kernels is None or self.moved is not None or self.barred:
+            return None
+        return self.kernels.run(self, program, rows)
+
+    def read(self, part: Part, rows: Rows) -> Column:
+        """A fleet has no linked variables: a program that reads one is of other robots."""
+        raise TypeError(f"{part.name} is linked to the memory of one robot")
+
     def fetch(self, part: Part, rows: Rows) -> Found:
         """The programs in a buffer or rule, each with the robots that have it there."""
-
-        def program(number: int) -> Program | None:
-            kept = self.minds[number].rules.get(part.name)
-            return None if kept is None else kept.program
-
-        found = self.divide(rows, program)
-        self._answer_program(rows, found)
-        return found
+        programs = self.divide(rows, lambda number: self.minds[number].fetch(part))
+        self._answer_program(rows, programs)
+        return programs
 
     def operator(self, part: Part, rows: Rows) -> Found:
         """The programs of an operator; none, and a fault, where it does not exist with this number of parameters."""
 
-        def program(number: int) -> Program | None:
-            found = self.minds[number].operators.get(part.name)
-            return found if found is not None and found.parameters == len(part.parts) else None
+        def suiting(number: int) -> Program | None:
+            operator = self.minds[number].operator(part)
+            return operator if operator is not None and operator.parameters == len(part.parts) else None
 
-        found = self.divide(rows, program)
-        for one, some, _ in found:
-            if one is None:
+        programs = self.divide(rows, suiting)
+        for program, some, _ in programs:
+            if program is None:
                 self.refuse(part, some, no_operator(part.name, len(part.parts)))
-        self._answer_program(rows, found)
-        return found
+        self._answer_program(rows, programs)
+        return programs
 
     def _answer_program(self, rows: Rows, found: Found) -> None:
         if self.answers is not None and not self.is_dead(rows):

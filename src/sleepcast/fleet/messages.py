@@ -25,8 +25,8 @@ from sleepcast.channel.message_batch import (
     dump_batch,
     load_batch,
 )
+from sleepcast.columns.rows import Column, Index, Mask, Rows
 from sleepcast.core.serial import Array, SerialError
-from sleepcast.fleet.rows import Column, Index, Mask, Rows
 from sleepcast.fleet.schema import InboxState, OutboxState
 from sleepcast.fleet.state import FleetState
 from sleepcast.language.vocabulary import TIME_SLOT

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.message import HELD, HOPS, KEYS, LEASE, LOOK, UNKNOWN, Kind, Message, hops_left
 from sleepcast.channel.message_batch import AnswerColumns
+from sleepcast.columns.evaluation import Noted, fault_text
+from sleepcast.columns.machine import evaluate
+from sleepcast.columns.rows import Column, Index, Mask, Rows
 from sleepcast.core.errors import SleepcastError
 from sleepcast.fleet.authority import FleetAuthority
-from sleepcast.fleet.evaluation import Noted, fault_text
 from sleepcast.fleet.inspection import EvaluationLog, LogEntry, rehearsal
-from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory
-from sleepcast.fleet.rows import Column, Index, Mask, Rows
 from sleepcast.fleet.state import MindNames
 from sleepcast.language.explain import foretell
 from sleepcast.language.functions import MAX_HOPS

@@ -14,13 +14,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.columns.machine import walk_through
+from sleepcast.columns.rows import Mask, Rows
 from sleepcast.fleet.authority import FleetAuthority
 from sleepcast.fleet.evaluation import RuleStatistics
-from sleepcast.fleet.machine import walk_through
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.native.compiler import Kernel, moment
 from sleepcast.fleet.native.kernels import SequencePlan
-from sleepcast.fleet.rows import Mask, Rows
 from sleepcast.fleet.state import Mind
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import TIME_SLOT

@@ -13,20 +13,13 @@ import msgspec
 
 from sleepcast.channel.message import Message
 from sleepcast.channel.message_batch import MessageBatchState
+from sleepcast.columns.values import ValuesState
 from sleepcast.core.serial import Array, Arrays
 from sleepcast.mind.authority import Driving, Latch, Lease
 from sleepcast.mind.merging import MergingState
 from sleepcast.mind.state import SharedMinds
 
 Value = TypeVar("Value")
-
-
-class ValuesState(msgspec.Struct):
-    """The variables and groups of a `FleetState`: for each slot one number for all or a column; members by group."""
-
-    same: list[float]
-    columns: dict[int, Array]
-    groups: Arrays
 
 
 class ColumnsState(msgspec.Struct):

@@ -14,8 +14,8 @@ import numpy as np
 
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.fleet.fleet import Fleet
-from sleepcast.fleet.rows import Shared
 from sleepcast.fleet.schema import AuthorityState, FleetSnapshot, SharedState
+from sleepcast.fleet.shared import Shared
 from sleepcast.fleet.state import Mind, Minds
 from sleepcast.language.program import Program
 from sleepcast.language.symbols import Operator

@@ -1,9 +1,5 @@
 """The state of a fleet: its robots' variables as columns, and what they have learned as minds.
 
-A column holds one number per robot, contiguously, so that one vector instruction serves many robots. A variable gets
-a column when robots first differ in it; until then one number stands for all. NaN is unknown. `Rows` says which
-robots something refers to: a range of indices, whose columns are views without copying, or a list.
-
 A `Mind` - rules, operators, names - is stored once for all robots that have learned the same, and never changes. A
 message that teaches something moves its robots from one mind to another: a draft of the old mind (a `RuleBase`) is
 changed, and the table returns the equal mind, a new one if there is none yet. So storing a rule costs the same
@@ -12,47 +8,37 @@ however many robots store it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from copy import copy
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from math import nan
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.columns.rows import Mask, Rows, distinct
+from sleepcast.columns.values import ValueColumns
 from sleepcast.core.arrays import filled
 from sleepcast.core.serial import Array, SerialError, dump_arrays, load_arrays
-from sleepcast.fleet.rows import Column, Mask, Rows, Shared
-from sleepcast.fleet.schema import ColumnsState, ValuesState
+from sleepcast.fleet.schema import ColumnsState
+from sleepcast.fleet.shared import Shared
 from sleepcast.language.numerics import GOLDEN, MASK, UNIT, mix
+from sleepcast.language.parts import Part
 from sleepcast.language.program import Library, Program
 from sleepcast.language.symbols import Declared, declared_in
-from sleepcast.language.vocabulary import (
-    ACTIVE0,
-    BUFFERS,
-    ID,
-    MARKING,
-    MAX_USER_VARIABLES,
-    TICK,
-    TIME_SLOT,
-    Vocabulary,
-)
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, ID, MARKING, TICK, TIME_SLOT, Vocabulary
 from sleepcast.mind.authority import Latch
 from sleepcast.mind.merging import Merging
 from sleepcast.mind.rules import Rule, RuleBase, learned_at_first, running
 
+Sort = TypeVar("Sort", bound=Hashable)
 
-class FleetState:
+
+class FleetState(ValueColumns):
     """All values with one number per robot. numbers: the robots' ids; seed: of the run."""
 
     def __init__(self, vocabulary: Vocabulary, numbers: Sequence[int], seed: int) -> None:
-        count = self.count = len(numbers)
-        self._same = [0.0] * (ACTIVE0 + BUFFERS) + [nan] * (vocabulary.size - ACTIVE0 - BUFFERS)
-        self._same[TIME_SLOT] = self._same[TICK] = 0.0
-        self._same[MARKING] = 1.0
-        self._columns: list[Column | None] = [None] * len(self._same)
-        self._shared: set[int] = set()
-        """Slots of variables whose columns are stored elsewhere."""
+        count = len(numbers)
+        super().__init__(count, values_at_first(vocabulary))
         self._columns[ID] = np.array(numbers, dtype=np.float64)
         self.keys = filled(0, np.uint64, count)
         self.keys[:] = streams(seed, np.array(numbers, dtype=np.int64))
@@ -61,15 +47,14 @@ class FleetState:
         """Random numbers drawn in this tick."""
         self.mind = np.zeros(count, np.int32)
         """What each robot has learned: a number in the table of minds. Changed by `turn`."""
-        self._one_mind: list[int] = [0]
-        """The common mind of all robots, if it is known that there is one; in a list, because shadows share it."""
-        self._turns: list[int] = [0]
+        self.one_mind: int | None = 0
+        """The common mind of all robots, if it is known that there is one."""
+        self.turns = 0
+        """How often robots have been given minds: as long as it stays the same, all have the same minds as before."""
         self.proven = np.zeros(count, np.int32)
         """The mind whose rules ROLLBACK restores."""
         self.unproven_since = np.zeros(count, np.int64)
         """Tick in which the rules last changed or met a fault."""
-        self.groups: dict[str, Mask] = {}
-        """The members of each group."""
         self.actuated: dict[int, Mask] = {}
         """Which robots have assigned an actuator, by slot, since it was last queried."""
         self.dropped = np.zeros(count, np.int32)
@@ -98,105 +83,33 @@ class FleetState:
         self.still = np.zeros(count, np.bool_)
         """Whether the body is held still."""
 
-    def read(self, slot: int, rows: Rows) -> Column | float:
-        """The values of a variable: a column (for a range of rows a read-only view), or one number for all."""
-        if slot >= len(self._same):
-            return nan
-        column = self._columns[slot]
-        return self._same[slot] if column is None else column[rows.index]
-
-    def column(self, slot: int, rows: Rows) -> Column:
-        """The values of a variable, one for each of the rows."""
-        return spread(self.read(slot, rows), rows.size)
-
-    def assign(self, slot: int, rows: Rows, values: Column | float) -> None:
-        """Set a variable of these robots."""
-        if isinstance(values, float) and rows.size == self.count and slot < len(self._same):
-            self._same[slot], self._columns[slot] = values, None
-            return
-        self.own(slot)[rows.index] = values
-
-    def own(self, slot: int) -> Column:
-        """The variable's own column, allocated now if one number stood for all until now."""
-        while slot >= len(self._same):
-            self._same.append(nan)
-            self._columns.append(None)
-        column = self._columns[slot]
-        if column is None:
-            column = self._columns[slot] = filled(self._same[slot], np.float64, self.count)
-        return column
-
-    @property
-    def one_mind(self) -> int | None:
-        """The common mind of all robots; None if they may have different ones."""
-        return self._one_mind[0] if self._one_mind else None
-
-    @property
-    def turns(self) -> int:
-        """How often robots have been given minds: as long as it stays the same, all have the same minds as before."""
-        return self._turns[0]
-
     def turn(self, rows: Rows, mind: int) -> None:
         """Give these robots a mind."""
         self.mind[rows.index] = mind
-        self._turns[0] += 1
+        self.turns += 1
         if rows.size == self.count:
-            self._one_mind[:] = [mind]
-        elif self._one_mind != [mind]:
-            self._one_mind.clear()
+            self.one_mind = mind
+        elif self.one_mind != mind:
+            self.one_mind = None
 
-    def share(self, slot: int, column: Column) -> None:
-        """Read a variable from a column stored elsewhere, always with its current values."""
-        self._columns[slot] = column
-        self._shared.add(slot)
-
-    def shadow(self) -> FleetState:
-        """A state with its own, empty variables and groups that shares everything else."""
-        found = copy(self)
-        found._shared = set()
-        found._same, found._columns, found.groups = [nan] * len(self._same), [None] * len(self._same), {}
-        return found
-
-    def copy_from(self, other: FleetState, rows: Rows, slots: Iterable[int]) -> None:
-        """Copy some variables of these robots."""
-        for slot in slots:
-            values = other.read(slot, rows)
-            if isinstance(values, np.ndarray) or not self._is(slot, values):
-                self.assign(slot, rows, values)
-
-    def copy_groups(self, other: FleetState, rows: Rows) -> None:
-        """Copy the group memberships of these robots."""
-        for key, members in other.groups.items():
-            self.group(key)[rows.index] = members[rows.index]
-
-    def _is(self, slot: int, value: float) -> bool:
-        """Whether a variable has this value on all robots."""
-        if slot >= len(self._same) or self._columns[slot] is not None:
-            return False
-        same = self._same[slot]
-        return same == value or (same != same and value != value)
-
-    def slots(self) -> range:
-        """Every slot that has ever been used."""
-        return range(len(self._same))
-
-    def row(self, robot: int) -> list[float]:
-        """The values of one robot, by slot."""
-        return [
-            same if column is None else float(column[robot])
-            for same, column in zip(self._same, self._columns, strict=True)
-        ]
-
-    def group(self, key: str) -> Mask:
-        """The members of a group; an unknown group is created."""
-        found = self.groups.get(key)
-        if found is None:
-            found = self.groups[key] = filled(0, np.bool_, self.count)
-        return found
-
-    def groups_of(self, robot: int) -> frozenset[str]:
-        """The keys of the groups that one robot is in."""
-        return frozenset(key for key, members in self.groups.items() if members[robot])
+    def divide(self, rows: Rows, sort: Callable[[int], Sort]) -> list[tuple[Sort, Rows, Mask | None]]:
+        """Group the rows by the result of `sort` for their mind's number; each group with its places (None: all)."""
+        if rows.size == 0:
+            return []
+        if (one := self.one_mind) is not None:
+            return [(sort(one), rows, None)]
+        numbers = self.mind[rows.index]
+        if (numbers == numbers[0]).all():
+            one = int(numbers[0])
+            if rows.size == self.count:
+                self.turn(rows, one)  # updates the cached common mind
+            return [(sort(one), rows, None)]
+        unique, which = distinct(numbers)
+        sorts: dict[Sort, int] = {}
+        codes = np.array([sorts.setdefault(sort(number), len(sorts)) for number in unique.tolist()])[which]
+        if len(sorts) == 1:
+            return [(next(iter(sorts)), rows, None)]
+        return [(found, rows.take(codes == code), codes == code) for found, code in sorts.items()]
 
     def assigned(self, slot: int) -> Mask:
         """Which robots have assigned an actuator."""
@@ -219,17 +132,12 @@ class FleetState:
             dump_arrays(self._telling()),
         )
 
-    def values(self) -> ValuesState:
-        """The variables that are not stored elsewhere, and the groups."""
-        columns = {slot: Array.of(column) for slot, column in self._own().items()}
-        return ValuesState(list(self._same), columns, dump_arrays(self.groups))
-
     def restore(self, state: ColumnsState) -> None:
         """Restore a saved state. Raises SerialError if it is of another fleet."""
         self.refill(state.values)
         load_arrays(state.arrays, self._arrays())
-        self._one_mind.clear()
-        self._turns[0] += 1
+        self.one_mind = None
+        self.turns += 1
         if not all(0 <= slot < len(self._same) for slot in state.actuated):
             raise SerialError("an actuator that is no variable")
         self.actuated = {
@@ -242,26 +150,6 @@ class FleetState:
             latch = np.zeros(self.count, np.int32)
             load_arrays(state.orders, {"latch": latch})
             self.latch.restore(state.latches, latch)
-
-    def refill(self, state: ValuesState) -> None:
-        """Restore saved values. Raises SerialError if they are of another fleet."""
-        length, shape = len(state.same), (self.count,)
-        if not len(self._same) <= length <= len(self._same) + MAX_USER_VARIABLES:
-            raise SerialError(f"robots with {length} variables, wanted {len(self._same)} and those that they made")
-        if not all(0 <= slot < length and slot not in self._shared for slot in state.columns):
-            raise SerialError(f"a column of a variable that is none of the {length}, or one that others keep")
-        shared = [(slot, self._columns[slot]) for slot in self._shared]
-        self._same, self._columns = list(state.same), [None] * length
-        for slot, theirs in shared:
-            self._columns[slot] = theirs
-        for slot, column in state.columns.items():
-            self._columns[slot] = column.made(np.float64, shape, f"variable {slot}")
-        self.groups = {key: members.made(np.bool_, shape, f"group {key}") for key, members in state.groups.items()}
-
-    def _own(self) -> dict[int, Column]:
-        """The columns that are stored here, by slot."""
-        columns = enumerate(self._columns)
-        return {slot: column for slot, column in columns if column is not None and slot not in self._shared}
 
     def _telling(self) -> dict[str, NDArray[np.generic]]:
         """The arrays that bound the rate of TELL."""
@@ -286,9 +174,10 @@ class FleetState:
         }
 
 
-def spread(values: Column | float, size: int) -> Column:
-    """A column, also if given one number."""
-    return np.full(size, values) if isinstance(values, float) else values
+def values_at_first(vocabulary: Vocabulary) -> list[float]:
+    """The values of a robot's variables, by slot, before anything has happened; its number is unknown here."""
+    known = dict.fromkeys((*range(ACTIVE0 + BUFFERS), TIME_SLOT, TICK), 0.0) | {MARKING: 1.0, ID: nan}
+    return [known.get(slot, nan) for slot in range(vocabulary.size)]
 
 
 # Random numbers over columns: the same numbers as `language.numerics` gives one robot, for many robots at once.
@@ -344,6 +233,15 @@ class Mind:
     def heard(self) -> Iterable[str]:
         """Every learned name as written."""
         return [found.name for found in self.symbols.values()]
+
+    def fetch(self, part: Part) -> Program | None:
+        """The program in the buffer or rule that a `fetch` part names, None if there is none."""
+        kept = self.rules.get(part.name)
+        return None if kept is None else kept.program
+
+    def operator(self, part: Part) -> Program | None:
+        """The program of the operator that a `call` part names, None if there is none of that name."""
+        return self.operators.get(part.name)
 
 
 class MindNames:

@@ -26,13 +26,13 @@ from sleepcast.channel import Message
 from sleepcast.channel.message import LeaseAction, Role
 from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.channel.simulated_radio import OPERATOR, Radio
+from sleepcast.columns.rows import Column, Index, Rows
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean, in_file
 from sleepcast.core.model import Constant
 from sleepcast.core.ticks import Carried, tick_at
 from sleepcast.core.units import NONE, UNITS
 from sleepcast.fleet import Fleet, RobotView
-from sleepcast.fleet.rows import Column, Index, Rows
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.loop.mission import is_stopped_by_others, readable
 from sleepcast.mind.authority import Tells

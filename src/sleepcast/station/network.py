@@ -44,6 +44,7 @@ from sleepcast.channel.message import MATCHED as WOULD
 from sleepcast.channel.message import UNKNOWN as UNSURE
 from sleepcast.channel.name_conflicts import UNDECIDED_FOR
 from sleepcast.channel.session import MAX_SPREAD, ChannelSession
+from sleepcast.columns.rows import Mask
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import Checked
@@ -70,7 +71,6 @@ from sleepcast.station.validation import (
     UNKNOWN,
     YES,
     Audience,
-    Mask,
     Minds,
     Preview,
     SendPolicy,
@@ -230,7 +230,7 @@ class NetworkStation(Station):
     def _state(self) -> object:
         shared = self._shared.places(self._clock.now()).tobytes()
         learned = self._minds.changes if isinstance(self._minds, RemoteMinds) else 0
-        return self._told, self._size, self.policy, self.commanded.count, learned, shared, self._polled.taken
+        return self._tellings, self._size, self.policy, self.commanded.count, learned, shared, self._polled.taken
 
     def unknown_names(self, checked: Checked, only: Sequence[str] | None = None) -> tuple[list[str], int]:
         unknown, minds = checked.unknown, self._minds

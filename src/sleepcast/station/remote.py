@@ -15,9 +15,9 @@ learned) is asked for as soon as a robot's telemetry mentions it.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from itertools import groupby, islice
 from math import inf, nan
 from typing import NamedTuple, Protocol
@@ -25,6 +25,7 @@ from typing import NamedTuple, Protocol
 from sleepcast.channel.message import LOOK, OF, TELEMETRY, Inspection, Kind, Message
 from sleepcast.channel.message_batch import natural_order
 from sleepcast.channel.name_conflicts import NameConflicts
+from sleepcast.columns.telemetry import KnownSymbols, Undecided
 from sleepcast.core.backoff import Backoff
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.core.model import RestState
@@ -32,13 +33,12 @@ from sleepcast.language import Checked
 from sleepcast.language.explain import Explanation, with_units
 from sleepcast.language.functions import FUNCTIONS
 from sleepcast.language.parts import Part
-from sleepcast.language.program import Library, Program
-from sleepcast.language.reader import is_name, read_all
+from sleepcast.language.program import Program
+from sleepcast.language.reader import is_name
 from sleepcast.language.rehearsal import holds
-from sleepcast.language.symbols import Declared, Group, Operator, Stored, UserVariable
-from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Variable, Vocabulary, VocabularyError, buffer_number
+from sleepcast.language.symbols import Declared, Group, UserVariable
+from sleepcast.language.vocabulary import Variable, Vocabulary, VocabularyError, buffer_number
 from sleepcast.mind.telemetry import (
-    MindRecord,
     TelemetryError,
     TelemetryRecord,
     digest,
@@ -47,10 +47,12 @@ from sleepcast.mind.telemetry import (
     read_vocabulary,
     read_why,
 )
+from sleepcast.station.learned import SymbolTable
 from sleepcast.station.roster import CommandedTimes
 from sleepcast.station.schema_merge import SlotMap, merge_schemas
 from sleepcast.station.sent import Command
-from sleepcast.station.validation import Telemetry, Undecided
+from sleepcast.station.telemetry import NUMBER, PlacedRow, SharesSymbols
+from sleepcast.station.validation import SlotValues, Telemetry
 
 MAX_TYPES = 32
 """Types of robots in one fleet; robots of further types are heard, but their names stay unknown."""
@@ -105,14 +107,15 @@ class RemoteRule:
     unit: str = ""
 
 
-class RemoteMind:
+class RemoteMind(SharesSymbols):
     """One robot as its telemetry describes it (an `ObservedMind`). reported_at: its time, s of the desk's clock."""
 
     def __init__(self, name: str, minds: RemoteMinds, telemetry: TelemetryRecord, now: float) -> None:
         self.name, self.telemetry, self.reported_at = name, telemetry, now
         self.others: dict[int, bool] = {}
         """Other robots of this name, by epoch: whether each is stopped."""
-        self.values: list[float] = []
+        self.values: SlotValues = ()
+        """Its variables by slot, once it is known where they belong."""
         self._minds = minds
 
     @property
@@ -139,33 +142,32 @@ class RemoteMind:
         """What it has learned; None if no robot has sent that yet."""
         return self._minds.learned(self.telemetry.mind)
 
-    def place(self, fitted: SlotMap, vocabulary: Vocabulary) -> None:
+    def place(self, slots: SlotMap, vocabulary: Vocabulary) -> None:
         """Put its numbers into the slots of the fleet's vocabulary. Raises TelemetryError for numbers of another
         type, VocabularyError where a variable of its own finds no room."""
-        numbers = self.telemetry.numbers()
-        if len(numbers) != len(fitted.slots):
-            raise TelemetryError(f"{len(numbers)} numbers of a type that has {len(fitted.slots)}")
-        own = [(_user_slot(name, vocabulary), value) for name, value in self.telemetry.user.items()]
-        values = self.values = [nan] * (vocabulary.size + len(vocabulary.user_slots))
-        for at, number in zip(fitted.slots, numbers, strict=True):
-            values[at] = number
-        for slot, value in (*fitted.fixed, *own):
-            if slot is not None:
-                values[slot] = value if -inf < value < inf else nan
-        values[ACTIVE0 + 1 : ACTIVE0 + BUFFERS] = _flags(self.telemetry.active)
+        told = self.telemetry
+        if len(told.values) != NUMBER * len(slots.slots):
+            raise TelemetryError(f"{len(told.values) // NUMBER} numbers of a type that has {len(slots.slots)}")
+        own = ((_user_slot(name, vocabulary), value) for name, value in told.user.items())
+        self.values = PlacedRow(told, slots, {slot: value for slot, value in own if slot is not None})
+
+    @property
+    def symbols(self) -> KnownSymbols:
+        """What it has learned: its own, until any robot has told what all of this mind have learned."""
+        return self if self.learned is None else self.learned
 
     def declared(self, key: str) -> Declared | None:
         """What it has learned under this key. Raises Undecided where that is not known."""
-        found = self.known(key)
-        if found is None and self.learned is None:
+        known = self.known(key)
+        if known is None and self.learned is None:
             raise Undecided(holds(key))
-        return found
+        return known
 
     def known(self, key: str) -> Declared | None:
         """What is learned under this key, or None."""
         vocabulary, learned = self._minds.vocabulary, self.learned
-        if learned is not None and (found := learned.found(key, vocabulary)) is not None:
-            return found
+        if learned is not None and (shared := learned.declared(key)) is not None:
+            return shared
         for name in self.telemetry.groups:
             if name.casefold() == key:
                 return Group(name)
@@ -180,22 +182,13 @@ class RemoteMind:
 
     def fetch(self, part: Part) -> Program | None:
         """The program in the buffer or rule that a `fetch` part names. Raises Undecided where it is unknown."""
-        return self._program(part)
+        if self.learned is None:
+            raise Undecided(holds(part.name))
+        return self.learned.fetch(part)
 
     def operator(self, part: Part) -> Program | None:
         """The program of the operator that a `call` part names. Raises Undecided where it is unknown."""
-        return self._program(part)
-
-    def _program(self, part: Part) -> Program | None:
-        learned = self.learned
-        if learned is None:
-            raise Undecided(holds(part.name))
-        if not learned.has(part.name):
-            return None
-        program = learned.program(part.name, self._minds.vocabulary)
-        if program is None:
-            raise Undecided(holds(part.name))
-        return program
+        return self.fetch(part)
 
     def why(self, command: str | None = None) -> Explanation:
         """Refused: the robot has to be asked on the air."""
@@ -225,12 +218,6 @@ class RemoteMind:
             RemoteRule(name, text, self.telemetry.runs(at), own, record.priorities.get(name, 0))
             for at, (name, text, own) in enumerate(record.rules)
         ]
-
-
-@lru_cache(maxsize=64)  # most robots of a fleet have the same rules
-def _flags(active: int) -> list[float]:
-    """Which buffers are active, the first in the lowest bit."""
-    return [float(active >> number & 1) for number in range(BUFFERS - 1)]
 
 
 class RemoteMinds(Mapping[str, RemoteMind]):
@@ -288,8 +275,8 @@ class RemoteMinds(Mapping[str, RemoteMind]):
     def declared(self, key: str) -> Declared | None:
         """What any robot has learned under this key, or None."""
         for learned in self._learned.values():
-            if (found := learned.found(key, self.vocabulary)) is not None:
-                return found
+            if (shared := learned.declared(key)) is not None:
+                return shared
         slot = self.vocabulary.user_slots.get(key)
         if slot is not None:
             return UserVariable(key, slot)
@@ -387,7 +374,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
             return self._unite(now)
         minds = [mind for mind in self._minds.values() if mind.telemetry.mind == which]
         if minds and which not in self._learned:
-            self._learned[which], self._texts[which] = SymbolTable(read_mind(text)), text
+            self._learned[which], self._texts[which] = SymbolTable(read_mind(text), self), text
             self.changes += 1
             if len(self._learned) > MAX_MINDS:
                 del self._texts[self._learned.popitem(last=False)[0]]
@@ -455,90 +442,6 @@ def _user_slot(name: str, vocabulary: Vocabulary) -> int | None:
     if not is_name(name) or key in vocabulary.bindings or key in FUNCTIONS or buffer_number(key) is not None:
         return None
     return vocabulary.user_slot(key)
-
-
-class SymbolTable:
-    """What all robots of one mind have learned."""
-
-    def __init__(self, record: MindRecord) -> None:
-        self.record = record
-        self._groups = {name.casefold(): name for name in record.groups}
-        self._operators = {name.casefold(): (name, tuple(given), text) for name, given, text in record.operators}
-        self._rules = {name.casefold(): (name, text) for name, text, _ in record.rules}
-        self._compiling: LearnedPrograms | None = None
-
-    @property
-    def names(self) -> list[str]:
-        """All learned names as written, except buffers."""
-        rules = (name for key, (name, _) in self._rules.items() if buffer_number(key) is None)
-        return [*self._groups.values(), *(name for name, _, _ in self._operators.values()), *rules]
-
-    def has(self, key: str) -> bool:
-        """Whether there is a rule, a buffer or an operator of this key."""
-        return key in self._rules or key in self._operators
-
-    def text(self, key: str) -> tuple[tuple[str, ...], str]:
-        """Parameters and text of what `has` this key."""
-        if key in self._operators:
-            return self._operators[key][1:]
-        return (), self._rules[key][1]
-
-    def program(self, key: str, vocabulary: Vocabulary) -> Program | None:
-        """The stored expression under a key as a program in these names; None if there is none, or it cannot be
-        compiled."""
-        if self._compiling is None or self._compiling.vocabulary is not vocabulary:
-            self._compiling = LearnedPrograms(self, vocabulary)
-        return self._compiling.program(key)
-
-    def found(self, key: str, vocabulary: Vocabulary) -> Declared | None:
-        """What has been learned under a key. vocabulary: of the fleet."""
-
-        def uses() -> frozenset[str]:
-            program = self.program(key, vocabulary)
-            return frozenset() if program is None else program.uses
-
-        return self.sort(key, uses)
-
-    def sort(self, key: str, uses: Callable[[], frozenset[str]]) -> Declared | None:
-        """The same. uses: tells what is named by what is kept under the key."""
-        if key in self._groups:
-            return Group(self._groups[key])
-        if key in self._operators:
-            return Operator(*self._operators[key][:2], uses())
-        return Stored(self._rules[key][0], uses()) if key in self._rules else None
-
-
-class LearnedPrograms:
-    """The texts of a mind, compiled in the names that it knows (a `Names`)."""
-
-    def __init__(self, learned: SymbolTable, vocabulary: Vocabulary) -> None:
-        self.vocabulary = vocabulary
-        self._learned, self._library = learned, Library()
-        self._programs: dict[str, Program | None] = {}
-
-    def program(self, key: str) -> Program | None:
-        """The program that is learned under `key`; None if none is, or its text cannot be compiled."""
-        if key not in self._programs:
-            self._programs[key] = self._compiled(key)
-        return self._programs[key]
-
-    def _compiled(self, key: str) -> Program | None:
-        if not self._learned.has(key):
-            return None
-        parameters, text = self._learned.text(key)
-        try:
-            return self._library.program(text, lambda: read_all(text), self, parameters)
-        except SleepcastError:
-            return None
-
-    def declared(self, key: str) -> Declared | None:
-        """What is learned under a key; what else it uses is of no interest to who does not store anything."""
-        found = self._learned.sort(key, lambda: frozenset())
-        slot = self.vocabulary.user_slots.get(key)
-        return UserVariable(key, slot) if found is None and slot is not None else found
-
-    def heard(self) -> Iterable[str]:
-        return self._learned.names
 
 
 # ---- requesting it

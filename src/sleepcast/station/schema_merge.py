@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TypeVar
 
 from sleepcast.core.model import Constant, HostFunction, Quantity
@@ -21,13 +22,21 @@ NUMBERED = (*range(ACTIVE0 + 1), *range(ACTIVE0 + BUFFERS, len(SUPPORT)))
 """Slots of the support variables that a robot tells as numbers."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SlotMap:
-    """Where what robots of one type tell belongs. slots: of the numbers, in their order. fixed: numbers that all robots
-    of the type have, by their slots."""
+    """Where what robots of one type tell belongs.
+
+    slots: of the numbers, in their order
+    fixed: numbers that all robots of the type have, by their slots
+    """
 
     slots: tuple[int, ...]
-    fixed: tuple[tuple[int, float], ...]
+    fixed: dict[int, float]
+
+    @cached_property
+    def places(self) -> dict[int, int]:
+        """Where in that order the number of a slot stands."""
+        return {slot: place for place, slot in enumerate(self.slots)}
 
 
 def merge_schemas(types: Mapping[Key, Vocabulary]) -> tuple[Vocabulary, dict[Key, SlotMap], dict[Key, str]]:
@@ -107,5 +116,5 @@ def _least(function: HostFunction) -> int:
 def _fitted(found: Vocabulary, vocabulary: Vocabulary) -> SlotMap:
     slots = {key: binding.slot for key, binding in vocabulary.bindings.items() if isinstance(binding, Variable)}
     named = [slots[quantity.name.casefold()] for quantity in (*found.sensors, *found.actuators)]
-    fixed = [(slots[key], c.value) for c in found.constants if (key := c.name.casefold()) in slots]
-    return SlotMap((*NUMBERED, *named), tuple(fixed))
+    fixed = {slots[key]: c.value for c in found.constants if (key := c.name.casefold()) in slots}
+    return SlotMap((*NUMBERED, *named), fixed)

@@ -19,10 +19,11 @@ import numpy as np
 from sleepcast.channel import Kind
 from sleepcast.channel.message import Message
 from sleepcast.channel.name_conflicts import Holder, NameConflicts, sentences
+from sleepcast.columns.rows import Mask
 from sleepcast.core.units import value_in_words
 from sleepcast.station.roster import Index, Roster
 from sleepcast.station.sent import Answer, Command, Outcome, SentCommands
-from sleepcast.station.validation import DoubtError, Mask
+from sleepcast.station.validation import DoubtError
 
 RECENT = 60.0
 """Seconds after which a command's account is not looked at again for robots that turn out to have one name; the last

@@ -24,6 +24,8 @@ from numpy.typing import NDArray
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import FOR, RULE, TELEMETRY, LeaseAction
 from sleepcast.channel.message_batch import AnswerColumns, MessageBatch
+from sleepcast.columns.rows import Mask
+from sleepcast.columns.telemetry import BulkTelemetry, TelemetryTable
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.serial import SerialError, pack, room_for, unpack
@@ -51,19 +53,16 @@ from sleepcast.station.rest import motion_said
 from sleepcast.station.roster import CommandedTimes, Index, RobotNames, Roster
 from sleepcast.station.sent import Answer, Command, Outcome, SentCommands, answer_from
 from sleepcast.station.serialized import AccountState, ReportState, StationState
+from sleepcast.station.telemetry import ToldTelemetry
 from sleepcast.station.validation import (
     DEADLINE,
     Audience,
-    BulkTelemetry,
     FleetNames,
     ManyMinds,
-    Mask,
     Minds,
     Preview,
     SendPolicy,
     Telemetry,
-    TelemetryRows,
-    TelemetryTable,
     UnknownNameError,
     preview,
 )
@@ -119,8 +118,11 @@ class Station:
         """Functions that get the messages of robots, each time some were heard."""
         self._minds, self._clock = minds, clock
         self._roster = Roster(minds.names if isinstance(minds, ManyMinds) else minds, len(minds))
-        self._rows = TelemetryRows(minds)
+        self.told = ToldTelemetry(minds)
+        """What robots told one by one."""
         self._fleet_telemetry: BulkTelemetry | None = minds.telemetry if isinstance(minds, ManyMinds) else None
+        self.telemetry: TelemetryTable = self._fleet_telemetry or self.told
+        """What robots told last, by their places on the roster."""
         self._sent = SentCommands()
         self._lock = RLock()
         self.epoch, self.stale_after = epoch, stale_after
@@ -129,7 +131,7 @@ class Station:
         self.policy = SendPolicy() if policy is None else policy
         self.vocabulary, self._outbox = vocabulary, outbox
         self._sequence = 0
-        self._told = 0
+        self._tellings = 0
         """How often robots have told of themselves."""
 
     @property
@@ -223,11 +225,7 @@ class Station:
 
     def _preview(self, program: Program) -> Preview:
         since = self.commanded.of(len(self._roster))
-        return preview(program, self._roster, self._table, self._clock.now(), self.stale_after, since)
-
-    @property
-    def _table(self) -> TelemetryTable:
-        return self._rows if self._fleet_telemetry is None else self._fleet_telemetry
+        return preview(program, self._roster, self.telemetry, self._clock.now(), self.stale_after, since)
 
     def values(self, text: str, places: Index | None = None) -> tuple[NDArray[np.float64], RobotNames]:
         """The value of an expression that only reads, by recent telemetry and by place on the roster, SI, NaN for
@@ -244,7 +242,7 @@ class Station:
         known = np.flatnonzero(told if places is None else told[places])
         fresh = known if places is None else places[known]
         found = np.full(len(times) if places is None else len(places), nan)
-        found[known], reason, _ = self._table.values(program, fresh)
+        found[known], reason, _ = self.telemetry.values(program, fresh)
         return found, RobotNames(self._roster.names, fresh[reason > 0])
 
     # ---- sending
@@ -312,7 +310,7 @@ class Station:
     def _state(self) -> object:
         """Something that changes with whatever may change who would obey, or whether that matters: telemetry, the
         roster, learned names and the policy. Minds that are looked into may have learned at any other time."""
-        return self._told, self._size, self.policy, self.commanded.count, self._clock.now()
+        return self._tellings, self._size, self.policy, self.commanded.count, self._clock.now()
 
     def _is_fresh(self, prepared: Prepared) -> bool:
         """Whether who would obey is still as it was prepared."""
@@ -577,11 +575,11 @@ class Station:
             for row in rows:
                 place = self._roster.enrol(row.name)
                 if place is not None:
-                    self._rows.take(place, row)
+                    self.told.take(place, row)
                     heard.append(place)
                     stopped.append(row.stopped)
             robots = np.array(heard, np.intp)
-            self._told += 1
+            self._tellings += 1
             self._roster.observe(robots, now)
             self._update_latch(robots, np.array(stopped, np.bool_), now)
 
@@ -590,7 +588,7 @@ class Station:
         if self._fleet_telemetry is None:
             raise MisuseError("these minds tell one by one: give their rows to observe")
         with self._lock:
-            self._told += 1
+            self._tellings += 1
             self._fleet_telemetry.take(robots)
             self._roster.observe(robots, now)
             if self._sent.latch is not None:

@@ -13,11 +13,10 @@ once (`ManyMinds`) save it a million questions.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import nan
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -25,14 +24,17 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.message import FOR, NOT
 from sleepcast.channel.message_batch import NameIndex
+from sleepcast.columns.rows import Mask, Rows
+from sleepcast.columns.telemetry import BulkTelemetry, KnownSymbols, Sort, TelemetryTable
+from sleepcast.columns.values import ValueColumns
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import Checked
-from sleepcast.language.evaluate import Entered, is_true
+from sleepcast.language.evaluate import is_true
 from sleepcast.language.explain import Explanation
-from sleepcast.language.parts import Part, acts, walk
-from sleepcast.language.program import Program, evaluate
-from sleepcast.language.rehearsal import ACTION, CHANCE, asks, does, holds
-from sleepcast.language.symbols import Declared, Operator
+from sleepcast.language.parts import Part, walk
+from sleepcast.language.program import Program
+from sleepcast.language.rehearsal import ACTION
+from sleepcast.language.symbols import Declared
 from sleepcast.language.vocabulary import Variable, Vocabulary
 from sleepcast.station.roster import Index, Roster, Seconds
 
@@ -171,7 +173,11 @@ class SendPolicy:
 
 # ---- minds, as the desk asks them
 
-Mask = NDArray[np.bool_]
+
+class SlotValues(Protocol):
+    """Numbers by slot."""
+
+    def __getitem__(self, slot: int, /) -> float: ...
 
 
 class Telemetry(Protocol):
@@ -181,7 +187,7 @@ class Telemetry(Protocol):
     def name(self) -> str: ...
 
     @property
-    def values(self) -> list[float]: ...
+    def values(self) -> SlotValues: ...
 
     @property
     def groups(self) -> frozenset[str]: ...
@@ -190,20 +196,11 @@ class Telemetry(Protocol):
     def stopped(self) -> bool: ...
 
 
-class ObservedMind(Telemetry, Protocol):
+class ObservedMind(Telemetry, KnownSymbols, Protocol):
     """One robot's mind, as far as the desk is concerned."""
-
-    def declared(self, key: str) -> Declared | None:
-        """What the robot has learned under this key, or None."""
 
     def heard(self) -> Iterable[str]:
         """Every learned name as written."""
-
-    def fetch(self, part: Part) -> Entered | None:
-        """The program in the buffer or rule that a `fetch` part names, None if it is empty."""
-
-    def operator(self, part: Part) -> Entered | None:
-        """The program of the operator that a `call` part names, None if it has none of that name."""
 
     def why(self, command: str | None = None) -> Explanation:
         """How the robot evaluated a command (by its id; None: the last one)."""
@@ -211,31 +208,6 @@ class ObservedMind(Telemetry, Protocol):
 
 Minds = Mapping[str, ObservedMind]
 """The minds of a fleet by the robots' names."""
-
-
-PreviewResult = tuple[NDArray[np.float64], NDArray[np.uint8], list[str]]
-"""What a program comes to on some robots, NaN for unknown; where that cannot be said, which of the reasons, listed
-last, is why (from 1; 0 where it can be said)."""
-
-
-class TelemetryTable(Protocol):
-    """The latest telemetry of robots, by their places."""
-
-    def values(self, program: Program, robots: Index) -> PreviewResult:
-        """What a program that does nothing comes to on these robots, all of which have sent telemetry."""
-
-
-class BulkTelemetry(TelemetryTable, Protocol):
-    """Telemetry of minds that answer for many robots at once."""
-
-    def take(self, robots: Index) -> None:
-        """These robots tell of themselves now."""
-
-    def stopped(self, robots: Index) -> Mask:
-        """Which of these robots were stopped at their latest telemetry."""
-
-    def rest_states(self, robots: Index) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """How these robots move, which are telling of themselves: see `RestState`. None if they do not tell that."""
 
 
 @runtime_checkable
@@ -296,8 +268,6 @@ TEST_UNKNOWN = "its test has no known value there, so it would not obey"
 NEVER_HEARD = "it has sent no telemetry yet"
 STALE = "its last news is too old"
 COMMANDED = "it was commanded since its last news"
-MAX_REASONS = 200
-"""Different reasons told apart in one preview, so that one fits a byte; the rest counts as the last of them."""
 
 
 NO, YES, UNKNOWN, UNDECIDED = range(4)
@@ -361,110 +331,6 @@ class Preview:
 
     def _named(self, code: int) -> tuple[str, ...]:
         return tuple(self.names[place] for place in np.flatnonzero(self.codes == code).tolist())
-
-
-class Undecided(Exception):
-    """The test needs something that the desk does not know, which the text names."""
-
-
-class PreviewMemory:
-    """A robot's memory as the desk knows it: its last numbers to read and nothing to change (a `Memory`)."""
-
-    def __init__(self) -> None:
-        self.values: list[float] = []
-        self.groups: frozenset[str] = frozenset()
-        self.steps = self.depth = self.levels = 0
-        self.matched = self.undecided = False
-        self.mind: ObservedMind | None = None
-
-    def fault(self, part: Part, reason: str) -> float:
-        """On the robot this would be a fault, and a fault never matches."""
-        return nan
-
-    def draw(self) -> float:
-        raise Undecided(CHANCE)
-
-    def read(self, part: Part) -> float:
-        """A linked variable: known only if it is part of the robot's telemetry."""
-        value = self.values[part.slot] if part.slot < len(self.values) else nan
-        if value != value:
-            raise Undecided("its test reads a variable that lies in the robot's own memory")
-        return value
-
-    def fetch(self, part: Part) -> Entered | None:
-        """What the robot's buffer or rule holds, if its value can be asked for without changing anything."""
-        return self._quiet(self._asked(part).fetch(part), part)
-
-    def operator(self, part: Part) -> Entered | None:
-        """The robot's own operator, if it can be called without changing anything."""
-        mind = self._asked(part)
-        program = mind.operator(part)  # a mind of which this is not known says so here
-        found = mind.declared(part.name)
-        if not isinstance(found, Operator) or len(found.parameters) != len(part.parts):
-            return None
-        return self._quiet(program, part)
-
-    def _asked(self, part: Part) -> ObservedMind:
-        if self.mind is None:
-            raise Undecided(holds(part.name))
-        return self.mind
-
-    def _quiet(self, program: Entered | None, part: Part) -> Entered | None:
-        if program is not None and acts(program.root):
-            raise Undecided(does(part.name))
-        return program
-
-    def host(self, part: Part, *arguments: float) -> float:
-        raise Undecided(asks(part.name))
-
-    def write(self, part: Part, value: float) -> float:
-        raise self._deed(part)
-
-    def define(self, part: Part, value: float) -> float:
-        raise self._deed(part)
-
-    def store(self, part: Part, value: float) -> float:
-        raise self._deed(part)
-
-    def act(self, part: Part, *arguments: float) -> float:
-        raise self._deed(part)
-
-    def defined(self, part: Part) -> bool:
-        raise self._deed(part)
-
-    def _deed(self, part: Part) -> Undecided:
-        return Undecided(ACTION)
-
-
-class TelemetryRows:
-    """Telemetry of single robots (a `TelemetryTable`). minds: theirs, as far as they can be asked."""
-
-    def __init__(self, minds: Minds) -> None:
-        self._minds = minds
-        self._rows: dict[int, tuple[str, list[float], frozenset[str]]] = {}
-
-    def take(self, place: int, news: Telemetry) -> None:
-        """What the robot at a place tells now; its numbers are copied."""
-        self._rows[place] = (news.name, list(news.values), news.groups)
-
-    def values(self, program: Program, robots: Index) -> PreviewResult:
-        memory = PreviewMemory()
-        nameless = [part.name.casefold() for part in walk(program.root) if part.op in ("absent", "missing")]
-        values, reason = np.full(len(robots), nan), np.zeros(len(robots), np.uint8)
-        reasons: dict[str, int] = {}
-        for at, place in enumerate(robots.tolist()):
-            name, memory.values, memory.groups = self._rows[place]
-            mind = memory.mind = self._minds.get(name)
-            try:
-                for key in nameless:
-                    if mind is not None:
-                        mind.declared(key)  # a mind that may know it says so here
-                values[at] = evaluate(program, memory)
-            except Undecided as why:
-                if len(reasons) < MAX_REASONS:
-                    reasons.setdefault(str(why), len(reasons) + 1)
-                reason[at] = reasons.get(str(why), MAX_REASONS)
-        return values, reason, list(reasons)
 
 
 def preview(
@@ -544,13 +410,19 @@ def is_for_everybody(program: Program) -> bool:
 def _true_of_nothing_known(test: Program) -> bool:
     if any(part.op not in _STRICT for part in walk(test.root)):
         return False
-    blank = PreviewMemory()
-    blank.values = [nan] * test.slots
-    try:
-        value = evaluate(test, blank)
-    except Undecided:
-        return False
-    return value < 0.0 or value > 0.0
+    values, reason, _ = _NothingTold().values(test, np.zeros(1, np.intp))
+    return bool(reason[0] == 0 and is_true(values[0]))
+
+
+class _NothingTold(TelemetryTable):
+    """The telemetry of one robot that knows nothing of itself."""
+
+    def latest(self) -> ValueColumns:
+        return ValueColumns(1, ())
+
+    def divide(self, rows: Rows, sort: Callable[[KnownSymbols], Sort]) -> list[tuple[Sort, Rows, Mask | None]]:
+        """There is nobody to be asked."""
+        return []
 
 
 _MIRRORED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
+from sleepcast.columns.rows import Rows
 from sleepcast.console import KeptRule, Outline, SafetyOrder, Scene
 from sleepcast.console.frames import packed_poses
 from sleepcast.console.network import PendingExplanation
@@ -27,9 +28,11 @@ from sleepcast.language import Explanation, Variable, Vocabulary
 from sleepcast.language.parts import Part
 from sleepcast.language.program import Program
 from sleepcast.language.symbols import Declared
+from sleepcast.station import Station
 from sleepcast.station.asking import AwaitedRelease
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import RemoteMind, RemoteMinds, TelemetryClient
+from sleepcast.station.roster import longer
 
 X, Y, HEADING = "x", "y", "heading"
 """The variables in which a robot says where it is (m, m, rad)."""
@@ -96,34 +99,24 @@ class SilentRobot:
 
 
 class FleetMinds:
-    """The minds of the robots with these names, as columns (the page's `Minds`); `look` brings them up to date."""
+    """The minds of the robots on a desk's roster, as columns (the page's `Minds`): those of the desk's own table of
+    telemetry. `look` brings them up to date."""
 
-    def __init__(self, minds: RemoteMinds) -> None:
-        self._minds = minds
+    def __init__(self, station: Station, minds: RemoteMinds) -> None:
+        self._station, self._minds = station, minds
         self._names: tuple[str, ...] = ()
-        self._values = np.empty((0, 0))
+        self._table = station.told.latest()
         self._groups: dict[str, NDArray[np.bool_]] = {}
         self.stopped: NDArray[np.bool_] = np.zeros(0, np.bool_)
 
     def look(self, names: tuple[str, ...]) -> None:
-        """Take the latest telemetry of these robots."""
-        vocabulary = self._minds.vocabulary
-        self._names = names
-        self._values = np.full((len(names), vocabulary.size + len(vocabulary.user_slots)), nan)
-        self.stopped = np.zeros(len(names), np.bool_)
-        self._groups = {key: np.zeros(len(names), np.bool_) for key in self._groups}  # the oldest first, as ever
-        for index, name in enumerate(names):
-            mind = self._minds.get(name)
-            if mind is None:
-                continue
-            self._values[index, : len(mind.values)] = mind.values
-            self.stopped[index] = mind.stopped
-            for key in mind.groups:
-                if key not in self._groups:
-                    self._groups[key] = np.zeros(len(names), np.bool_)
-                self._groups[key][index] = True
-        # Robots may name ever new ones, for as long as one looks on.
-        self._groups = {key: members for key, members in self._groups.items() if members.any()}
+        """Take the latest telemetry of these robots, in the order of the roster."""
+        self._names, self._table = names, self._station.told.latest()
+        minds = map(self._minds.get, names)
+        self.stopped = np.array([mind is not None and mind.stopped for mind in minds], np.bool_)
+        groups = self._table.groups
+        known = {key: groups[key] for key in self._groups if key in groups}  # the oldest first, as ever
+        self._groups = {key: longer(members, len(names)) for key, members in {**known, **groups}.items()}
 
     @property
     def groups(self) -> Mapping[str, NDArray[np.bool_]]:
@@ -138,7 +131,8 @@ class FleetMinds:
 
     def column(self, slot: int) -> NDArray[np.float64]:
         """A variable of all robots in SI, NaN for unknown."""
-        return self._values[:, slot] if slot < self._values.shape[1] else np.full(len(self._names), nan)
+        told = self._table.column(slot, Rows.run(0, self._table.count))
+        return np.append(told, np.full(len(self._names) - len(told), nan))
 
     def named(self, name: str) -> NDArray[np.float64]:
         """The same by the variable's name, unknown where no robot has it."""
@@ -169,7 +163,7 @@ class FleetAdapter:
         picture: Picture | None = None,
     ) -> None:
         self.asking = True
-        self.minds = FleetMinds(telemetry.minds)
+        self.minds = FleetMinds(station, telemetry.minds)
         self.scene, self.picture = ground, picture
         self._station, self._telemetry, self._every, self._began = station, telemetry, every, began
         self._mapped = ground.area != EMPTY

@@ -22,13 +22,13 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.columns.rows import Column, Rows
 from sleepcast.core.code_cache import CodeCache
 from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.fleet.native import libm
 from sleepcast.fleet.native.assembly import Assembly
 from sleepcast.fleet.native.lowering import Addresses, Lowering, enters
 from sleepcast.fleet.native.symbols import Meaning, Size
-from sleepcast.fleet.rows import Column, Rows
 from sleepcast.fleet.state import FleetState
 from sleepcast.language.acts import FLAGS
 from sleepcast.language.parts import walk

@@ -17,12 +17,12 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.columns.rows import Column, Rows
 from sleepcast.core.arrays import filled
 from sleepcast.core.threads import ThreadPool
-from sleepcast.fleet.evaluation import Evaluation
+from sleepcast.fleet.evaluation import FleetEvaluation
 from sleepcast.fleet.native.compiler import LANES, THERE, TROUBLED, Kernel, ResultColumns, moment
 from sleepcast.fleet.native.symbols import Name, Size, meaning, name_of
-from sleepcast.fleet.rows import Column, Rows
 from sleepcast.fleet.state import FleetState, Mind
 from sleepcast.language.parts import walk
 from sleepcast.language.program import MAX_STEPS, Program
@@ -168,7 +168,7 @@ class Kernels:
 
     # ---- texts
 
-    def run(self, memory: Evaluation, program: Program, rows: Rows) -> tuple[Column, Rows] | None:
+    def run(self, memory: FleetEvaluation, program: Program, rows: Rows) -> tuple[Column, Rows] | None:
         """Evaluate a text natively, if possible; returns the values, and the robots that have to be walked."""
         found = self._texts.get(program, 0)
         if isinstance(found, int):

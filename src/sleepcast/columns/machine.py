@@ -15,9 +15,9 @@ from math import nan
 
 import numpy as np
 
-from sleepcast.fleet import pure
-from sleepcast.fleet.memory import FleetMemory, Found
-from sleepcast.fleet.rows import Column, Index, Mask, Rows
+from sleepcast.columns import pure
+from sleepcast.columns.evaluation import Evaluation, Found
+from sleepcast.columns.rows import Column, Index, Mask, Rows
 from sleepcast.language.evaluate import is_true, too_deep
 from sleepcast.language.numerics import normal
 from sleepcast.language.parts import Part, walk
@@ -26,20 +26,19 @@ from sleepcast.language.program import Program
 _CHANGING = frozenset({"set_user", "set_local", "write", "defvar", "store", "fetch", "call", "host", "act"})
 
 
-def evaluate(memory: FleetMemory, program: Program, rows: Rows) -> Column:
+def evaluate(memory: Evaluation, program: Program, rows: Rows) -> Column:
     """Evaluate a program once on these robots; returns its values, with the other results in the memory."""
     memory.begin(program, rows)
-    walked = memory.moved is not None or memory.barred  # native code does not tell what moves, or why a test fails
-    found = memory.kernels.run(memory, program, rows) if memory.kernels is not None and not walked else None
-    if found is None:
+    native = memory.native(program, rows)
+    if native is None:
         return walk_through(memory, program, rows)
-    values, left = found
+    values, left = native
     if left.size:
         values[np.isin(rows.robots, left.robots)] = walk_through(memory, program, left)
     return values
 
 
-def walk_through(memory: FleetMemory, program: Program, rows: Rows) -> Column:
+def walk_through(memory: Evaluation, program: Program, rows: Rows) -> Column:
     """Walk a program whose evaluation has begun."""
     with np.errstate(all="ignore"):  # exceptional values are found in the results
         pieces = [Sweep(memory, program, chunk).value(program.root, chunk) for chunk in rows.chunks()]
@@ -62,7 +61,7 @@ def _steady(part: Part) -> bool:
 class Sweep:
     """One walk through one program. rows: all robots that take part; arguments: values of an operator's parameters."""
 
-    def __init__(self, memory: FleetMemory, program: Program, rows: Rows, arguments: Sequence[Column] = ()) -> None:
+    def __init__(self, memory: Evaluation, program: Program, rows: Rows, arguments: Sequence[Column] = ()) -> None:
         self.memory = memory
         self._width = rows.width
         self._locals: list[Column | None] = [None] * program.locals
@@ -374,7 +373,7 @@ def _gauss(w: Sweep, part: Part, rows: Rows) -> Column:
 
 
 def _in(w: Sweep, part: Part, rows: Rows) -> Column:
-    members = w.memory.state.groups.get(part.name)
+    members = w.memory.state.members(part.name)
     return np.zeros(rows.size) if members is None else members[rows.index].astype(np.float64)
 
 
@@ -386,6 +385,7 @@ def _var(w: Sweep, part: Part, rows: Rows) -> Column:
 _HOW: dict[str, Callable[[Sweep, Part, Rows], Column]] = {
     "const": lambda w, p, r: np.full(r.size, p.number),
     "var": _var,
+    "linked": lambda w, p, r: w.memory.read(p, r),
     "local": lambda w, p, r: w.local(p.slot, r),
     "absent": lambda w, p, r: np.full(r.size, nan),
     "pure": _pure,

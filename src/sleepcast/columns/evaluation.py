@@ -1,0 +1,244 @@
+"""One evaluation of a program on many robots: its robots, cost and faults; and what a program touches, robot by robot.
+
+A refused act is recorded as a fault, gives unknown, and changes nothing. Robots that have run out of steps take no
+further part: acts have no effect on them.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from functools import wraps
+from math import nan
+from typing import Concatenate, NamedTuple, ParamSpec, TypeAlias, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.columns.rows import Column, Index, Mask, Rows
+from sleepcast.columns.values import Columns
+from sleepcast.language.parts import Part
+from sleepcast.language.program import MAX_STEPS, Program
+from sleepcast.language.reader import show
+from sleepcast.language.rehearsal import Answer, NotedFault
+from sleepcast.mind.limits import MAX_FAULTS
+
+Rest = ParamSpec("Rest")
+
+
+Found: TypeAlias = list[tuple[Program | None, Rows, Mask | None]]
+"""Programs, each with the robots that have it and their places among the rows (None: all)."""
+
+
+class Noted(NamedTuple):
+    """A fault that occurred on some robots."""
+
+    robots: Index
+    part: Part
+    reason: str
+
+
+Owner = TypeVar("Owner", bound="Evaluation")
+Method: TypeAlias = Callable[Concatenate[Owner, Part, Rows, Rest], Column]
+
+
+def by_the_living(method: Method[Owner, Rest]) -> Method[Owner, Rest]:
+    """Exclude robots that have run out of steps; their value is unknown."""
+
+    @wraps(method)
+    def living(memory: Owner, part: Part, rows: Rows, /, *columns: Rest.args, **none: Rest.kwargs) -> Column:
+        if rows.size == 0:
+            return np.empty(0)
+        if memory.dead is None:
+            return method(memory, part, rows, *columns, **none)
+        alive = ~memory.dead[rows.index]
+        found = np.full(rows.size, nan)
+        if alive.any():
+            kept = [column[alive] if isinstance(column, np.ndarray) else column for column in columns]
+            found[alive] = method(memory, part, rows.take(alive), *kept, **none)  # type: ignore[arg-type]
+        return found
+
+    return living
+
+
+class Evaluation(ABC):
+    """See the module; one object is used for successive evaluations, on the variables and groups in `state`.
+
+    Results of the last evaluation: matched (which rows), noted (faults in order) and, if it is a list, answers
+    (values that the memory returned; only with one robot).
+    """
+
+    state: Columns
+    barred = ""
+    """Why nothing may act on the bodies now, "" if it may."""
+
+    def __init__(self, state: Columns) -> None:
+        self.state = state
+        self.depth = self.levels = 0
+        """Nesting of entered programs, and of parentheses in them: the same for all robots that have come so far."""
+        self.top: Program
+        self.matched: Mask = np.zeros(state.count, np.bool_)
+        self.undecided: Mask | None = None
+        """Where the top-level test was unknown; None in evaluations that do not look for that."""
+        self.moved: Mask | None = None
+        """Which robots' bodies were asked to move, likewise."""
+        self.dead: Mask | None = None
+        """Which robots have run out of steps, or None."""
+        self._entered: NDArray[np.int32] | None = None
+        """Steps charged for entering buffers and operators, allocated when one is first entered."""
+        self.noted: list[Noted] = []
+        self._faults: NDArray[np.int16] | None = None
+        self.answers: list[Answer] | None = None
+
+    # ---- an evaluation and its bounds
+
+    def begin(self, program: Program, rows: Rows) -> None:
+        """Begin an evaluation on these robots."""
+        self.top, self.depth, self.levels, self.dead = program, 0, program.height, None
+        self.noted, self._faults = [], None
+        self.matched[rows.index] = program.test is None
+        if self._entered is not None:
+            self._entered[rows.index] = 0
+
+    def charge(self, program: Program, rows: Rows) -> None:
+        """Charge for entering a program; robots that cannot pay leave the evaluation, with a fault."""
+        if self._entered is None:
+            self._entered = np.zeros(self.state.count, np.int32)
+        self._entered[rows.index] += program.cost
+        broke = self._entered[rows.index] > MAX_STEPS - self.top.cost
+        if broke.any():
+            some = rows.take(broke)
+            self.fault(self.top.root, some, f"out of steps: at most {MAX_STEPS} in one evaluation")
+            if self.dead is None:
+                self.dead = np.zeros(self.state.count, np.bool_)
+            self.dead[some.index] = True
+
+    def steps(self, rows: Rows) -> NDArray[np.int32] | int:
+        """Steps used by each of these robots, or one number if all are equal."""
+        return self.top.cost if self._entered is None else self._entered[rows.index] + np.int32(self.top.cost)
+
+    @by_the_living
+    def fault(self, part: Part, rows: Rows, reason: str) -> Column:
+        """Record a fault; returns unknown."""
+        unknown = np.full(rows.size, nan)
+        if len(self.noted) >= MAX_FAULTS:
+            rows = self._with_room(rows)
+        if rows.size:
+            self.noted.append(Noted(rows.robots, part, reason))
+        return unknown
+
+    def faults(self, part: Part, rows: Rows, places: Index, reasons: Sequence[str]) -> None:
+        """Record faults at some places of the rows, each with its reason; dropped on robots that have too many
+        already."""
+        if len(self.noted) >= MAX_FAULTS:
+            room = self._counted()[rows.robots[places]] < MAX_FAULTS
+            places, reasons = places[room], [reason for reason, there in zip(reasons, room, strict=True) if there]
+        sorts: dict[str, list[int]] = {}
+        for place, reason in zip(places.tolist(), reasons, strict=True):
+            sorts.setdefault(reason, []).append(place)
+        for reason, met in sorts.items():
+            mask = np.zeros(rows.size, np.bool_)
+            mask[met] = True
+            self.fault(part, rows.take(mask), reason)
+
+    def _counted(self) -> NDArray[np.int16]:
+        """Number of faults of each robot so far; counted only once there may be too many."""
+        if self._faults is None:
+            self._faults = np.zeros(self.state.count, np.int16)
+            for noted in self.noted:
+                self._faults[noted.robots] += 1
+        return self._faults
+
+    def _with_room(self, rows: Rows) -> Rows:
+        """Those with fewer than `MAX_FAULTS` faults; counts one more for them."""
+        faults = self._counted()
+        rows = rows.take(faults[rows.index] < MAX_FAULTS)
+        faults[rows.index] += 1
+        return rows
+
+    @by_the_living
+    def refuse(self, part: Part, rows: Rows, reason: str) -> Column:
+        """Record a fault that this memory itself detects."""
+        if self.answers is not None:
+            self.answers.append(NotedFault(part, reason))
+        return self.fault(part, rows, reason)
+
+    def refuse_where(self, part: Part, rows: Rows, wrong: Mask, reason: str, values: Column) -> Rows:
+        """Refuse the rows where `wrong`, setting their values to unknown in place; returns the other rows."""
+        if not wrong.any():
+            return rows
+        self.refuse(part, rows.take(wrong), reason)
+        values[wrong] = nan
+        return rows.take(~wrong)
+
+    def answer(self, values: Column) -> Column:
+        """Append to `answers` what the memory returned, if that is recorded."""
+        if self.answers is not None:
+            self.answers.append(float(values[0]))
+        return values
+
+    def first_faults(self) -> dict[int, str]:
+        """The first fault of each robot that had one in the last evaluation, as text."""
+        found: dict[int, str] = {}
+        for noted in reversed(self.noted):
+            found.update(dict.fromkeys(noted.robots.tolist(), fault_text(noted)))
+        return found
+
+    def is_dead(self, rows: Rows) -> bool:
+        """Whether the first of these robots has left the evaluation."""
+        return self.dead is not None and bool(self.dead[rows.robots[0]])
+
+    # ---- what a program touches: `language.evaluate.Memory` for many robots; each method gives a column
+
+    def native(self, program: Program, rows: Rows) -> tuple[Column, Rows] | None:
+        """What native code comes to, and the robots that are left for a walk; None where there is none."""
+        return None
+
+    @abstractmethod
+    def draw(self, part: Part, rows: Rows) -> Column:
+        """The next random number in [0, 1)."""
+
+    @abstractmethod
+    def read(self, part: Part, rows: Rows) -> Column:
+        """A linked variable of a `linked` part."""
+
+    @abstractmethod
+    def fetch(self, part: Part, rows: Rows) -> Found:
+        """The programs in a buffer or rule, each with the robots that have it there."""
+
+    @abstractmethod
+    def operator(self, part: Part, rows: Rows) -> Found:
+        """The programs of an operator; none where it does not exist with this number of parameters."""
+
+    @abstractmethod
+    def host(self, part: Part, rows: Rows, *arguments: Column) -> Column:
+        """Call a function of the robots' own software."""
+
+    @abstractmethod
+    def assign(self, part: Part, rows: Rows, values: Column) -> Column:
+        """SETQ of an existing user variable."""
+
+    @abstractmethod
+    def write(self, part: Part, rows: Rows, values: Column) -> Column:
+        """Assign an actuator, a support variable, or one that is not certainly declared."""
+
+    @abstractmethod
+    def defined(self, part: Part, rows: Rows) -> Mask:
+        """Where the user variable exists."""
+
+    @abstractmethod
+    def define(self, part: Part, rows: Rows, values: Column) -> Column:
+        """DEFVAR of a new name."""
+
+    @abstractmethod
+    def store(self, part: Part, rows: Rows, values: Column) -> Column:
+        """SETQQ, RULE, and SETQ of a buffer."""
+
+    @abstractmethod
+    def act(self, part: Part, rows: Rows, *arguments: Column) -> Column:
+        """What an expression may do besides assigning."""
+
+
+def fault_text(noted: Noted) -> str:
+    """A fault as text for people."""
+    return f"{noted.reason} in {show(noted.part.form)}"

@@ -175,9 +175,9 @@ def toml_document(path: Path, text: str | None = None) -> Document:
         return Document(path, tomllib.loads(text), key_lines(text))
     except (ValueError, RecursionError) as error:  # numbers of thousands of digits, and lists in lists in lists
         message = str(error)
-        place = re.search(r"\(at line (\d+), column (\d+)\)", message)
-        line = int(place[1]) if place else text.count("\n") + 1
-        reason = message[: place.start()].strip() if place else message
+        spot = re.search(r"\(at line (\d+), column (\d+)\)", message)
+        line = int(spot[1]) if spot else text.count("\n") + 1
+        reason = message[: spot.start()].strip() if spot else message
         raise SettingsError(f"{path}:{line}: not TOML: {reason}") from error
 
 

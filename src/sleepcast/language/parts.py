@@ -145,13 +145,12 @@ def is_acting(part: Part) -> bool:
 
 def rules(part: Part) -> bool:
     """Whether evaluating `part` itself can change the robot's rules: which there are, or which of them run."""
-    return any(map(_is_ruling, walk(part)))
-
-
-def _is_ruling(part: Part) -> bool:
-    if part.op == "write":
-        return ACTIVE0 < part.slot < ACTIVE0 + BUFFERS
-    return part.op == "store" or (part.op == "act" and ACTS[part.name].rules)
+    for inside in walk(part):
+        if inside.op == "write" and ACTIVE0 < inside.slot < ACTIVE0 + BUFFERS:  # whether a buffer runs
+            return True
+        if inside.op == "store" or (inside.op == "act" and ACTS[inside.name].rules):
+            return True
+    return False
 
 
 def rank_of(behind: Sequence[Form]) -> int | None:

@@ -287,17 +287,14 @@ def _meant(forms: Sequence[Form], text: str) -> str:
         return brief(forms[0], text)
     if is_row(forms):
         return written(forms, text)
-    return _conditional(forms, text) or _call(forms, text)
-
-
-def _conditional(forms: Sequence[Form], text: str) -> str:
-    """`if TEST then ACTION` and `ACTION if TEST`."""
     words = [form.key if isinstance(form, Symbol) else "" for form in forms]
-    if words[0] in CONDITIONS and "then" in words:
+    conditional = ""
+    if words[0] in CONDITIONS and "then" in words:  # if TEST then ACTION
         at = words.index("then")
-        return _when(forms[1:at], forms[at + 1 :], text)
-    at = next((at for at, word in enumerate(words) if at and word in CONDITIONS), 0)
-    return _when(forms[at + 1 :], forms[:at], text) if at else ""
+        conditional = _when(forms[1:at], forms[at + 1 :], text)
+    elif at := next((at for at, word in enumerate(words) if at and word in CONDITIONS), 0):  # ACTION if TEST
+        conditional = _when(forms[at + 1 :], forms[:at], text)
+    return conditional or _call(forms, text)
 
 
 def _when(test: Sequence[Form], action: Sequence[Form], text: str) -> str:

@@ -197,17 +197,12 @@ def _rule(checker: Checker, form: List) -> Part:
     target, body = form.items[1:3]
     if not isinstance(target, Symbol):
         return checker.error("RULE @@ wants a name", target)
-    return _store(checker, form, target, body, activate=True, rank=_rank(checker, form))
-
-
-def _rank(checker: Checker, form: List) -> int:
-    """The priority of a rule: 0, or what follows `:priority`."""
     rank = rank_of(form.items[3:])
     if rank is None:
         checker.error(f"RULE stores one expression @@: {ONLY_PRIORITY}", form.items[3])
     elif len(form.items) > 3 and PRIORITY not in checker.names.vocabulary.forms:
         checker.error(f"{PRIORITY} @@ came after what these robots run", form.items[3])
-    return rank or 0
+    return _store(checker, form, target, body, activate=True, rank=rank or 0)
 
 
 @_special(*FORMS)

@@ -208,8 +208,6 @@ def _held_by(lease: Lease, group: str, now: float) -> str:
 
 # ---- the dead man's switch: the operator of a driven robot must be heard, or its body comes to rest
 
-DEAD_MAN_SECONDS = 1.0
-"""Default lease in s, as in the programs of the thesis (`conf_tm(1)`)."""
 MIN_DEAD_MAN, MAX_DEAD_MAN = 0.2, 3_600.0
 """Bounds of the lease, s: heartbeats come at a third of the lease, and losing one must not end it; beyond an hour it
 protects nothing."""

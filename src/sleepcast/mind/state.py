@@ -122,7 +122,9 @@ class ProgramState(msgspec.Struct, array_like=True):
         try:
             return library.program(self.text, lambda: read_all(self.text), names, self.parameters)
         except SleepcastError as error:
-            raise SerialError(f"a stored expression cannot be compiled any more: {str(error).splitlines()[0]}") from None
+            raise SerialError(
+                f"a stored expression cannot be compiled any more: {str(error).splitlines()[0]}"
+            ) from None
 
 
 class SharedRule(msgspec.Struct, array_like=True):

@@ -61,8 +61,6 @@ MAX_DOUBT = 200
 """Characters of the reason why a robot is stopped without a known STOP."""
 DIGEST_BYTES = 8
 """Bytes of a digest: accidental collisions do not happen, and a forged one only misrepresents its own robot."""
-TOLD_SUPPORT = len(SUPPORT) - (BUFFERS - 1)
-"""Support variables that are sent as numbers; the others are the active flags of buffers."""
 
 Name = Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
 Words = Annotated[str, msgspec.Meta(max_length=1_024)]

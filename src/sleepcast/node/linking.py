@@ -54,7 +54,7 @@ class VariableSlot(NamedTuple):
 
     quantity: Quantity
     acts: bool
-    place: HostNumber
+    location: HostNumber
     measured: HostNumber | None
     rest: float | None
 
@@ -155,14 +155,15 @@ class VariableTable:
         self, name: str, declaration: Declaration, where: str, look_up: Callable[[str], HostNumber], doc: str = ""
     ) -> None:
         _check_name(name)
-        place = look_up(where)
-        if declaration.acts and place.store is None:
+        location = look_up(where)
+        if declaration.acts and location.store is None:
             raise LinkError(
-                f"{place.label} cannot be the actuator {name}, because it is {place.fixed}, or declare it a sensor"
+                f"{location.label} cannot be the actuator {name}, because it is {location.fixed},"
+                " or declare it a sensor"
             )
         measured = look_up(declaration.measured_at) if declaration.measured_at else None
         rest = None if declaration.rest is None else si(declaration.rest, declaration.unit)
-        self._links.append(VariableSlot(declaration.quantity(name, doc), declaration.acts, place, measured, rest))
+        self._links.append(VariableSlot(declaration.quantity(name, doc), declaration.acts, location, measured, rest))
 
     # ---- used by the robot's mind
 
@@ -311,7 +312,7 @@ class VariableTable:
 
     def _fresh_reader(self, link: VariableSlot, slot: int) -> Callable[[], float]:
         """A reader that returns unknown if the measurement is too old."""
-        read, limit = _reader(link.place, link.quantity.unit), link.quantity.freshness
+        read, limit = _reader(link.location, link.quantity.unit), link.quantity.freshness
         if limit == inf:
             return read
         if link.measured is not None:
@@ -322,8 +323,8 @@ class VariableTable:
         return lambda: read() if self._now - when() <= limit else nan
 
 
-def _reader(place: HostNumber, unit: str) -> Callable[[], float]:
-    fetch, label = place.fetch, place.label
+def _reader(location: HostNumber, unit: str) -> Callable[[], float]:
+    fetch, label = location.fetch, location.label
 
     def read() -> float:
         try:
@@ -339,15 +340,15 @@ def _reader(place: HostNumber, unit: str) -> Callable[[], float]:
 
 
 def _writer(link: VariableSlot) -> Callable[[float], None]:
-    place, unit, low, high = link.place, link.quantity.unit, link.quantity.low, link.quantity.high
-    store, label = place.store, place.label
+    location, unit, low, high = link.location, link.quantity.unit, link.quantity.low, link.quantity.high
+    store, label = location.store, location.label
     if store is None:
         raise TypeError(f"{label} cannot be set")
 
     def write(value: float) -> None:
         if not -inf < value < inf:
             raise LinkError(f"{label} cannot be set to {value:g}: only finite numbers are written to the host")
-        fitted = place.field.fit(from_si(min(max(value, low), high), unit), label)
+        fitted = location.field.fit(from_si(min(max(value, low), high), unit), label)
         try:
             store(fitted)
         except Exception as error:  # see above

@@ -261,9 +261,9 @@ class Store:
         for robot in self._robots.values():
             if robot.delivery is not None:
                 self._take_news(robot.number, robot.delivery)
-            for place, message in enumerate(robot.node.waiting):
+            for index, message in enumerate(robot.node.waiting):
                 if message.kind is Kind.COMMAND:
-                    begins |= self._take(robot, message, place < MAX_QUEUE)
+                    begins |= self._take(robot, message, index < MAX_QUEUE)
         return begins
 
     def _take(self, robot: StoredRobot, message: Message, begins: bool) -> bool:

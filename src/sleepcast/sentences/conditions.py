@@ -49,11 +49,9 @@ class Conditions(Cursor):
         return True
 
     def begins_condition(self) -> bool:
-        return self.word() in OPENERS or self.is_mark("(") or self.begins_relative()
-
-    def begins_relative(self) -> bool:
-        """Whether "are" begins a condition, not "are now in bravo"."""
-        return self.word() in ARE and self.word(1) != "now"
+        """Whether a condition stands here: "are frozen" is one, and "are now in bravo" is an act."""
+        relative = self.word() in ARE and self.word(1) != "now"
+        return relative or self.word() in OPENERS or self.is_mark("(")
 
     def either(self) -> Test:
         """Conditions with OR between them."""

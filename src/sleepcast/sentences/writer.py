@@ -170,7 +170,8 @@ class _Writer:
     def beside(self, condition: Form, before: Form | None) -> None:
         """A condition that stands behind the subject, or behind another one."""
         start = len(self.text)
-        if before is not None and self.repeats(condition, before):
+        amounts = before is not None and self.is_amount(condition) and self.is_amount(before)
+        if before is not None and amounts and _call(condition)[0] == _call(before)[0]:  # only the amount is said
             self.put("and")
             start = len(self.text)
             self.amount(*_call(condition), repeated=True)
@@ -189,10 +190,6 @@ class _Writer:
             case "<" | ">" | "<=" | ">=" | "=" | "/=" | "prob" | "known", [*operands]:
                 return not any(isinstance(each, List) for each in operands)
         return False
-
-    def repeats(self, condition: Form, before: Form) -> bool:
-        """Whether a condition compares an amount as the one before it does, so that only the amount is said."""
-        return self.is_amount(condition) and self.is_amount(before) and _call(condition)[0] == _call(before)[0]
 
     def is_amount(self, condition: Form) -> bool:
         match _call(condition):

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 import sleepcast as sc
 from sleepcast.api.assembly import assemble
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.api.session_test import missed_in, sent_commands
+from sleepcast.experiments.acceptance import read_test, run_test
 from sleepcast.loop import Swarm
 from sleepcast.simulator import MissionError, find_scenario
+from sleepcast.simulator.recording.recording import load_recording
 from sleepcast.station import Station
 
 WEST = "(WHEN (<= id 6) (JOIN west))"
@@ -59,9 +63,53 @@ def test_it_is_said_who_sends(fleet: SimulatedFleet) -> None:
     assert len(fleet.release(by="bert").matched) == 12
 
 
-@pytest.mark.parametrize("do", ["send", "ask", "stop", "release"])
+def test_the_desk_of_each_previews(fleet: SimulatedFleet) -> None:
+    fleet.run(1, quiet=True)
+    assert len(fleet.preview("(<= id 6)", by="bert").yes) == 6
+    assert fleet.preview(DRIVE, by="anna").no == fleet.preview(DRIVE).no
+    assert not any(desk.holding for desk in map(fleet.desk_of, fleet.operators)), "nobody sits down for it"
+
+
+@pytest.mark.parametrize("by_itself", [False, True])
+def test_a_saved_test_repeats_what_all_have_sent(tmp_path: Path, by_itself: bool) -> None:
+    fleet = sc.open("two-desks", mission=by_itself)
+    if by_itself:
+        fleet.run(50, quiet=True)
+    else:
+        fleet.play(wait=0)
+        fleet.send(DRIVE, by="anna")
+        fleet.run(5, quiet=True)
+    saved = fleet.save_test(tmp_path / "again", exact=True)
+    verdict = run_test(read_test(saved))
+    assert (verdict.missed, verdict.state) == ((), fleet.hash)
+    counts = [each["matched"] for each in verdict.counts if each]
+    if by_itself:
+        assert "own_mission = true" in (saved / "test.toml").read_text()
+    else:
+        assert counts == [
+            len(desk.accounting(each.id).matched) for desk, each in sent_commands(fleet.swarm, fleet.station)
+        ]
+        mission = (saved / "mission.sleep").read_text()
+        for words in ("s as anna lease take west for 15.0s\n= ", "s as anna HOLD\n", "s as anna AWAY\n", "s HOLD\n"):
+            assert words in mission
+        assert "s as chief" not in mission, "the first one is not named"
+        assert (mission.count("as anna HOLD"), mission.count("as anna AWAY")) == (2, 1)
+
+
+def test_a_recording_holds_the_accounts_of_all(fleet: SimulatedFleet, tmp_path: Path) -> None:
+    with fleet.record(tmp_path / "run.mcap"):
+        fleet.send(WEST)
+        fleet.send("(WHEN (> id 6) (MARK))", by="bert")
+        fleet.run(1, quiet=True)
+    recorded = load_recording(tmp_path / "run.mcap").accounting
+    assert {each: account["matched"] for each, account in recorded.items()} == {
+        command.id: 6 for command in fleet.swarm.commands()
+    }
+
+
+@pytest.mark.parametrize("do", ["send", "preview", "ask", "stop", "release"])
 def test_nobody_sends_as_somebody_unknown(fleet: SimulatedFleet, do: str) -> None:
-    given = {"send": ("(ST)",), "ask": ("x",)}.get(do, ())
+    given = {"send": ("(ST)",), "preview": ("(ST)",), "ask": ("x",)}.get(do, ())
     with pytest.raises(sc.errors.MisuseError, match=r"no operator ana.*did you mean anna.*chief, anna, bert"):
         getattr(fleet, do)(*given, by="ana")
     assert not fleet.station.commands()

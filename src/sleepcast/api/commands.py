@@ -60,13 +60,13 @@ def to_async(
         cancelled = Event()
         before = _CANCELLED.set(cancelled)  # the thread has it from here
         try:
-            found: Result = await to_thread(getattr(fleet, method.__name__), *given, **named)
+            result: Result = await to_thread(getattr(fleet, method.__name__), *given, **named)
         except CancelledError:
             cancelled.set()
             raise
         finally:
             _CANCELLED.reset(before)
-        return found
+        return result
 
     awaited.__doc__ = to_async.__doc__
     return awaited
@@ -156,8 +156,11 @@ class Fleet(ABC):
 
     @abstractmethod
     def run(self, seconds: float | str, *, quiet: bool = False) -> Self:
-        """Let time pass: seconds, or a text such as "30s"; gives the fleet. quiet: without a progress bar. Raises
-        MisuseError for a time that is none."""
+        """Let time pass; gives the fleet. Raises MisuseError for a time that is none.
+
+        seconds: for how long, s, or a text such as "30s".
+        quiet: whether to show no progress bar.
+        """
 
     @abstractmethod
     def _until(self, sent: Command, seconds: float) -> CommandResult:
@@ -191,12 +194,17 @@ class Fleet(ABC):
         with self._turn():
             return desk.prepare(text, terms)
 
-    def preview(self, text: str) -> Preview:
+    def preview(self, text: str, *, by: str = "") -> Preview:
         """Who would obey an expression now, by what robots last reported to the desk: `yes`, `no`, and `unknown` with
         the reasons. Nothing is done. For a test alone, as `(> fuel 50%)`, it is for which robots it holds. Raises
-        ReadError and CheckError for a text that no robot could run."""
-        checked = self.station.check(text)
-        return self.station.preview(f"(WHEN {text} 1)" if is_predicate_only(checked.required()) else checked)
+        ReadError and CheckError for a text that no robot could run, and MisuseError for an operator who has no desk
+        here.
+
+        by: the operator whose desk previews it, as for `send`; nobody sits down for that.
+        """
+        desk = self.desk_of(by)
+        checked = desk.check(text)
+        return desk.preview(f"(WHEN {text} 1)" if is_predicate_only(checked.required()) else checked)
 
     @overload
     def send(
@@ -237,14 +245,23 @@ class Fleet(ABC):
         sure: bool = False,
         by: str = "",
     ) -> CommandResult | list[CommandResult]:
-        """Broadcast an expression. wait: seconds that may pass until all have answered; 0 sends several at the same
-        moment. deadline: seconds for which it is good. Times may be texts with units, such as "30s", here and in all
-        methods. count: how many robots are meant, which a real fleet asks for where many may obey. sure: it is meant as
-        it stands, though the checker doubts it; otherwise names that no robot has give a UserWarning. only, but: names
-        of robots, or of one. by: the operator who sends it, "" for the first (see `operators`); from then on robots
-        hear that this one is there, and go on as they are driven. The rest, and what is raised: see `Station.send`. A
-        `Mission`, or a text that begins with a time, is a script: see `play`, whose list of results it gives. Its lines
-        say themselves whether they are standing, for whom, and by whom."""
+        """Broadcast an expression. Raises what `Station.send` raises. A `Mission`, or a text that begins with a time,
+        is a script: see `play`, whose list of results it gives. Its lines say themselves whether they are standing, for
+        whom, and by whom.
+
+        text: the expression, or the script.
+        wait: s that may pass until all have answered; 0 sends several at the same moment. Times may be texts with
+            units, such as "30s", here and in all methods.
+        standing: whether it reaches every robot, even later.
+        deadline: s for which it is good.
+        everybody: whether it is meant for all robots, where it has no test.
+        count: how many robots are meant, which a real fleet asks for where many may obey.
+        only, but: names of robots, or of one.
+        sure: whether it is meant as it stands, though the checker doubts it; otherwise names that no robot has give a
+            UserWarning.
+        by: the operator who sends it, "" for the first (see `operators`); from then on robots hear that this one is
+            present, and go on as they are driven.
+        """
         if not isinstance(text, str) or is_script(text):
             if standing or deadline is not None or only is not None or but is not None or by:
                 raise MisuseError(
@@ -281,14 +298,19 @@ class Fleet(ABC):
         count: int | None = None,
         sure: bool = False,
     ) -> list[CommandResult]:
-        """Send each line of a script at its time, and let time pass meanwhile; gives what became of them. script: as in
-        a mission file, None for what was not sent yet of the scenario's own mission. Times count from the start of a
-        simulated run, and on the air from now; what is late is sent at once. wait: seconds that may pass after the last
-        line until all have answered. everybody: robots on the air are meant even where a line has no test; of simulated
-        ones that is known. count, sure: as for `send`. Raises MissionError, with the place of the line: before anything
-        is sent for what cannot be read; for what is refused at its time, and for a STOP that somebody else has sent
-        meanwhile, when the lines before it were sent. A RELEASE ends STOPs of scripts only: one that would meet
-        another STOP is refused before anything is sent, and on the air it ends none of other operators."""
+        """Send each line of a script at its time, and let time pass meanwhile; gives what became of them. Times count
+        from the start of a simulated run, and on the air from now; what is late is sent at once.
+
+        Raises MissionError, with the place of the line: before anything is sent for what cannot be read; for what is
+        refused at its time, and for a STOP that somebody else has sent meanwhile, when the lines before it were sent. A
+        RELEASE ends STOPs of scripts only: one that would meet another STOP is refused before anything is sent, and on
+        the air it ends none of other operators.
+
+        script: as in a mission file; None for what was not sent yet of the scenario's own mission.
+        wait: s that may pass after the last line until all have answered.
+        everybody: whether robots on the air are meant even where a line has no test; of simulated ones that is known.
+        count, sure: as for `send`.
+        """
         from sleepcast.api.mission import Mission
         from sleepcast.loop.mission import readable
 
@@ -301,30 +323,30 @@ class Fleet(ABC):
             with _placed(line.order.place):
                 self.desk_of(line.instruction.by)
         self._refuse_release(lines)
-        began, found, learned = self._zero(), list[CommandResult](), LearnedNames(self.station.vocabulary)
+        began, results, learned = self._zero(), list[CommandResult](), LearnedNames(self.station.vocabulary)
         known = self._stops()
         for line in lines:
             self._reach(began + line.time)
-            said = line.instruction
+            order = line.instruction
             with _placed(line.order.place):
                 if not self._stops() <= known:
                     raise MisuseError("STOP ended the script, and this and what follows was not sent: release it first")
-                if said.sort in ("once", "standing"):
-                    desk = self.desk_of(said.by)
-                    prepared = self._prepare(said.text, self._terms(said, everybody, sure), desk)
+                if order.sort in ("once", "standing"):
+                    desk = self.desk_of(order.by)
+                    prepared = self._prepare(order.text, self._terms(order, everybody, sure), desk)
                     self._warn(prepared, learned)
                     sent: CommandResult | None = self._until(self._commit(desk, prepared, count, sure), 0.0)
                 else:
-                    sent = self._order(said, sure)
+                    sent = self._order(order, sure)
             self._played(line.order, None if sent is None else sent._command)
             if sent is None:
                 continue
             known.add(sent.id)
             self._scripted.add(sent.id)
-            found.append(CommandResult(self, sent._command, line.order))
-        if found:
-            self._until(found[-1]._command, wait)
-        return found
+            results.append(CommandResult(self, sent._command, line.order))
+        if results:
+            self._until(results[-1]._command, wait)
+        return results
 
     def _refuse_release(self, lines: Mission) -> None:
         """Raises MissionError for a line that would end a STOP which no script has sent, but a person."""
@@ -344,24 +366,24 @@ class Fleet(ABC):
         """The ids of the STOPs that were sent."""
         return {command.id for command in self._commands() if command.kind is Kind.STOP}
 
-    def _terms(self, said: Instruction, everybody: bool, sure: bool) -> Terms:
+    def _terms(self, order: Instruction, everybody: bool, sure: bool) -> Terms:
         """How a line of a script is meant that commands."""
-        audience, standing = Audience.of(said.only, said.but), said.sort == "standing"
-        return Terms(standing, said.within, everybody, audience, anyway=sure, undecided=True)
+        audience, standing = Audience.of(order.only, order.but), order.sort == "standing"
+        return Terms(standing, order.within, everybody, audience, anyway=sure, undecided=True)
 
-    def _order(self, said: Instruction, sure: bool) -> CommandResult | None:
+    def _order(self, order: Instruction, sure: bool) -> CommandResult | None:
         """Send another line now; None for HOLD and AWAY, which robots do not answer."""
-        match said.sort:
+        match order.sort:
             case "STOP":
-                return self.stop(wait=0.0, by=said.by)
+                return self.stop(wait=0.0, by=order.by)
             case "RELEASE":
-                return self.release(wait=0.0, by=said.by)
+                return self.release(wait=0.0, by=order.by)
             case "ask":
-                return self.ask(said.text, wait=0.0, only=said.only, but=said.but, sure=sure, by=said.by)
+                return self.ask(order.text, wait=0.0, only=order.only, but=order.but, sure=sure, by=order.by)
         from sleepcast.loop.swarm import act_on
 
         with self._turn():
-            sent = cast("Command | None", act_on(self.desk_of(said.by), said))
+            sent = cast("Command | None", act_on(self.desk_of(order.by), order))
         return None if sent is None else self._until(sent, 0.0)
 
     @abstractmethod
@@ -395,8 +417,13 @@ class Fleet(ABC):
         by: str = "",
     ) -> CommandResult:
         """Ask for the value of an expression over the radio; nothing changes on the robots. The answers are in
-        `values`. sure: it is meant as it stands, though the fleet has no such name. by: the operator who asks, as for
-        `send`. Raises what `Station.ask` raises."""
+        `values`. Raises what `Station.ask` raises.
+
+        wait: s that may pass until all have answered.
+        only, but: names of robots, or of one.
+        sure: whether it is meant as it stands, though the fleet has no such name.
+        by: the operator who asks, as for `send`.
+        """
         wait, only, desk = in_seconds(wait, "wait"), robot_names(only), self.desk_of(by)
         with self._turn():
             sent = desk.ask(self._checked_question(text, sure, only), only=only, but=but, anyway=sure)
@@ -413,8 +440,10 @@ class Fleet(ABC):
         return checked
 
     def _warn(self, prepared: Prepared, learned: LearnedNames | None = None) -> None:
-        """Warn the caller's caller of names that no robot has, unless it is sure, or they are refused. learned: what
-        was sent before in the same script, which robots may not have told yet; it learns this text."""
+        """Warn the caller's caller of names that no robot has, unless it is sure, or they are refused.
+
+        learned: what was sent before in the same script, which robots may not have reported yet; it learns this text.
+        """
         if prepared.draft.terms.anyway:
             return
         checked, known = prepared.draft.checked, set[int]()

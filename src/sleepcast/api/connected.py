@@ -96,7 +96,7 @@ class ConnectedFleet(Fleet):
     # ---- the operator's desk
 
     def _look(self) -> None:
-        """Ask robots for telemetry unless they have told it a moment ago."""
+        """Ask robots for telemetry unless they have sent it a moment ago."""
         with self._turn():
             if self.station.now - self._looked > FRESH:
                 look_around(self.station, self.telemetry)
@@ -106,9 +106,10 @@ class ConnectedFleet(Fleet):
         with self._turn():
             return prepare_with_robots(self.station, self.telemetry, text, terms)
 
-    def preview(self, text: str) -> Preview:
+    def preview(self, text: str, *, by: str = "") -> Preview:
+        self.desk_of(by)
         self._look()
-        return super().preview(text)
+        return super().preview(text, by=by)
 
     def ask(
         self,
@@ -131,9 +132,9 @@ class ConnectedFleet(Fleet):
     def _played(self, order: Order, sent: Command | None) -> None:
         """Nothing: no scenario with a mission lies behind robots on the air."""
 
-    def _order(self, said: Instruction, sure: bool) -> CommandResult | None:
-        if said.sort != "RELEASE":
-            return super()._order(said, sure)
+    def _order(self, order: Instruction, sure: bool) -> CommandResult | None:
+        if order.sort != "RELEASE":
+            return super()._order(order, sure)
         with self._turn():
             sent = self.station.release(-inf)  # a script ends no STOP of others
         return self._until(sent, 0.0)
@@ -167,10 +168,10 @@ class ConnectedFleet(Fleet):
         self._look()
         values, asked = self.station.values(expression)
         if asked:
-            said = super().ask(expression, only=asked if len(asked) <= MAX_LISTED else None).values
-            for place, name in enumerate(self.names[: len(values)]):
-                value = said.get(name)
-                values[place] = values[place] if value is None else value
+            answers = super().ask(expression, only=asked if len(asked) <= MAX_LISTED else None).values
+            for index, name in enumerate(self.names[: len(values)]):
+                value = answers.get(name)
+                values[index] = values[index] if value is None else value
         return read_only(values)
 
     @property
@@ -180,12 +181,12 @@ class ConnectedFleet(Fleet):
         return self._members()
 
     def _members(self) -> Mapping[str, tuple[str, ...]]:
-        found: dict[str, tuple[str, ...]] = {}
+        groups: dict[str, tuple[str, ...]] = {}
         for name in self.names:
             mind = self.telemetry.minds.get(name)
             for key in sorted(mind.groups) if mind is not None else ():
-                found[key] = (*found.get(key, ()), name)
-        return dict(sorted(found.items()))
+                groups[key] = (*groups.get(key, ()), name)
+        return dict(sorted(groups.items()))
 
     @property
     def stopped(self) -> NDArray[np.bool_]:
@@ -224,13 +225,17 @@ def connect(
     within: float | str | None = None,
     journal: str | PathLike[str] | None = None,
 ) -> ConnectedFleet:
-    """A real fleet on a channel, with the options of the command line.
+    """A real fleet on a channel, with the options of the command line. What a person has to know is logged by the
+    logger `sleepcast`. Raises SleepcastError for a channel, keys or numbers that will not do.
 
-    key: its owner's name or its file, None for the key in use or this machine's development key. fleet: messages of
-    other fleets are ignored. trust: the file of trusted keys, None for the one beside the keys. keys: the folder of
-    keys. expect: how many robots there are, or a file of their names. within: seconds for answers, None: one
-    millisecond per robot. journal: a file, None for the fleet's own. What a person has to know is logged by the logger
-    `sleepcast`. Raises SleepcastError for a channel, keys or numbers that will not do.
+    channel: its address.
+    key: its owner's name or its file; None for the key in use or this machine's development key.
+    fleet: messages of other fleets are ignored.
+    trust: the file of trusted keys; None for the one beside the keys.
+    keys: the folder of keys.
+    expect: how many robots there are, or a file of their names.
+    within: time for answers, s; None: one millisecond per robot.
+    journal: a file; None for the fleet's own.
     """
     owner, folder = (None if key is None else fspath(key)), _path(keys)
     if owner is not None and owner.endswith(KEY):
@@ -243,9 +248,9 @@ def connect(
     air = AirOptions(channel, fleet, owner, _path(trust), folder, within, _path(journal), expect=expected)
     with ExitStack() as ends:
         station, telemetry = ends.enter_context(observing_station(air, logging.getLogger("sleepcast").warning))
-        found = ConnectedFleet(station, telemetry, channel, ends.pop_all())
-    found._look()
-    return found
+        connected = ConnectedFleet(station, telemetry, channel, ends.pop_all())
+    connected._look()
+    return connected
 
 
 def _path(given: str | PathLike[str] | None) -> Path | None:

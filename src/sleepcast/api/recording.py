@@ -15,6 +15,7 @@ import numpy as np
 
 from sleepcast.api.events import in_words
 from sleepcast.api.painting import Painter
+from sleepcast.api.session_test import sent_commands
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.core.errors import MisuseError
@@ -59,8 +60,12 @@ PICTURES_PER_READING = 10
 
 @dataclass(frozen=True, slots=True)
 class RecordingPlan:
-    """What is to be recorded: into which file, the simulated s between two pictures and between two readings (None: as
-    the scenario's speed suggests), and when another file begins."""
+    """What is to be recorded.
+
+    file: into which.
+    pictures, readings: simulated s between two of them; None: as the scenario's speed suggests.
+    rotation: when another file begins.
+    """
 
     file: Path
     pictures: float | None = None
@@ -150,10 +155,10 @@ class RecordingWitness:
         self._painter.picture(now)
 
         self._recorder.poses(now, simulator.x, simulator.y, simulator.bodies.heading)
-        for command in self._station.commands():
+        for desk, command in sent_commands(self._swarm, self._station):
             if self._answers.get(command.id) != len(command.answers):
                 self._answers[command.id] = len(command.answers)
-                self._account(command, now)
+                self._account(desk, command, now)
 
         self._look_at_failures(now)
 
@@ -162,13 +167,13 @@ class RecordingWitness:
         simulator = self._swarm.simulator
         rules = failing_rules(self._swarm.fleet.memory, now - RECENT * simulator.scenario.speed_up)[:MOST_TOLD]
         count = len(simulator.names)
-        found = FailuresBody([FailureBody(r.name, len(r.robots), r.inactive, r.reason, r.bits(count)) for r in rules])
-        if found != self._failing:
-            self._failing = found
-            self._recorder.note(FAILING, now, found)
+        body = FailuresBody([FailureBody(r.name, len(r.robots), r.inactive, r.reason, r.bits(count)) for r in rules])
+        if body != self._failing:
+            self._failing = body
+            self._recorder.note(FAILING, now, body)
 
-    def _account(self, command: Command, now: float) -> None:
-        account = self._station.accounting(command.id)
+    def _account(self, desk: Station, command: Command, now: float) -> None:
+        account = desk.accounting(command.id)
         counts = (account.n_matched, account.n_not_matched, account.n_fault, account.n_silent)
         values = values_in_words(command, account)
         also = (account.n_unknown, account.n_held)
@@ -193,10 +198,10 @@ class RecordingWitness:
 
     def _look_at_world(self, tick: int, *, own: bool) -> None:
         """Record which solid things have come, moved or gone, as a `WorldChange`."""
-        found = self._world.look(tick, own=own)
-        if found is not None:
-            self._changes.append(found)
-            self._recorder.obstacles(self._swarm.now(), found)
+        change = self._world.look(tick, own=own)
+        if change is not None:
+            self._changes.append(change)
+            self._recorder.obstacles(self._swarm.now(), change)
 
     def look(self) -> None:
         """Record readings, rules and the hash of the state."""

@@ -3,20 +3,21 @@
     test.toml         the scenario with what was changed in it, the seed, the length, and goals for the end
     mission.sleep     the commands with their times, and how many robots each of them matched
 
-A message goes out in the first tick that ends at its time or later, so the run repeats bit for bit.
+A message goes out in the first tick that ends at its time or later, so the run repeats bit for bit. Where a scenario
+names several operators, each line says who sends it, and HOLD and AWAY when a desk began and ended its heartbeats.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.message import FOR, NOT
+from sleepcast.channel.message import FOR, LEASE, NOT
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.toml_text import toml_value
 from sleepcast.loop import Swarm
@@ -24,7 +25,7 @@ from sleepcast.loop.mission import named_robots, order_sort
 from sleepcast.loop.swarm import give
 from sleepcast.simulator import Changes, Scenario, find_scenario, scenario_names
 from sleepcast.simulator.packing import pack
-from sleepcast.simulator.scenario.mission import MAX_ORDERS, Instruction, Order, Wanted, written_mission
+from sleepcast.simulator.scenario.mission import MAX_ORDERS, Instruction, Order, Sort, Wanted, written_mission
 from sleepcast.simulator.scenario.origin import read_origin
 from sleepcast.station import Account, Command, Station
 from sleepcast.station.account import COUNTED
@@ -35,28 +36,46 @@ if TYPE_CHECKING:
 
 FILE, MISSION = "test.toml", "mission.sleep"
 FORMAT = 1
-MOST_NAMED = 3
+MAX_NAMED = 3
 """Commands that a sentence names."""
 
 Hold = Callable[[str, Account], Sequence[Wanted]]
 """What shall become of a command, by its id, when its account is this one."""
 
 
-def counts_of(found: Account) -> dict[str, int]:
+class SentOrder(NamedTuple):
+    """An order that was sent: by which desk, and the id of its command; "" for HOLD and AWAY."""
+
+    desk: Station
+    id: str
+
+    def counts(self) -> dict[str, int]:
+        """What is counted of it now."""
+        return counts_of(self.desk.accounting(self.id)) if self.id else {}
+
+
+class SessionOrder(NamedTuple):
+    """An order of the test, and the id of the message that it repeats; "" for HOLD and AWAY."""
+
+    order: Order
+    id: str = ""
+
+
+def counts_of(account: Account) -> dict[str, int]:
     """What is counted of a command, by its words in a mission."""
-    return {each.replace("_", " "): int(getattr(found, f"n_{each}")) for each in COUNTED}
+    return {each.replace("_", " "): int(getattr(account, f"n_{each}")) for each in COUNTED}
 
 
-def as_now(_: str, found: Account) -> Sequence[Wanted]:
+def as_now(_: str, account: Account) -> Sequence[Wanted]:
     """All counts as they are now."""
-    return [Wanted(count, number) for count, number in counts_of(found).items() if count != "held" or number]
+    return [Wanted(count, number) for count, number in counts_of(account).items() if count != "held" or number]
 
 
-def send_order(station: Station, order: Order) -> str:
-    """Send an order between two ticks, as by hand; gives the id of the command, "" if none was sent. Raises
-    MissionError."""
-    sent = give(station, order, confirmed=True)
-    return "" if sent is None else sent.id
+def send_order(swarm: Swarm, order: Order) -> SentOrder:
+    """Send an order between two ticks, as by hand. Raises MissionError."""
+    desk = swarm.desk_for(order)
+    sent = give(desk, order, confirmed=True)
+    return SentOrder(cast(Station, desk), "" if sent is None else sent.id)
 
 
 def unmet(order: Order, counts: Mapping[str, int]) -> list[str]:
@@ -81,7 +100,7 @@ def missed_in(swarm: Swarm, station: Station) -> list[str]:
     """A sentence for each count that the mission of a run wanted of what was sent, and that is otherwise now."""
     desks = {command.id: desk for desk, command in sent_commands(swarm, station)}
     accounts = ((order, desks[sent].accounting(sent)) for order, sent in swarm.given if order.wanted and sent)
-    return [each for order, found in accounts for each in unmet(order, counts_of(found))]
+    return [each for order, account in accounts for each in unmet(order, counts_of(account))]
 
 
 def sent_commands(swarm: Swarm, station: Station) -> list[tuple[Station, Command]]:
@@ -98,8 +117,8 @@ def never_sent(orders: Iterable[Order]) -> list[dict[str, object]]:
 
 def late_sentence(orders: Sequence[Order], end: float) -> str:
     """That these orders come after the end of a run, at `end` s, so that they are never sent; for people."""
-    some = "; ".join(each.in_short() for each in orders[:MOST_NAMED])
-    more = f"; and {len(orders) - MOST_NAMED} more" if len(orders) > MOST_NAMED else ""
+    some = "; ".join(each.in_short() for each in orders[:MAX_NAMED])
+    more = f"; and {len(orders) - MAX_NAMED} more" if len(orders) > MAX_NAMED else ""
     one = len(orders) == 1
     return (
         f"{len(orders)} {'command comes' if one else 'commands come'} after the end at {end:g} s and "
@@ -107,8 +126,14 @@ def late_sentence(orders: Sequence[Order], end: float) -> str:
     )
 
 
-def orders_of(swarm: Swarm, station: Station, inputs: Inputs, hold: Hold) -> list[Order]:
-    """What was sent, as the orders of a mission. Raises MisuseError for what a mission cannot repeat."""
+def orders_of(swarm: Swarm, station: Station, inputs: Inputs, hold: Hold) -> list[SessionOrder]:
+    """What was sent, as the orders of a mission, in the order of their times. Raises MisuseError for what a mission
+    cannot repeat.
+
+    station: the first operator's desk.
+    inputs: all that came from outside since the first tick.
+    hold: what shall become of each command of which its desk keeps an account.
+    """
     if inputs.changes:
         at = inputs.changes[0].tick * swarm.simulator.scenario.tick
         raise MisuseError(
@@ -116,22 +141,61 @@ def orders_of(swarm: Swarm, station: Station, inputs: Inputs, hold: Hold) -> lis
             "repeat. Put the change into the scenario as an event, and play it again."
         )
     tick = swarm.simulator.scenario.tick
-    known = {command.id for command in station.commands()}
-    orders, own = list[Order](), is_run_again(inputs, tick)
+    desks = {command.id: desk for desk, command in sent_commands(swarm, station)}
+    orders, own = list[SessionOrder](), is_run_again(inputs, tick)
     for sent, message in _sent_first(inputs):
         by_itself = _is_missions(sent, message, tick)
         if order_sort(message) is None or (own and by_itself):
             continue
-        wanted = tuple(hold(message.id, station.accounting(message.id))) if message.id in known else ()
-        orders.append(Order(_time(sent, tick), _instruction(message, tick if by_itself else 0.0).written(), "", wanted))
+        line = _instruction(message, tick if by_itself else 0.0)._replace(by=_by(message, station))
+        desk = desks.get(message.id)
+        wanted = () if desk is None else tuple(hold(message.id, desk.accounting(message.id)))
+        orders.append(SessionOrder(Order(_time(sent, tick), line.written(), "", wanted), message.id))
+    orders += _presence(swarm, station, inputs)
     if len(orders) > MAX_ORDERS:
         raise MisuseError(f"{len(orders):,} commands were sent; at most {MAX_ORDERS:,} fit into one test")
-    return orders
+    return sorted(orders, key=lambda each: each.order.time)
+
+
+def _by(message: Message, station: Station) -> str:
+    """Who sends it, as a mission says it: nobody is named for the first operator."""
+    return "" if message.sender == station.operator else message.sender
+
+
+def _presence(swarm: Swarm, station: Station, inputs: Inputs) -> Iterator[SessionOrder]:
+    """When desks began to send heartbeats (HOLD), and when they ended that (AWAY), as far as robots could hear it."""
+    tick, pause = swarm.simulator.scenario.tick, swarm.simulator.scenario.minds.lease / 3.0
+    last: dict[str, int] = {}
+    """The tick at whose end each operator's last heartbeat was sent."""
+
+    def order(word: Sort, before: int, by: str) -> SessionOrder:
+        return SessionOrder(Order(_time(before, tick), Instruction(word, by=by).written(), ""))
+
+    def next_after(sent: int) -> int:
+        """The tick at whose end the next heartbeat is sent."""
+        number = sent + max(1, int(pause / tick))
+        while not pause < number * tick - sent * tick:
+            number += 1
+        return number
+
+    for message in (message for _, message in inputs.posted if message.kind is Kind.HEARTBEAT):
+        sent, by = round(message.issued / tick), _by(message, station)
+        if by in last and sent > next_after(last[by]):
+            yield order("AWAY", last[by] + 1, by)
+        if by not in last or sent > next_after(last[by]):
+            yield order("HOLD", sent, by)
+        last[by] = sent
+    for by, sent in last.items():
+        if next_after(sent) < swarm.simulator.tick:  # one of this tick goes on the air in the next one
+            yield order("AWAY", sent + 1, by)
 
 
 def is_run_again(inputs: Inputs, tick: float) -> bool:
     """Whether the desk has sent the scenario's mission by itself, and will send the same in a test: somebody's STOP
-    ends a mission, and what was sent of that one is the test's own then. tick: s in each."""
+    ends a mission, and what was sent of that one is the test's own then.
+
+    tick: how long each lasts, s.
+    """
     missions = [(message.kind, _is_missions(sent, message, tick)) for sent, message in _sent_first(inputs)]
     return any(by_itself for _, by_itself in missions) and (Kind.STOP, False) not in missions
 
@@ -157,7 +221,13 @@ def _time(sent: int, tick: float) -> float:
 
 
 def _instruction(message: Message, ahead: float) -> Instruction:
-    """What a message says. ahead: s by which a test sends it before this was sent, so that it has to last longer."""
+    """What a message says.
+
+    ahead: s by which a test sends it before this was sent, so that it has to last longer.
+    """
+    match message.body.get(LEASE):
+        case {"do": str() as action, "group": str() as group, "seconds": float() as seconds, "to": str() as to}:
+            return Instruction("lease", f"{action} {group}", seconds, to=to)
     sort = order_sort(message)
     assert sort is not None
     lasts = message.deadline - message.issued
@@ -174,13 +244,9 @@ def source_of(scenario: Scenario, seed: int) -> tuple[str, Changes]:
         name = os.path.abspath(name) if os.path.exists(name) else name
     for tried in dict.fromkeys((seed, changes.seed, scenario.seed)):
         changed = replace(changes, seed=tried)
-        if _same(find_scenario(name, changed), scenario):
+        if pack(_anywhere(find_scenario(name, changed))) == pack(_anywhere(scenario)):
             return name, changed
     raise MisuseError(f"{name} is not any more the scenario with which this run began: start it again, and then save")
-
-
-def _same(one: Scenario, other: Scenario) -> bool:
-    return pack(_anywhere(one)) == pack(_anywhere(other))
 
 
 def _anywhere(scenario: Scenario) -> Scenario:
@@ -200,9 +266,15 @@ def session_files(
     exact: bool = False,
     home: Path | None = None,
 ) -> dict[str, str]:
-    """The files of the test, by name. inputs: all that came from outside since the first tick. goals: measures with a
-    bound, that hold at the end. exact: the whole state shall be the same at the end. home: the folder for the files,
-    None where nobody knows it. Raises MisuseError for a session that cannot be repeated."""
+    """The files of the test, by name. Raises MisuseError for a session that cannot be repeated.
+
+    station: the first operator's desk.
+    inputs: all that came from outside since the first tick.
+    hold: what shall become of each command.
+    goals: measures with a bound, that hold at the end.
+    exact: whether the final state must match exactly.
+    home: the folder for the files; None where nobody knows it.
+    """
     simulator = swarm.simulator
     scenario = simulator.scenario
     if simulator.tick < 1:
@@ -231,7 +303,7 @@ def session_files(
     lines += ["", "[over]", *over] if over else []
     for goal in goals:
         lines += ["", "[[goals]]", f"holds = {toml_value(goal)}"]
-    return {FILE: "".join(f"{line}\n" for line in lines), MISSION: written_mission(orders)}
+    return {FILE: "".join(f"{line}\n" for line in lines), MISSION: written_mission([each.order for each in orders])}
 
 
 def write_files(folder: Path, files: Mapping[str, str]) -> None:

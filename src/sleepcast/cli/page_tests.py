@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -29,20 +29,20 @@ class PageTests:
 
     def draft(self) -> tuple[str, list[DraftCommand]]:
         """A name for the test, and the commands that it would repeat."""
-        found: list[tuple[str, dict[str, int]]] = []
+        counts: dict[str, dict[str, int]] = {}
 
         def note(command: str, account: Account) -> Sequence[Wanted]:
-            found.append((command, counts_of(account)))
+            counts[command] = counts_of(account)
             return ()
 
         fleet = self._fleet
         if fleet.swarm.simulator.tick < 1:
             raise MisuseError("Nothing has happened yet: let time run first.")
         orders = orders_of(fleet.swarm, fleet.station, self._inputs(), note)
-        latest = orders[len(orders) - len(found) :]  # of older ones the desk keeps no account
         commands = [
-            DraftCommand(command, order.time, order.text, counts)
-            for order, (command, counts) in zip(latest, found, strict=True)
+            DraftCommand(command, order.time, order.text, counts[command])
+            for order, command in orders
+            if command in counts  # of older ones the desk keeps no account
         ]
         return f"{fleet.swarm.simulator.scenario.name}-test", commands
 
@@ -59,6 +59,10 @@ class PageTests:
         self, name: str, held: Mapping[str, Sequence[HeldCount]], goals: Sequence[HeldGoal], exact: bool
     ) -> bytes:
         """The test as a zip file."""
+
+        def hold(command: str, _: Account) -> Sequence[Wanted]:
+            return [Wanted(each.count, each.number, each.how) for each in held.get(command, ())]
+
         for goal in goals:
             self.count(goal.text)
         files = session_files(
@@ -66,7 +70,7 @@ class PageTests:
             self._fleet.station,
             self._inputs(),
             name,
-            hold=_hold(held),
+            hold=hold,
             goals=[f"count {goal.text.strip()} {SIGNS[goal.how]} {goal.number}" for goal in goals],
             exact=exact,
         )
@@ -75,10 +79,3 @@ class PageTests:
                 for file, text in files.items():
                     archive.writestr(f"{name}/{file}", text)
             return packed.getvalue()
-
-
-def _hold(held: Mapping[str, Sequence[HeldCount]]) -> Callable[[str, Account], Sequence[Wanted]]:
-    def hold(command: str, _: Account) -> Sequence[Wanted]:
-        return [Wanted(each.count, each.number, each.how) for each in held.get(command, ())]
-
-    return hold

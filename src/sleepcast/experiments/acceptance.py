@@ -14,7 +14,7 @@ from pathlib import Path
 
 from sleepcast.api.assembly import assemble, warm_up
 from sleepcast.api.fleet import SimulatedFleet
-from sleepcast.api.session_test import FILE, FORMAT, MISSION, counts_of, late_sentence, never_sent, send_order, unmet
+from sleepcast.api.session_test import FILE, FORMAT, MISSION, SentOrder, late_sentence, never_sent, send_order, unmet
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.files import open_file
 from sleepcast.core.given_numbers import MAX_SEED
@@ -35,8 +35,12 @@ BAD_ZIP = (zipfile.BadZipFile, zlib.error, EOFError, ValueError, RuntimeError, N
 
 @dataclass(frozen=True)
 class SavedTest:
-    """A test as it was saved. own_mission: whether the scenario's own orders are sent too. state: the hash at the end,
-    "" for no matter."""
+    """A test as it was saved.
+
+    seconds: how long it runs, in simulated time.
+    own_mission: whether the scenario's own orders are sent too.
+    state: the hash at the end; "" for no matter.
+    """
 
     name: str
     title: str
@@ -55,7 +59,10 @@ class SavedTest:
 
 @dataclass(frozen=True)
 class AcceptanceResult:
-    """What came of a test. missed: a sentence for each thing that was wanted and did not come."""
+    """What came of a test.
+
+    missed: a sentence for each thing that was wanted and did not come.
+    """
 
     test: SavedTest
     missed: tuple[str, ...]
@@ -120,13 +127,13 @@ def _unzipped(file: Path) -> dict[str, str]:
         if len(packed) > MAX_PACKED:
             raise MisuseError(f"{file} is too large for a saved test: at most {MAX_PACKED} bytes")
         with zipfile.ZipFile(BytesIO(packed)) as archive:
-            found = dict(_members(archive, file))
+            texts = dict(_members(archive, file))
     except (OSError, UnicodeError, *BAD_ZIP) as error:
         raise MisuseError(f"{file} cannot be read: {error}") from error
     for name in (FILE, MISSION):
-        if name not in found:
+        if name not in texts:
             raise MisuseError(f"{file} is no saved test: it has no {name}")
-    return found
+    return texts
 
 
 def _members(archive: zipfile.ZipFile, file: Path) -> Iterator[tuple[str, str]]:
@@ -190,24 +197,28 @@ def _plain(table: Table, key: str) -> object:
 
 
 def run_test(test: SavedTest, *, threads: int | None = None, ticks: Iterable[int] | None = None) -> AcceptanceResult:
-    """Run a test again. ticks: the numbers of its ticks, from 0, by which to show how far it is. Raises MissionError
-    for an order that cannot be sent, MisuseError for a goal that cannot be measured."""
+    """Run a test again. Raises MissionError for an order that cannot be sent, MisuseError for a goal that cannot be
+    measured.
+
+    threads: None is one for each core.
+    ticks: the numbers of its ticks, from 0, by which to show how far it is.
+    """
     warm_up(test.scenario, threads)
     fleet = SimulatedFleet(*assemble(test.scenario, test.seed, mission=test.own_mission, threads=threads))
-    swarm, station, tick = fleet.swarm, fleet.station, test.scenario.tick
+    swarm, tick = fleet.swarm, test.scenario.tick
     swarm.send_initial_telemetry()
-    judge, waiting, sent = GoalJudge(test.goals, test.name), list(reversed(test.orders)), list[str]()
+    judge, waiting, sent = GoalJudge(test.goals, test.name), list(reversed(test.orders)), list[SentOrder]()
     with fleet:
         for done in range(test.ticks) if ticks is None else ticks:
             while waiting and tick_at(waiting[-1].time, tick) <= done + 1:
-                sent.append(send_order(station, waiting.pop()))
+                sent.append(send_order(swarm, waiting.pop()))
             swarm.step()
             judge.look(fleet, is_end=done + 1 == test.ticks)
-        counts = [counts_of(station.accounting(command)) for command in sent]
+        counts = [each.counts() for each in sent]
         state = fleet.hash
     missed = [f"{order.place}: it was to be sent at {order.time:g} s, after the end" for order in reversed(waiting)]
-    for order, found in zip(test.orders, counts, strict=False):
-        missed += unmet(order, found)
+    for order, count in zip(test.orders, counts, strict=False):
+        missed += unmet(order, count)
     missed += [miss.sentence() for miss in judge.missed]
     if test.state and state != test.state:
         missed.append(f"wanted the state {test.state} at the end, but it was {state}")

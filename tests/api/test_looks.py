@@ -31,7 +31,7 @@ def test_fourteen_groups_and_seven_of_each_kind_differ_without_colour() -> None:
 
 
 def test_no_two_sorts_look_alike() -> None:
-    sorts = LOOKS[: looks.SORTS]
+    sorts = LOOKS[: looks.TYPES]
     assert all((shape(a), a.ink) != (shape(b), b.ink) for a, b in combinations(sorts, 2))
     assert all(sort.points for sort in sorts)
 

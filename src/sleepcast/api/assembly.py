@@ -27,8 +27,14 @@ def assemble(
     journal: Journal | None = None,
     payload: Payload | None = None,
 ) -> tuple[Swarm, Station]:
-    """A swarm in its scenario and the operator's desk. mission: whether the desk sends the scenario's own orders.
-    threads: None is one for each core. journal: None is one in memory. payload: what a program adds to the bodies."""
+    """A swarm in its scenario and the operator's desk.
+
+    seed: None for the scenario's.
+    mission: whether the desk sends the scenario's own orders.
+    threads: None is one for each core.
+    journal: None is one in memory.
+    payload: what a program adds to the bodies.
+    """
     simulator = Simulator(scenario, seed, threads=threads, payload=payload)
     swarm = Swarm(simulator, scenario.mission if mission else ())
     station = station_of(swarm, journal)
@@ -43,8 +49,13 @@ def assemble_from(
     journal: Journal | None = None,
     name: str = "the snapshot",
 ) -> tuple[Swarm, Station]:
-    """A swarm that goes on from a snapshot, and its desk. seed: another one makes a fork. name: of the snapshot, for
-    errors. Raises SnapshotError."""
+    """A swarm that goes on from a snapshot, and its desk. Raises SnapshotError.
+
+    seed: another one makes a fork.
+    threads: None is one for each core.
+    journal: None is one in memory.
+    name: of the snapshot, for errors.
+    """
     swarm = resume_swarm(snapshot, seed=seed, threads=threads, desk=partial(station_of, journal=journal), name=name)
     return swarm, cast(Station, swarm.desk)
 
@@ -80,8 +91,11 @@ def _station(swarm: Swarm, operator: str, journal: Journal | None) -> Station:
 
 
 def warm_up(scenario: Scenario, threads: int | None, *, quiet: bool = False) -> None:
-    """Load and compile all that a tick of `scenario` needs, by letting a few robots live in it for a moment. quiet:
-    without a line that says how many kernels have been compiled."""
+    """Load and compile all that a tick of `scenario` needs, by letting a few robots live in it for a moment.
+
+    threads: None is one for each core.
+    quiet: whether to print no line that counts the compiled kernels.
+    """
     few = few_of(scenario)
     with counting("compiling the simulator, once on this computer: kernel", kernel_count, KERNELS, quiet=quiet):
         compile_kernels(few)

@@ -34,12 +34,19 @@ CHANNEL = "udp://239.255.83.76:47123?interface=lo"
 
 @dataclass(frozen=True, slots=True)
 class AirOptions:
-    """channel: its address; fleet: its name. key: the owner of ours, None for the one in use, or the development key of
-    this machine; trust: the file of those who are believed, None for the one beside the keys, or for the development
-    keys alone. folder: where keys lie, None for the one in the user's settings. within: s for answers, None: by the
-    roster. journal: the file in which it is written down, None for the fleet's own. skew: s that others' clocks may be
-    wrong; rate: signatures of one key that are looked at in a second; None for what is usual. expect: how many robots
-    there are, or the file of their names; None for what is kept of this channel and fleet."""
+    """How a party gets onto the air. None stands for what is usual.
+
+    channel: its address.
+    fleet: its name.
+    key: the owner of ours; None for the one in use, or the development key of this machine.
+    trust: the file of those who are believed; None for the one beside the keys, or for the development keys alone.
+    folder: where keys lie; None for the one in the user's settings.
+    within: time for answers, s; None: by the roster.
+    journal: its file; None for the fleet's own.
+    skew: how much others' clocks may be wrong, s.
+    rate: signatures of one key that are checked in a second.
+    expect: how many robots there are, or the file of their names; None for what is stored of this channel and fleet.
+    """
 
     channel: str
     fleet: str
@@ -54,7 +61,7 @@ class AirOptions:
 
 
 def expectation(air: AirOptions) -> Expectation:
-    """Which robots there are, by what was said with this command, or is kept. Raises ExpectationError."""
+    """Which robots there are, by what was given with this command, or is stored. Raises ExpectationError."""
     from sleepcast.station.roster import FleetFile, read_expectation
 
     return FleetFile(air.channel, air.fleet).read() if air.expect is None else read_expectation(air.expect)
@@ -64,9 +71,13 @@ def expectation(air: AirOptions) -> Expectation:
 def station_for(
     air: AirOptions, say: Callable[[str], None], *, strict: bool = False, expected: Expectation | None = None
 ) -> Iterator[NetworkStation]:
-    """An operator's desk on this channel, which remembers at its end who was heard. say: takes sentences that the
-    person must know. strict: whether warnings are errors. expected: which robots there are, None for `expectation`.
-    Raises what the channel raises, and ExpectationError."""
+    """An operator's desk on this channel, which remembers at its end who was heard. Raises what the channel raises, and
+    ExpectationError.
+
+    say: takes sentences that the person must know.
+    strict: whether warnings are errors.
+    expected: which robots there are; None for `expectation`.
+    """
     with observing_station(air, say, strict=strict, expected=expected) as (station, _):
         yield station
 
@@ -75,7 +86,7 @@ def station_for(
 def observing_station(
     air: AirOptions, say: Callable[[str], None], *, strict: bool = False, expected: Expectation | None = None
 ) -> Iterator[tuple[NetworkStation, TelemetryClient]]:
-    """The same, with a client that requests telemetry and keeps it."""
+    """The same, with a client that requests telemetry and stores it."""
     from sleepcast.core.clock import UnixClock
     from sleepcast.core.errors import printable
     from sleepcast.station.cache import CacheError, PeerCache, TelemetryCache
@@ -135,9 +146,14 @@ def session_for(
     store: Store | None = None,
     multiplexer: Multiplexer | None = None,
 ) -> ChannelSession:
-    """A session on this channel. name: of the sender, None for the key's owner. say: takes a sentence about development
-    keys. store: of a robot; an operator gets one, in which the sequence goes on, and which is closed with the session.
-    multiplexer: of a robot whose process has several. Raises what the channel raises."""
+    """A session on this channel. Raises what the channel raises.
+
+    name: of the sender; None for the key's owner.
+    robot: whether it is a robot's, or an operator's.
+    say: takes a sentence about development keys.
+    store: of a robot; an operator gets one, in which the sequence goes on, and which is closed with the session.
+    multiplexer: of a robot whose process has several.
+    """
     from sleepcast.channel.admission import ROBOT_KINDS
     from sleepcast.channel.message import Kind
     from sleepcast.channel.session import ChannelSession
@@ -173,8 +189,12 @@ def multiplexer_for(air: AirOptions) -> Multiplexer:
 def sessions_for(
     air: AirOptions, names: Sequence[str], say: Callable[[str], None], store: Store | None = None
 ) -> tuple[Multiplexer, Receiver, list[ChannelSession]]:
-    """Sessions of robots with these names, and the receiver for all of them, on one multiplexer. store: of these
-    robots. Raises what the channel raises."""
+    """Sessions of robots with these names, and the receiver for all of them, on one multiplexer. Raises what the
+    channel raises.
+
+    say: takes a sentence about development keys.
+    store: of these robots.
+    """
     from sleepcast.channel.admission import ROBOT_KINDS
     from sleepcast.channel.session import ChannelSession, Multiplexer, Receiver, receiver_name
     from sleepcast.channel.transports import open_transport
@@ -218,7 +238,7 @@ def _delivery(
         raise MisuseError(f"the key of {key.public.owner!r} cannot speak for {name!r}: take another with --key")
     clock, chance = UnixClock(), _chance()
     admission = Admission(trust, air.fleet, clock, robot=robot, rate=air.rate, skew=air.skew)
-    if store is None:  # a life begins later than all before, so that its numbers are news
+    if store is None:  # its epoch begins later than all before, so that its numbers are news
         return ReliableDelivery(name, epoch_at(clock.now()), key, admission, chance)
     if robot:
         return ReliableDelivery(name, store.new_epoch(name), key, admission, chance)
@@ -273,7 +293,10 @@ def chosen_keys(air: AirOptions, robot: bool, say: Callable[[str], None]) -> tup
 
 
 def keeper_for(nodes: Sequence[Node], delivery: ReliableDelivery, store: Store | None) -> Keeper | None:
-    """What stores what these robots know and whom they trust. delivery: what receives for them."""
+    """What stores what these robots know and whom they trust.
+
+    delivery: what receives for them.
+    """
     from sleepcast.channel.keyring import TrustKeeper
     from sleepcast.loop.durable import KeysFirst
 
@@ -285,17 +308,19 @@ def keeper_for(nodes: Sequence[Node], delivery: ReliableDelivery, store: Store |
     return KeysFirst(keys, store)
 
 
-LONGEST = 200
+MAX_NAME_BYTES = 200
 """Bytes of a file's name for a fleet, so that the names of its archives fit into 255."""
 
-HASTE = 0.25
+WRITE_PATIENCE = 0.25
 """Seconds that a desk waits for another writer: it has robots to hear, and writes later what it could not."""
 
 
 def journal_of(fleet: str) -> Path:
     """The file of a fleet's own journal."""
     name = quote(fleet, safe=" ")
-    return data_folder() / "journals" / f"{name if len(name) <= LONGEST else sha256(fleet.encode()).hexdigest()}.db"
+    return (
+        data_folder() / "journals" / f"{name if len(name) <= MAX_NAME_BYTES else sha256(fleet.encode()).hexdigest()}.db"
+    )
 
 
 def open_journal(journal: Path | None, fleet: str) -> DeferredJournal:
@@ -303,11 +328,11 @@ def open_journal(journal: Path | None, fleet: str) -> DeferredJournal:
     from sleepcast.core.clock import UnixClock
     from sleepcast.station.journal.file import DeferredJournal
 
-    return DeferredJournal(journal or journal_of(fleet), UnixClock(), HASTE)
+    return DeferredJournal(journal or journal_of(fleet), UnixClock(), WRITE_PATIENCE)
 
 
 MAX_LIVES = 16
-"""Processes of one operator at a time whose lives go on; one more begins a new life."""
+"""Processes of one operator at a time whose epochs go on; one more starts a new epoch."""
 
 
 def open_store(file: Path, say: Callable[[str], None]) -> Store:

@@ -21,9 +21,15 @@ MAX_EVENTS = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class FleetEvent:
-    """What a robot did. time: s, see `Fleet.time`. kind: `answer` to the command with the id `command`, where `text` is
-    the outcome and `value` what it came to (SI, None for unknown); `fault`, where `text` says what went wrong; `say`,
-    where `text` is what it reported; `join`, where `text` is the group."""
+    """What a robot did.
+
+    time: s, see `Fleet.time`.
+    kind: `answer` to a command, `fault`, `say` or `join`.
+    robot: its name.
+    text: the outcome; what went wrong; what it reported; the group.
+    command: the id of the command of an answer.
+    value: what it came to, SI; None for unknown.
+    """
 
     time: float
     kind: Literal["answer", "fault", "say", "join"]

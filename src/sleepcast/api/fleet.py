@@ -51,7 +51,7 @@ class SimulatedFleet(Fleet):
         self.swarm = swarm
         self._histories: list[tuple[Every, History]] = []
         self._checked: dict[str, tuple[int, Checked, CheckError | None]] = {}
-        """`FleetState.turns`, what was found in expressions then, and what is raised for them."""
+        """`FleetState.turns`, what the checker said of expressions then, and what is raised for them."""
         self._inputs: InputLog | None = None
         """All that came from outside since the start; None for a fleet whose start nobody saw."""
         scenario = swarm.simulator.scenario
@@ -71,9 +71,13 @@ class SimulatedFleet(Fleet):
         return self.swarm.now()
 
     def run(self, seconds: float | str, *, quiet: bool = False) -> SimulatedFleet:
-        """Let simulated time pass, as fast as possible: seconds, or a text such as "30s"; gives the fleet itself. It
-        passes in ticks of the scenario, so it ends on the tick that is nearest; what is left over is carried to the
-        next `run`. quiet: without a progress bar. Raises MisuseError for a time that is none."""
+        """Let simulated time pass, as fast as possible; gives the fleet itself. It passes in ticks of the scenario, so
+        it ends on the tick that is nearest; what is left over is carried to the next `run`. Raises MisuseError for a
+        time that is none.
+
+        seconds: for how long, s, or a text such as "30s".
+        quiet: whether to show no progress bar.
+        """
         count = self.swarm.carried.ticks(read_seconds(seconds, "cannot run for", MAX_TIME))
         with closing(steps(count, self.swarm.simulator.scenario.name, quiet=quiet)) as ticks:
             for _ in ticks:
@@ -139,10 +143,10 @@ class SimulatedFleet(Fleet):
         )
 
     def _to_play(self) -> Mission:
-        found = super()._to_play()
+        rest = super()._to_play()
         self.swarm.mission.clear()  # what the desk was to send by itself is among them
         self.swarm.halted = False
-        return found
+        return rest
 
     def _sent_by_desk(self) -> set[str]:
         return {sent for _, sent in self.swarm.given}
@@ -162,10 +166,10 @@ class SimulatedFleet(Fleet):
         while simulator.tick + 1 < tick_at(time, simulator.scenario.tick):
             self._pass()
 
-    def _terms(self, said: Instruction, everybody: bool, sure: bool) -> Terms:
-        if said.within is not None:  # sent before the tick in which it is on the air
-            said = said._replace(within=said.within + self.swarm.simulator.scenario.tick)
-        return super()._terms(said, True, sure)
+    def _terms(self, order: Instruction, everybody: bool, sure: bool) -> Terms:
+        if order.within is not None:  # sent before the tick in which it is on the air
+            order = order._replace(within=order.within + self.swarm.simulator.scenario.tick)
+        return super()._terms(order, True, sure)
 
     # ---- what is so now
 
@@ -216,8 +220,8 @@ class SimulatedFleet(Fleet):
 
     def _members(self) -> dict[str, tuple[str, ...]]:
         names = np.array(self.names)
-        found = {key: tuple(names[members].tolist()) for key, members in self.swarm.fleet.groups.items()}
-        return {key: members for key, members in sorted(found.items()) if members}
+        groups = {key: tuple(names[members].tolist()) for key, members in self.swarm.fleet.groups.items()}
+        return {key: members for key, members in sorted(groups.items()) if members}
 
     @property
     def stopped(self) -> NDArray[np.bool_]:
@@ -229,9 +233,12 @@ class SimulatedFleet(Fleet):
         return self.swarm.simulator.state_hash()
 
     def history(self, *expressions: str, every: float | str = 1.0) -> History:
-        """Sample expressions on all robots from now on, every so many simulated seconds: on the first tick at or after
-        each multiple of `every`, and at once. Raises what `fleet[...]` raises, and MisuseError for a time that is less
-        than a tick of the scenario."""
+        """Sample expressions on all robots from now on: at once, and on the first tick at or after each multiple of
+        `every`. Raises what `fleet[...]` raises, and MisuseError for a time that is less than a tick of the scenario.
+
+        expressions: what is sampled, a column each.
+        every: simulated s between two samples.
+        """
         tick, every = self.swarm.simulator.scenario.tick, in_seconds(every, "every")
         if not expressions or not isfinite(every) or round(every / tick) < 1:
             raise MisuseError(
@@ -269,8 +276,11 @@ class SimulatedFleet(Fleet):
             )
 
     def fork(self, seed: int | None = None) -> SimulatedFleet:
-        """A second run with the same past. seed: another one gives it another chance from here on; None keeps it the
-        same, so that all differences come from what you do."""
+        """A second run with the same past.
+
+        seed: another one gives it other random numbers from here on; None keeps them, so that all differences come from
+            what you do.
+        """
         return resume(self.snapshot(), seed=seed)
 
     def record(
@@ -281,10 +291,13 @@ class SimulatedFleet(Fleet):
         readings: float | str | None = None,
         rotate: str | None = None,
     ) -> RunRecording:
-        """Record the run into an MCAP file from now on, until `close` of the recording or of the fleet. pictures,
-        readings: simulated seconds between two of them, None: as the scenario's speed suggests. rotate: when another
-        file begins, as "100MB,10min". What goes wrong later is logged by the logger `sleepcast`. Raises MisuseError for
-        a file that is there already and for robots of a class of one's own, RecordingError where none can be made."""
+        """Record the run into an MCAP file from now on, until `close` of the recording or of the fleet. What goes wrong
+        later is logged by the logger `sleepcast`. Raises MisuseError for a file that exists already and for robots of a
+        class of one's own, RecordingError where none can be made.
+
+        pictures, readings: simulated s between two of them; None: as the scenario's speed suggests.
+        rotate: when another file begins, as "100MB,10min".
+        """
         from sleepcast.api.recording import RecordingPlan, RunRecording
         from sleepcast.simulator.recording.recorder import ONE_FILE, read_rotation
 
@@ -299,25 +312,26 @@ class SimulatedFleet(Fleet):
         self, folder: str | PathLike[str], *, counts: Sequence[str] = (), goals: Sequence[str] = (), exact: bool = False
     ) -> Path:
         """Save what was sent and what became of it as a test in a new folder, which `sleepcast run` repeats; gives the
-        folder. counts: expressions; as many robots as now shall have them true at the end. goals: what else shall hold
-        then, as "share (IN bravo) >= 0.9". exact: the whole state shall be the same, bit for bit. What was done past
-        the desk, as `swarm.evaluate`, is not in it. Raises MisuseError for a folder that exists, and for a run that
-        cannot be repeated."""
+        folder. What was done past the desks, as `swarm.evaluate`, is not in it. Raises MisuseError for a folder that
+        exists, and for a run that cannot be repeated.
+
+        counts: expressions that shall be true of as many robots at the end as they are now.
+        goals: what else shall hold then, as "share (IN bravo) >= 0.9".
+        exact: whether the final state must match exactly, bit for bit.
+        """
         from sleepcast.api.session_test import session_files, write_files
 
         if self._inputs is None:
             raise MisuseError("a test begins with its scenario: this fleet goes on from a snapshot, or is a fork")
-        place = Path(folder)
+        target = Path(folder)
         counts, goals = ((each,) if isinstance(each, str) else each for each in (counts, goals))
-        found = [f"count {each} == {int(np.count_nonzero(is_true(self[each])))}" for each in counts]
+        as_now = [f"count {each} == {int(np.count_nonzero(is_true(self[each])))}" for each in counts]
+        home = target.resolve()
         with self._turn():
-            inputs = self._inputs.inputs
-            title, wanted = place.resolve().name, [*found, *goals]
-            files = session_files(
-                self.swarm, self.station, inputs, title, goals=wanted, exact=exact, home=place.resolve()
-            )
-        write_files(place, files)
-        return place
+            inputs, wanted = self._inputs.inputs, [*as_now, *goals]
+            files = session_files(self.swarm, self.station, inputs, home.name, goals=wanted, exact=exact, home=home)
+        write_files(target, files)
+        return target
 
     def close(self) -> None:
         """Stop sampling and recording."""
@@ -356,15 +370,19 @@ def open(
     mission: bool = False,
     threads: int | None = None,
 ) -> SimulatedFleet:
-    """A simulated fleet at the start of its scenario.
+    """A simulated fleet at the start of its scenario. Raises MisuseError for no such scenario, SettingsError for what
+    is wrong in it.
 
-    scenario: a name of the gallery, the path of a folder or file, TOML text, or a `Scenario`. seed: what all chance
-    depends on, None for the scenario's. robots: their number, or a class with @sensor, @actuator,
-    @function and @command that adds to each of them, or the name of one that an installed package adds.
-    area_per_robot (m2), walls: changes of the scenario. over: any of its keys, each with what it says instead, as
-    {"radio.loss": 0.3}. mission: whether the desk sends the scenario's own commands by itself, at their times,
-    until a `stop`; else `SimulatedFleet.play` does. threads: None is one for each core; any number gives the same bits.
-    Raises MisuseError for no such scenario, SettingsError for what is wrong in it.
+    scenario: a name of the gallery, the path of a folder or file, TOML text, or a `Scenario`.
+    seed: what all chance depends on; None for the scenario's.
+    robots: their number, or a class with @sensor, @actuator, @function and @command that adds to each of them, or the
+        name of one that an installed package adds.
+    area_per_robot: m2; a change of the scenario, as `walls` is.
+    walls: whether there is anything solid.
+    over: any of its keys, each with what it says instead, as {"radio.loss": 0.3}.
+    mission: whether the desk sends the scenario's own commands by itself, at their times, until a `stop`; else
+        `SimulatedFleet.play` does.
+    threads: None is one for each core; any number gives the same bits.
     """
     changed = _changed(over)
     count, payload = (None, payload_of(robots)) if isinstance(robots, type | str) else (robots, None)
@@ -372,13 +390,13 @@ def open(
     if isinstance(scenario, Scenario):
         if changes != Changes(seed=changes.seed):
             raise MisuseError("a Scenario object is taken as it is: give its name, path or text to change it")
-        found = scenario
+        chosen = scenario
     elif isinstance(scenario, str) and "\n" in scenario:
-        found = read_scenario(scenario, changes)
+        chosen = read_scenario(scenario, changes)
     else:
-        found = find_scenario(fspath(scenario), changes)
-    warm_up(found, threads)
-    fleet = SimulatedFleet(*assemble(found, changes.seed, mission=mission, threads=threads, payload=payload))
+        chosen = find_scenario(fspath(scenario), changes)
+    warm_up(chosen, threads)
+    fleet = SimulatedFleet(*assemble(chosen, changes.seed, mission=mission, threads=threads, payload=payload))
     fleet._watch_inputs()
     return fleet
 

@@ -4,7 +4,7 @@ The looks are those of the page's map (`console/static/shapes.js`); only the col
 light and on dark pages. Groups take the seven shapes and the seven colours in turn; after each round the colours are
 shifted by one, and every other round has a spot, so that no two of 49 look alike and 14 differ without any colour. What
 robots show with `COLOUR` takes the same shapes and colours in another order, and with the spot where groups have none.
-A robot without either looks like its sort, and points along its heading.
+A robot without either looks like its type, and points along its heading.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ Corners = Sequence[tuple[float, float]]
 
 SHAPES = ROUNDS = 7
 PAIRS = SHAPES * ROUNDS
-SORTS = 8
-"""Looks of sorts of robots; those of groups follow, then those of colours."""
+TYPES = 8
+"""Looks of types of robots; those of groups follow, then those of colours."""
 NONE = -1
 """No ring."""
-MOST_COLOURS = 14
+MAX_COLOURS = 14
 """Different colours shown at one time; more are names rather than kinds, and nobody tells them apart."""
 NEUTRAL, SECOND_NEUTRAL = 0, 8
 INKS = ("#7a8b9c", "#fa5d13", "#4a50da", "#277d64", "#7b5580", "#85975f", "#d068e2", "#b62f36", "#5c6977")
@@ -37,8 +37,13 @@ SPOT, RING = 0.5, 2.0
 
 
 class Appearance(NamedTuple):
-    """corners: of the body, which is as large as 1. ink: its place in `INKS`. spot: whether it has one. points:
-    whether it turns with the robot."""
+    """How a body is drawn.
+
+    corners: of the body, which is as large as 1.
+    ink: its index in `INKS`.
+    spot: whether it has one.
+    points: whether it turns with the robot.
+    """
 
     corners: Corners
     ink: int
@@ -52,7 +57,7 @@ def _polygon(count: int, first: float, size: float) -> Corners:
     return list(zip((size * np.cos(angles)).tolist(), (size * np.sin(angles)).tolist(), strict=True))
 
 
-_SORTS: Sequence[Corners] = (
+_TYPES: Sequence[Corners] = (
     ((1.35, 0.0), (-0.9, 0.8), (-0.45, 0.0), (-0.9, -0.8)),
     ((1.35, 0.0), (0.35, 0.8), (-1.0, 0.8), (-1.0, -0.8), (0.35, -0.8)),
     ((1.3, 0.3), (-0.2, 0.3), (-0.2, 1.1), (-0.9, 1.1), (-0.9, -1.1), (-0.2, -1.1), (-0.2, -0.3), (1.3, -0.3)),
@@ -74,9 +79,9 @@ _SPOT = _polygon(8, 0.0, SPOT)[::-1]
 """The other way round than the bodies, so that it is left out of them."""
 
 
-def _of_sort(sort: int) -> Appearance:
-    ink = SECOND_NEUTRAL if (sort + sort // len(_SORTS)) % 2 else NEUTRAL
-    return Appearance(_SORTS[sort % len(_SORTS)], ink, points=True)
+def _of_type(number: int) -> Appearance:
+    ink = SECOND_NEUTRAL if (number + number // len(_TYPES)) % 2 else NEUTRAL
+    return Appearance(_TYPES[number % len(_TYPES)], ink, points=True)
 
 
 def _of_pair(number: int, shift: int, spot: bool) -> Appearance:
@@ -85,7 +90,7 @@ def _of_pair(number: int, shift: int, spot: bool) -> Appearance:
 
 
 LOOKS = (
-    *(_of_sort(sort) for sort in range(SORTS)),
+    *(_of_type(number) for number in range(TYPES)),
     *(_of_pair(number, number // SHAPES, number // SHAPES % 2 == 1) for number in range(PAIRS)),
     *(_of_pair(number, ROUNDS - 1 - number // SHAPES, number // SHAPES % 2 == 0) for number in range(PAIRS)),
 )
@@ -93,27 +98,29 @@ LOOKS = (
 
 def of_group(code: int) -> int:
     """The look of the group with this number, from 1."""
-    return SORTS + (code - 1) % PAIRS
+    return TYPES + (code - 1) % PAIRS
 
 
 def of_colour(number: int) -> int:
     """The look of a colour, from 1."""
-    return SORTS + PAIRS + (number - 1) % PAIRS
+    return TYPES + PAIRS + (number - 1) % PAIRS
 
 
 _GROUPS = np.array([0, *map(of_group, range(1, 256))])
 _COLOURS = np.array([0, *map(of_colour, range(1, 256))])
 
 
-def bodies_of(sorts: NDArray[np.intp], codes: NDArray[np.uint8], colours: NDArray[np.uint8]) -> NDArray[np.intp]:
-    """The look of each body: of its newest group, else of its colour, else of its sort."""
-    found: NDArray[np.intp] = np.where(codes, _GROUPS[codes], np.where(colours, _COLOURS[colours], sorts))
-    return found
+def bodies_of(types: NDArray[np.intp], codes: NDArray[np.uint8], colours: NDArray[np.uint8]) -> NDArray[np.intp]:
+    """The look of each body: of its newest group, else of its colour, else of its type."""
+    looks: NDArray[np.intp] = np.where(codes, _GROUPS[codes], np.where(colours, _COLOURS[colours], types))
+    return looks
 
 
 class SwarmLooks(NamedTuple):
-    """How each robot of a swarm looks: its body and its ring, as places in `LOOKS`, and NONE for no ring. entries: the
-    looks with their meaning and the number of robots, for a legend."""
+    """How each robot of a swarm looks: its body and its ring, as indices in `LOOKS`, and NONE for no ring.
+
+    entries: the looks with their meaning and the number of robots, for a legend.
+    """
 
     bodies: NDArray[np.intp]
     rings: NDArray[np.intp]
@@ -121,21 +128,21 @@ class SwarmLooks(NamedTuple):
 
 
 def looks_of(swarm: Swarm) -> SwarmLooks:
-    """How the robots look now. The body is that of the newest group, else of the colour, else of the sort; the ring is
+    """How the robots look now. The body is that of the newest group, else of the colour, else of the type; the ring is
     that of the second newest group, else of the colour of a robot in a group."""
     simulator, groups = swarm.simulator, GroupCodes()
-    count, sorts = len(simulator.names), simulator.scenario.each_sort
+    count, types = len(simulator.names), simulator.scenario.each_sort
     codes = np.frombuffer(groups.look(swarm.fleet), np.uint8)
     second = np.frombuffer(groups.second or bytes(count), np.uint8)
     colours = np.frombuffer(simulator.colours() or bytes(count), np.uint8)
-    if np.count_nonzero(np.bincount(colours, minlength=1)[1:]) > MOST_COLOURS:
+    if np.count_nonzero(np.bincount(colours, minlength=1)[1:]) > MAX_COLOURS:
         colours = np.zeros(count, np.uint8)
     bodies = np.zeros(count, np.intp)
     entries = []
-    for number, (sort, part) in enumerate(zip(sorts, slices(sorts, count), strict=True)):
+    for number, (settings, part) in enumerate(zip(types, slices(types, count), strict=True)):
         bodies[part] = number
-        if len(sorts) > 1:
-            entries.append((number, sort.type, part.stop - part.start))
+        if len(types) > 1:
+            entries.append((number, settings.type, part.stop - part.start))
     bodies = bodies_of(bodies, codes, colours)
     rings = np.where(second, _GROUPS[second], np.where(codes.astype(bool) & (colours > 0), _COLOURS[colours], NONE))
     entries += [
@@ -152,9 +159,9 @@ def named(colour: int) -> str:
 
 def body(look: int, x: float, y: float, size: float, heading: float) -> str:
     """The outline of a robot at x, y as an SVG path. heading: rad, clockwise, as pixels are counted downwards."""
-    found = LOOKS[look]
-    cos, sin = (size * np.cos(heading), size * np.sin(heading)) if found.points else (size, 0.0)
-    parts = (found.corners, _SPOT) if found.spot else (found.corners,)
+    look_of = LOOKS[look]
+    cos, sin = (size * np.cos(heading), size * np.sin(heading)) if look_of.points else (size, 0.0)
+    parts = (look_of.corners, _SPOT) if look_of.spot else (look_of.corners,)
     return "".join(_path(part, x, y, cos, sin) for part in parts)
 
 

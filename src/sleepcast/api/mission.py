@@ -14,9 +14,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class MissionLine:
-    """A line of a mission. time: s of the run. text: what is sent, with the words before it, as in a script. wanted:
-    what shall have become of it when the run ends, in words, as "matched 98, unknown at most 3"; "" for no matter.
-    result: what became of it, None while it is not sent, and of HOLD and AWAY. sent: whether it was given."""
+    """A line of a mission.
+
+    time: s of the run.
+    text: what is sent, with the words before it, as in a script.
+    wanted: what shall have become of it when the run ends, in words, as "matched 98, unknown at most 3"; "" for no
+        matter.
+    result: what became of it; None while it is not sent, and of HOLD and AWAY.
+    sent: whether it was given.
+    """
 
     order: Order
     result: CommandResult | None = None
@@ -45,14 +51,17 @@ class MissionLine:
         return () if self.result is None else self.result.unmet
 
     def __repr__(self) -> str:
-        said = "sent" if self.sent else "not sent"
+        state = "sent" if self.sent else "not sent"
         wanted = f"; wanted {self.wanted}" if self.wanted else ""
-        return f"{self.order.in_short()} [{said}{wanted}]{''.join(f' {each}' for each in self.unmet)}"
+        return f"{self.order.in_short()} [{state}{wanted}]{''.join(f' {each}' for each in self.unmet)}"
 
 
 class Mission(Sequence[MissionLine]):
-    """A sequence of lines in the order of their times; `Fleet.send` takes one. text: a mission script. name: of its
-    file, for errors. Raises MissionError."""
+    """A sequence of lines in the order of their times; `Fleet.send` takes one. Raises MissionError.
+
+    text: a mission script.
+    name: of its file, for errors.
+    """
 
     def __init__(self, text: str = "", name: str = "the script") -> None:
         self._lines = tuple(MissionLine(order) for order in parse_mission(text, name))
@@ -64,14 +73,17 @@ class Mission(Sequence[MissionLine]):
         results: Mapping[int, CommandResult] | None = None,
         wordless: Collection[int] = (),
     ) -> Mission:
-        """These orders. results: of those that were sent, by their places. wordless: the places of those that were
-        given, too, and have no result."""
-        found, results = cls(), results or {}
-        found._lines = tuple(
+        """These orders.
+
+        results: of those that were sent, by index.
+        wordless: the indices of those that were given, too, and have no result.
+        """
+        mission, results = cls(), results or {}
+        mission._lines = tuple(
             MissionLine(order, results.get(number), number in results or number in wordless)
             for number, order in enumerate(orders)
         )
-        return found
+        return mission
 
     @overload
     def __getitem__(self, index: int) -> MissionLine: ...
@@ -95,8 +107,11 @@ class Mission(Sequence[MissionLine]):
         return some
 
     def sentence(self, by_itself: bool = False, halted: bool = False) -> str:
-        """How far it is, and how to play it; "" for none. by_itself: whether the desk sends the rest at its times;
-        halted: whether STOP has ended that."""
+        """How far it is, and how to play it; "" for none.
+
+        by_itself: whether the desk sends the rest at its times.
+        halted: whether STOP has ended that.
+        """
         if not self:
             return ""
         commands, rest = f"{len(self)} command{'s' * (len(self) > 1)}", len(self.rest)

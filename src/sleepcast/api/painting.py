@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.api.looks import INKS, LOOKS, SORTS, bodies_of, named, of_colour, of_group
+from sleepcast.api.looks import INKS, LOOKS, TYPES, bodies_of, named, of_colour, of_group
 from sleepcast.loop import Swarm
 from sleepcast.simulator.recording.protobuf import NANO
 from sleepcast.simulator.recording.recorder import GROUPS, SCENE, Recorder
@@ -25,10 +25,10 @@ class Painter:
 
     def __init__(self, recorder: Recorder, swarm: Swarm) -> None:
         self._recorder, self._simulator = recorder, swarm.simulator
-        sorts, count = swarm.simulator.scenario.each_sort, len(swarm.simulator.names)
-        self._sorts = np.zeros(count, np.intp)
-        for number, part in enumerate(slices(sorts, count)):
-            self._sorts[part] = number % SORTS
+        types, count = swarm.simulator.scenario.each_sort, len(swarm.simulator.names)
+        self._types = np.zeros(count, np.intp)
+        for number, part in enumerate(slices(types, count)):
+            self._types[part] = number % TYPES
         self._size = half_length(swarm.simulator.scenario)
         self._parts: list[tuple[str, Colour, NDArray[np.intp]]] = []
         """What is drawn of robots: the name of the entity, its colour, and who belongs to it."""
@@ -42,16 +42,20 @@ class Painter:
         self._walls, self._drawn = -1, set()
 
     def paint(self, names: Sequence[str], groups: bytes, shown: bytes) -> None:
-        """Robots look otherwise from now on. names: of the groups; groups: the number of each robot's newest one;
-        shown: the colour of each, empty if there is none."""
+        """Robots look otherwise from now on.
+
+        names: of the groups.
+        groups: the number of each robot's newest one.
+        shown: the colour of each; empty if there is none.
+        """
         codes = np.frombuffer(groups, np.uint8)
         colours = np.frombuffer(shown or bytes(len(groups)), np.uint8)
-        self._recorder.paint(_BYTES[_INKS[bodies_of(self._sorts, codes, colours)]])
+        self._recorder.paint(_BYTES[_INKS[bodies_of(self._types, codes, colours)]])
         alone = np.where(codes, np.uint8(0), colours)
         entities = [(f"group {name}", of_group(code), codes == code) for code, name in enumerate(names, 1)]
         entities += [(named(n), of_colour(n), alone == n) for n in np.unique(alone).tolist() if n]
-        found = ((name, _COLOURS[_INKS[look]], np.flatnonzero(who)) for name, look, who in entities)
-        self._parts = [part for part in found if 0 < part[2].size <= MAX_MEMBERS]
+        parts = ((name, _COLOURS[_INKS[look]], np.flatnonzero(who)) for name, look, who in entities)
+        self._parts = [part for part in parts if 0 < part[2].size <= MAX_MEMBERS]
 
     def picture(self, time: float) -> None:
         """Record the scene at this time (s)."""

@@ -102,12 +102,12 @@ class _Declared:
         return self._quantities(acts=True)
 
     def _quantities(self, *, acts: bool) -> tuple[Quantity, ...]:
-        found = (
+        quantities = (
             each.quantity(each.name or key, first_line(getattr(self._kind, key)))
             for key, each in self._variables.items()
             if each.acts is acts
         )
-        return tuple(replace(each, freshness=np.inf) for each in found)  # what is too old is read as NaN
+        return tuple(replace(each, freshness=np.inf) for each in quantities)  # what is too old is read as NaN
 
     def _made(self, bodies: Bodies, which: int | slice) -> object:
         from inspect import signature
@@ -141,9 +141,9 @@ class Objects(_Declared):
             self._hosts.append(host)
             self._tables.append(table)
         self._slots = {
-            found.quantity.name: found.slot
-            for found in (shared.bindings.values() if shared else ())
-            if isinstance(found, Variable)
+            variable.quantity.name: variable.slot
+            for variable in (shared.bindings.values() if shared else ())
+            if isinstance(variable, Variable)
         }
 
     def step(self) -> None:
@@ -183,15 +183,15 @@ class Arrays(_Declared):
     def functions(self) -> tuple[HostFunction, ...]:
         return tuple(self._function(key, each) for key, each in self._operations.items())
 
-    def _function(self, key: str, found: Operation) -> HostFunction:
+    def _function(self, key: str, operation: Operation) -> HostFunction:
         """A method `key(self, robots, ...)` as a function of expressions, which do not give `robots`."""
-        label, units = f"{self._kind.__name__}.{key}", found.units
-        if found.labelled:
+        label, units = f"{self._kind.__name__}.{key}", operation.units
+        if operation.labelled:
             raise LinkError(f"{label} is labelled, which only methods of a class for one robot can be")
-        made = replace(found, units=None if units is None else (None, *units)).host_function(self._kind, key)
+        made = replace(operation, units=None if units is None else (None, *units)).host_function(self._kind, key)
         if not made.dimensions:
             raise LinkError(f"{label} takes no robots: a vectorised class has methods ({key}(self, robots, ...))")
-        result = found.result or ""
+        result = operation.result or ""
 
         def many(_: object, robots: Whole, *arguments: Floats) -> Floats | None:
             given = [from_arrays(x, unit or "") for x, unit in zip(arguments, units or [""] * 8, strict=False)]
@@ -212,10 +212,10 @@ class Arrays(_Declared):
             arguments=arguments,
         )
 
-    def _numbers(self, found: object, unit: str, label: str, count: int) -> Floats:
+    def _numbers(self, returned: object, unit: str, label: str, count: int) -> Floats:
         """An array of the class in SI, NaN for all that is not finite. Raises LinkError for anything else."""
         try:
-            numbers = np.broadcast_to(np.asarray(found, np.float64), count)
+            numbers = np.broadcast_to(np.asarray(returned, np.float64), count)
         except (TypeError, ValueError) as error:
             raise LinkError(f"{label} gives no array of {count} numbers: {error}") from error
         converted: NDArray[np.float64] = cast(Any, si)(numbers, unit)
@@ -232,8 +232,8 @@ class Arrays(_Declared):
             step()
 
     def _value(self, key: str) -> object:
-        found = getattr(self._host, key)
-        return found() if callable(found) else found
+        value = getattr(self._host, key)
+        return value() if callable(value) else value
 
     def read(self, readings: Floats) -> None:
         """See `Payload`. Raises LinkError for what is no array of numbers."""
@@ -244,8 +244,8 @@ class Arrays(_Declared):
     def act(self, actuator: str, which: Whole, values: Floats) -> None:
         """See `Payload`."""
         key = next(key for key, each in self._variables.items() if each.acts and (each.name or key) == actuator)
-        found = self._variables[key]
-        self._set(key, which, np.clip(from_arrays(values, found.unit), found.low, found.high))
+        declared = self._variables[key]
+        self._set(key, which, np.clip(from_arrays(values, declared.unit), declared.low, declared.high))
 
     def halt(self, which: Whole) -> None:
         """See `Payload`."""
@@ -275,8 +275,8 @@ def payload_of(robots: type | str) -> Payload:
             raise MisuseError(
                 f'no robots "{robots:.80}"{did_you_mean(robots, added)}: {known}, or a class, or a number'
             )
-        found = load_extension(added[robots], "robots")
-        if not isinstance(found, type):
-            raise MisuseError(f'robots "{robots}" is no class but {found!r:.80}')
-        robots = found
+        loaded = load_extension(added[robots], "robots")
+        if not isinstance(loaded, type):
+            raise MisuseError(f'robots "{robots}" is no class but {loaded!r:.80}')
+        robots = loaded
     return Arrays(robots) if getattr(robots, "vectorised", False) else Objects(robots)

@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.api.looks import INKS, LOOKS, NONE, SORTS, body, looks_of, ring
+from sleepcast.api.looks import INKS, LOOKS, NONE, TYPES, body, looks_of, ring
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Area, Circle, Polygon, Shape, Wall
 
 WIDTH, HEIGHT = 640.0, 480.0
 """Pixels at most."""
-MOST = 2_000
+MAX_DRAWN = 2_000
 """Robots drawn; of more, so many at equal steps through their numbers, or a page of notebooks would be slow."""
 SMALLEST = 4.0
 """Pixels: half a robot's length at least."""
@@ -28,7 +28,7 @@ def picture(swarm: Swarm, caption: str) -> str:
     """The swarm as it is now, as HTML. caption: stands below."""
     legend = [_entry(*each) for each in looks_of(swarm).entries]
     count = len(swarm.simulator.names)
-    if count > MOST:
+    if count > MAX_DRAWN:
         legend.append(f"<span>{len(_shown(count)):,} of {count:,} robots are drawn</span>")
     return (
         f'<div style="font: 13px system-ui, sans-serif">{drawing(swarm, caption)}'
@@ -76,7 +76,7 @@ def drawing(swarm: Swarm, label: str) -> str:
 
 def _shown(count: int) -> NDArray[np.intp]:
     """The indices of the robots that are drawn."""
-    return np.arange(0, count, max(1, -(-count // MOST)))
+    return np.arange(0, count, max(1, -(-count // MAX_DRAWN)))
 
 
 class _Frame(NamedTuple):
@@ -117,7 +117,7 @@ def _ink(look: int) -> str:
 
 def _entry(look: int, name: str, count: int) -> str:
     """A line of the legend."""
-    heading = -np.pi / 2 if look < SORTS else 0.0
+    heading = -np.pi / 2 if look < TYPES else 0.0
     return (
         f'<span><svg width="14" height="14" viewBox="-7 -7 14 14"><path d="{body(look, 0.0, 0.0, 4.5, heading)}" '
         f'fill="{_ink(look)}"/></svg> {escape(name)}: {count:,}</span>'

@@ -120,9 +120,9 @@ class CommandResult:
 
     def table(self) -> DataTable:
         """A row for each robot: `robot`, `outcome`, `value` (SI), `fault`."""
-        found = self.account
-        names = [*found.answers, *found.silent]
-        answers = [found.answers.get(name) for name in names]
+        account = self.account
+        names = [*account.answers, *account.silent]
+        answers = [account.answers.get(name) for name in names]
         values = [np.nan if each is None or each.value is None else each.value for each in answers]
         return DataTable(
             {

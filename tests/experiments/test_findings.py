@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sleepcast.experiments.drawing import band
-from sleepcast.experiments.findings import MOST_TIMES, CurveAxes, SweepFindings
+from sleepcast.experiments.findings import MAX_TIMES, CurveAxes, SweepFindings
 from sleepcast.experiments.plan import Experiment, experiment_of
 from sleepcast.experiments.results import RunResult
 
@@ -88,7 +88,7 @@ def test_time_is_drawn_through_a_bounded_number_of_marks() -> None:
     found = findings.curves(CurveAxes("time", "a"))
     (curve,) = found.curves
     assert found.unit == "s"
-    assert 30 <= len(curve.marks) <= MOST_TIMES
+    assert 30 <= len(curve.marks) <= MAX_TIMES
     assert all(mark.mean == pytest.approx(10 * mark.at) and mark.runs == 3 for mark in curve.marks)
     assert [run.value for run in findings.runs_at(CurveAxes("time", "a"), curve.marks[2].x, "")] == [
         curve.marks[2].mean
@@ -100,7 +100,7 @@ def test_curves_that_are_cut_are_counted(monkeypatch: pytest.MonkeyPatch) -> Non
     findings = SweepFindings(wanted, outcomes(wanted))
     view = CurveAxes("robots.count", "a", "robots.limits.speed")
     assert findings.curves(view).hidden == 0
-    monkeypatch.setattr("sleepcast.experiments.findings.MOST_MARKS", 2)
+    monkeypatch.setattr("sleepcast.experiments.findings.MAX_MARKS", 2)
     found = findings.curves(view)
     assert ([len(curve.marks) for curve in found.curves], found.hidden) == ([2, 0], 2)
 

@@ -66,6 +66,6 @@ def test_of_too_many_robots_nothing_is_measured(monkeypatch: pytest.MonkeyPatch)
     fleet = sc.open("vicsek", robots=30, seed=2)
     ((_, _, read),) = live_measures(fleet)
     assert not isnan(read())
-    monkeypatch.setattr(live, "MOST_ROBOTS", 29)
+    monkeypatch.setattr(live, "MAX_ROBOTS", 29)
     with pytest.raises(SleepcastError, match="at most 29"):
         read()

@@ -360,7 +360,7 @@ class TestResults:
 
     def test_a_folder_with_something_else_is_refused(self, tmp_path: Path) -> None:
         (tmp_path / "letter").touch()
-        with pytest.raises(ResultsError, match="is there already, and holds no results"):
+        with pytest.raises(ResultsError, match="exists already, and holds no results"):
             Results(tmp_path, experiment())
 
     def test_two_sweeps_do_not_write_into_one_folder(self, tmp_path: Path) -> None:

@@ -11,10 +11,10 @@ from sleepcast.console.incoming import PageMessage, Serial, read
 from sleepcast.console.outgoing import DeskMessage
 from sleepcast.experiments.findings import Curves, ListedRun, Progress
 
-MOST_NAME = 4_000
+MAX_NAME = 4_000
 """Characters of a key, of one of its values, or of a measure."""
 
-Name = Annotated[str, Meta(max_length=MOST_NAME)]
+Name = Annotated[str, Meta(max_length=MAX_NAME)]
 
 
 class ChooseCurves(PageMessage, tag="look"):
@@ -43,8 +43,15 @@ def decode(data: str | bytes) -> Incoming:
 
 
 class ExperimentHello(DeskMessage, tag="hello"):
-    """The first words. scenario: its name; folder: of the results; x, y, by: what can be chosen; measures: what each
-    name means; goal: of a search, in words; notes: what else is to be known of it, each a sentence."""
+    """The first message.
+
+    scenario: its name.
+    folder: of the results.
+    x, y, by: what can be chosen.
+    measures: what each name means.
+    goal: of a search, in words.
+    notes: what else is to be known of it, each a sentence.
+    """
 
     scenario: str
     folder: str

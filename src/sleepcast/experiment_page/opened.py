@@ -20,7 +20,7 @@ from sleepcast.experiments.plan import Experiment, PlannedRun
 from sleepcast.experiments.run import opened
 from sleepcast.loop import Pace
 
-MOST_OPEN = 4
+MAX_OPEN = 4
 """Runs that are open at one time; one more ends the page that was opened first."""
 HOST = "127.0.0.1"
 _ADDRESS = re.compile(r"http://\S+")
@@ -41,7 +41,7 @@ class OpenedRuns:
             if known is not None and known.alive():
                 return known.address
             self._open = {number: each for number, each in self._open.items() if each.alive()}
-            while len(self._open) >= MOST_OPEN:
+            while len(self._open) >= MAX_OPEN:
                 self._open.pop(next(iter(self._open))).end()
             started = self._open[run.number] = _OpenedRun(self._experiment, run)
             return started.address
@@ -64,14 +64,14 @@ class _OpenedRun:
         self._process.start()
         theirs.close()
         try:
-            said = str(self._pipe.recv())
+            message = str(self._pipe.recv())
         except EOFError:
-            said = "its process ended"
-        found = _ADDRESS.search(said)
-        if found is None:
+            message = "its process ended"
+        address = _ADDRESS.search(message)
+        if address is None:
             self.end()
-            raise SleepcastError(f"run {run.number} cannot be opened: {said}")
-        self.address = found[0]
+            raise SleepcastError(f"run {run.number} cannot be opened: {message}")
+        self.address = address[0]
 
     def alive(self) -> bool:
         return self._process.is_alive()

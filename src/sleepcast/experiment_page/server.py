@@ -35,8 +35,11 @@ NUMBER = re.compile(r"[0-9]{1,9}")
 def experiment_page(
     findings: SweepFindings, folder: Path, *, address: Address, say: Callable[[str], None]
 ) -> Iterator[None]:
-    """Serve the page of an experiment for as long as this is entered. folder: of its results. say: tells the person at
-    the terminal where the page is. Raises what `serve_pages` raises."""
+    """Serve the page of an experiment for as long as this is entered. Raises what `serve_pages` raises.
+
+    folder: of its results.
+    say: tells the person at the terminal where the page is.
+    """
     page = _Page(findings, folder, address, say)
     page.start()
     try:

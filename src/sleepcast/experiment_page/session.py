@@ -77,9 +77,9 @@ class ExperimentSession:
             self._changed.clear()
             began, view = self._clock.now(), self._view
             await self._tell(messages.ProgressNews(self._findings.progress()))
-            found = await asyncio.to_thread(self._findings.curves, view)
+            curves = await asyncio.to_thread(self._findings.curves, view)
             if view == self._view:
-                await self._tell(messages.DrawnCurves(view.x, view.y, view.by, found))
+                await self._tell(messages.DrawnCurves(view.x, view.y, view.by, curves))
             pause = max(PERIOD, SHARE * (self._clock.now() - began))
             await wait_at_most(self._changed, pause)
 

@@ -40,21 +40,21 @@ def read_table(file: Path) -> Table:
     """The columns of a CSV file, as texts."""
     with file.open(newline="", encoding="utf-8") as opened:
         head, *rows = list(csv.reader(opened))
-    if twice := [name for place, name in enumerate(head) if name in head[:place]]:
+    if twice := [name for index, name in enumerate(head) if name in head[:index]]:
         raise ValueError(f"two columns are called {twice[0]}: give one of them another name")
-    return {name: [row[place] for row in rows] for place, name in enumerate(head)}
+    return {name: [row[index] for row in rows] for index, name in enumerate(head)}
 
 
 def numbers(column: list[str]) -> tuple[Floats, str] | None:
     """A column as numbers, NaN where it is empty, with their unit ("" for none); None if they are no numbers of one
     unit."""
-    found = [_NUMBER.fullmatch(each) if each else None for each in column]
-    if any(each and match is None for each, match in zip(column, found, strict=True)):
+    matches = [_NUMBER.fullmatch(each) if each else None for each in column]
+    if any(each and match is None for each, match in zip(column, matches, strict=True)):
         return None
-    units = {match[2] for match in found if match}
+    units = {match[2] for match in matches if match}
     if len(units) > 1:
         return None
-    return np.array([float(match[1]) if match else np.nan for match in found]), "".join(units)
+    return np.array([float(match[1]) if match else np.nan for match in matches]), "".join(units)
 
 
 def at_end(table: Table) -> Table:
@@ -64,8 +64,10 @@ def at_end(table: Table) -> Table:
 
 
 def band(values: Floats, angle: bool = False) -> tuple[float, float, float]:
-    """The mean of some runs, and the ends of its confidence interval by the percentile bootstrap (Efron, 1979). angle:
-    whether they are angles, rad: then NaN where they have no mean direction."""
+    """The mean of some runs, and the ends of its confidence interval by the percentile bootstrap (Efron, 1979).
+
+    angle: whether they are angles, rad: then NaN where they have no mean direction.
+    """
     ends = ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2)
     drawn = np.random.default_rng(0).choice(values, (RESAMPLED, len(values)))
     if angle:
@@ -78,8 +80,8 @@ def band(values: Floats, angle: bool = False) -> tuple[float, float, float]:
 
 def direction(angles: Floats) -> Floats:
     """The mean directions of angles, rad, along the last axis; NaN where unit vectors cancel."""
-    across, up = np.cos(angles).mean(-1), np.sin(angles).mean(-1)
-    return np.where(np.hypot(across, up) > 1e-9, np.arctan2(up, across), np.nan)
+    x, y = np.cos(angles).mean(-1), np.sin(angles).mean(-1)
+    return np.where(np.hypot(x, y) > 1e-9, np.arctan2(y, x), np.nan)
 
 
 def around(middle: Floats, angles: Floats) -> Floats:
@@ -101,8 +103,13 @@ def draw(
     angles: Sequence[str] = (),
 ) -> None:
     """Draw the columns `y` over `x` into an SVG, PDF or PNG file: a line or box for each of them, or of a single one
-    for each value of `by` (in a heat map, `by` is the other axis). angles: the columns of angles, rad. Raises KeyError
-    for no such column, ValueError for what cannot be drawn."""
+    for each value of `by`. Raises KeyError for no such column, ValueError for what cannot be drawn.
+
+    by: in a heat map, the other axis.
+    kind: one of KINDS.
+    dpi: dots an inch of a PNG file.
+    angles: the columns of angles, rad.
+    """
     if x != "time" and "run" in table:
         table = at_end(table)
     import matplotlib as mpl
@@ -113,24 +120,24 @@ def draw(
     mpl.rcParams["svg.fonttype"] = "none"
     figure = Figure(figsize=(6.4, 4.0), layout="constrained")
     axes = figure.add_subplot()
-    across = numbers(table[x])
-    ticks = _sorted(table[x]) if across is None or kind == "box" else []
-    places = np.array([float(ticks.index(each)) for each in table[x]]) if ticks or across is None else across[0]
-    found = {name: _measured(table, name) for name in y}
-    unit = "s" if x == "time" else "" if across is None or ticks else across[1]
+    axis = numbers(table[x])
+    ticks = _sorted(table[x]) if axis is None or kind == "box" else []
+    places = np.array([float(ticks.index(each)) for each in table[x]]) if ticks or axis is None else axis[0]
+    measured = {name: _measured(table, name) for name in y}
+    unit = "s" if x == "time" else "" if axis is None or ticks else axis[1]
     names = ", ".join(y)  # the legend names them as well
-    axes.set(xlabel=_label(x, unit), ylabel=_label(names if len(names) <= LONG else "", found[y[0]][1]), title=title)
+    axes.set(xlabel=_label(x, unit), ylabel=_label(names if len(names) <= LONG else "", measured[y[0]][1]), title=title)
     if kind == "heat":
         if by is None or len(y) > 1:
             raise ValueError("a heat map has two axes and one measure: say with --by what is on the other axis")
         _heat(figure, axes, table, (x, by, y[0]), y[0] in angles)
     else:
-        lines = [(name, values) for name, (values, _) in found.items()]
+        lines = [(name, values) for name, (values, _) in measured.items()]
         if by is not None:
             if len(y) > 1:
                 raise ValueError("either several measures or --by: each gets a line of its own")
             of = np.array(table[by])
-            lines = [(group, np.where(of == group, found[y[0]][0], np.nan)) for group in _sorted(table[by])]
+            lines = [(group, np.where(of == group, measured[y[0]][0], np.nan)) for group in _sorted(table[by])]
         for number, (name, heights) in enumerate(lines):
             angle = (y[0] if by is not None else name) in angles
             known = ~np.isnan(heights)
@@ -165,10 +172,10 @@ def _name_lines(figure, axes, by: str | None) -> None:  # type: ignore[no-untype
 
 
 def _measured(table: Table, name: str) -> tuple[Floats, str]:
-    found = numbers(table[name])
-    if found is None:
+    parsed = numbers(table[name])
+    if parsed is None:
         raise ValueError(f"the column {name} has no numbers of one unit")
-    return found
+    return parsed
 
 
 def _label(name: str, unit: str) -> str:
@@ -177,9 +184,9 @@ def _label(name: str, unit: str) -> str:
 
 def _sorted(column: list[str]) -> list[str]:
     """The different values, numbers by size."""
-    found = numbers(column)
+    parsed = numbers(column)
     different = dict.fromkeys(column)
-    return sorted(different) if found is None else sorted(different, key=lambda each: numbers([each])[0][0])  # type: ignore[index]
+    return sorted(different) if parsed is None else sorted(different, key=lambda each: numbers([each])[0][0])  # type: ignore[index]
 
 
 def _line(axes, places: Floats, heights: Floats, look: tuple[str, str, str], group: str, angle: bool) -> None:  # type: ignore[no-untyped-def]  # Matplotlib has no types
@@ -225,8 +232,8 @@ def _heat(figure, axes, table: Table, names: tuple[str, str, str], angle: bool) 
         if not np.isnan(value):
             cells.setdefault((rows.index(row), columns.index(column)), []).append(float(value))
     means = np.full((len(rows), len(columns)), np.nan)
-    for cell, found in cells.items():
-        means[cell] = direction(np.array(found)) if angle else sum(found) / len(found)
+    for cell, in_cell in cells.items():
+        means[cell] = direction(np.array(in_cell)) if angle else sum(in_cell) / len(in_cell)
     drawn = axes.imshow(means, cmap="cividis", origin="lower", aspect="auto")
     _name_ticks(axes, columns)
     axes.set_yticks(range(len(rows)), rows)

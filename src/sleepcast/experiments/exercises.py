@@ -42,8 +42,12 @@ SEEDS = (1, 2, 3)
 
 @dataclass(frozen=True)
 class Exercise:
-    """Something to make robots do. source: name or folder of its scenario. without: names that an answer may not use.
-    seconds: length of a run, in simulated time."""
+    """Something to make robots do.
+
+    source: name or folder of its scenario.
+    without: names that an answer may not use.
+    seconds: length of a run, in simulated time.
+    """
 
     name: str
     title: str
@@ -109,8 +113,11 @@ class ExerciseAnswer(NamedTuple):
 
 
 def read_answer(exercise: Exercise, text: str, name: str) -> ExerciseAnswer:
-    """An answer: a mission script, or expressions that are all sent at the start. name: of the answer, for errors.
-    Raises MisuseError for what cannot be sent, with its place."""
+    """An answer: a mission script, or expressions that are all sent at the start. Raises MisuseError for what cannot be
+    sent, with its place.
+
+    name: of the answer, for errors.
+    """
     if any(line.startswith("@") for line in text.split("\n")):
         orders = parse_mission(text, name)
     else:

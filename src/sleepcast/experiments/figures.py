@@ -26,9 +26,12 @@ def figure(
     title: str,
     angles: Sequence[str] = (),
 ) -> None:
-    """Draw the columns `y` of results (a folder, or its table as CSV) over `x`; see `drawing.draw`. angles:
-    columns of angles besides those that the folder knows. Raises MisuseError for what cannot be drawn, SleepcastError
-    where nothing can be written."""
+    """Draw the columns `y` of results over `x`; see `drawing.draw`. Raises MisuseError for what cannot be drawn,
+    SleepcastError where nothing can be written.
+
+    results: a folder, or its table as CSV.
+    angles: columns of angles besides those that the folder knows.
+    """
     if out.suffix not in FORMATS:
         raise MisuseError(f"{out}: wanted a file that ends in {', '.join(FORMATS)}")
     if find_spec("matplotlib") is None:

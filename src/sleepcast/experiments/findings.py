@@ -2,7 +2,7 @@
 
 The sweep adds each outcome as it comes; others may ask at the same time, from any thread. A curve goes over the values
 of one varied key, or over time, and each of its marks is the mean of the runs there with its confidence interval, as in
-a figure. Over time, at most `MOST_TIMES` moments of each run are kept.
+a figure. Over time, at most `MAX_TIMES` moments of each run are stored.
 """
 
 from __future__ import annotations
@@ -21,20 +21,24 @@ from sleepcast.experiments.drawing import Floats, band, numbers
 from sleepcast.experiments.plan import Experiment, ParameterRange, PlannedRun, Value
 from sleepcast.experiments.results import RunResult
 
-MOST_TIMES = 60
-"""Moments of one run that are kept: a curve over time is drawn through so many marks at most."""
-MOST_KEPT = 100_000
-"""Runs that are kept for curves; more are only counted, so that memory stays bounded."""
-MOST_LISTED = 200
+MAX_TIMES = 60
+"""Moments of one run that are stored: a curve over time is drawn through so many marks at most."""
+MAX_KEPT = 100_000
+"""Runs that are stored for curves; more are only counted, so that memory stays bounded."""
+MAX_LISTED = 200
 """Runs of one mark that are listed."""
-MOST_MARKS = 5_000
+MAX_MARKS = 5_000
 """Marks of all curves together."""
 TIME = "time"
 
 
 class CurveAxes(NamedTuple):
-    """What is looked at: a measure `y` over `x` (a varied key, or "time"), a curve for each value of `by` ("" for a
-    single one)."""
+    """What is looked at.
+
+    x: a varied key, or "time".
+    y: a measure.
+    by: a varied key, for each value of which there is a curve; "" for a single one.
+    """
 
     x: str
     y: str
@@ -42,8 +46,13 @@ class CurveAxes(NamedTuple):
 
 
 class CurvePoint(msgspec.Struct, frozen=True):
-    """Some runs at one place of a curve. x: the value there, at: where it stands on the axis. mean, low, high: of the
-    measure, with the ends of its 95 % confidence interval. runs: how many."""
+    """Some runs at one place of a curve.
+
+    x: the value there.
+    at: where it is on the axis.
+    mean, low, high: of the measure, with the ends of its 95 % confidence interval.
+    runs: how many.
+    """
 
     x: str
     at: float
@@ -54,16 +63,23 @@ class CurvePoint(msgspec.Struct, frozen=True):
 
 
 class Curve(msgspec.Struct, frozen=True):
-    """name: the value of `by`, "" for a single curve."""
+    """A curve.
+
+    name: the value of `by`; "" for a single curve.
+    """
 
     name: str
     marks: list[CurvePoint]
 
 
 class Curves(msgspec.Struct, frozen=True):
-    """unit: of the axis. ticks: the names of its places 0, 1, 2, ..., empty if it is one of numbers. joined: whether a
-    line goes through the marks; not where points were drawn from ranges. hidden: curves of which marks are left out,
-    since there are too many."""
+    """What is drawn.
+
+    unit: of the axis.
+    ticks: the names of its places 0, 1, 2, ...; empty if it is one of numbers.
+    joined: whether a line goes through the marks; not where points were drawn from ranges.
+    hidden: curves of which marks are left out, since there are too many.
+    """
 
     curves: list[Curve]
     unit: str = ""
@@ -83,9 +99,14 @@ class ListedRun(msgspec.Struct, frozen=True):
 
 
 class Progress(msgspec.Struct, frozen=True):
-    """How far a sweep has come. total: runs, at most. rest: s until its end, None while nobody can tell. errors: the
-    most frequent ones, with their counts. kept: runs that the curves are drawn from. state: "running", "finished" or
-    "stopped"."""
+    """How far a sweep has come.
+
+    total: runs, at most.
+    rest: s until its end; None while nobody can tell.
+    errors: the most frequent ones, with their counts.
+    kept: runs that the curves are drawn from.
+    state: "running", "finished" or "stopped".
+    """
 
     total: int
     done: int
@@ -97,8 +118,13 @@ class Progress(msgspec.Struct, frozen=True):
     state: str
 
 
-class _Found(NamedTuple):
-    """run: whose; last: its measures at the end, NaN unknown; times, series: of its samples, and what was measured."""
+class _FinishedRun(NamedTuple):
+    """What a run measured.
+
+    last: its measures at the end; NaN for unknown.
+    times: of its samples, s.
+    series: what was measured then.
+    """
 
     run: PlannedRun
     last: Floats
@@ -113,8 +139,9 @@ class SweepFindings:
     def __init__(self, experiment: Experiment, before: Iterable[RunResult] = ()) -> None:
         self.experiment = experiment
         self._lock = Lock()
-        self._found: list[_Found] = []
+        self._finished: list[_FinishedRun] = []
         self._numbers: dict[int, int] = {}
+        """Where a run is in that list, by its number."""
         self._done = self._failed = self._unknown = 0
         self._errors: Counter[str] = Counter()
         self._state = "running"
@@ -129,17 +156,17 @@ class SweepFindings:
         """One more run has finished, or one that had failed was done again."""
         nothing = (None,) * (1 + len(self.experiment.measures))
         samples = np.array(outcome.samples or (nothing,), np.float64)
-        kept = samples[:: self._stride]
-        found = _Found(outcome.run, samples[-1, 1:], kept[:, 0], kept[:, 1:], outcome.error)
+        thinned = samples[:: self._stride]
+        finished = _FinishedRun(outcome.run, samples[-1, 1:], thinned[:, 0], thinned[:, 1:], outcome.error)
         with self._lock:
-            known = self._numbers.get(outcome.run.number)
-            if known is not None:
-                self._count(self._found[known], -1)
-                self._found[known] = found
-            elif len(self._found) < MOST_KEPT:
-                self._numbers[outcome.run.number] = len(self._found)
-                self._found.append(found)
-            self._count(found, 1)
+            index = self._numbers.get(outcome.run.number)
+            if index is not None:
+                self._count(self._finished[index], -1)
+                self._finished[index] = finished
+            elif len(self._finished) < MAX_KEPT:
+                self._numbers[outcome.run.number] = len(self._finished)
+                self._finished.append(finished)
+            self._count(finished, 1)
 
     def finish(self, state: str = "finished") -> None:
         """Nothing more will come."""
@@ -153,7 +180,7 @@ class SweepFindings:
             rest = (monotonic() - self._began) / new * (total - done) if new and self._state == "running" else None
             errors = [each for each in self._errors.most_common(3) if each[1] > 0]
             return Progress(
-                total, done, self._failed, self._unknown, rest, errors, len(self._found), self._state
+                total, done, self._failed, self._unknown, rest, errors, len(self._finished), self._state
             )  # fmt: skip
 
     def views(self) -> dict[str, tuple[str, ...]]:
@@ -167,22 +194,22 @@ class SweepFindings:
         """What is known now. Raises KeyError for a view that there is not."""
         self._check(view)
         with self._lock:
-            found = list(self._found)
-        place = list(self.experiment.measures).index(view.y)
+            finished = list(self._finished)
+        column = list(self.experiment.measures).index(view.y)
         groups: dict[str, dict[str, list[float]]] = {}
-        for each in found:
-            line = groups.setdefault(_said(each.run, view.by), {})
+        for each in finished:
+            line = groups.setdefault(_value_of(each.run, view.by), {})
             if view.x == TIME:
-                for at, value in zip(each.times.tolist(), each.series[:, place].tolist(), strict=True):
+                for at, value in zip(each.times.tolist(), each.series[:, column].tolist(), strict=True):
                     line.setdefault(f"{at:.9g}", []).append(value)
             else:
-                line.setdefault(_said(each.run, view.x), []).append(float(each.last[place]))
+                line.setdefault(_value_of(each.run, view.x), []).append(float(each.last[column]))
         names = list(dict.fromkeys(x for line in groups.values() for x in line))
         axis = numbers(names)
         ticks = sorted(names) if axis is None else []
         places = {x: float(ticks.index(x)) for x in names} if axis is None else dict(zip(names, axis[0], strict=True))
         unit = "s" if view.x == TIME else "" if axis is None else axis[1]
-        curves, left, hidden = [], MOST_MARKS, 0
+        curves, left, hidden = [], MAX_MARKS, 0
         for name in in_order(groups):
             marks = [
                 self._mark(view, name, x, float(places[x]), values)
@@ -198,17 +225,17 @@ class SweepFindings:
     def runs_at(self, view: CurveAxes, x: str, name: str) -> list[ListedRun]:
         """The runs behind a mark; over time, those of its curve. Raises KeyError as `curves`."""
         self._check(view)
-        place = list(self.experiment.measures).index(view.y)
+        column = list(self.experiment.measures).index(view.y)
         with self._lock:
-            found = list(self._found)
-        there = [
+            finished = list(self._finished)
+        behind = [
             each
-            for each in found
-            if _said(each.run, view.by) == name and (view.x == TIME or _said(each.run, view.x) == x)
+            for each in finished
+            if _value_of(each.run, view.by) == name and (view.x == TIME or _value_of(each.run, view.x) == x)
         ]
         listed = []
-        for each in sorted(there, key=lambda each: each.run.number)[:MOST_LISTED]:
-            value = _at(each, x, place) if view.x == TIME else float(each.last[place])
+        for each in sorted(behind, key=lambda each: each.run.number)[:MAX_LISTED]:
+            value = _at(each, x, column) if view.x == TIME else float(each.last[column])
             known = None if np.isnan(value) else value
             listed.append(ListedRun(each.run.number, each.run.seed, each.run.point, known, each.error))
         return listed
@@ -217,7 +244,7 @@ class SweepFindings:
         """The finished run of this number."""
         with self._lock:
             known = self._numbers.get(number)
-            return None if known is None else self._found[known].run
+            return None if known is None else self._finished[known].run
 
     def _check(self, view: CurveAxes) -> None:
         views = self.views()
@@ -227,8 +254,8 @@ class SweepFindings:
 
     def _mark(self, view: CurveAxes, name: str, x: str, at: float, values: list[float]) -> CurvePoint | None:
         """The mean of the known values, computed again only if there are other ones; None if there is none."""
-        there = np.array(values)
-        known = there[~np.isnan(there)]
+        all_values = np.array(values)
+        known = all_values[~np.isnan(all_values)]
         if not known.size:
             return None
         before = self._bands.get((view, name, x))
@@ -241,12 +268,12 @@ class SweepFindings:
         self._bands[view, name, x] = known, mark
         return mark
 
-    def _count(self, found: _Found, sign: int) -> None:
+    def _count(self, finished: _FinishedRun, sign: int) -> None:
         self._done += sign
-        self._failed += sign * bool(found.error)
-        self._unknown += 0 if found.error else sign * int(np.isnan(found.series).sum())
-        if found.error:
-            self._errors[found.error] += sign
+        self._failed += sign * bool(finished.error)
+        self._unknown += 0 if finished.error else sign * int(np.isnan(finished.series).sum())
+        if finished.error:
+            self._errors[finished.error] += sign
 
     def _thinned(self) -> int:
         """Of so many samples one is kept."""
@@ -254,26 +281,26 @@ class SweepFindings:
         if every is None:
             return 1
         seconds = self.experiment.seconds or self.experiment.scenario_at(self.experiment.first().point).seconds
-        return max(1, -(-round(seconds / every) // (MOST_TIMES - 1)))
+        return max(1, -(-round(seconds / every) // (MAX_TIMES - 1)))
 
 
 def in_order(names: Iterable[str]) -> list[str]:
     """Numbers of one unit by size, other texts by the alphabet."""
     different = list(dict.fromkeys(names))
-    found = numbers(different)
-    if found is None:
+    parsed = numbers(different)
+    if parsed is None:
         return sorted(different)
-    return [name for _, name in sorted(zip(found[0].tolist(), different, strict=True))]
+    return [name for _, name in sorted(zip(parsed[0].tolist(), different, strict=True))]
 
 
-def _said(run: PlannedRun, key: str) -> str:
-    """What a run says of a key, as text."""
+def _value_of(run: PlannedRun, key: str) -> str:
+    """The value of a key in a run, as text."""
     if not key:
         return ""
     return str(run.seed if key == "seed" else run.point[key])
 
 
-def _at(found: _Found, x: str, place: int) -> float:
+def _at(finished: _FinishedRun, x: str, column: int) -> float:
     """What was measured at a time that a mark names, NaN if the run had ended."""
-    there = [value for at, value in zip(found.times, found.series[:, place], strict=True) if f"{at:.9g}" == x]
-    return float(there[0]) if there else float("nan")
+    values = [value for at, value in zip(finished.times, finished.series[:, column], strict=True) if f"{at:.9g}" == x]
+    return float(values[0]) if values else float("nan")

@@ -51,16 +51,16 @@ def _head(git: Path) -> str | None:
     text = (_read(git / "HEAD") or "").strip()
     if _HASH.fullmatch(text):
         return text
-    found = _REFERENCE.fullmatch(text)
-    if found is None or ".." in found[1]:
+    reference = _REFERENCE.fullmatch(text)
+    if reference is None or ".." in reference[1]:
         return None
     for place in (git, _common(git)):  # that of a work tree has its own HEAD, and shares the rest
-        commit = (_read(place / found[1]) or "").strip()
+        commit = (_read(place / reference[1]) or "").strip()
         if _HASH.fullmatch(commit):
             return commit
     for line in (_read(_common(git) / "packed-refs", MAX_PACKED) or "").splitlines():
         commit, _, name = line.partition(" ")
-        if name == found[1] and _HASH.fullmatch(commit):
+        if name == reference[1] and _HASH.fullmatch(commit):
             return commit
     return None
 

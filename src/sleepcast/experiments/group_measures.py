@@ -48,10 +48,10 @@ def polarization(group: SwarmSample, _: float) -> float:
 
 
 def rotation(group: SwarmSample, _: float) -> float:
-    across, up = group.x - group.x.mean(), group.y - group.y.mean()
-    away = np.hypot(across, up)
-    turning = across * np.sin(group.heading) - up * np.cos(group.heading)
-    return float(abs((turning / np.where(away > 0.0, away, 1.0)).mean()))
+    dx, dy = group.x - group.x.mean(), group.y - group.y.mean()
+    distance = np.hypot(dx, dy)
+    turning = dx * np.sin(group.heading) - dy * np.cos(group.heading)
+    return float(abs((turning / np.where(distance > 0.0, distance, 1.0)).mean()))
 
 
 def gyration(group: SwarmSample, _: float) -> float:
@@ -82,19 +82,19 @@ NAMES = (*ALONE, *WITHIN)
 
 def read_group_measure(text: str) -> Callable[[SimulatedFleet], float]:
     """The measure of a group that a text describes; it begins with one of NAMES. Raises MisuseError."""
-    found = _TEXT.fullmatch(text.strip())
+    parts = _TEXT.fullmatch(text.strip())
     name = text.split(maxsplit=1)[0]
     measure = (ALONE | WITHIN)[name]
-    distance = found is not None and found[2] is not None
-    if found is None or distance != (name in WITHIN):
+    distance = parts is not None and parts[2] is not None
+    if parts is None or distance != (name in WITHIN):
         wanted = f"{name} 2m" if name in WITHIN else name
         comma = decimal_comma(next(iter(text.split()[1:2]), ""))
         raise MisuseError(
             f'measure "{text:.80}": wanted {wanted}, and perhaps an expression, as in {wanted} (IN bravo){comma}'
         )
-    if distance and (found[3] not in UNITS or UNITS[found[3]].dimension != LENGTH):
-        raise MisuseError(f'measure "{text:.80}": "{found[3]:.40}" is no unit of length')
-    near, predicate = to_si(float(found[2]), found[3]) if distance else nan, found[4]
+    if distance and (parts[3] not in UNITS or UNITS[parts[3]].dimension != LENGTH):
+        raise MisuseError(f'measure "{text:.80}": "{parts[3]:.40}" is no unit of length')
+    near, predicate = to_si(float(parts[2]), parts[3]) if distance else nan, parts[4]
 
     def measured(fleet: SimulatedFleet) -> float:
         which = is_true(fleet[predicate]) if predicate else slice(None)
@@ -121,9 +121,9 @@ def _clusters(group: SwarmSample, near: float) -> NDArray[np.int32]:
 def _to_nearest(group: SwarmSample) -> Floats:
     """Distance from each of SAMPLES times SAMPLES points of the world to the nearest robot, m."""
     middles = (np.arange(SAMPLES) + 0.5) / SAMPLES
-    across, up = np.meshgrid(middles * group.size[0], middles * group.size[1])
-    away: Floats = _tree(group).query(np.column_stack((across.ravel(), up.ravel())))[0]
-    return away
+    x, y = np.meshgrid(middles * group.size[0], middles * group.size[1])
+    distances: Floats = _tree(group).query(np.column_stack((x.ravel(), y.ravel())))[0]
+    return distances
 
 
 def _tree(group: SwarmSample):  # type: ignore[no-untyped-def]  # scipy has no types

@@ -18,7 +18,7 @@ from sleepcast.experiments.measures import MeasureError, read_measure
 from sleepcast.experiments.plan import PLAN, experiment_of_scenario, read_experiment
 from sleepcast.experiments.trust import is_own, look_in, programs_of
 
-MOST_ROBOTS = 20_000
+MAX_ROBOTS = 20_000
 """Robots of which a measure of the group as a whole is taken while a page is served: of more it takes too long between
 two ticks."""
 
@@ -27,18 +27,21 @@ Taken = tuple[str, str, Callable[[], float]]
 
 
 def live_measures(fleet: SimulatedFleet, folder: Path | None = None) -> list[Taken]:
-    """The measures of the scenario's experiment, and the time series that its own file asks for. folder: of a scenario
-    that is not of the gallery. What is wrong with a measure is said when it is taken: a page opens all the same."""
+    """The measures of the scenario's experiment, and the time series that its own file asks for. What is wrong with a
+    measure is said when it is taken: a page opens all the same.
+
+    folder: of a scenario that is not of the gallery.
+    """
     scenario = fleet.swarm.simulator.scenario
     texts = _texts(scenario.name, folder)
     own = folder is not None and is_own(folder, _files(texts.values(), folder))
     if own and folder is not None:
         look_in([folder.resolve()])
-    found: list[Taken] = [(name, text, partial(_taken, text, fleet, own)) for name, text in texts.items()]
+    measures: list[Taken] = [(name, text, partial(_taken, text, fleet, own)) for name, text in texts.items()]
     for spec in scenario.measures:  # a plot is found by its name
-        name = column_name(spec.name, [known for known, *_ in found])
-        found.append((name, spec.name, partial(_latest, fleet, spec.name)))
-    return found
+        name = column_name(spec.name, [known for known, *_ in measures])
+        measures.append((name, spec.name, partial(_latest, fleet, spec.name)))
+    return measures
 
 
 def _files(texts: Iterable[str], folder: Path) -> list[Path]:
@@ -72,8 +75,8 @@ def _not_recorded() -> float:
 
 def _taken(text: str, fleet: SimulatedFleet, own: bool) -> float:
     """Raises SleepcastError for what cannot be measured, and for a fleet that is too large."""
-    if len(fleet) > MOST_ROBOTS:
-        raise SleepcastError(f"This is measured of at most {MOST_ROBOTS:,} robots while a page is open.")
+    if len(fleet) > MAX_ROBOTS:
+        raise SleepcastError(f"This is measured of at most {MAX_ROBOTS:,} robots while a page is open.")
     measure = read_measure(text, own=own)
     try:
         return measure(fleet)

@@ -93,8 +93,10 @@ class MeasureError(MisuseError):
 
 
 def read_measure(text: str, *, own: bool = False) -> Measure:
-    """The measure that a text describes. own: functions in Python, too, whose modules are imported. Raises
-    MeasureError."""
+    """The measure that a text describes. Raises MeasureError.
+
+    own: functions in Python, too, whose modules are imported.
+    """
     first, _, rest = text.strip().partition(" ")
     expression = rest.strip()
     if first in NAMES:
@@ -125,9 +127,9 @@ def read_measure(text: str, *, own: bool = False) -> Measure:
 def _meant(text: str) -> str:
     """The measure that was probably meant by what is none: other words for these, or a test without one."""
     first, _, rest = text.partition(" ")
-    if found := _CALLED.fullmatch(text):
-        given = found[2].strip()
-        return f"{found[1]} ({given})" if " " in given and not given.startswith("(") else f"{found[1]} {given}"
+    if called := _CALLED.fullmatch(text):
+        given = called[2].strip()
+        return f"{called[1]} ({given})" if " " in given and not given.startswith("(") else f"{called[1]} {given}"
     if first.casefold() in OTHER_WORDS and (rest.startswith("(") or len(rest.split()) == 1):
         return f"{OTHER_WORDS[first.casefold()]} {rest.strip()}"
     if text.startswith("("):
@@ -138,8 +140,8 @@ def _meant(text: str) -> str:
 
 def own_function(text: str) -> tuple[str, str] | None:
     """Module and name of the function in Python that a measure names; None for every other measure."""
-    found = _FUNCTION.fullmatch(text.strip())
-    return None if found is None else (found[1], found[2])
+    match = _FUNCTION.fullmatch(text.strip())
+    return None if match is None else (match[1], match[2])
 
 
 def if_known(measure: Measure) -> Measure:
@@ -156,8 +158,8 @@ def if_known(measure: Measure) -> Measure:
 
 def name_of(text: str) -> str:
     """A name for a measure that got none: the function's own, or the text with `_` for everything between words."""
-    found = own_function(text)
-    return found[1] if found else re.sub(r"\W+", "_", text).strip("_")[:32]
+    function = own_function(text)
+    return function[1] if function else re.sub(r"\W+", "_", text).strip("_")[:32]
 
 
 @dataclass(frozen=True)
@@ -176,8 +178,8 @@ class StopCondition:
 
 def read_stop(text: str, *, own: bool = False) -> StopCondition:
     """The condition that a text describes. own: as for `read_measure`. Raises MeasureError."""
-    found = _parts_of_stop(text)
-    return StopCondition(text, read_measure(found[1], own=own), _COMPARED[found[2]], float(found[3]))
+    parts = _parts_of_stop(text)
+    return StopCondition(text, read_measure(parts[1], own=own), _COMPARED[parts[2]], float(parts[3]))
 
 
 def measure_of_stop(text: str) -> str:
@@ -186,11 +188,11 @@ def measure_of_stop(text: str) -> str:
 
 
 def _parts_of_stop(text: str) -> re.Match[str]:
-    found = _STOP.fullmatch(text)
-    if found is None:
+    parts = _STOP.fullmatch(text)
+    if parts is None:
         comma = decimal_comma(re.split(r"[<>=]", text)[-1])
         raise MeasureError(f'"{text:.80}": wanted a measure and a bound, such as share (IN bravo) >= 0.9{comma}')
-    return found
+    return parts
 
 
 def _of_known(
@@ -206,12 +208,12 @@ def _of_known(
 
 
 def _quantile(text: str, rest: str) -> Measure:
-    found = _QUANTILE.fullmatch(rest)
-    share = float(found[1]) if found else nan
-    if found is None or not 0.0 <= share <= 1.0:
+    parts = _QUANTILE.fullmatch(rest)
+    share = float(parts[1]) if parts else nan
+    if parts is None or not 0.0 <= share <= 1.0:
         comma = decimal_comma(rest.split(maxsplit=1)[0])
         raise MeasureError(f'measure "{text:.80}": wanted a share and an expression, such as quantile 0.9 fuel{comma}')
-    expression = found[2]
+    expression = parts[2]
     return lambda fleet: _of_known(
         fleet,
         expression,
@@ -223,8 +225,8 @@ def _quantile(text: str, rest: str) -> Measure:
 def angle_of(text: str) -> str:
     """The expression whose values a measure turns into an angle if they are angles; "" for any other measure."""
     first, _, rest = text.strip().partition(" ")
-    if first == "quantile" and (found := _QUANTILE.fullmatch(rest.strip())):
-        return found[2]
+    if first == "quantile" and (parts := _QUANTILE.fullmatch(rest.strip())):
+        return parts[2]
     return rest.strip() if first in ANGULAR else ""
 
 
@@ -255,8 +257,8 @@ def _function(name: str, *, own: bool) -> Measure:
     try:
         if name in added:
             function = load_extension(added[name], "measure")
-        elif found := own_function(name):
-            function = getattr(import_module(found[0]), found[1])
+        elif named := own_function(name):
+            function = getattr(import_module(named[0]), named[1])
         else:
             raise MeasureError(
                 f'no measure "{name:.80}"{did_you_mean(name, (*added, *NAMES))}: wanted {", ".join(AGGREGATES)} and an '

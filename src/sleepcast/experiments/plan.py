@@ -60,7 +60,7 @@ MAX_TOGETHER = 100
 MAX_ROWS = 1_000_000
 MAX_VALUES = 1_000
 """Values of one key in a list: each is checked before the first run."""
-MOST_SAID = 5
+MAX_LISTED = 5
 """Values that a sentence about repeated ones lists."""
 MAX_VARIED, MAX_MEASURES, MAX_COMMANDS = 16, 64, 100
 LONGEST = 1e7
@@ -81,7 +81,7 @@ class PlanError(MisuseError):
 
 
 class ParameterRange(msgspec.Struct, frozen=True):
-    """From low to high, both with the same unit ("" for none). whole: only whole numbers, both ends included."""
+    """From low to high, both with the same unit ("" for none); with whole, only whole numbers, both ends included."""
 
     low: float
     high: float
@@ -117,8 +117,11 @@ class TimedCommand(msgspec.Struct, frozen=True):
 
 
 class Precision(msgspec.Struct, frozen=True):
-    """There are enough runs at a point once the confidence interval of the mean of a measure is at most `within` on
-    each side. least: runs in each round, after which that is looked at."""
+    """There are enough runs at a point once the mean of a measure is known well enough.
+
+    within: half of its confidence interval, at most.
+    least: runs in each round, after which that is looked at.
+    """
 
     measure: str
     within: float
@@ -126,8 +129,10 @@ class Precision(msgspec.Struct, frozen=True):
 
 
 class Objective(msgspec.Struct, frozen=True):
-    """What a search is for: the measure whose mean shall become as large as it can, or as small. together: points that
-    are suggested at a time; the next ones are only suggested when these are done."""
+    """What a search is for: the measure whose mean shall become as large as it can, or as small.
+
+    together: points that are suggested at a time; the next ones are only suggested when these are done.
+    """
 
     measure: str
     largest: bool
@@ -148,10 +153,14 @@ class PlannedRun(msgspec.Struct, frozen=True):
 
 
 class Experiment(msgspec.Struct, frozen=True):
-    """See the module. seconds: of a run, None for the scenario's own. every: s between samples, None for one sample at
-    the end. mission: whether the desk sends the scenario's own commands as well. over: by key, its values, or the span
-    from which they are drawn. Seeds, and the values of a key, are different ones: of equal ones the first is kept.
-    repeated: what was given more than once, in sentences for people."""
+    """See the module. Seeds, and the values of a key, are different ones: of equal ones the first is taken.
+
+    over: by key, its values, or the range from which they are drawn.
+    seconds: of a run; None for the scenario's own.
+    every: s between samples; None for one sample at the end.
+    mission: whether the desk sends the scenario's own commands as well.
+    repeated: what was given more than once, in sentences for people.
+    """
 
     scenario: str
     seeds: tuple[int, ...]
@@ -171,16 +180,16 @@ class Experiment(msgspec.Struct, frozen=True):
     def __post_init__(self) -> None:
         """Keep one of equal seeds, values and points: a run that is wanted twice is one run, and would be missed."""
         seeds, again = _different(map(read_seed, self.seeds), int)
-        said, over = [*self.repeated, *_said_again("seeds", again)], dict(self.over)
+        sentences, over = [*self.repeated, *_said_again("seeds", again)], dict(self.over)
         for key, setting in self.over.items():
             if not isinstance(setting, ParameterRange):
                 over[key], others = _different(setting, partial(_meaning, plain=_sort_of_plain(setting)))
-                said += _said_again(f"over {key:.80}", others)
+                sentences += _said_again(f"over {key:.80}", others)
         points, most = self.points, prod(map(_count, over.values()))
         if self.goal is not None and most < points:
-            said.append(f"points: only {most:,} different ones fit into these ranges, not {points:,}")
+            sentences.append(f"points: only {most:,} different ones fit into these ranges, not {points:,}")
             points = int(most)
-        for name, value in (("seeds", seeds), ("over", over), ("points", points), ("repeated", tuple(said))):
+        for name, value in (("seeds", seeds), ("over", over), ("points", points), ("repeated", tuple(sentences))):
             msgspec.structs.force_setattr(self, name, value)
 
     def __len__(self) -> int:
@@ -210,8 +219,8 @@ class Experiment(msgspec.Struct, frozen=True):
         points = list(self._points())
         width = self.points or len(points)
         for row, seed in enumerate(self.seeds):
-            for place, point in points:
-                yield PlannedRun(row * width + place, point, seed)
+            for number, point in points:
+                yield PlannedRun(row * width + number, point, seed)
 
     def grid(self) -> Iterator[dict[str, Value]]:
         """Every point of a search, one after the other, if no key has a range of numbers; else nothing."""
@@ -219,9 +228,9 @@ class Experiment(msgspec.Struct, frozen=True):
         for number in range(int(size) if isfinite(size) else 0):
             point = {}
             for key, setting in self.over.items():
-                number, place = divmod(number, int(_count(setting)))
+                number, index = divmod(number, int(_count(setting)))
                 point[key] = (
-                    setting.written(int(setting.low) + place) if isinstance(setting, ParameterRange) else setting[place]
+                    setting.written(int(setting.low) + index) if isinstance(setting, ParameterRange) else setting[index]
                 )
             yield point
 
@@ -259,11 +268,11 @@ class Experiment(msgspec.Struct, frozen=True):
     def _points(self) -> Iterator[tuple[int, dict[str, Value]]]:
         """Each point once, with its place among all that were given or drawn."""
         settings = tuple(self.over.values())
-        found: Iterable[tuple[int, Setting]] = enumerate(product(*map(_values, settings)))
+        points: Iterable[tuple[int, Setting]] = enumerate(product(*map(_values, settings)))
         if self.points:
-            found = _drawn_once(self.sampling, settings, self.points)
-        for place, values in () if self.goal is not None else found:
-            yield place, dict(zip(self.over, values, strict=True))
+            points = _drawn_once(self.sampling, settings, self.points)
+        for number, values in () if self.goal is not None else points:
+            yield number, dict(zip(self.over, values, strict=True))
 
     def first(self) -> PlannedRun:
         """A run to try things out with."""
@@ -336,15 +345,15 @@ class Experiment(msgspec.Struct, frozen=True):
 
     def _decided(self) -> dict[str, str]:
         """The keys of a scenario that an experiment decides itself, each with what to do instead."""
-        found = {
+        decided = {
             "seed": "each run has a seed of its own: --seeds 20 are 1 to 20; in a plan, seeds = [42, 43] are these",
             "speed_up": "a run of a sweep goes as fast as it can: leave it out",
         }
         if self.seconds is not None:
-            found["seconds"] = "the experiment says how long a run is: leave out one of them"
+            decided["seconds"] = "the experiment says how long a run is: leave out one of them"
         if not self.mission:
-            found["mission"] = "the experiment leaves the mission out: leave out one of them"
-        return found
+            decided["mission"] = "the experiment leaves the mission out: leave out one of them"
+        return decided
 
     def _check_search(self, goal: Objective) -> None:
         key = "maximise" if goal.largest else "minimise"
@@ -386,7 +395,10 @@ RESERVED = ("run", "seed", "time", "error", "hash")
 
 
 def read_experiment(path: Path, text: str | None = None) -> Experiment:
-    """The experiment in the TOML file at `path`; text: what would stand in it. Raises SettingsError."""
+    """The experiment in the TOML file at `path`. Raises SettingsError.
+
+    text: what is in the file; None to read it.
+    """
     with toml_document(path, text).root() as root:
         sampling = root.text("sampling", "grid", choices=SAMPLINGS)
         most = MAX_SEARCHED if sampling == SEARCH else MAX_ROWS
@@ -400,15 +412,19 @@ def read_experiment(path: Path, text: str | None = None) -> Experiment:
         with measures:
             taken = {name: measures.text(name, most=4_000) for name in measures.names()}
         return Experiment(
-            scenario=_scenario(root),
-            seeds=_seeds(root),
+            scenario=_absolute(root.text("scenario", most=4_000), root.document.path.parent),
+            seeds=(
+                root.wholes("seeds", (), low=0, high=MAX_SEED, most=MAX_ROWS)
+                if isinstance(root.values.get("seeds"), list)
+                else _numbers(root.whole("seeds", 1, low=1, high=MAX_ROWS))
+            ),
             measures=taken,
             over=over,
             seconds=root.number("seconds", TIME, low=0.0, high=LONGEST) if root.has("seconds") else None,
             every=root.number("every", TIME, low=0.001, high=LONGEST) if root.has("every") else None,
             until=root.text("until", ""),
             mission=root.flag("mission", True),
-            commands=tuple(_commands(root)),
+            commands=tuple(map(_command, root.array("commands", most=MAX_COMMANDS))),
             sampling=sampling,
             points=points,
             precision=_precision(root.table("precision")) if root.has("precision") else None,
@@ -452,8 +468,12 @@ def experiment_of(
     until: str = "",
     mission: bool = True,
 ) -> Experiment:
-    """The experiment that a line of commands describes. over: each `KEY=VALUE,VALUE`; measures: each `NAME=MEASURE`, or
-    a measure alone. Raises PlanError."""
+    """The experiment that a command line describes. Raises PlanError.
+
+    over: each `KEY=VALUE,VALUE`.
+    measures: each `NAME=MEASURE`, or a measure alone.
+    seeds: how many, from 1; the rest: see `Experiment`.
+    """
     name = _absolute(scenario, Path.cwd())
     return Experiment(name, _numbers(seeds), _named(measures), _varied(over), seconds, every, until, mission)
 
@@ -462,8 +482,8 @@ def _named(measures: Sequence[str]) -> dict[str, str]:
     """Measures by name. Raises PlanError for two of one name, of which one column would be lost."""
     named: dict[str, str] = {}
     for each in measures:
-        found = re.fullmatch(r"\s*([A-Za-z_]\w*)\s*=(?!=)(.+)", each, re.DOTALL)
-        name, text = (found[1], found[2].strip()) if found else (name_of(each), each.strip())
+        match = re.fullmatch(r"\s*([A-Za-z_]\w*)\s*=(?!=)(.+)", each, re.DOTALL)
+        name, text = (match[1], match[2].strip()) if match else (name_of(each), each.strip())
         if name in named:
             raise PlanError(
                 f'measures "{named[name]:.80}" and "{text:.80}" would both be called {name:.80}: give them different '
@@ -478,10 +498,10 @@ def _run_of(scenario: Scenario) -> Scenario:
     return replace(scenario, title="", about="", speed_up=1.0, length_unit="", commands=(), sliders=(), origin="")
 
 
-def _varied(said: Sequence[str]) -> dict[str, Setting | ParameterRange]:
+def _varied(options: Sequence[str]) -> dict[str, Setting | ParameterRange]:
     """What options say is varied, each as `KEY=VALUE,VALUE`."""
     varied: dict[str, Setting | ParameterRange] = {}
-    for each in said:
+    for each in options:
         key, equals, values = each.partition("=")
         if not equals or not key.strip() or not values.strip():
             raise PlanError(f'over "{each:.80}": wanted a key and its values, such as radio.loss=0,0.1,0.3')
@@ -523,8 +543,8 @@ def _different(given: Iterable[Thing], meaning: Callable[[Thing], Hashable]) -> 
 def _sort_of_plain(setting: Setting) -> Dimension | None:
     """What a number without a unit is beside these: it is in SI, of the dimension that all units have."""
     units = {each.unit for each in map(as_measure, setting) if each is not None}
-    found = {UNITS[unit].dimension for unit in units if unit in UNITS}
-    return found.pop() if len(found) == 1 else None
+    dimensions = {UNITS[unit].dimension for unit in units if unit in UNITS}
+    return dimensions.pop() if len(dimensions) == 1 else None
 
 
 def _meaning(value: Value, plain: Dimension | None) -> Hashable:
@@ -532,16 +552,16 @@ def _meaning(value: Value, plain: Dimension | None) -> Hashable:
     see `_sort_of_plain`."""
     if isinstance(value, bool):
         return "flag", value
-    found = as_measure(value)
-    if found is None or (found.unit and found.unit not in UNITS):
+    measure = as_measure(value)
+    if measure is None or (measure.unit and measure.unit not in UNITS):
         return "text", value
-    exact = value if isinstance(value, int) else found.value  # as a float, large ones would be equal
-    return UNITS[found.unit].dimension if found.unit else plain, exact
+    exact = value if isinstance(value, int) else measure.value  # as a float, large ones would be equal
+    return UNITS[measure.unit].dimension if measure.unit else plain, exact
 
 
 def _said_again(what: str, again: Sequence[Value]) -> list[str]:
     """The sentence about what was given more than once, if anything was."""
-    shown = ", ".join(map(str, dict.fromkeys(again[:MOST_SAID]))) + (", ..." if len(again) > MOST_SAID else "")
+    shown = ", ".join(map(str, dict.fromkeys(again[:MAX_LISTED]))) + (", ..." if len(again) > MAX_LISTED else "")
     return [f"{what}: {shown:.200} was given more than once, and is done once"] if again else []
 
 
@@ -559,11 +579,11 @@ def _drawn_once(
 ) -> Iterator[tuple[int, Setting]]:
     """The different ones of so many points that are drawn, with their places."""
     taken = set[str]()
-    for place, shares in enumerate(_drawn(sampling, len(settings), count)):
+    for number, shares in enumerate(_drawn(sampling, len(settings), count)):
         values = tuple(_at(setting, share) for setting, share in zip(settings, shares, strict=True))
         if (text := json.dumps(values)) not in taken:
             taken.add(text)
-            yield place, values
+            yield number, values
 
 
 @lru_cache(maxsize=8)  # a page asks for it several times a second
@@ -585,32 +605,21 @@ def _drawn(sampling: str, dimensions: int, count: int) -> Iterator[tuple[float, 
     yield from islice((tuple(point) for point in drawn.tolist()), count)
 
 
-def _scenario(root: Table) -> str:
-    name = root.text("scenario", most=4_000)
-    return _absolute(name, root.document.path.parent)
-
-
 def _absolute(name: str, folder: Path) -> str:
     """The name of a scenario of the gallery, or the whole path of one of somebody's own."""
     path = folder / Path(name).expanduser()
     return str(path.resolve()) if path.exists() else name
 
 
-def _seeds(root: Table) -> tuple[int, ...]:
-    if isinstance(root.values.get("seeds", 1), list):
-        return root.wholes("seeds", (), low=0, high=MAX_SEED, most=MAX_ROWS)
-    return tuple(range(1, 1 + root.whole("seeds", 1, low=1, high=MAX_ROWS)))
-
-
 def _over_of(root: Table, *, sampled: bool) -> dict[str, Setting | ParameterRange]:
     """What is varied, by key. Raises SettingsError for a key that is given twice: as `"radio.loss"` and in `radio`."""
-    found: dict[str, Setting | ParameterRange] = {}
+    varied: dict[str, Setting | ParameterRange] = {}
     for key, setting in _over(root, root.table("over"), sampled=sampled):
         name = shown_key(key_path(key))
-        if name in found:
+        if name in varied:
             raise root.table("over").error(key, "it is given twice: give all its values at once")
-        found[name] = setting
-    return found
+        varied[name] = setting
+    return varied
 
 
 def _over(
@@ -654,30 +663,29 @@ def _goal(root: Table) -> Objective:
     if root.has("maximise") == root.has("minimise"):
         raise root.error("sampling", 'a search has one goal: wanted maximise = "..." or minimise = "...", a measure')
     largest = root.has("maximise")
-    measure = root.text("maximise" if largest else "minimise")
-    return Objective(measure, largest, root.whole("together", 4, low=1, high=MAX_TOGETHER))
+    return Objective(
+        root.text("maximise" if largest else "minimise"), largest, root.whole("together", 4, low=1, high=MAX_TOGETHER)
+    )
 
 
-def _precision(root: Table) -> Precision:
-    with root as table:
-        return Precision(
-            table.text("measure"), table.number("within", low=0.0), table.whole("least", 5, low=2, high=1_000)
-        )
+def _precision(table: Table) -> Precision:
+    with table:
+        least = table.whole("least", 5, low=2, high=1_000)
+        return Precision(table.text("measure"), table.number("within", low=0.0), least)
 
 
-def _commands(root: Table) -> Iterator[TimedCommand]:
-    for table in root.array("commands", most=MAX_COMMANDS):
-        with table:
-            yield TimedCommand(table.number("at", TIME, low=0.0, high=LONGEST), table.text("text", most=16_000))
+def _command(table: Table) -> TimedCommand:
+    with table:
+        return TimedCommand(table.number("at", TIME, low=0.0, high=LONGEST), table.text("text", most=16_000))
 
 
 def _value(text: str) -> Value:
     """A value as it would stand in TOML: a number, true or false, else a text."""
     if text in ("true", "false"):
         return text == "true"
-    for sort in (int, float):
+    for kind in (int, float):
         try:
-            return sort(text)
+            return kind(text)
         except ValueError:
             continue
     return text
@@ -685,7 +693,6 @@ def _value(text: str) -> Value:
 
 def _toml(value: Value | Setting | ParameterRange) -> str:
     if isinstance(value, ParameterRange):
-        ends = (f'"{each!r}{value.unit}"' if value.unit else repr(each) for each in (value.low, value.high))
-        low, high = ends
+        low, high = (f'"{each!r}{value.unit}"' if value.unit else repr(each) for each in (value.low, value.high))
         return f"{{ low = {low}, high = {high}{', whole = true' if value.whole else ''} }}"
     return toml_value(value)

@@ -19,7 +19,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from types import TracebackType
 
@@ -58,8 +58,8 @@ MAX_CELL = 64 * 1024**2
 """Bytes of one row: a million samples of a measure have a third of it."""
 MAX_VALUES = 8_000_000
 """Numbers in one row: short ones take forty times their text in memory."""
-MOST_ERROR = 4_000
-"""Characters of an error that are kept."""
+MAX_ERROR = 4_000
+"""Characters of an error that are stored."""
 
 
 class ResultsError(MisuseError):
@@ -71,10 +71,16 @@ class ResultsLostError(SleepcastError):
 
 
 class RunResult(msgspec.Struct, frozen=True):
-    """What came of a run. samples: for each its time (simulated s), then the measures in their order, None unknown.
-    error: why it failed, "" if it did not. hash: of the state at its end. wall: s that it took. unsent: commands that
-    were never sent, since it ended before, each with its time, in short. rules: by which it was done, see FORMAT.
-    missed: sentences about counts that its mission wanted, and that came otherwise."""
+    """What came of a run.
+
+    samples: for each its time (simulated s), then the measures in their order; None for unknown.
+    error: why it failed; "" if it did not.
+    hash: of the state at its end.
+    wall: s that it took.
+    unsent: commands that were never sent, since it ended before, each with its time, in short.
+    rules: by which it was done, see FORMAT.
+    missed: sentences about counts that its mission wanted, and that came otherwise.
+    """
 
     run: PlannedRun
     samples: tuple[tuple[float | None, ...], ...] = ()
@@ -91,8 +97,11 @@ class RunResult(msgspec.Struct, frozen=True):
 
 
 class Results:
-    """The folder of an experiment, open for writing by one process. outdated: by which older rule its runs were done,
-    in words; "" if they fit those of now. Raises ResultsError, and ResultsLostError where nothing can be written."""
+    """The folder of an experiment, open for writing by one process. Raises ResultsError, and ResultsLostError where
+    nothing can be written.
+
+    outdated: by which older rule its runs were done, in words; "" if they fit those of now.
+    """
 
     def __init__(self, folder: Path, experiment: Experiment) -> None:
         self.folder, self.experiment = folder, experiment
@@ -101,8 +110,8 @@ class Results:
             self._lock = lock_file(folder / LOCK)
             self._connection = sqlite3.connect(folder / RUNS, isolation_level=None)
             self._connection.execute("PRAGMA journal_mode = WAL")  # others may read meanwhile
-            before = _check_format(folder, self._connection) or FORMAT
-            self.outdated = _outdated(experiment) if before < FORMAT else ""
+            version = _check_format(folder, self._connection) or FORMAT
+            self.outdated = _outdated(experiment) if version < FORMAT else ""
             self._connection.execute(SCHEMA)
             if not self.outdated:
                 self._update()
@@ -125,31 +134,33 @@ class Results:
 
     def _update(self) -> None:
         """Make the file one of the format of now."""
-        there = _columns(self._connection)
+        present = _columns(self._connection)
         for added in ADDED:
-            if added not in there:
+            if added not in present:
                 self._connection.execute(f"ALTER TABLE runs ADD COLUMN {added} TEXT NOT NULL DEFAULT '[]'")
         self._connection.execute(f"PRAGMA user_version = {FORMAT}")
 
     def count(self) -> int:
         """How many runs have finished."""
-        found: int = self._connection.execute("SELECT count(*) FROM runs").fetchone()[0]
-        return found
+        count: int = self._connection.execute("SELECT count(*) FROM runs").fetchone()[0]
+        return count
 
     def left(self, *, retry: bool = False) -> int:
         """How many runs are to be done yet, at most."""
         condition = "WHERE error = ''" if retry else ""
-        found: int = self._connection.execute(f"SELECT count(*) FROM runs {condition}").fetchone()[0]
-        return len(self.experiment) - found
+        done: int = self._connection.execute(f"SELECT count(*) FROM runs {condition}").fetchone()[0]
+        return len(self.experiment) - done
 
     def missing(self, *, retry: bool = False) -> list[PlannedRun]:
-        """The runs that are to be done next; there may be more after these, if the experiment wants a precision. retry:
-        also those that failed."""
+        """The runs that are to be done next; there may be more after these, if the experiment wants a precision.
+
+        retry: also those that failed.
+        """
         if self.experiment.goal is not None:
             return self._suggested(self.experiment.goal, retry=retry)
         try:
-            found = self._connection.execute("SELECT key, error, samples FROM runs")
-            done = {key: _samples(text, self.experiment) for key, error, text in found if not (retry and error)}
+            rows = self._connection.execute("SELECT key, error, samples FROM runs")
+            done = {key: _samples(text, self.experiment) for key, error, text in rows if not (retry and error)}
         except (sqlite3.Error, ValueError, RecursionError) as error:
             raise ResultsError(f"{self.folder / RUNS}: the results cannot be read: {error}") from error
         precise = self._precise_points(done)
@@ -180,8 +191,8 @@ class Results:
             for number in left:
                 known = {each.run.seed: each.run for each in points.get(number, ())}
                 point = next(iter(known.values())).point if known else suggested[number]
-                missing = [place for place, seed in enumerate(seeds) if seed not in known]
-                runs += [PlannedRun(number * len(seeds) + place, point, seeds[place]) for place in missing]
+                missing = [index for index, seed in enumerate(seeds) if seed not in known]
+                runs += [PlannedRun(number * len(seeds) + index, point, seeds[index]) for index in missing]
             return runs
         return []
 
@@ -190,15 +201,15 @@ class Results:
         wanted = self.experiment.precision
         if wanted is None:
             return set()
-        place = 1 + list(self.experiment.measures).index(wanted.measure)
+        index = 1 + list(self.experiment.measures).index(wanted.measure)
         angle = wanted.measure in angles_of(self.experiment)
         values: dict[str, list[float]] = {}
         for run in self.experiment.runs():
-            found = done[run.key][-1][place] if done.get(run.key) else None
-            if found is not None:
-                values.setdefault(_point(run), []).append(found)
-        enough = {point: found for point, found in values.items() if len(found) >= wanted.least}
-        return {point for point, found in enough.items() if _spread(found, angle) <= wanted.within}
+            value = done[run.key][-1][index] if done.get(run.key) else None
+            if value is not None:
+                values.setdefault(_point(run), []).append(value)
+        enough = {point: known for point, known in values.items() if len(known) >= wanted.least}
+        return {point for point, known in enough.items() if _spread(known, angle) <= wanted.within}
 
     def _key(self, run: PlannedRun) -> str:
         """What names a row: the run; in a search, which may come to a point twice, with its number."""
@@ -208,13 +219,13 @@ class Results:
         """Write finished runs, all or none of them. Raises ResultsLostError."""
         rows = [
             (
-                *(
-                    self._key(each.run),
-                    each.run.number,
-                    msgspec.json.encode(each.run).decode(),
-                    each.error[:MOST_ERROR],
-                ),
-                *(each.hash, each.wall, json.dumps(each.samples), json.dumps(each.unsent), json.dumps(each.missed)),
+                self._key(each.run),
+                each.run.number,
+                msgspec.json.encode(each.run).decode(),
+                each.error[:MAX_ERROR],
+                each.hash,
+                each.wall,
+                *map(json.dumps, (each.samples, each.unsent, each.missed)),
             )
             for each in outcomes
         ]
@@ -237,8 +248,8 @@ def points_of(experiment: Experiment, done: Iterable[RunResult]) -> dict[int, li
 def value_of(experiment: Experiment, runs: Iterable[RunResult]) -> float | None:
     """The mean at the end of some runs of the measure that is searched for; None if it is known of none."""
     assert experiment.goal is not None
-    place = 1 + list(experiment.measures).index(experiment.goal.measure)
-    known = [value for each in runs if each.samples and (value := each.samples[-1][place]) is not None]
+    index = 1 + list(experiment.measures).index(experiment.goal.measure)
+    known = [value for each in runs if each.samples and (value := each.samples[-1][index]) is not None]
     if known and experiment.goal.measure in angles_of(experiment):
         mean = mean_direction(np.array(known))
         return None if mean != mean else mean
@@ -246,7 +257,11 @@ def value_of(experiment: Experiment, runs: Iterable[RunResult]) -> float | None:
 
 
 class Best(msgspec.Struct, frozen=True):
-    """The point at which a search has found most. value: the mean of the measure there, over so many runs."""
+    """The best point of a search.
+
+    value: the mean of the measure there.
+    runs: over how many.
+    """
 
     measure: str
     value: float
@@ -264,19 +279,25 @@ def best_of(folder: Path) -> Best | None:
     experiment = experiment_in(folder)
     if experiment.goal is None:
         return None
-    found = []
+    points = []
     for runs in points_of(experiment, outcomes_in(folder)).values():
         value = value_of(experiment, runs)
         if value is not None:
-            found.append(Best(experiment.goal.measure, value, runs[0].run.point, len(runs)))
+            points.append(Best(experiment.goal.measure, value, runs[0].run.point, len(runs)))
     best = max if experiment.goal.largest else min
-    return best(found, key=lambda each: each.value) if found else None
+    return best(points, key=lambda each: each.value) if points else None
 
 
 class Summary(msgspec.Struct, frozen=True):
-    """runs: wanted, at most; done: finished; failed: of these; unknown: values that no robot could give; unsent: in
-    how many runs each command was never sent, since they ended before; missed: in how many each count came otherwise
-    that the mission wanted."""
+    """How far an experiment has come.
+
+    runs: how many are wanted, at most.
+    done: how many have finished.
+    failed: how many of these failed.
+    unknown: values that no robot could give.
+    unsent: in how many runs each command was never sent, since they ended before.
+    missed: in how many each count that the mission wanted came otherwise.
+    """
 
     runs: int
     done: int
@@ -287,10 +308,10 @@ class Summary(msgspec.Struct, frozen=True):
 
     def sentence(self) -> str:
         """For a person."""
-        said = f"{self.done:,} of {self.runs:,} runs done"
-        said += f", {self.failed:,} of them failed" if self.failed else ""
+        sentence = f"{self.done:,} of {self.runs:,} runs done"
+        sentence += f", {self.failed:,} of them failed" if self.failed else ""
         values = "value" if self.unknown == 1 else "values"
-        return said + (f"; {self.unknown:,} {values} unknown" if self.unknown else "")
+        return sentence + (f"; {self.unknown:,} {values} unknown" if self.unknown else "")
 
 
 def experiment_in(folder: Path) -> Experiment:
@@ -308,10 +329,10 @@ def outcomes_in(folder: Path) -> Iterator[RunResult]:
     experiment = experiment_in(folder)
     with _reading(folder) as connection:
         rules = _check_format(folder, connection)
-        there = _columns(connection)
-        added = ", ".join(each if each in there else "'[]'" for each in ADDED)
-        found = connection.execute(f"SELECT run, error, hash, wall, samples, {added} FROM runs ORDER BY number")
-        for row in islice(found, MAX_ROWS):
+        present = _columns(connection)
+        added = ", ".join(each if each in present else "'[]'" for each in ADDED)
+        rows = connection.execute(f"SELECT run, error, hash, wall, samples, {added} FROM runs ORDER BY number")
+        for row in islice(rows, MAX_ROWS):
             yield _outcome(row, experiment, rules)
 
 
@@ -353,7 +374,10 @@ def _samples(text: str, experiment: Experiment) -> tuple[tuple[float | None, ...
 
 
 def check_rules(folder: Path, outdated: str) -> None:
-    """Raise ResultsError where runs of now would not fit those that are there. outdated: see `Results`."""
+    """Raise ResultsError where runs of now would not fit those in the folder.
+
+    outdated: see `Results`.
+    """
     if outdated:
         raise ResultsError(
             f"{folder}: its runs were done by sleepcast 0.2.0 or earlier, {outdated}: runs of this version would not "
@@ -388,13 +412,13 @@ def _check_format(folder: Path, connection: sqlite3.Connection) -> int:
     others = connection.execute("SELECT name FROM sqlite_schema WHERE type IN ('view', 'trigger')").fetchall()
     if others:
         raise ResultsError(f"{folder}: its {RUNS} has {others[0][0]!r:.80}, which no results have: not read")
-    found: int = connection.execute("PRAGMA user_version").fetchone()[0]
-    if found > FORMAT:
+    version: int = connection.execute("PRAGMA user_version").fetchone()[0]
+    if version > FORMAT:
         raise ResultsError(
-            f"{folder}: these results have format {found}, and this sleepcast knows formats up to {FORMAT}: "
+            f"{folder}: these results have format {version}, and this sleepcast knows formats up to {FORMAT}: "
             "use a newer sleepcast"
         )
-    return found
+    return version
 
 
 def summary_of(folder: Path) -> Summary:
@@ -402,18 +426,15 @@ def summary_of(folder: Path) -> Summary:
     experiment, done = experiment_in(folder), list(outcomes_in(folder))
     unknown = sum(value is None for each in done for sample in each.samples for value in sample)
     unsent = Counter(command for each in done for command in dict.fromkeys(each.unsent))
-    missed = Counter(said for each in done for said in dict.fromkeys(map(_wanted_in, each.missed)))
+    # of a sentence that also says how it came in one run, only what was wanted
+    wanted = ({sentence.rpartition(", but it was ")[0]: None for sentence in each.missed} for each in done)
+    missed = Counter(chain.from_iterable(wanted))
     failed = sum(bool(each.error) for each in done)
     return Summary(len(experiment), len(done), failed, unknown, dict(unsent), dict(missed))
 
 
-def _wanted_in(sentence: str) -> str:
-    """What was wanted, of a sentence that also says how it came in one run."""
-    return sentence.rpartition(", but it was ")[0]
-
-
 def table_of(folder: Path) -> DataTable:
-    """Everything that was found, see the module. Raises ResultsError."""
+    """All results, see the module. Raises ResultsError."""
     experiment = experiment_in(folder)
     rows: list[tuple[RunResult, tuple[float | None, ...]]] = []
     nothing = (None,) * (1 + len(experiment.measures))
@@ -424,8 +445,8 @@ def table_of(folder: Path) -> DataTable:
     }
     columns["run"] = np.array([outcome.run.number for outcome, _ in rows], np.int64)
     columns["seed"] = np.array([outcome.run.seed for outcome, _ in rows], np.int64)
-    for place, name in enumerate(("time", *experiment.measures)):
-        columns[name] = np.array([np.nan if sample[place] is None else sample[place] for _, sample in rows], np.float64)
+    for index, name in enumerate(("time", *experiment.measures)):
+        columns[name] = np.array([np.nan if sample[index] is None else sample[index] for _, sample in rows], np.float64)
     columns["error"] = [outcome.error for outcome, _ in rows]
     columns["hash"] = [outcome.hash for outcome, _ in rows]
     return DataTable(columns)
@@ -498,7 +519,7 @@ def _begin(folder: Path, experiment: Experiment) -> None:
             )
         return
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ResultsError(f"{folder}: is there already, and holds no results: choose another folder")
+        raise ResultsError(f"{folder}: exists already, and holds no results: choose another folder")
     folder.mkdir(parents=True, exist_ok=True)
     (folder / ABOUT).write_text(json.dumps(_about(), indent=2) + "\n", encoding="utf-8")
     replace_file(folder / PLAN, wanted.encode())

@@ -79,8 +79,8 @@ def do(experiment: Experiment, run: PlannedRun) -> RunResult:
     try:
         samples, state, unsent, missed = _done(experiment, run)
     except (Exception, SystemExit) as error:  # a measure of somebody's own may raise anything
-        said = str(error) if isinstance(error, SleepcastError) else f"{type(error).__name__}: {error}"
-        return RunResult(run, error=said or type(error).__name__, wall=perf_counter() - began, rules=FORMAT)
+        reason = str(error) if isinstance(error, SleepcastError) else f"{type(error).__name__}: {error}"
+        return RunResult(run, error=reason or type(error).__name__, wall=perf_counter() - began, rules=FORMAT)
     return RunResult(run, samples, "", state, perf_counter() - began, unsent, FORMAT, missed)
 
 
@@ -108,8 +108,8 @@ def too_late(experiment: Experiment) -> tuple[list[Order], float]:
     first of these where lengths or times are varied."""
     for scenario in experiment.timings():
         last = ticks_of(experiment, scenario)
-        if found := after_end(orders_of(experiment, scenario), last, scenario.tick):
-            return found, last * scenario.tick
+        if late := after_end(orders_of(experiment, scenario), last, scenario.tick):
+            return late, last * scenario.tick
     return [], 0.0
 
 
@@ -154,10 +154,13 @@ def _taken(fleet: SimulatedFleet, measures: Sequence[Measure]) -> tuple[float | 
 def run_all(
     results: Results, workers: int | str, *, retry: bool = False, limit: float = LONGEST_RUN
 ) -> Generator[RunResult, None, None]:
-    """Do all runs that are missing, and write each one as it finishes; gives them in that order. workers: so many
-    processes here, or the address of a dask cluster. retry: also those that failed. limit: s after which a run is
-    ended by force, and has failed; a cluster has none. Raises ResultsLostError, and
-    ClusterError where there is no cluster."""
+    """Do all runs that are missing, and write each one as it finishes; gives them in that order. Raises
+    ResultsLostError, and ClusterError where there is no cluster.
+
+    workers: so many processes here, or the address of a dask cluster.
+    retry: also those that failed.
+    limit: s after which a run is ended by force, and has failed; a cluster has none.
+    """
     experiment, left = results.experiment, results.missing(retry=retry)
     if not left:
         return
@@ -187,7 +190,10 @@ def _pool(experiment: Experiment, workers: int | str, runs: int, limit: float = 
 
 
 class Workers:
-    """Worker processes; leaving ends them, whatever they do. limit: s that a run may take."""
+    """Worker processes; leaving ends them, whatever they do.
+
+    limit: s that a run may take.
+    """
 
     def __init__(self, experiment: Experiment, count: int, limit: float = LONGEST_RUN) -> None:
         self._experiment, self._limit = experiment, limit
@@ -260,11 +266,11 @@ class _Worker:
         """Wait for the outcome of its run."""
         assert self._run is not None
         try:
-            found: RunResult = self.pipe.recv()
+            outcome: RunResult = self.pipe.recv()
         except (EOFError, OSError):
             self.end()
             return RunResult(self._run, error=ENDED)
-        return found
+        return outcome
 
     def end(self) -> None:
         """End the process at once."""
@@ -275,15 +281,17 @@ class _Worker:
 
 
 def checked_cluster(address: str, *, insecure: bool) -> str:
-    """The address of a scheduler, if it may be asked. Programs travel between a scheduler, its workers and us, both
-    ways: whoever is taken for one of them runs what he likes on all of these machines. insecure: the network in between
-    is trusted. Raises ClusterError."""
+    """The address of a scheduler, if it may be asked. Raises ClusterError. Programs travel between a scheduler, its
+    workers and us, both ways: whoever is taken for one of them runs what he likes on all of these machines.
+
+    insecure: whether the network in between is trusted.
+    """
     parts = urlsplit(address if "://" in address else f"tcp://{address}")
     try:
-        there = parts.scheme in ("tcp", "tls") and parts.hostname and parts.port
+        complete = parts.scheme in ("tcp", "tls") and parts.hostname and parts.port
     except ValueError:
-        there = None
-    if not there:
+        complete = None
+    if not complete:
         raise ClusterError(f"{address!r:.200} is no address of a dask scheduler: wanted tcp:// or tls://host:8786")
     if parts.scheme == "tcp" and not is_loopback(parts.hostname or "") and not insecure:
         raise ClusterError(
@@ -334,21 +342,26 @@ class Cluster:
                 finished.add(added)
 
     def _submit(self, run: PlannedRun) -> Future[bytes]:
-        found: Future[bytes] = self._client.submit(do_elsewhere, self._experiment, run, pure=False)
-        return found
+        future: Future[bytes] = self._client.submit(do_elsewhere, self._experiment, run, pure=False)
+        return future
 
 
 def outcome_in(answer: object, experiment: Experiment, run: PlannedRun) -> RunResult:
     """What a worker has answered, which may be anything: a failed run if it is no outcome of this one."""
     try:
-        found = msgspec.json.decode(answer if isinstance(answer, bytes) else b"", type=RunResult)
+        outcome = msgspec.json.decode(answer if isinstance(answer, bytes) else b"", type=RunResult)
     except (msgspec.DecodeError, RecursionError):
         return RunResult(run, error=NOT_OURS)
-    wide = all(len(sample) == 1 + len(experiment.measures) for sample in found.samples)
-    fits = found.run == run and wide and len(found.hash) <= LONGEST_HASH and bool(found.samples) != bool(found.error)
-    fits = fits and found.rules == FORMAT and len(found.unsent) <= MAX_ORDERS + MAX_COMMANDS
-    fits = fits and len(found.missed) <= MAX_MISSED
-    return found if fits else RunResult(run, error=NOT_OURS)
+    wide = all(len(sample) == 1 + len(experiment.measures) for sample in outcome.samples)
+    fits = (
+        outcome.run == run
+        and wide
+        and len(outcome.hash) <= LONGEST_HASH
+        and bool(outcome.samples) != bool(outcome.error)
+    )
+    fits = fits and outcome.rules == FORMAT and len(outcome.unsent) <= MAX_ORDERS + MAX_COMMANDS
+    fits = fits and len(outcome.missed) <= MAX_MISSED
+    return outcome if fits else RunResult(run, error=NOT_OURS)
 
 
 def do_elsewhere(experiment: Experiment, run: PlannedRun) -> bytes:

@@ -8,8 +8,8 @@
 Needs the libraries of the extra `gym`.
 
 task        what robots observe, do and are paid for          parallel    PettingZoo: an agent for each robot
-episode     one run of a task, step by step, on arrays        vector      Gymnasium: one policy for all robots at once
-episodes    one episode after the other, by seed and number
+episode     one run of a task, step by step, on arrays;       vector      Gymnasium: one policy for all robots at once
+            one after the other, by seed and number
 """
 
 from __future__ import annotations

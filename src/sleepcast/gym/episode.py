@@ -1,14 +1,21 @@
-"""An episode: one run of a task from its start, step by step, with arrays for all robots."""
+"""Episodes: each is one run of a task from its start, step by step, with arrays for all robots.
+
+The same seed with the same number of an episode is the same run, bit for bit, whatever came before.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from secrets import randbits
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from sleepcast.core.counter_rng import key
+from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.given_numbers import MAX_SEED, read_seed, whole_number
 from sleepcast.gym.task import CheckedTask
 from sleepcast.language import check
 from sleepcast.language.evaluate import is_true
@@ -19,8 +26,13 @@ Singles = NDArray[np.float32]
 
 
 class EpisodeStep(NamedTuple):
-    """What came of one step. observed: shape (robots, observations); reward, done: shape (robots,), 0 and True for
-    robots that were done before. ended: whether the episode has reached its goal; over: or its time."""
+    """What came of one step.
+
+    observed: shape (robots, observations).
+    reward, done: shape (robots,), 0 and True for robots that were done before.
+    ended: whether the episode has reached its goal.
+    over: whether its time is over.
+    """
 
     observed: Singles
     reward: NDArray[np.float64]
@@ -38,7 +50,9 @@ class Episode:
         self.fleet = checked.task.start(key(*purpose) >> 1)
         self._swarm = self.fleet.swarm
         self._rows = {each.name.casefold(): row for row, each in enumerate(self._swarm.simulator.model.sensors)}
-        self._programs = [] if isinstance(checked.acted, Box) else [self._program(text) for text in self._task.actions]
+        names = LearnedNames(self._swarm.vocabulary)
+        expressions = () if isinstance(checked.acted, Box) else self._task.actions
+        self._programs = [check(text, names).required() for text in expressions]
         self._done: Flags = np.zeros(len(checked.names), np.bool_)
         self._resting: Flags = self._done.copy()
         self._steps = 0
@@ -49,7 +63,10 @@ class Episode:
 
     def step(self, actions: NDArray[np.generic]) -> EpisodeStep:
         """Let all robots act that are not done, and time pass: the ticks of a step, or fewer if the episode ends on one
-        of them. actions: shape (robots, actuators), or for expressions their numbers, shape (robots,)."""
+        of them.
+
+        actions: shape (robots, actuators), or for expressions their numbers, shape (robots,).
+        """
         before = self._done.copy()
         self._act(actions, np.flatnonzero(~before))
         for _ in range(self._task.ticks):
@@ -78,17 +95,14 @@ class Episode:
     def observe(self) -> Singles:
         """What robots observe now; unknown values are 0."""
         box, sensed = self._checked.observed, self._swarm.simulator.sensed
-        found = np.empty((len(self._done), len(self._task.observations)), np.float32)
+        observed = np.empty((len(self._done), len(self._task.observations)), np.float32)
         for column, text in enumerate(self._task.observations):
             row = self._rows.get(text.casefold())
-            found[:, column] = self._values(text) if row is None else sensed[row]
-        return np.clip(np.nan_to_num(found, copy=False), box.low, box.high, out=found)
+            observed[:, column] = self._values(text) if row is None else sensed[row]
+        return np.clip(np.nan_to_num(observed, copy=False), box.low, box.high, out=observed)
 
     def _values(self, text: str) -> NDArray[np.float64]:
         return self._swarm.fleet.values_of(text, self._swarm.now())
-
-    def _program(self, text: str):  # type: ignore[no-untyped-def]  # what `CheckedTask.required` gives
-        return check(text, LearnedNames(self._swarm.vocabulary)).required()
 
     def _act(self, actions: NDArray[np.generic], robots: NDArray[np.intp]) -> None:
         box = self._checked.acted
@@ -102,3 +116,76 @@ class Episode:
             some = robots[chosen == number]
             if some.size:
                 self._swarm.fleet.run(program, self._swarm.fleet.rows(some))
+
+
+class EpisodeKey(NamedTuple):
+    """Which episode.
+
+    seed: what `reset` was given.
+    episode: how many episodes of that seed came before, from 0.
+    """
+
+    seed: int
+    episode: int
+
+
+class Episodes:
+    """One episode of a task after the other.
+
+    key: that of the one that began last; None before the first.
+    ended: whether the one that runs has reached its goal or its time.
+    """
+
+    def __init__(self, task: CheckedTask) -> None:
+        self.task = task
+        self.key: EpisodeKey | None = None
+        self.ended = False
+        self._current: Episode | None = None
+
+    def begin(self, seed: int | None, options: Mapping[str, Any] | None) -> Episode:
+        """Begin the first episode of a seed, or the one that options["episode"] names; without both, the next one of
+        the same seed. The first seed is drawn by the system if none is given, as Gymnasium has it: copies of an
+        environment would otherwise repeat each other. Raises MisuseError."""
+        self.key = _following(self.key, seed, _episode_in(options))
+        self.close()
+        self._current = Episode(self.task, *self.key)
+        return self._current
+
+    def running(self) -> Episode:
+        """Raises MisuseError if none has begun."""
+        if self._current is None:
+            raise MisuseError("no episode has begun: call reset() first")
+        return self._current
+
+    def step(self, actions: NDArray[np.generic]) -> EpisodeStep:
+        """See `Episode.step`. Raises MisuseError if none has begun."""
+        step = self.running().step(actions)
+        self.ended = step.ended or step.over
+        return step
+
+    def close(self) -> None:
+        self.ended = False
+        if self._current is not None:
+            self._current.close()
+            self._current = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A copy, in this process or another, begins anew."""
+        return {"task": self.task, "key": None, "ended": False, "_current": None}
+
+
+def _following(key: EpisodeKey | None, seed: int | None, episode: int | None) -> EpisodeKey:
+    if seed is not None:
+        return EpisodeKey(read_seed(seed), episode or 0)
+    if key is None:
+        return EpisodeKey(randbits(32), episode or 0)
+    return EpisodeKey(key.seed, key.episode + 1 if episode is None else episode)
+
+
+def _episode_in(options: Mapping[str, Any] | None) -> int | None:
+    """The one of our options; others may be for what wraps the environment, unless they are ours misspelt."""
+    for name in options or ():
+        if name != "episode" and (meant := did_you_mean(str(name), ["episode"])):
+            raise MisuseError(f'reset: no option "{name!s:.40}"{meant}')
+    episode = (options or {}).get("episode")
+    return None if episode is None else whole_number(episode, "reset: episode", 0, MAX_SEED)

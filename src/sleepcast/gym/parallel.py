@@ -12,16 +12,19 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from sleepcast.core.errors import MisuseError, did_you_mean
-from sleepcast.gym.episode import Singles
-from sleepcast.gym.episodes import EpisodeKey, Episodes
+from sleepcast.gym.episode import EpisodeKey, Episodes, Singles
 from sleepcast.gym.task import CheckedTask, Task, checked
 
 Infos = dict[str, dict[str, Any]]
 
 
 class RobotAgents(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
-    """See `parallel_env`. fleet: the run itself, to look at or to send commands to. episode_key: seed and number of the
-    episode that began last, None before the first. render_mode: always None; `fleet.picture()` draws the run."""
+    """See `parallel_env`.
+
+    fleet: the run itself, to look at or to send commands to.
+    episode_key: seed and number of the episode that began last; None before the first.
+    render_mode: always None; `fleet.picture()` draws the run.
+    """
 
     metadata = {"name": "sleepcast", "render_modes": []}  # noqa: RUF012  # as the base class has it
     render_mode = None
@@ -30,7 +33,7 @@ class RobotAgents(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
         self._task, self._episodes = task, Episodes(task)
         self.possible_agents = list(task.names)
         self.agents: list[str] = []
-        self._place = {name: place for place, name in enumerate(task.names)}
+        self._index = {name: index for index, name in enumerate(task.names)}
 
     @property
     def fleet(self) -> Any:
@@ -60,20 +63,20 @@ class RobotAgents(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
         The information of an agent that was cut off by the time says so under Gym's old name as well, since SuperSuit
         hands on no other to trainers. Raises MisuseError for an action that is missing or does not fit."""
         self._episodes.running()
-        places = [self._place[name] for name in self.agents]
+        indices = [self._index[name] for name in self.agents]
         chosen = self._chosen(actions)
         if not self.agents:
             return {}, {}, {}, {}, {}
-        made = self._episodes.step(chosen)
-        names, rows = self.agents, range(len(places))
-        observed, reward, done = made.observed[places], made.reward[places], made.done[places] | made.ended
-        cut_off = made.over & ~done
-        self.agents = [] if made.over else [name for name, gone in zip(names, done.tolist(), strict=True) if not gone]
+        step = self._episodes.step(chosen)
+        names, rows = self.agents, range(len(indices))
+        observed, reward, done = step.observed[indices], step.reward[indices], step.done[indices] | step.ended
+        cut_off = step.over & ~done
+        self.agents = [] if step.over else [name for name, gone in zip(names, done.tolist(), strict=True) if not gone]
         return (
             {names[row]: observed[row] for row in rows},
             {names[row]: float(reward[row]) for row in rows},
             {names[row]: bool(done[row]) for row in rows},
-            dict.fromkeys(names, made.over),
+            dict.fromkeys(names, step.over),
             {names[row]: {"TimeLimit.truncated": True} if cut_off[row] else {} for row in rows},
         )
 
@@ -90,14 +93,14 @@ class RobotAgents(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
         if not isinstance(actions, Mapping):
             raise MisuseError(f"actions {actions!r:.40}: wanted a dict: one for each of env.agents, by its name")
         for name in actions:
-            if name not in self._place:
-                raise MisuseError(f"action for {name!s:.40}: no such agent{did_you_mean(str(name), self._place)}")
-        found = np.zeros((len(self.possible_agents), *(self._task.acted.shape or ())))
+            if name not in self._index:
+                raise MisuseError(f"action for {name!s:.40}: no such agent{did_you_mean(str(name), self._index)}")
+        chosen = np.zeros((len(self.possible_agents), *(self._task.acted.shape or ())))
         for name in self.agents:
             if name not in actions:
                 raise MisuseError(f"no action for {name}: wanted one for each of env.agents")
-            found[self._place[name]] = self._task.action(name, actions[name])
-        return found
+            chosen[self._index[name]] = self._task.action(name, actions[name])
+        return chosen
 
 
 def parallel_env(
@@ -115,14 +118,17 @@ def parallel_env(
     mission: bool = False,
     threads: int | None = 1,
 ) -> RobotAgents:
-    """A scenario as a `pettingzoo.ParallelEnv`, with an agent for each robot under the robot's name.
+    """A scenario as a `pettingzoo.ParallelEnv`, with an agent for each robot under the robot's name. STOP and the
+    limits of the bodies hold as everywhere. Raises MisuseError for what does not fit, and CheckError for an expression.
 
-    observations: sensors by name, or expressions; what is unknown is 0. actions: actuators by name, whose setpoints
-    are chosen anew at each step; or expressions, of which one is chosen. reward: an expression on each robot after
-    each step. done: an expression that is true when a robot leaves. until: a condition of the whole fleet, as
-    "share (IN bravo) >= 0.9", that ends the episode. seconds: simulated time of an episode, None is the scenario's.
-    ticks: of the scenario, in one step. robots, over, mission, threads: as in `sleepcast.open`. STOP and the limits of
-    the bodies hold as everywhere. Raises MisuseError for what does not fit, and CheckError for an expression.
+    observations: sensors by name, or expressions; what is unknown is 0.
+    actions: actuators by name, whose setpoints are chosen anew at each step; or expressions, of which one is chosen.
+    reward: an expression on each robot after each step.
+    done: an expression that is true when a robot leaves.
+    until: a condition of the whole fleet, as "share (IN bravo) >= 0.9", that ends the episode.
+    seconds: simulated time of an episode; None is the scenario's.
+    ticks: of the scenario, in one step.
+    robots, over, mission, threads: as in `sleepcast.open`.
     """
     task = Task(
         scenario, observations, actions, reward, done, until, seconds, ticks, robots, over or {}, mission, threads

@@ -70,19 +70,19 @@ class CheckedTask:
         """What a robot does: an array of the shape of `acted`. Setpoints beyond the body's limits fit: it limits them.
         Raises MisuseError, with the robot's name, for what does not fit."""
         shape = self.acted.shape or ()
-        found = _array(action, shape, f"action for {robot}", self._wanted(shape))
-        if not self._fits(found):
+        array = _array(action, shape, f"action for {robot}", self._wanted(shape))
+        if not self._fits(array):
             raise MisuseError(f"action for {robot}: {action!r:.40}: wanted {self._wanted(shape)}")
-        return found
+        return array
 
     def all_actions(self, actions: object) -> NDArray[np.float64]:
         """The same for all robots at once: an array of a row for each. Raises MisuseError."""
         shape = len(self.names), *(self.acted.shape or ())
-        found = _array(actions, shape, "actions", f"one of shape {shape}: {self._wanted(shape[1:])} for each robot")
-        if not self._fits(found):
-            row = next(row for row, each in enumerate(found) if not self._fits(each))
-            self.action(self.names[row], found[row])
-        return found
+        array = _array(actions, shape, "actions", f"one of shape {shape}: {self._wanted(shape[1:])} for each robot")
+        if not self._fits(array):
+            row = next(row for row, each in enumerate(array) if not self._fits(each))
+            self.action(self.names[row], array[row])
+        return array
 
     def _fits(self, actions: NDArray[np.float64]) -> bool:
         if isinstance(self.acted, Discrete):
@@ -143,12 +143,12 @@ def _acted(fleet: SimulatedFleet, texts: Sequence[str]) -> Space:  # type: ignor
 def _array(given: object, shape: tuple[int, ...], what: str, wanted: str) -> NDArray[np.float64]:
     """Numbers as an array of this shape. what, wanted: of the sentence for anything else. Raises MisuseError."""
     try:
-        found = np.asarray(given, np.float64)
+        array = np.asarray(given, np.float64)
     except (TypeError, ValueError):
         raise MisuseError(f"{what}: {given!r:.40}: wanted {wanted}") from None
-    if found.shape != shape:
-        raise MisuseError(f"{what}: an array of shape {found.shape}: wanted {wanted}")
-    return found
+    if array.shape != shape:
+        raise MisuseError(f"{what}: an array of shape {array.shape}: wanted {wanted}")
+    return array
 
 
 def _box(quantities: Sequence[Quantity]) -> Box:

@@ -13,14 +13,16 @@ from numpy.typing import NDArray
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.given_numbers import read_seed
-from sleepcast.gym.episode import Flags, Singles
-from sleepcast.gym.episodes import EpisodeKey, Episodes
+from sleepcast.gym.episode import EpisodeKey, Episodes, Flags, Singles
 from sleepcast.gym.task import CheckedTask, Task, checked
 
 
 class RobotVector(VectorEnv[Singles, NDArray[np.generic], NDArray[np.generic]]):
-    """See `vector_env`. fleet: the run itself, to look at or to send commands to. episode_key: seed and number of the
-    episode that began last, None before the first."""
+    """See `vector_env`.
+
+    fleet: the run itself, to look at or to send commands to.
+    episode_key: seed and number of the episode that began last; None before the first.
+    """
 
     metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012  # as the base class has it
 
@@ -52,14 +54,16 @@ class RobotVector(VectorEnv[Singles, NDArray[np.generic], NDArray[np.generic]]):
         return observed, {}
 
     def step(self, actions: NDArray[np.generic]) -> tuple[Singles, NDArray[np.float64], Flags, Flags, dict[str, Any]]:
-        """Let all robots act and time pass. actions: shape (robots, actuators), or for expressions their numbers, shape
-        (robots,). An episode ends for all of them together; the step after it begins the next one, whatever the
-        actions. Raises MisuseError for actions that do not fit."""
+        """Let all robots act and time pass. An episode ends for all of them together; the step after it begins the next
+        one, whatever the actions. Raises MisuseError for actions that do not fit.
+
+        actions: shape (robots, actuators), or for expressions their numbers, shape (robots,).
+        """
         if self._episodes.ended:
             observed, info = self.reset()
             return observed, np.zeros(self.num_envs), self._all(False), self._all(False), info
-        made = self._episodes.step(self._task.all_actions(actions))
-        return made.observed, made.reward, self._all(made.ended), self._all(made.over), {}
+        step = self._episodes.step(self._task.all_actions(actions))
+        return step.observed, step.reward, self._all(step.ended), self._all(step.over), {}
 
     def close_extras(self, **kwargs: Any) -> None:
         self._episodes.close()

@@ -44,8 +44,11 @@ class WidgetPort(Protocol):
 
 
 class NotebookDesk:
-    """See the module. turn: a turn with the fleet, in which nobody else changes it. period: s between two pictures, at
-    least. Raises MisuseError for a fleet that is too large for a notebook."""
+    """See the module. Raises MisuseError for a fleet that is too large for a notebook.
+
+    turn: a turn with the fleet, in which nobody else changes it.
+    period: s between two pictures, at least.
+    """
 
     def __init__(
         self,
@@ -144,9 +147,9 @@ class DeskView:
             if isinstance(message, incoming.Drawn):
                 self._go_on()
                 return
-            said = self._dialogue.answer(message)
-            if isinstance(said, msgspec.Struct):
-                self._say(said)
+            answer = self._dialogue.answer(message)
+            if isinstance(answer, msgspec.Struct):
+                self._say(answer)
             if isinstance(message, CHANGING):
                 self._desk.show()
 
@@ -171,8 +174,8 @@ class DeskView:
     def tell_news(self) -> None:
         """Whatever the page does not know yet."""
         self._told = self._desk.clock.now()
-        for said in self._dialogue.news():
-            self._line.tell({"say": said})
+        for news in self._dialogue.news():
+            self._line.tell({"say": news})
 
     def show_picture(self, *, answer: bool) -> None:
         """The driver's latest picture. answer: whether it was asked for."""
@@ -184,8 +187,5 @@ class DeskView:
         self._line.tell({"say": encode(message).decode()})
 
 
-CHANGING = (
-    *(incoming.Stop, incoming.Release, SetPace, SingleStep, Send, Watch),
-    *(Play, SendLine, SkipLine),
-)
+CHANGING = (incoming.Stop, incoming.Release, SetPace, SingleStep, Send, Watch, Play, SendLine, SkipLine)
 """Messages after which there may be something new to see."""

@@ -44,8 +44,12 @@ class SteppedSwarm(SwarmAdapter):
 def simulated_desk(
     swarm: Swarm, station: Station, step: Callable[[], None], turn: Turn, log: MissionLog
 ) -> NotebookDesk:
-    """For a simulated fleet, whose time stands still until somebody lets it run, or sends its first command. step:
-    makes a tick. log: what was sent of the mission."""
+    """For a simulated fleet, whose time stands still until somebody lets it run, or sends its first command.
+
+    step: makes a tick.
+    turn: see `NotebookDesk`.
+    log: what was sent of the mission.
+    """
     clock = WallClock()
     pace = Pace(clock, swarm, swarm.simulator.scenario.speed_up, step)
     pace.paused = True
@@ -65,14 +69,19 @@ class PatientBackend(NetworkBackend):
         self._asked, self._telemetry = station, telemetry
 
     def explain(self, asked: Why) -> Explained:
-        found = ask_why(self._asked, self._telemetry, self.name_of(asked.robot), asked.command)
-        return Explained(asked.serial, show_why(found))
+        explanation = ask_why(self._asked, self._telemetry, self.name_of(asked.robot), asked.command)
+        return Explained(asked.serial, show_why(explanation))
 
 
 def connected_desk(
     station: NetworkStation, telemetry: TelemetryClient, title: str, began: float, turn: Turn
 ) -> NotebookDesk:
-    """For a fleet on the air. title: of the map. began: when the page's time begins, s of the station's clock."""
+    """For a fleet on the air.
+
+    title: of the map.
+    began: when the page's time begins, s of the station's clock.
+    turn: see `NotebookDesk`.
+    """
     ground = Scene(title, "", "robots", (), EMPTY, "m", ())
     fleet = FleetAdapter(station, telemetry, ground, EVERY, began)
     return NotebookDesk(PatientBackend(fleet, station, telemetry, began), WallClock(), turn, LOOK)

@@ -29,16 +29,16 @@ _ICON = re.compile(r"<link rel=\"icon\"[^>]*>\n")
 def page() -> str:
     """The markup of the page for a frame in a notebook; it asks for no other file."""
     text = _ICON.sub("", _read("index.html"))
-    text = _STYLE.sub(lambda found: f"<style>\n{_read(found[1])}</style>", text)
-    text = _LIBRARY.sub(lambda found: f"<script>\n{_inside_script(_read(found[1]))}</script>", text)
+    text = _STYLE.sub(lambda old: f"<style>\n{_read(old[1])}</style>", text)
+    text = _LIBRARY.sub(lambda old: f"<script>\n{_inside_script(_read(old[1]))}</script>", text)
     parts = {
         _SCRIPT: f'<script type="module">\n{_inside_script(bundle())}</script>',
         "<body>": '<body class="embedded">',
     }
-    for found, put in parts.items():
-        if text.count(found) != 1:
-            raise ValueError(f"the page cannot be put together: {found} is not once in it")
-        text = text.replace(found, put)
+    for old, new in parts.items():
+        if text.count(old) != 1:
+            raise ValueError(f"the page cannot be put together: {old} is not once in it")
+        text = text.replace(old, new)
     return text
 
 
@@ -68,9 +68,9 @@ def bundle() -> str:
     return "".join(_as_function(name, texts[name]) for name in TopologicalSorter(needs).static_order())
 
 
-def _as_constants(found: re.Match[str]) -> str:
+def _as_constants(match: re.Match[str]) -> str:
     """What stands for an import: a name may be taken in by another one."""
-    return f"const {{ {found[1].replace(' as ', ': ')} }} = module_{found[2]};"
+    return f"const {{ {match[1].replace(' as ', ': ')} }} = module_{match[2]};"
 
 
 def _as_function(name: str, text: str) -> str:

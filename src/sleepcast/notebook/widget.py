@@ -39,8 +39,8 @@ class FleetWidget(anywidget.AnyWidget):
         return f"view of {self._text()}"
 
     def _repr_mimebundle_(self, **options: object) -> tuple[dict[str, object], dict[str, object]] | None:
-        found = super()._repr_mimebundle_()
-        if found is None:
+        bundle = super()._repr_mimebundle_()
+        if bundle is None:
             return None
-        data, metadata = found
+        data, metadata = bundle
         return {**data, "text/plain": repr(self), "text/html": self._picture()}, metadata

@@ -18,7 +18,7 @@ from sleepcast.tak.picture import GROUND_ROBOT, Markers, NamedPlace, OperatingPi
 
 LISTEN = 0.05
 """Seconds between two looks at what robots say."""
-LEAST_BETWEEN = 2.0
+MIN_BETWEEN = 2.0
 """Seconds between two commands about places at least: somebody may drag a marker to and fro."""
 AGAIN, AT_ONCE = 5.0, 4
 """Seconds after which robots that do not know a place are told again: as long as a command is good. And of how many
@@ -31,11 +31,13 @@ Say = Callable[[str], None]
 
 
 class TakBridge:
-    """Between a fleet on the air and other maps.
+    """Between a fleet on the air and other maps. Raises MisuseError for a type that is none.
 
-    fleet: its name, as others see it. every: s between two pictures. markers: whether those of others become places of
-    robots; whoever may set one then says where the place is. type: of a robot's event. say: takes what the person at
-    the terminal must know. Raises MisuseError for a type that is none.
+    say: takes what the person at the terminal must know.
+    fleet: its name, as others see it.
+    every: s between two pictures.
+    markers: whether those of others become places of robots; whoever may set one then says where the place is.
+    type: of a robot's event.
     """
 
     def __init__(
@@ -60,10 +62,10 @@ class TakBridge:
         self._markers = Markers(map, fleet) if markers else None
         self._untold: dict[str, NamedPlace] = {}
         self._places: dict[str, NamedPlace] = {}
-        self._told: dict[str, float] = {}
-        """When robots were told last of a place."""
+        self._sent_at: dict[str, float] = {}
+        """When a place was last sent to robots."""
         self._may_tell = 0.0
-        self._said: set[str] = set()
+        self._complained: set[str] = set()
 
     async def run(self) -> None:
         """Go on until cancelled. Raises what the channel raises."""
@@ -84,35 +86,35 @@ class TakBridge:
 
     def _take(self, event: CotEvent) -> None:
         """Another map's event."""
-        found = None if self._markers is None else self._markers.take(event)
-        if isinstance(found, str):
-            self._complain(found)
-        elif found is not None:
-            self._places[found.key] = self._untold[found.key] = found
+        place = None if self._markers is None else self._markers.take(event)
+        if isinstance(place, str):
+            self._complain(place)
+        elif place is not None:
+            self._places[place.key] = self._untold[place.key] = place
 
     def _tell(self, now: float) -> None:
         """Tell all robots of new places, and of the others those that do not know them: they are new here, have been
         started anew, or did not hear it."""
         if now < self._may_tell:
             return
-        self._may_tell = now + LEAST_BETWEEN
+        self._may_tell = now + MIN_BETWEEN
         for key in list(self._untold)[:AT_ONCE]:
             place = self._untold.pop(key)
             if self._send(place, now):
                 self._say(f"{place.key} is at x = {place.x:.1f} m, y = {place.y:.1f} m for all robots.")
-        waiting = sorted((when, key) for key, when in self._told.items() if now >= when + AGAIN)
+        waiting = sorted((when, key) for key, when in self._sent_at.items() if now >= when + AGAIN)
         minds = [(mind, dict(mind.variables())) for mind in self._telemetry.minds.values()] if waiting else []
-        told = 0
+        again = 0
         for when, key in waiting:
             place = self._places[key]
             lacking = [mind.name for mind, values in minds if mind.reported_at > when and not place.known(values)]
-            if lacking and told < AT_ONCE:
-                told += 1
+            if lacking and again < AT_ONCE:
+                again += 1
                 self._send(place, now, lacking[:MAX_LISTED])
 
     def _send(self, place: NamedPlace, now: float, only: list[str] | None = None) -> bool:
         """Tell robots of a place; whether that was possible."""
-        self._told[place.key] = now
+        self._sent_at[place.key] = now
         try:
             self._station.send(command(place), everybody=only is None, only=only, confirmed=True)
         except SleepcastError as error:
@@ -123,6 +125,6 @@ class TakBridge:
 
     def _complain(self, sentence: str) -> None:
         """Say a sentence, once."""
-        if sentence not in self._said and len(self._said) < 1_000:
-            self._said.add(sentence)
+        if sentence not in self._complained and len(self._complained) < 1_000:
+            self._complained.add(sentence)
             self._say(sentence)

@@ -39,10 +39,18 @@ class MissingTakError(MisuseError):
 
 @dataclass(frozen=True, slots=True)
 class CotEvent:
-    """One event. uid: of the thing, the same each time. type: what it is, in the tree of MIL-STD-2525. latitude,
-    longitude: degrees of WGS 84. time, stale: s since 1970. course: degrees clockwise from north. speed: m/s. battery:
-    a share of 1. team: the name of its colour. outline: corners, (latitude, longitude), each once, of an area around
-    it; two are the ends of a line."""
+    """One event.
+
+    uid: of the thing, the same each time.
+    type: what it is, in the tree of MIL-STD-2525.
+    latitude, longitude: degrees of WGS 84.
+    time, stale: s since 1970.
+    course: degrees clockwise from north.
+    speed: m/s.
+    battery: a share of 1.
+    team: the name of its colour.
+    outline: corners, (latitude, longitude), each once, of an area around it; two are the ends of a line.
+    """
 
     uid: str
     type: str
@@ -79,13 +87,13 @@ class CotEvent:
             ElementTree.SubElement(detail, "link", point=point)
         if self.remarks:
             ElementTree.SubElement(detail, "remarks").text = self.remarks
-        found: bytes = ElementTree.tostring(top, encoding="utf-8")
-        return found
+        text: bytes = ElementTree.tostring(top, encoding="utf-8")
+        return text
 
     def protobuf(self) -> bytes:
         """The event as protobuf, without what stands before it. Raises MissingTakError."""
-        found: bytes = _takproto().xml2proto(self.xml())[len(MESH) :]
-        return bytes(found)
+        event: bytes = _takproto().xml2proto(self.xml())[len(MESH) :]
+        return bytes(event)
 
 
 def _drawn(outline: Iterable[tuple[float, float]]) -> list[str]:
@@ -125,22 +133,24 @@ def read_xml(data: bytes) -> CotEvent:
 
 def read_protobuf(data: bytes) -> CotEvent:
     """The event in this protobuf, without what stands before it. Raises EventError, and MissingTakError."""
-    takproto, errors = _takproto(), _decode_error()
+    takproto = _takproto()
+    from google.protobuf.message import DecodeError
+
     if len(data) > MAX_EVENT:
         raise EventError(f"an event of {len(data):,} bytes: at most {MAX_EVENT:,} are read")
     try:
-        found = takproto.parse_mesh(MESH + data).cotEvent
-    except errors as error:
+        event = takproto.parse_mesh(MESH + data).cotEvent
+    except DecodeError as error:
         raise EventError(f"an event that is no protobuf: {error}") from None
     return _checked(
         CotEvent(
-            uid=found.uid,
-            type=found.type,
-            latitude=found.lat,
-            longitude=found.lon,
-            time=found.sendTime / 1000.0,
-            stale=found.staleTime / 1000.0,
-            callsign=found.detail.contact.callsign[:MAX_TEXT],
+            uid=event.uid,
+            type=event.type,
+            latitude=event.lat,
+            longitude=event.lon,
+            time=event.sendTime / 1000.0,
+            stale=event.staleTime / 1000.0,
+            callsign=event.detail.contact.callsign[:MAX_TEXT],
         )
     )
 
@@ -167,13 +177,6 @@ def _takproto() -> Any:
     return takproto
 
 
-def _decode_error() -> type[Exception]:
-    from google.protobuf.message import DecodeError
-
-    found: type[Exception] = DecodeError
-    return found
-
-
 def _number(text: str | None) -> float:
     try:
         return float(text or "")
@@ -192,7 +195,7 @@ def _written(time: float) -> str:
 def _read_time(text: str) -> float:
     """s since 1970, NaN for what is no time."""
     try:
-        found = datetime.fromisoformat(text)
-        return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
+        when = datetime.fromisoformat(text)
+        return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
     except (ValueError, OverflowError):
         return math.nan

@@ -40,7 +40,7 @@ UNANSWERED = 2
 """Such questions without an answer after which one counts as gone that has answered before: not all know them."""
 SOONEST, LATEST = 0.5, 5.0
 """Seconds until a server is tried again, at first and at most: the pause doubles with each failure."""
-MOST_WAITING = 256 * 1024
+MAX_WAITING = 256 * 1024
 """Bytes that wait to be sent at most: newer news follows."""
 LISTEN = 0.05
 """Seconds between two looks for datagrams."""
@@ -75,8 +75,11 @@ class TakLink(Protocol):
 
 
 def open_link(address: str, say: Say) -> TakLink:
-    """The link to an address. say: takes a sentence when it is lost, and when it is back. Raises MisuseError for an
-    address that is none, and what a socket or a certificate is refused for."""
+    """The link to an address. Raises MisuseError for an address that is none, and what a socket or a certificate is
+    refused for.
+
+    say: takes a sentence when it is lost, and when it is back.
+    """
     parts = urlsplit(address)
     if parts.scheme == "udp":
         return Multicast(UdpTransport(address))
@@ -158,7 +161,7 @@ class Server:
             self._writer.transport.abort()  # a network that swallows everything says nothing of it for minutes
             return
         for event in events:
-            if self._writer.transport.get_write_buffer_size() > MOST_WAITING:
+            if self._writer.transport.get_write_buffer_size() > MAX_WAITING:
                 return
             self._writer.write(self._events.written(event))
 
@@ -176,7 +179,7 @@ class Server:
             except (OSError, TimeoutError, ssl.SSLError) as error:
                 why = _reason(error)
             finally:
-                self._leave()
+                self._close()
             if not lost:
                 self._say(f"{self._name} is gone: {why}. Robots go on; it is tried again until it is back.")
             lost = True
@@ -194,7 +197,7 @@ class Server:
                 self._host, self._port, ssl=self._context, server_hostname=name
             )
 
-    def _leave(self) -> None:
+    def _close(self) -> None:
         if self._writer is not None:
             self._writer.transport.abort()
             self._writer = None
@@ -210,7 +213,8 @@ class Server:
                 if self._events.answers and unanswered >= UNANSWERED:
                     raise
                 unanswered += 1
-                self._ask()
+                now = time.time()
+                self.send([CotEvent(f"sleepcast-{uuid4()}-ping", ASKED, 0.0, 0.0, now, now + PATIENCE)])
                 continue
             if not data:
                 return
@@ -224,11 +228,6 @@ class Server:
                 self._is_odd = True
                 self._say(f"{self._name} has sent what is no event of Cursor-on-Target; such things are left out.")
             await asyncio.sleep(0)  # however much has come, robots are told of, too
-
-    def _ask(self) -> None:
-        """Whether it is there."""
-        now = time.time()
-        self.send([CotEvent(f"sleepcast-{uuid4()}-ping", ASKED, 0.0, 0.0, now, now + PATIENCE)])
 
 
 def request() -> bytes:
@@ -249,8 +248,11 @@ def _reason(error: Exception) -> str:
 class EventStream:
     """Events in a stream of bytes: XML at first, protobuf once the server has agreed to it.
 
-    protobuf: whether it has. asked: whether it is asked; nothing else may be written meanwhile. reply: bytes that the
-    server is to get now. answers: whether it has said that it is there. lost: how often bytes were no event.
+    protobuf: whether it has.
+    asked: whether it is asked; nothing else may be written meanwhile.
+    answers: whether it has said that it is up.
+    reply: bytes that the server is to get now.
+    lost: how often bytes were no event.
     """
 
     def __init__(self) -> None:
@@ -269,27 +271,27 @@ class EventStream:
     def read(self, data: bytes) -> Iterator[CotEvent]:
         """The events that are whole with these bytes; what is no event is counted and left out."""
         self._waiting += data
-        while (found := self._next()) is not None:
+        while (data_of_event := self._next()) is not None:
             try:
-                event = read_protobuf(found) if self.protobuf else read_xml(found)
+                event = read_protobuf(data_of_event) if self.protobuf else read_xml(data_of_event)
             except EventError:
                 self.lost += 1
                 continue
             if event.type.startswith(CONTROL):
-                self._agree(event.type, found)
+                self._agree(event.type, data_of_event)
             else:
                 yield event
         if len(self._waiting) > MAX_EVENT:
             self.lost += 1
             self._waiting = b""
 
-    def _agree(self, type: str, said: bytes) -> None:
+    def _agree(self, type: str, content: bytes) -> None:
         """What the server says of how it talks."""
         self.answers |= type == ANSWERED
-        if type == OFFER and SUPPORTED.search(said) and not (self.asked or self.protobuf) and find_spec("takproto"):
+        if type == OFFER and SUPPORTED.search(content) and not (self.asked or self.protobuf) and find_spec("takproto"):
             self.asked, self.reply = True, request()
         elif type == RESPONSE and self.asked:
-            self.asked, self.protobuf = False, bool(AGREED.search(said))
+            self.asked, self.protobuf = False, bool(AGREED.search(content))
 
     def _next(self) -> bytes | None:
         """The bytes of the next event, taken from what waits; None if it is not whole yet."""
@@ -299,9 +301,9 @@ class EventStream:
         if end < 0:
             return None
         end += len(END)
-        found, self._waiting = self._waiting[:end], self._waiting[end:]
-        begin = found.find(b"<event")
-        return found[max(begin, 0) :]
+        event, self._waiting = self._waiting[:end], self._waiting[end:]
+        begin = event.find(b"<event")
+        return event[max(begin, 0) :]
 
     def _next_protobuf(self) -> bytes | None:
         waiting, begin = self._waiting, 0

@@ -57,8 +57,12 @@ class NamedPlace:
 
 
 class OperatingPicture:
-    """What is told. map: from metres to degrees. fleet: its name, which begins the uid of everything told. type: of a
-    robot's event."""
+    """What is sent to other maps.
+
+    map: from metres to degrees.
+    fleet: its name, which begins the uid of everything sent.
+    type: of a robot's event.
+    """
 
     def __init__(self, map: LocalMap, fleet: str, type: str = GROUND_ROBOT) -> None:
         self._map, self._fleet, self._type = map, fleet, type
@@ -67,14 +71,19 @@ class OperatingPicture:
     def events(
         self, minds: Iterable[RemoteMind], now: float, period: float, fresh: float, others: Container[str] = ()
     ) -> Iterator[CotEvent]:
-        """The events of now (Unix time, s). period: s until the next ones. fresh: how old telemetry may be, s. others:
-        names of places that came from other maps, and are there already."""
-        told = [(mind, dict(mind.variables())) for mind in minds if mind.reported_at >= now - fresh]
-        x, y = ([values.get(name, math.nan) for _, values in told] for name in "xy")
+        """The events of now.
+
+        now: Unix time, s.
+        period: s until the next ones.
+        fresh: how old telemetry may be, s.
+        others: names of places that came from other maps, and are on them already.
+        """
+        fresh_minds = [(mind, dict(mind.variables())) for mind in minds if mind.reported_at >= now - fresh]
+        x, y = ([values.get(name, math.nan) for _, values in fresh_minds] for name in "xy")
         where = self._map.degrees(x, y)
         stale = now + STALE * max(period, 1.0)
         members: dict[str, list[tuple[float, float]]] = {}
-        for (mind, values), spot, place in zip(told, where, zip(x, y, strict=True), strict=True):
+        for (mind, values), spot, place in zip(fresh_minds, where, zip(x, y, strict=True), strict=True):
             if not math.isnan(spot[0]):
                 for group in sorted(mind.telemetry.groups):
                     members.setdefault(group, []).append(place)
@@ -82,7 +91,7 @@ class OperatingPicture:
         for group, places in members.items():
             if len(places) > 1:
                 yield self._group(group, places, now, stale)
-        yield from self._places((values for _, values in told), others, now, stale)
+        yield from self._places((values for _, values in fresh_minds), others, now, stale)
 
     def _robot(
         self, mind: RemoteMind, values: Mapping[str, float], where: tuple[float, float], now: float, stale: float
@@ -125,13 +134,13 @@ class OperatingPicture:
         self, tables: Iterable[Mapping[str, float]], others: Container[str], now: float, stale: float
     ) -> Iterator[CotEvent]:
         """Pairs of variables NAME_x and NAME_y, as the first robot has them that knows them."""
-        found: dict[str, tuple[float, float]] = {}
+        places: dict[str, tuple[float, float]] = {}
         for values in tables:
             for name, x in values.items():
                 if name.endswith("_x") and not math.isnan(x + (y := values.get(f"{name[:-1]}y", math.nan))):
-                    found.setdefault(name[:-2], (x, y))
-        spots = self._map.degrees([x for x, _ in found.values()], [y for _, y in found.values()])
-        for key, (latitude, longitude) in zip(found, spots, strict=True):
+                    places.setdefault(name[:-2], (x, y))
+        spots = self._map.degrees([x for x, _ in places.values()], [y for _, y in places.values()])
+        for key, (latitude, longitude) in zip(places, spots, strict=True):
             if not math.isnan(latitude) and key not in others:
                 yield CotEvent(f"{self._fleet}.place.{key}", POINT, latitude, longitude, now, stale, key)
 
@@ -165,14 +174,14 @@ class Markers:
         if key not in self._keys and len(self._keys) >= MAX_MARKERS:
             return f"The marker {name!r:.60} is one too many: at most {MAX_MARKERS} become places."
         self._keys.add(key)
-        found = self._known[event.uid] = NamedPlace(key, *spot)
-        return found
+        self._known[event.uid] = NamedPlace(key, *spot)
+        return self._known[event.uid]
 
 
 def command(place: NamedPlace) -> str:
     """What tells robots of a place."""
-    told = " ".join(f"(DEFVAR {name}) (SETQ {name} {value:.2f}m)" for name, value in place.variables())
-    return f"(PROGN {told})"
+    settings = " ".join(f"(DEFVAR {name}) (SETQ {name} {value:.2f}m)" for name, value in place.variables())
+    return f"(PROGN {settings})"
 
 
 def key_of(callsign: str) -> str:
@@ -189,12 +198,12 @@ def hull(points: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
         return ordered
 
     def chain(points: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
-        found: list[tuple[float, float]] = []
+        corners: list[tuple[float, float]] = []
         for point in points:
-            while len(found) > 1 and _turn(found[-2], found[-1], point) <= 0.0:
-                found.pop()
-            found.append(point)
-        return found[:-1]
+            while len(corners) > 1 and _turn(corners[-2], corners[-1], point) <= 0.0:
+                corners.pop()
+            corners.append(point)
+        return corners[:-1]
 
     return chain(ordered) + chain(reversed(ordered))
 

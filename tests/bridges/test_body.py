@@ -12,7 +12,7 @@ from typing import ClassVar
 import pytest
 
 from sleepcast.bridges import BridgedBody, BusyError, Motion, OutOfReachError
-from sleepcast.bridges.body import MAX_ERRANDS, REST, ROUND
+from sleepcast.bridges.body import MAX_JOBS, REST, ROUND
 from sleepcast.core.clock import Clock, ManualClock, WallClock
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.model import Quantity
@@ -186,20 +186,20 @@ def test_a_robot_that_is_told_once_and_looked_at_rarely_is_left_in_peace_between
     assert every(cart, 0.5) == ROUND, "limits are watched in each round"
 
 
-def test_more_errands_than_it_remembers_are_refused_and_one_that_fails_is_told(cart: Cart, clock: ManualClock) -> None:
+def test_more_jobs_than_it_remembers_are_refused_and_one_that_fails_is_told(cart: Cart, clock: ManualClock) -> None:
     def refuse() -> None:
         raise MisuseError("no lamp here")
 
-    for _ in range(MAX_ERRANDS):
+    for _ in range(MAX_JOBS):
         cart.send(refuse)
     with pytest.raises(BusyError, match="64 requests wait"):
         cart.send(refuse)
     pass_time(cart, clock, 0.1)
-    assert cart.complaints() == ["no lamp here"] * MAX_ERRANDS
+    assert cart.complaints() == ["no lamp here"] * MAX_JOBS
     assert cart.lost == ""
 
 
-def test_whatever_a_bridge_raises_its_courier_goes_on_and_its_robot_rests() -> None:
+def test_whatever_a_bridge_raises_its_io_thread_goes_on_and_its_robot_rests() -> None:
     class Faulty(Cart):
         faults: ClassVar[set[str]] = set()
 
@@ -250,7 +250,7 @@ def test_whatever_a_bridge_raises_its_courier_goes_on_and_its_robot_rests() -> N
             said.clear()
 
 
-def test_what_is_done_beside_the_courier_is_told_whatever_it_fails_of(cart: Cart) -> None:
+def test_what_is_done_beside_the_io_thread_is_told_whatever_it_fails_of(cart: Cart) -> None:
     def nothing() -> None:
         raise LookupError
 

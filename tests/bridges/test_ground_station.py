@@ -26,8 +26,8 @@ from bridges.mind import PATIENCE
 from sleepcast.bridges import UNLIMITED, Opening, open_robot
 from sleepcast.bridges.address import BodyError
 from sleepcast.bridges.mavlink.ground_station import QUIET, GroundStation, PilotRequest, open_ground_station
-from sleepcast.bridges.mavlink.link import GONE, MOST_PEERS, MavlinkConnection, UdpWire
-from sleepcast.cli.local_input import wished
+from sleepcast.bridges.mavlink.link import GONE, MAX_PEERS, MavlinkConnection, UdpWire
+from sleepcast.cli.local_input import request_text
 from sleepcast.cli.node_life import NodeProcess, StartScript
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.geodesy import Origin
@@ -118,7 +118,7 @@ def test_it_is_seen_as_a_rover_where_it_is(ground: GroundStation, desk: Desk, cl
 
 
 @pytest.mark.parametrize(
-    ("order", "wish", "result"),
+    ("order", "wanted", "result"),
     [
         ((176, 1.0, 4.0), "stop", 0),
         ((176, 1.0, 15.0), "release", 0),
@@ -129,9 +129,9 @@ def test_it_is_seen_as_a_rover_where_it_is(ground: GroundStation, desk: Desk, cl
         ((22, 0.0), "", 3),
     ],
 )
-def test_orders(ground: GroundStation, desk: Desk, order: tuple[float, ...], wish: str, result: int) -> None:
+def test_orders(ground: GroundStation, desk: Desk, order: tuple[float, ...], wanted: str, result: int) -> None:
     desk.order(int(order[0]), *order[1:])
-    assert [each.sort for each in ground.wishes()] == [wish] * bool(wish)
+    assert [each.type for each in ground.requests()] == [wanted] * bool(wanted)
     assert (desk.seen["COMMAND_ACK"].command, desk.seen["COMMAND_ACK"].result) == (order[0], result)
 
 
@@ -139,23 +139,23 @@ def test_orders(ground: GroundStation, desk: Desk, order: tuple[float, ...], wis
 def test_what_is_for_everybody_or_for_another_is_not_obeyed(ground: GroundStation, desk: Desk, to: int) -> None:
     desk.order(176, 1.0, 15.0, to=to)
     desk.waiting.append(desk.velocity(1.0, 0.0, to=to))
-    assert ground.wishes() == []
+    assert ground.requests() == []
     assert "COMMAND_ACK" not in desk.seen
 
 
 def test_a_ground_station_that_drives_must_go_on(ground: GroundStation, desk: Desk, clock: ManualClock) -> None:
     desk.waiting += [desk.velocity(0.1, 0.0), desk.velocity(0.5, -0.25)]
-    assert ground.wishes() == [PilotRequest("drive", (0.5, 0.25))], "the last one, counter-clockwise"
+    assert ground.requests() == [PilotRequest("drive", (0.5, 0.25))], "the last one, counter-clockwise"
     for _ in range(5):
         clock.advance(0.8 * QUIET)
         desk.waiting.append(desk.velocity(0.5, -0.25))
-        assert ground.wishes() == [], "nothing new"
+        assert ground.requests() == [], "nothing new"
     clock.advance(1.1 * QUIET)
-    assert ground.wishes() == [PilotRequest("drive", (0.0, 0.0))]
+    assert ground.requests() == [PilotRequest("drive", (0.0, 0.0))]
     assert ground.complaints() == ["the ground station no longer drives it: it comes to rest"]
     stick = desk.mav.manual_control_encode(ROBOT, 500, 0, 0, 1000, 0)
     desk.waiting.append(desk.pack(stick))
-    assert ground.wishes() == [PilotRequest("drive", (0.5, -2.0))]
+    assert ground.requests() == [PilotRequest("drive", (0.5, -2.0))]
 
 
 def test_places_become_variables_of_its_rules(ground: GroundStation, desk: Desk) -> None:
@@ -163,16 +163,18 @@ def test_places_become_variables_of_its_rules(ground: GroundStation, desk: Desk)
     desk.waiting.append(
         desk.pack(desk.mav.set_position_target_global_int_encode(0, ROBOT, 1, 6, PLACE, *to, *(0.0,) * 8))
     )
-    (wish,) = ground.wishes()
-    assert wish.values == pytest.approx((30.0, 40.0, 0.0), abs=0.02)
-    text = wished(PilotRequest("goal", (30.0, -4.0)), ["drive_speed", "drive_turn"])
+    (request,) = ground.requests()
+    assert request.values == pytest.approx((30.0, 40.0, 0.0), abs=0.02)
+    text = request_text(PilotRequest("goal", (30.0, -4.0)), ["drive_speed", "drive_turn"])
     assert "(SETQ goal_x 30.000)" in text
     assert "(SETQ goal_y -4.000)" in text
     assert "height" not in text, "it has said none"
-    assert "(SETQ goal_height 7.500)" in wished(PilotRequest("goal", (30.0, -4.0, 7.5)), ["drive_speed", "drive_turn"])
+    assert "(SETQ goal_height 7.500)" in request_text(
+        PilotRequest("goal", (30.0, -4.0, 7.5)), ["drive_speed", "drive_turn"]
+    )
     far = desk.mav.set_position_target_local_ned_encode(0, ROBOT, 1, 1, PLACE, nan, 1e9, *(0.0,) * 9)
     desk.waiting.append(desk.pack(far))
-    assert ground.wishes() == []
+    assert ground.requests() == []
 
 
 def test_places_that_ground_stations_send_in_other_ways(ground: GroundStation, desk: Desk) -> None:
@@ -181,7 +183,7 @@ def test_places_that_ground_stations_send_in_other_ways(ground: GroundStation, d
 
     def goals(message: Any) -> list[tuple[float, ...]]:
         desk.waiting.append(desk.pack(message))
-        return [each.values[:2] for each in ground.wishes()]
+        return [each.values[:2] for each in ground.requests()]
 
     def near(frame: int) -> Any:
         return desk.mav.set_position_target_local_ned_encode(0, ROBOT, 1, frame, PLACE, 3.0, 1.0, *(0.0,) * 9)
@@ -211,7 +213,7 @@ def test_numbers_of_any_kind_do_no_harm(ground: GroundStation, desk: Desk) -> No
         desk.waiting.append(desk.velocity(odd, odd))
         local = desk.mav.set_position_target_local_ned_encode(0, ROBOT, 1, 8, PLACE, *(odd,) * 11)
         desk.waiting.append(desk.pack(local))
-    assert {each.sort for each in ground.wishes()} <= {"stop", "drive"}
+    assert {each.type for each in ground.requests()} <= {"stop", "drive"}
 
 
 @pytest.mark.parametrize("name", ["x", "height", "climb_rate", "turn_rate", "speed", "heading", "volts"])
@@ -228,7 +230,7 @@ def test_nobody_without_the_key_is_heard(ground: GroundStation, desk: Desk) -> N
     for stranger in (Desk(None), Desk(hashlib.sha256(b"another").digest())):
         stranger.order(176, 1.0, 15.0)
         desk.waiting += [*stranger.waiting, b"no MAVLink at all", b""]
-    assert ground.wishes() == []
+    assert ground.requests() == []
     (first, *others) = ground.complaints()
     assert "from the ground station were refused" in first
     assert len(others) == 2
@@ -244,23 +246,23 @@ def test_a_mode_does_not_end_a_stop_by_disarming_but_arming_does(ground: GroundS
     for off in ((400, 0.0, 21196.0), (185, 1.0)):
         ground.tell({}, stopped=False)
         desk.order(*off)
-        assert ground.wishes() == [PilotRequest("stop")]
+        assert ground.requests() == [PilotRequest("stop")]
         ground.tell({}, stopped=True)
         desk.order(176, 1.0, 15.0)
-        assert ground.wishes() == [], "it stays stopped"
+        assert ground.requests() == [], "it stays stopped"
         ground.tell({}, stopped=True)
         beat = desk.seen["HEARTBEAT"]
         assert (desk.seen["COMMAND_ACK"].result, beat.custom_mode, beat.base_mode) == (0, 15, 1), "not armed, in GUIDED"
         desk.order(192, 0.0, 1.0, 0.0, 0.0, 36.6003604, -121.8996646)
-        assert (ground.wishes(), desk.seen["COMMAND_ACK"].result) == ([], 2)
+        assert (ground.requests(), desk.seen["COMMAND_ACK"].result) == ([], 2)
         assert desk.seen["STATUSTEXT"].text == "it is stopped, so it goes nowhere"
         desk.order(400, 1.0)
-        assert ground.wishes() == [PilotRequest("release")]
+        assert ground.requests() == [PilotRequest("release")]
     desk.order(176, 1.0, 4.0)
-    ground.wishes()
+    ground.requests()
     ground.tell({}, stopped=True)
     desk.order(176, 1.0, 15.0)
-    assert ground.wishes() == [PilotRequest("release")], "a STOP by a mode ends by one"
+    assert ground.requests() == [PilotRequest("release")], "a STOP by a mode ends by one"
 
 
 def test_what_was_sent_before_a_stop_or_comes_with_it_moves_nothing_after_it(
@@ -271,12 +273,12 @@ def test_what_was_sent_before_a_stop_or_comes_with_it_moves_nothing_after_it(
     desk.waiting.append(desk.velocity(0.5, 0.0))
     desk.order(176, 1.0, 4.0)
     desk.order(192, 0.0, 1.0, 0.0, 0.0, 36.6003604, -121.8996646)
-    assert ground.wishes() == [PilotRequest("stop")]
+    assert ground.requests() == [PilotRequest("stop")]
     assert desk.seen["COMMAND_ACK"].result == 2
     desk.order(176, 1.0, 15.0)
-    assert ground.wishes() == [PilotRequest("release")]
+    assert ground.requests() == [PilotRequest("release")]
     clock.advance(1.1 * QUIET)
-    assert (ground.wishes(), ground.complaints()) == ([], [])
+    assert (ground.requests(), ground.complaints()) == ([], [])
 
 
 @pytest.mark.parametrize("free", [(400, 1.0), (176, 1.0, 15.0)])
@@ -287,12 +289,12 @@ def test_a_place_that_is_said_as_soon_as_it_is_free_is_taken(
     """Its own STOP has ended with the acknowledgement; somebody else's has not."""
     ground.tell({}, stopped=False)
     desk.order(176, 1.0, 4.0)
-    ground.wishes()
+    ground.requests()
     ground.tell({}, stopped=True, held=held)
     desk.order(int(free[0]), *free[1:])
-    assert ground.wishes() == [PilotRequest("release")]
+    assert ground.requests() == [PilotRequest("release")]
     desk.order(192, 0.0, 1.0, 0.0, 0.0, 36.6003604, -121.8996646)
-    assert [each.sort for each in ground.wishes()] == ["goal"] * (not held)
+    assert [each.type for each in ground.requests()] == ["goal"] * (not held)
     assert desk.seen["COMMAND_ACK"].result == (2 if held else 0)
 
 
@@ -300,12 +302,12 @@ def test_arming_under_a_stop_of_somebody_else_is_refused_with_the_reason(ground:
     """It was acknowledged, and the robot stayed stopped."""
     ground.tell({}, stopped=True, held=True)
     desk.order(400, 1.0)
-    assert ground.wishes() == [PilotRequest("release")], "of its own, which ends"
+    assert ground.requests() == [PilotRequest("release")], "of its own, which ends"
     assert desk.seen["COMMAND_ACK"].result == 2
     assert desk.seen["STATUSTEXT"].text == "it stays stopped: a STOP of somebody else holds"
     ground.tell({}, stopped=False)
     desk.order(400, 1.0)
-    ground.wishes()
+    ground.requests()
     assert desk.seen["COMMAND_ACK"].result == 0
 
 
@@ -352,7 +354,7 @@ def test_it_is_free_between_two_ticks_in_which_it_is_armed(ground: GroundStation
 
 def test_of_many_places_the_last_one_counts(ground: GroundStation, desk: Desk) -> None:
     desk.waiting += [setpoint(desk, 1, PLACE, place=(1.0, each, 0.0), pace=(0.0, 0.0, 0.0)) for each in range(50)]
-    assert ground.wishes() == [PilotRequest("goal", (49.0, 1.0, 0.0))]
+    assert ground.requests() == [PilotRequest("goal", (49.0, 1.0, 0.0))]
 
 
 def test_a_robot_that_begins_under_a_stop_counts_as_disarmed(ground: GroundStation, desk: Desk) -> None:
@@ -360,9 +362,9 @@ def test_a_robot_that_begins_under_a_stop_counts_as_disarmed(ground: GroundStati
     ground.tell({}, stopped=True)
     assert (desk.seen["HEARTBEAT"].custom_mode, desk.seen["HEARTBEAT"].base_mode) == (4, 1)
     desk.order(176, 1.0, 15.0)
-    assert ground.wishes() == []
+    assert ground.requests() == []
     desk.order(400, 1.0)
-    assert ground.wishes() == [PilotRequest("release")]
+    assert ground.requests() == [PilotRequest("release")]
 
 
 def test_what_programs_wait_for_before_they_command_anything(
@@ -385,7 +387,7 @@ def test_what_programs_wait_for_before_they_command_anything(
         (nan, "", 3),
     ):
         desk.order(512, number)
-        assert ground.wishes() == []
+        assert ground.requests() == []
         assert (not name or name in desk.seen, desk.seen["COMMAND_ACK"].result) == (True, result)
     assert desk.seen["AUTOPILOT_VERSION"].capabilities & 0x2008 == 0x2008, "MAVLink 2, and exact places"
     nowhere = Desk()
@@ -408,17 +410,17 @@ def test_a_velocity_to_north_and_east_is_driven_by_turning_there(
     def driven(heading: float) -> tuple[float, ...]:
         ground.tell({"x": 0.0, "y": 0.0, "heading": heading}, stopped=False)
         desk.waiting.append(desk.mav and setpoint(desk, 1, VELOCITY, place=(0.0, 0.0, 0.0), pace=(0.5, 0.0, 0.0)))
-        return next((each.values for each in ground.wishes()), ())
+        return next((each.values for each in ground.requests()), ())
 
     ground.tell({}, stopped=False)
     desk.waiting.append(north)
-    assert ground.wishes() == []
+    assert ground.requests() == []
     assert desk.seen["STATUSTEXT"].text == "it does not know its heading"
     assert driven(0.0) == pytest.approx((0.0, 2.0)), "to its left, as fast as it may"
     assert driven(pi) == pytest.approx((0.0, -2.0)), "to its right"
     assert driven(pi / 2.0 - 0.1) == pytest.approx((0.5, 0.2), abs=0.01)
     clock.advance(1.1 * QUIET)
-    assert ground.wishes() == [PilotRequest("drive", (0.0, 0.0))], "nobody goes on driving it"
+    assert ground.requests() == [PilotRequest("drive", (0.0, 0.0))], "nobody goes on driving it"
     assert ground.complaints() == ["the ground station no longer drives it: it comes to rest"]
     assert ground.complaints() == []
 
@@ -442,12 +444,12 @@ def test_a_setpoint_that_it_cannot_follow_is_refused_with_a_text_and_ends_the_on
 ) -> None:
     ground.tell({"x": 0.0, "y": 0.0, "heading": 0.0}, stopped=False)
     desk.waiting.append(desk.velocity(0.5, 0.0))
-    ground.wishes()
+    ground.requests()
     desk.waiting += [setpoint(desk, frame, mask, place=(1.0, 1.0, 0.0), pace=pace)] * 1
-    assert ground.wishes() == [PilotRequest("drive", (0.0, 0.0))]
+    assert ground.requests() == [PilotRequest("drive", (0.0, 0.0))]
     assert desk.seen.pop("STATUSTEXT").text == said
     desk.waiting.append(setpoint(desk, frame, mask, place=(1.0, 1.0, 0.0), pace=pace))
-    ground.wishes()
+    ground.requests()
     assert "STATUSTEXT" not in desk.seen, "it is not said twenty times a second"
 
 
@@ -465,7 +467,7 @@ def test_a_place_that_it_cannot_find_is_refused_with_a_text(
 ) -> None:
     ground.tell(here, stopped=False)
     desk.waiting.append(setpoint(desk, frame, PLACE, place=place, pace=(0.0, 0.0, 0.0)))
-    assert ground.wishes() == []
+    assert ground.requests() == []
     assert desk.seen["STATUSTEXT"].text == said
 
 
@@ -473,7 +475,7 @@ def test_a_mode_that_it_has_not_got_is_refused_with_a_text_however_it_is_asked_f
     ground: GroundStation, desk: Desk
 ) -> None:
     desk.waiting.append(desk.pack(desk.mav.set_mode_encode(ROBOT, 1, 11)))
-    assert ground.wishes() == []
+    assert ground.requests() == []
     assert desk.seen["STATUSTEXT"].text == "it has no such mode, only HOLD, LOITER and GUIDED"
 
 
@@ -481,8 +483,8 @@ def test_a_mode_that_it_has_not_got_is_refused_with_a_text_however_it_is_asked_f
 def test_places_on_the_earth_have_a_height_in_every_frame(ground: GroundStation, desk: Desk, frame: int) -> None:
     there = (366_003_604, -1_218_996_646, 12.5)
     desk.waiting.append(desk.pack(desk.mav.command_int_encode(ROBOT, 1, frame, 192, 0, 0, -1, 1, 0, 0, *there)))
-    (wish,) = ground.wishes()
-    assert wish.values == pytest.approx((30.0, 40.0, 12.5), abs=0.5)
+    (request,) = ground.requests()
+    assert request.values == pytest.approx((30.0, 40.0, 12.5), abs=0.5)
 
 
 def test_a_place_in_another_frame_or_without_an_origin_is_refused_with_a_text(
@@ -492,12 +494,12 @@ def test_a_place_in_another_frame_or_without_an_origin_is_refused_with_a_text(
     desk.waiting.append(
         desk.pack(desk.mav.command_int_encode(ROBOT, 1, 1, 192, 0, 0, -1, 1, 0, 0, 300_000, 20_000, 0.0))
     )
-    assert (ground.wishes(), desk.seen["COMMAND_ACK"].result) == ([], 2)
+    assert (ground.requests(), desk.seen["COMMAND_ACK"].result) == ([], 2)
     assert desk.seen["STATUSTEXT"].text == "it goes to no place in frame 1"
     other = Desk()
     lost = GroundStation(MavlinkConnection(other, ROBOT, 1, KEY), None, (1.0, 2.0), clock=clock)
     other.order(192, 0.0, 1.0, 0.0, 0.0, 36.6003604, -121.8996646)
-    assert (lost.wishes(), other.seen["COMMAND_ACK"].result) == ([], 2)
+    assert (lost.requests(), other.seen["COMMAND_ACK"].result) == ([], 2)
     assert other.seen["STATUSTEXT"].text == "it has no origin, so no place on the Earth"
 
 
@@ -508,11 +510,11 @@ def test_one_whose_clock_is_ahead_is_named_and_makes_nobody_else_look_old(ground
     ahead.order(176, 1.0, 4.0)
     desk.waiting += ahead.waiting
     desk.order(176, 1.0, 15.0)
-    assert [each.sort for each in ground.wishes()] == ["stop", "release"], "both are heard"
+    assert [each.type for each in ground.requests()] == ["stop", "release"], "both are heard"
     (said,) = ground.complaints()
     assert said.startswith("the clock of the ground station (system 254) is 3,600 s ahead of ours")
     desk.waiting += ahead.waiting
-    ground.wishes()
+    ground.requests()
     assert ground._link.complaints("the ground station") == [
         "1 messages from the ground station were refused: their timestamps are old: they are repeated, or the clock of "
         "the ground station is behind ours by more than a minute (system 254)"
@@ -533,7 +535,7 @@ def test_two_ground_stations_are_both_answered() -> None:
             line.sendto(each.waiting.pop(), ("127.0.0.1", end.port))
         found: list[PilotRequest] = []
         while len(found) < 2:
-            found += ground.wishes()
+            found += ground.requests()
         for each, line in zip(desks, lines, strict=True):
             acks: set[int] = set()
             while each.mav.srcSystem not in acks:
@@ -546,9 +548,9 @@ def test_who_is_silent_is_not_sent_to_for_ever_but_the_last_one_is(monkeypatch: 
     now = [0.0]
     monkeypatch.setattr("sleepcast.bridges.mavlink.link.monotonic", lambda: now[0])
     with closing(UdpWire("127.0.0.1", 0, listening=True)) as end:
-        for number in range(MOST_PEERS + 3):
+        for number in range(MAX_PEERS + 3):
             end.answer(("127.0.0.1", 1000 + number))
-        assert [port for _, port in end.peers] == [1003 + each for each in range(MOST_PEERS)]
+        assert [port for _, port in end.peers] == [1003 + each for each in range(MAX_PEERS)]
         now[0] = GONE + 1.0
         end.answer(("127.0.0.1", 1005))
         assert end.peers == [("127.0.0.1", 1005)]

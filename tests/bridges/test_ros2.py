@@ -259,7 +259,7 @@ def test_an_endless_place_is_unknown_and_told_and_an_endless_range_is_one(robot:
 def test_a_word_that_cannot_be_made_is_told_and_it_is_driven_and_stopped_as_before(
     robot: FakeRobot, refusal: Exception
 ) -> None:
-    """With a courier, which nothing that a link raises ends."""
+    """With an I/O thread, which nothing that a link raises ends."""
 
     class Faulty(FakeRobot):
         def say(self, topic: str, values: Mapping[str, float], now: float) -> None:

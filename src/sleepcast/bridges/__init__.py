@@ -39,7 +39,7 @@ UNLIMITED = Limits(inf, inf, inf)
 
 
 class RealRobot(Robot, Protocol):
-    """A body that is let go at the end, and comes to rest before that.
+    """A body that is brought to rest at the end, and closed.
 
     `sense` raises SleepcastError when the body can no longer be reached, and will not be.
     """
@@ -55,7 +55,7 @@ class RealRobot(Robot, Protocol):
         """What has gone wrong since the last call, in sentences, without anything being lost by it."""
 
     def close(self) -> None:
-        """Bring the body to rest and let go of it."""
+        """Bring the body to rest and close the connection."""
 
     def __enter__(self) -> Self: ...
 
@@ -68,8 +68,8 @@ class RealRobot(Robot, Protocol):
 class Opening:
     """How a body is to be opened.
 
-    in_step: every `sense` waits for the body's next tick, and nothing happens between two of them (for a simulation
-        whose time waits for its programs).
+    in_step: whether every `sense` waits for the body's next tick, and nothing happens between two of them (for a
+        simulation whose time waits for its programs).
     limits: kept as well as the body's own.
     number: the robot's id.
     seed: of a simulated body's chance.
@@ -109,8 +109,8 @@ def open_robot(uri: str, opening: Opening | None = None) -> RealRobot:
 
 
 def begin_body(body: BridgedBody, limits: Limits) -> None:
-    """Have a body keep these limits, too, and let its courier go round; it is closed if it cannot. Raises MisuseError
-    for limits that it cannot keep."""
+    """Have a body keep these limits, too, and start its I/O thread; it is closed if it cannot. Raises MisuseError for
+    limits that it cannot keep."""
     try:
         body.narrow(limits)
         body.begin()

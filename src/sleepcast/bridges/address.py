@@ -21,8 +21,13 @@ class BodyError(MisuseError):
 
 @dataclass(frozen=True, slots=True)
 class BodyAddress:
-    """Where a body is. port: None if not said; part: what stands behind #. settings: with what holds otherwise. path:
-    with its slash, of an address without a host."""
+    """Where a body is.
+
+    port: None if not given.
+    part: what stands behind #.
+    settings: those given, and the defaults of the others.
+    path: with its slash, of an address without a host.
+    """
 
     uri: str
     host: str
@@ -34,27 +39,31 @@ class BodyAddress:
     def number(self, key: str, least: float = 0.0, most: float = inf, unit: str = "") -> float:
         """A setting that is a number above `least`, or `most` at most. Raises BodyError."""
         try:
-            found = float(self.settings[key])
+            number = float(self.settings[key])
         except ValueError:
-            found = least
-        if not least < found <= most:
+            number = least
+        if not least < number <= most:
             bounds = f"a number above {least:g}" + (f" and up to {most:g}" if most < inf else "")
             what = f"{key} is {bounds}{unit and f', in {unit}'}, not {self.settings[key]!r:.40}"
             raise BodyError(f"{self.uri!r:.100}: {what}")
-        return found
+        return number
 
     def choice(self, key: str, choices: tuple[str, ...]) -> str:
         """A setting that is one of these. Raises BodyError."""
-        found = self.settings[key]
-        if found not in choices:
-            known = f"{did_you_mean(found, choices)}; there are {', '.join(choices)}"
-            raise BodyError(f"{self.uri!r:.100}: there is no {key} {found!r:.40}{known}")
-        return found
+        chosen = self.settings[key]
+        if chosen not in choices:
+            known = f"{did_you_mean(chosen, choices)}; there are {', '.join(choices)}"
+            raise BodyError(f"{self.uri!r:.100}: there is no {key} {chosen!r:.40}{known}")
+        return chosen
 
 
 def read_body_address(uri: str, example: str, settings: Mapping[str, str], *, by_path: bool = False) -> BodyAddress:
-    """An address in its parts. example: one that is right, for errors. settings: those that may stand behind the
-    question mark, and what holds otherwise. by_path: whether it has a path and no host. Raises BodyError."""
+    """An address in its parts. Raises BodyError.
+
+    example: one that is right, for errors.
+    settings: those that may stand behind the question mark, with their defaults.
+    by_path: whether it has a path and no host.
+    """
     wanted = f"wanted something like {example}"
     if len(uri) > MAX_URI:
         raise BodyError(f"{uri!r:.80}... is too long; {wanted}")
@@ -68,10 +77,10 @@ def read_body_address(uri: str, example: str, settings: Mapping[str, str], *, by
         raise BodyError(f"{uri!r:.100} has a host, or no path; {wanted}")
     if not by_path and (parts.path not in ("", "/") or not parts.hostname):
         raise BodyError(f"{uri!r:.100} has no host, or more than one; {wanted}")
-    found = dict(settings)
+    values = dict(settings)
     for key, text in given:
         if key not in settings:
             known = f"{did_you_mean(key, settings)}; there are {', '.join(settings)}"
             raise BodyError(f"{uri!r:.100}: there is no setting {key!r:.40}{known}")
-        found[key] = text
-    return BodyAddress(uri, parts.hostname or "", port, parts.fragment, found, parts.path if by_path else "")
+        values[key] = text
+    return BodyAddress(uri, parts.hostname or "", port, parts.fragment, values, parts.path if by_path else "")

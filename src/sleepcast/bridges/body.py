@@ -1,9 +1,9 @@
-"""What every bridge has in common, below the language: the courier, the watchdog, the limits, STOP.
+"""What every bridge has in common, below the language: the I/O thread, the watchdog, the limits, STOP.
 
-A mind never waits, and every word with a robot is a wait. So the connection belongs to a thread of its own, the
-courier, which goes round: it takes along what the mind wants done, and lays down what was measured. The mind only reads
-what lies there, and notes what it wants. A bridge derives from `BridgedBody` and says four things: how a motion is
-sent, how the robot is measured, how it is reached again, and how it is let go.
+A mind never waits, and every exchange with a robot is a wait. So the connection belongs to a thread of its own, the
+I/O thread, which works in rounds: it sends what the mind wants done, and stores what was measured. The mind only reads
+what is stored, and notes what it wants. A bridge derives from `BridgedBody` and says four things: how a motion is
+sent, how the robot is measured, how it is reached again, and how its connection is closed.
 
 Everything that moves the robot is a `Motion` that goes through `move`, and each round decides what becomes of it:
 
@@ -15,10 +15,10 @@ Everything that moves the robot is a `Motion` that goes through `move`, and each
                 has a fence
     reach       a robot that is gone is looked for again and again, ever less often. Meanwhile what is asked is refused;
                 when it is back, the body is at rest, and nothing old resumes. What a bridge does not expect of its
-                robot counts as that, so that the courier goes on
+                robot counts as that, so that the I/O thread goes on
 
 No expression, and no bridge, can change that. In step, for simulations that wait for their programs, there is no
-courier: each `sense` is one round, and a robot that is gone is the end.
+I/O thread: each `sense` is one round, and a robot that is gone is the end.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ from sleepcast.robot import Limits, Reading, RobotModel, Setpoint, rest_state_of
 UNATTENDED = 1.0
 """Seconds without a look from the mind after which the body is brought to rest."""
 ROUND = 0.05
-"""Seconds between two rounds of the courier when there is nothing to take along: half of a usual tick."""
+"""Seconds between two rounds of the I/O thread when there is nothing to send: half of a usual tick."""
 LOOKS = 2
 """Rounds for each look of the mind, where its ticks are longer, and neither the limits nor the robot want more."""
 PATIENCE = 5.0
 """Seconds for an answer: a robot that needs longer has been lost."""
 SOONEST, LATEST = 0.5, 10.0
 """Seconds between two tries to find a robot that is gone: at first, and after it has not been found for long."""
-MAX_ERRANDS = 64
-"""Things to be done that wait for the courier; what finds no room is refused, and the language counts a fault."""
+MAX_JOBS = 64
+"""Things to be done that wait for the I/O thread; what finds no room is refused, and the language counts a fault."""
 MAX_COMPLAINTS = 100
 """Sentences that wait to be read; the oldest go."""
 TELL_AGAIN = 5.0
@@ -77,8 +77,11 @@ class FencedError(SleepcastError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """What a body is to do. sort: "rest", "speeds" (values: speed in m/s, turn rate in rad/s), or one of the
-    bridge's own."""
+    """What a body is to do.
+
+    sort: its type: "rest", "speeds", or one of the bridge's own.
+    values: of "speeds", speed in m/s and turn rate in rad/s.
+    """
 
     sort: str
     values: tuple[float, ...] = ()
@@ -90,8 +93,9 @@ REST = Motion("rest")
 class BridgedBody(ABC):
     """See the module. Its sensors have x, y, heading, speed and turn_rate among them if it can keep a fence.
 
-    model: what it answers to. clock: by which the mind's looks are timed. in_step: see the module; a bridge whose robot
-    cannot wait for its programs refuses it.
+    model: what it answers to.
+    clock: by which the mind's looks are timed.
+    in_step: see the module; a bridge whose robot cannot wait for its programs refuses it.
     """
 
     RENEWS: ClassVar[bool] = True
@@ -116,7 +120,7 @@ class BridgedBody(ABC):
         self._told: Motion | None = None
         """What the robot was last told, the very object."""
         self._stopped = self._held = False
-        self._errands: deque[Callable[[], object]] = deque()
+        self._jobs: deque[Callable[[], object]] = deque()
         self._complaints: deque[str] = deque(maxlen=MAX_COMPLAINTS)
         self._lost: Exception | None = None
         """Why the robot is out of reach, None while it is not."""
@@ -130,7 +134,7 @@ class BridgedBody(ABC):
         self._kept_back, self._kept_at = "", -inf
         """Why the limits last brought it to rest, and when."""
         self._wake, self._ending, self._given_up = Event(), False, in_step
-        self._courier = Thread(target=self._go_round, name="courier", daemon=True)
+        self._io_thread = Thread(target=self._go_round, name="I/O thread", daemon=True)
 
     # ---- what a bridge says
 
@@ -153,7 +157,7 @@ class BridgedBody(ABC):
 
     @abstractmethod
     def leave(self) -> None:
-        """Bring the robot to rest, if it can be reached, and let go of it; `lost` says if that has failed."""
+        """Bring the robot to rest, if it can be reached, and close the connection; `lost` says if that has failed."""
 
     def course(self, motion: Motion) -> tuple[float, float] | None:
         """Speed and turn rate, m/s and rad/s, of a motion, the greatest that it may come to; None for one that needs
@@ -161,7 +165,8 @@ class BridgedBody(ABC):
         return (motion.values[0], motion.values[1]) if motion.sort == "speeds" else None
 
     def nearest(self, first: float, last: float) -> float:
-        """Distance to the nearest thing between two angles, rad counter-clockwise from the heading; NaN if unknown."""
+        """Distance in m to the nearest thing between two angles, rad counter-clockwise from the heading; NaN if
+        unknown."""
         return nan
 
     @property
@@ -172,9 +177,9 @@ class BridgedBody(ABC):
     # ---- a Robot
 
     def begin(self) -> None:
-        """Let the courier go round, unless the body is in step."""
+        """Start the I/O thread, unless the body is in step."""
         if not self._in_step:
-            self._courier.start()
+            self._io_thread.start()
 
     def narrow(self, limits: Limits) -> None:
         """Keep these limits, too. Raises MisuseError for one that this body cannot keep."""
@@ -210,7 +215,7 @@ class BridgedBody(ABC):
             )
 
     def drive(self, speed: float, turn_rate: float) -> None:
-        """Drive on at this speed and turn rate, as far as the limits allow."""
+        """Drive on at this speed (m/s) and turn rate (rad/s), as far as the limits allow."""
         most = self.model.limits
         speed, turn_rate = clamped(speed, most.speed), clamped(turn_rate, most.turn_rate)
         self.move(Motion("speeds", (speed, turn_rate)) if speed or turn_rate else REST)
@@ -264,23 +269,23 @@ class BridgedBody(ABC):
 
     def complaints(self) -> list[str]:
         """What has gone wrong since the last call."""
-        said: list[str] = []
+        sentences: list[str] = []
         while self._complaints:
-            said.append(self._complaints.popleft())
-        return said
+            sentences.append(self._complaints.popleft())
+        return sentences
 
     @property
     def lost(self) -> str:
         return str(self._lost or "")
 
     def close(self) -> None:
-        """Bring the robot to rest, if it can be reached, and let go of it."""
+        """Bring the robot to rest, if it can be reached, and close the connection."""
         if self._ending:
             return
         self._ending = True
         self._wake.set()
-        if self._courier.is_alive():
-            self._courier.join(PATIENCE + 1.0)
+        if self._io_thread.is_alive():
+            self._io_thread.join(PATIENCE + 1.0)
         self.leave()
 
     def __enter__(self) -> Self:
@@ -291,7 +296,7 @@ class BridgedBody(ABC):
     ) -> None:
         self.close()
 
-    # ---- what the mind leaves for the courier: for functions of a bridge
+    # ---- what the mind leaves for the I/O thread: for functions of a bridge
 
     def move(self, motion: Motion) -> None:
         """Do this from now on. Raises OutOfReachError."""
@@ -301,22 +306,24 @@ class BridgedBody(ABC):
                 self._motion = motion
         self._wake.set()
 
-    def send(self, errand: Callable[[], object]) -> None:
+    def send(self, job: Callable[[], object]) -> None:
         """Have this done, in the order of the calls; it must not move the robot. Raises OutOfReachError, BusyError."""
         with self._lock:
             self._check_reach()
-            if len(self._errands) >= MAX_ERRANDS:
-                raise BusyError(f"{MAX_ERRANDS} requests wait already to be sent to the robot")
-            self._errands.append(errand)
+            if len(self._jobs) >= MAX_JOBS:
+                raise BusyError(f"{MAX_JOBS} requests wait already to be sent to the robot")
+            self._jobs.append(job)
         self._wake.set()
 
-    def beside(self, errand: Callable[[], None], failed: str) -> Thread:
-        """Have this done in a thread of its own, for which the courier need not wait. failed: how the sentence begins
-        that says why it has failed, whatever that is."""
+    def beside(self, job: Callable[[], None], failed: str) -> Thread:
+        """Have this done in a thread of its own, for which the I/O thread need not wait.
+
+        failed: how the sentence begins that says why it has failed, whatever that is.
+        """
 
         def run() -> None:
             try:
-                errand()
+                job()
             except Exception as error:
                 self.complain(f"{failed}: {str(error) or type(error).__name__}")
 
@@ -337,13 +344,13 @@ class BridgedBody(ABC):
         """Forget what was asked: the robot has lost or found itself anew, and nothing old may resume."""
         with self._lock:
             self._motion, self._told, self._speed = REST, None, 0.0
-            self._errands.clear()
+            self._jobs.clear()
 
     def _check_reach(self) -> None:
         if self._lost is not None:
             raise OutOfReachError("the body is out of reach, and does nothing")
 
-    # ---- the courier
+    # ---- the I/O thread
 
     def _go_round(self) -> None:
         try:
@@ -361,14 +368,14 @@ class BridgedBody(ABC):
 
     @property
     def round_every(self) -> float:
-        """Seconds from one round to the next, if nothing is to be taken along: `ROUND`, or longer for a robot that is
-        told each motion once, has no limits to be watched, and is looked at rarely."""
+        """Seconds from one round to the next, if nothing is to be sent: `ROUND`, or longer for a robot that is told
+        each motion once, has no limits to be watched, and is looked at rarely."""
         if self.RENEWS or self.model.limits.are_watched or self._lost is not None:
             return ROUND
         return min(max(ROUND, self._looks_every / LOOKS), UNATTENDED / 4.0)
 
     def round(self) -> None:
-        """One round with the robot: what brings to rest first, then errands, then other motion, then the measuring."""
+        """One round with the robot: what brings to rest first, then jobs, then other motion, then the measuring."""
         if self._lost is not None:
             self._seek()
             return
@@ -378,26 +385,23 @@ class BridgedBody(ABC):
             if self.model.limits.are_watched:
                 self._keep_back(self._why_not(self._motion))
             motion = self._current = REST if self._stopped or self._held else self._motion
-            errands, self._errands = list(self._errands), deque()
+            jobs, self._jobs = list(self._jobs), deque()
         motion = self._paced_motion(motion)
-        todo: list[Callable[[], object]] = list(errands)
+        todo: list[Callable[[], object]] = list(jobs)
         if self.RENEWS or motion is not self._told:
             todo.insert(0 if motion is REST else len(todo), lambda: self.carry_out(motion))
             self._told = motion
         try:
-            for errand in todo:
-                self._do(errand)
+            for job in todo:
+                try:
+                    job()
+                except self.REFUSALS as error:
+                    self.complain(str(error))
             self.measure()
         except self.FAILURES as error:
             self._lose(error)
         else:
             self._heard = self._clock.now()
-
-    def _do(self, errand: Callable[[], object]) -> None:
-        try:
-            errand()
-        except self.REFUSALS as error:
-            self.complain(str(error))
 
     def _paced_motion(self, motion: Motion) -> Motion:
         """The motion with no more change of speed than the time since the last round allows."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import json
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from sleepcast.cli.streams import put
 from sleepcast.core.errors import printable
 
 if TYPE_CHECKING:
@@ -28,26 +30,26 @@ WORDS = {ASK: "answered", STOP: "stopped", RELEASE: "released"}
 SORTS = ("matched", "held", "not_matched", "unknown", "not_stored", "fault", "silent")
 
 
-def as_dict(command: Command, found: Account) -> dict[str, object]:
+def as_dict(command: Command, account: Account) -> dict[str, object]:
     """The account as plain data: counts always, names while they are few."""
-    names = {"predicted": command.predicted} | {sort: getattr(found, sort) for sort in SORTS}
-    about = {"id": command.id, "kind": str(command.kind), "text": command.message.text} | among(found)
-    faults = {"faults": found.faults} if len(found.fault) <= MANY else {}
-    counts = _counted(names) | {"n_silent": found.n_silent}
-    more = census(found) if command.kind == ASK else resting(found.rest) if found.rest is not None else {}
-    conflicts = {"conflicts": dict(found.conflicts)} if found.conflicts else {}
+    names = {"predicted": command.predicted} | {outcome: getattr(account, outcome) for outcome in SORTS}
+    about = {"id": command.id, "kind": str(command.kind), "text": command.message.text} | among(account)
+    faults = {"faults": account.faults} if len(account.fault) <= MANY else {}
+    counts = _counted(names) | {"n_silent": account.n_silent}
+    more = census(account) if command.kind == ASK else resting(account.rest) if account.rest is not None else {}
+    conflicts = {"conflicts": dict(account.conflicts)} if account.conflicts else {}
     return {**about, **counts, **faults, **conflicts, **more}
 
 
-def resting(found: RestAccount) -> dict[str, object]:
+def resting(rest: RestAccount) -> dict[str, object]:
     """Who of those that have accepted a STOP is at rest, who still moves and how far each may still go, and who does
     not tell."""
     from sleepcast.station.account import rest_counts
 
-    counts: dict[str, object] = {f"n_{sort}": count for sort, count in rest_counts(found).items()}
-    if found.n_stopping <= MANY:
-        counts["stopping"] = {name: state_as_dict(state) for name, state in found.stopping.items()}
-    few = {"at_rest": found.at_rest, "accepted": found.accepted}
+    counts: dict[str, object] = {f"n_{sort}": count for sort, count in rest_counts(rest).items()}
+    if rest.n_stopping <= MANY:
+        counts["stopping"] = {name: state_as_dict(state) for name, state in rest.stopping.items()}
+    few = {"at_rest": rest.at_rest, "accepted": rest.accepted}
     return counts | {sort: list(_sorted(names)) for sort, names in few.items() if len(names) <= MANY}
 
 
@@ -57,16 +59,16 @@ def state_as_dict(state: RestState) -> dict[str, object]:
     return {"at_rest": state.at_rest, "speed": speed, "distance": distance}
 
 
-def among(found: Account) -> dict[str, object]:
+def among(account: Account) -> dict[str, object]:
     """Among how many robots silence was counted, and whether these are all that are expected or those heard so far; how
     many of the silent ones were never heard, so their names are unknown."""
-    return {"robots": found.total, "expected": bool(found.size), "n_nameless": found.n_nameless}
+    return {"robots": account.total, "expected": bool(account.size), "n_nameless": account.n_nameless}
 
 
 def stages_as_dict(text: str, stages: Sequence[tuple[Command, Account]]) -> dict[str, object]:
     """The account of a command that was sent in stages: of all together, and of each."""
     names: dict[str, Collection[str]] = {"predicted": set().union(*(command.predicted for command, _ in stages))}
-    names |= {sort: set().union(*(getattr(found, sort) for _, found in stages)) for sort in SORTS}
+    names |= {outcome: set().union(*(getattr(account, outcome) for _, account in stages)) for outcome in SORTS}
     about = {"id": stages[0][0].id, "kind": str(stages[0][0].kind), "text": text} | among(stages[-1][1])
     counts = _counted(names)
     counts["n_silent"] = len(names["silent"]) + stages[-1][1].n_nameless
@@ -76,15 +78,15 @@ def stages_as_dict(text: str, stages: Sequence[tuple[Command, Account]]) -> dict
 def _counted(names: Mapping[str, Collection[str]]) -> dict[str, object]:
     from sleepcast.channel.message_batch import natural_order
 
-    few = {sort: found for sort, found in names.items() if len(found) <= MANY}
-    listed: dict[str, object] = {sort: sorted(found, key=natural_order) for sort, found in few.items()}
-    return listed | {f"n_{sort}": len(found) for sort, found in names.items()}
+    few = {outcome: robots for outcome, robots in names.items() if len(robots) <= MANY}
+    listed: dict[str, object] = {outcome: sorted(robots, key=natural_order) for outcome, robots in few.items()}
+    return listed | {f"n_{outcome}": len(robots) for outcome, robots in names.items()}
 
 
-def census(found: Account) -> dict[str, object]:
+def census(account: Account) -> dict[str, object]:
     """How many answered, how many know the value; its least, mean and greatest, and how it is spread between them."""
-    spread, bars = found.values, found.histogram
-    answers = {"answers": found.n_matched + found.n_not_matched + found.n_unknown + found.n_fault}
+    spread, bars = account.values, account.histogram
+    answers = {"answers": account.n_matched + account.n_not_matched + account.n_unknown + account.n_fault}
     if spread is None or bars is None:
         return {**answers, "n": 0, "min": None, "mean": None, "max": None, "histogram": None}
     histogram = {"low": bars.low, "high": bars.high, "counts": list(bars.counts)}
@@ -92,52 +94,74 @@ def census(found: Account) -> dict[str, object]:
     return {**answers, "n": spread.count, "min": least, "mean": mean, "max": greatest, "histogram": histogram}
 
 
-def forecast_text(found: Forecast) -> str:
+def forecast_text(forecast: Forecast) -> str:
     """Who would obey, as far as the desk knows: printed before anything is sent."""
-    if not found.may + len(found.no) + len(found.undecided):
+    if not forecast.may + len(forecast.no) + len(forecast.undecided):
         return "no robot was heard before, so it is unknown which robots will obey"
-    unheard = f", and {found.nameless} that were never heard" if found.nameless else ""
-    may = f"{listed('cannot say', found.unknown)}{unheard}"
-    undecided = f"; {listed('test unknown', found.undecided)}" if len(found.undecided) else ""
-    return f"{listed('would obey', found.yes)}; {may}; would not {len(found.no)}{undecided}"
+    unheard = f", and {forecast.nameless} that were never heard" if forecast.nameless else ""
+    may = f"{listed('cannot say', forecast.unknown)}{unheard}"
+    undecided = f"; {listed('test unknown', forecast.undecided)}" if len(forecast.undecided) else ""
+    return f"{listed('would obey', forecast.yes)}; {may}; would not {len(forecast.no)}{undecided}"
 
 
-def account_lines(command: Command, found: Account, vocabulary: Vocabulary | None = None) -> Iterator[str]:
+def account_lines(command: Command, account: Account, vocabulary: Vocabulary | None = None) -> Iterator[str]:
     """The account, for a person. vocabulary: says in which units speeds and places are read."""
     from sleepcast.station.account import spread_in_words
 
-    if not found.total:
+    if not account.total:
         asked = "is a node up on this channel, with these keys?"
         yield f"{command.id}: no robot answered, and none was heard before: {asked}"
         return
     leasing = "lease" in command.message.body
     verb = "granted in the group by" if leasing else WORDS.get(str(command.kind), "matched")
-    yield f"{command.id}: {listed(verb, found.matched)}"
-    if command.kind == ASK and found.values is not None:
-        yield f"  {found.values.count} know it: {spread_in_words(found.values, found.unit)}"
-    elif command.kind == ASK and len(found.matched):
+    yield f"{command.id}: {listed(verb, account.matched)}"
+    if command.kind == ASK and account.values is not None:
+        yield f"  {account.values.count} know it: {spread_in_words(account.values, account.unit)}"
+    elif command.kind == ASK and len(account.matched):
         yield "  none of them knows the value: it is unknown there"
-    elif found.rest is not None and found.n_matched and vocabulary is not None:
-        yield f"  {found.rest.sentence(vocabulary, FEW)}"
+    elif account.rest is not None and account.n_matched and vocabulary is not None:
+        yield f"  {account.rest.sentence(vocabulary, FEW)}"
     elif command.kind == "command":
-        yield f"  {listed('noted outside it by' if leasing else 'did not match', found.not_matched)}"
-        if found.n_unknown:
-            yield f"  {listed('test unknown', found.unknown)}"
-        if found.n_held:
-            yield f"  {listed('held by STOP, so they did not move', found.held)}"
-    if found.n_not_stored:
-        yield f"  {listed('not stored, so a restart may forget it', found.not_stored)}"
-    for name in _sorted(tuple(found.flawed))[:FEW]:
-        yield f"  fault on {name}, which {verb} all the same: {printable(found.flawed[name])}"
-    for name in _sorted(found.fault)[:FEW]:
-        yield f"  fault on {name}: {printable(found.answers[name].fault or '')}"
-    if len(found.fault) > FEW:
-        yield f"  faults on {len(found.fault)} robots in all"
-    for name in _sorted(tuple(found.conflicts))[:FEW]:
-        yield f"  {printable(found.conflicts[name])}"
-    if len(found.conflicts) > FEW:
-        yield f"  several robots have each of {len(found.conflicts)} names in all"
-    yield f"  {found.silence(FEW)}"
+        yield f"  {listed('noted outside it by' if leasing else 'did not match', account.not_matched)}"
+        if account.n_unknown:
+            yield f"  {listed('test unknown', account.unknown)}"
+        if account.n_held:
+            yield f"  {listed('held by STOP, so they did not move', account.held)}"
+    if account.n_not_stored:
+        yield f"  {listed('not stored, so a restart may forget it', account.not_stored)}"
+    for name in _sorted(tuple(account.flawed))[:FEW]:
+        yield f"  fault on {name}, which {verb} all the same: {printable(account.flawed[name])}"
+    for name in _sorted(account.fault)[:FEW]:
+        yield f"  fault on {name}: {printable(account.answers[name].fault or '')}"
+    if len(account.fault) > FEW:
+        yield f"  faults on {len(account.fault)} robots in all"
+    for name in _sorted(tuple(account.conflicts))[:FEW]:
+        yield f"  {printable(account.conflicts[name])}"
+    if len(account.conflicts) > FEW:
+        yield f"  several robots have each of {len(account.conflicts)} names in all"
+    yield f"  {account.silence(FEW)}"
+
+
+def show_account(
+    command: Command,
+    account: Account,
+    as_json: bool = False,
+    vocabulary: Vocabulary | None = None,
+    *,
+    more: Mapping[str, object] = {},
+    show: Callable[[str], None] = put,
+) -> None:
+    """Print the account, as JSON or as lines for a person.
+
+    vocabulary: says in which units speeds and places are read.
+    more: what the JSON holds besides.
+    show: prints a line.
+    """
+    if as_json:
+        show(json.dumps({**more, **as_dict(command, account)}))
+        return
+    for line in account_lines(command, account, vocabulary):
+        show(line)
 
 
 def listed(what: str, names: Sequence[str], count: int | None = None) -> str:

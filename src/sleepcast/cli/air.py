@@ -1,8 +1,9 @@
-"""The options of a subcommand that gets onto the air: which channel, fleet, keys, journal and store."""
+"""The options of a subcommand on the air: which channel, fleet, keys, journal and store."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import wraps
 from pathlib import Path
 from typing import TypeVar
@@ -14,7 +15,7 @@ from sleepcast.cli.options import NumberRange, QuantityType
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.units import TIME
 
-MOST_SKEW = 3_600.0
+MAX_SKEW = 3_600.0
 """s that others' clocks may be wrong at most."""
 
 Command = TypeVar("Command", bound=Callable[..., object])
@@ -24,30 +25,38 @@ expect_option = click.option(
     "--expect",
     metavar="N|FILE",
     help="Robots of the fleet: their number, or a file of their names. Those never heard then count as "
-    "silent. Else what `roster --expect` keeps.",
+    "silent. Else what `roster --expect` has stored.",
 )
 
 
-def options(command: Command) -> Command:
-    """The options that say which key is ours and whom it believes: the command gets `fleet`, `key`, `trust`, `folder`,
-    `skew` and `rate`."""
-    for option in (
-        click.option("--rate", metavar="N", type=NumberRange(1.0), help="Signatures of a key checked in a second."),
-        click.option(
-            "--skew",
-            metavar="TIME",
-            type=QuantityType(TIME, 0.0, MOST_SKEW),
-            help="How much others' clocks may be wrong (default: 2s).",
-        ),
-        click.option("--keys", "folder", type=click.Path(path_type=Path), help="Folder of the keys."),
-        click.option("--trust", type=click.Path(path_type=Path), help="The file of trusted keys."),
-        click.option("--key", metavar="OWNER", help="Key to sign with (default: that of `keys use`)."),
-        click.option(
-            "--fleet", default=FLEET, show_default=True, help="The fleet; messages of other fleets are ignored."
-        ),
-    ):
-        command = option(command)
-    return command
+def with_keys(command: Callable[..., int]) -> Callable[..., int]:
+    """The options that say which key is ours and whom it believes: the command gets `air`, an `AirOptions` with no
+    channel yet."""
+
+    @click.option("--fleet", default=FLEET, show_default=True, help="The fleet; messages of other fleets are ignored.")
+    @click.option("--key", metavar="OWNER", help="Key to sign with (default: that of `keys use`).")
+    @click.option("--trust", type=click.Path(path_type=Path), help="The file of trusted keys.")
+    @click.option("--keys", "folder", type=click.Path(path_type=Path), help="Folder of the keys.")
+    @click.option(
+        "--skew",
+        metavar="TIME",
+        type=QuantityType(TIME, 0.0, MAX_SKEW),
+        help="How much others' clocks may be wrong (default: 2s).",
+    )
+    @click.option("--rate", metavar="N", type=NumberRange(1.0), help="Signatures of a key checked in a second.")
+    @wraps(command)
+    def with_air(
+        fleet: str,
+        key: str | None,
+        trust: Path | None,
+        folder: Path | None,
+        skew: float | None,
+        rate: float | None,
+        **others: object,
+    ) -> int:
+        return command(air=AirOptions("", fleet, key, trust, folder, skew=skew, rate=rate), **others)
+
+    return with_air
 
 
 def operator(command: Callable[..., int]) -> Callable[..., int]:
@@ -61,7 +70,7 @@ def on_air(command: Callable[..., int]) -> Callable[..., int]:
     """The same without `as_json`."""
 
     @click.option("--channel", metavar="URI", default=CHANNEL, show_default=True, help="The channel.")
-    @options
+    @with_keys
     @expect_option
     @click.option(
         "--within",
@@ -71,24 +80,17 @@ def on_air(command: Callable[..., int]) -> Callable[..., int]:
     )
     @journal_option
     @wraps(command)
-    def placed(
+    def with_channel(
+        air: AirOptions,
         channel: str,
-        fleet: str,
-        key: str | None,
-        trust: Path | None,
-        folder: Path | None,
         within: float | None,
         journal: Path | None,
-        skew: float | None,
-        rate: float | None,
         expect: str | None,
         **others: object,
     ) -> int:
-        return command(
-            air=AirOptions(channel, fleet, key, trust, folder, within, journal, skew, rate, expect), **others
-        )
+        return command(air=replace(air, channel=channel, within=within, journal=journal, expect=expect), **others)
 
-    return placed
+    return with_channel
 
 
 def journal_option(command: Command) -> Command:
@@ -113,8 +115,12 @@ no_store_option = click.option("--no-store", "forgetful", is_flag=True, help="Ke
 
 
 def chosen_store(file: Path | None, forgetful: bool, fleet: str, name: str, on_air: bool) -> Path | None:
-    """Where the store of a robot lies: where it was said, else, if it hears a channel, in the person's own data. None
-    for no store. Raises MisuseError if both are asked for."""
+    """Where the store of a robot lies; None for no store. Raises MisuseError if both a file and none are asked for.
+
+    file: where it was said to lie.
+    forgetful: whether there is to be none.
+    on_air: whether the robot hears a channel: then it has one in the person's own data, unless something else is said.
+    """
     if forgetful:
         if file is not None:
             raise MisuseError("--store and --no-store do not go together: leave one of them out")

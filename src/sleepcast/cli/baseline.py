@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from sleepcast.api.connection import AirOptions, observing_station
-from sleepcast.cli.account import account_lines, as_dict
+from sleepcast.cli.account import show_account
 from sleepcast.cli.air import operator
 from sleepcast.cli.streams import complain, put, somebody_there
 from sleepcast.core.errors import MisuseError, SleepcastError, printable
@@ -95,7 +95,7 @@ def baseline(yes: bool, air: AirOptions, as_json: bool) -> int:
       sleepcast baseline --yes --json
     """
     with observing_station(air, complain) as (station, telemetry):
-        _may_send(station)
+        _refuse_others_than_commanders(station)
         plan = _plan(station)
         if plan.dropped:
             plan = _checked(station, telemetry, plan)
@@ -109,7 +109,8 @@ def baseline(yes: bool, air: AirOptions, as_json: bool) -> int:
         return _send(station, plan, as_json)
 
 
-def _may_send(station: NetworkStation) -> None:
+def _refuse_others_than_commanders(station: NetworkStation) -> None:
+    """Raises MisuseError for the key of anybody else."""
     from sleepcast.channel.message import Role
 
     delivery = station.session.delivery
@@ -149,14 +150,14 @@ def _checked(station: NetworkStation, telemetry: TelemetryClient, plan: Baseline
         raise BaselineError("no baseline was sent: not all standing commands are stored here any more")
     robots = _up_to_date(station)
     look_around(station, telemetry, patience=PATIENCE)
-    found = cases(telemetry.minds, robots, plan.touched)
-    if isinstance(found, str):
-        raise BaselineError(f"no baseline was sent: {found}")
+    compared = cases(telemetry.minds, robots, plan.touched)
+    if isinstance(compared, str):
+        raise BaselineError(f"no baseline was sent: {compared}")
     refused: set[int] = set()
-    for case in found:
+    for case in compared:
         case.learned(known.values(), refused)
     plan = BaselinePlan(plan.messages, *propose(plan.messages, refused))
-    if why := next(filter(None, (case.objection(known, plan.kept) for case in found)), ""):
+    if why := next(filter(None, (case.objection(known, plan.kept) for case in compared)), ""):
         raise BaselineError(f"no baseline was sent: {why}")
     return plan
 
@@ -170,15 +171,16 @@ def _up_to_date(station: NetworkStation) -> list[str]:
     sent = station.post(Kind.COMMAND, text=BASELINE_TEXT)
     station.gather(sent, PATIENCE)
     station.settle(sent, PATIENCE)
-    found = station.accounting(sent.id)
-    if not found.complete or not found.total:
+    account = station.accounting(sent.id)
+    if not account.complete or not account.total:
         raise BaselineError(
-            f"no baseline was sent: not every robot says that it has all standing commands ({found.silence()}). "
+            f"no baseline was sent: not every robot says that it has all standing commands ({account.silence()}). "
             "Try again when they are in reach, or remove those that are gone: sleepcast roster --forget NAMES"
         )
-    if found.conflicts:
-        raise BaselineError(f"no baseline was sent: several robots are called {printable(', '.join(found.conflicts))}")
-    return [*found.matched, *found.not_matched, *found.unknown, *found.fault]
+    if account.conflicts:
+        names = printable(", ".join(account.conflicts))
+        raise BaselineError(f"no baseline was sent: several robots are called {names}")
+    return [*account.matched, *account.not_matched, *account.unknown, *account.fault]
 
 
 def _confirm(plan: BaselinePlan, as_json: bool) -> None:
@@ -194,10 +196,6 @@ def _send(station: NetworkStation, plan: BaselinePlan, as_json: bool) -> int:
     sent = post_baseline(station, plan.kept)
     station.gather(sent, PATIENCE)
     station.settle(sent, PATIENCE)
-    found = station.accounting(sent.id)
-    if as_json:
-        put(json.dumps({**plan.as_dict(), "sent": True, **as_dict(sent, found)}))
-    else:
-        for line in account_lines(sent, found):
-            put(line)
-    return 0 if found.n_matched and not found.n_fault else 1
+    account = station.accounting(sent.id)
+    show_account(sent, account, as_json, more={**plan.as_dict(), "sent": True})
+    return 0 if account.n_matched and not account.n_fault else 1

@@ -101,12 +101,12 @@ def cases(minds: RemoteMinds, robots: Iterable[str], touched: frozenset[str]) ->
         alike.setdefault((mind.telemetry.type, mind.telemetry.mind), []).append(name)
     if len(alike) > TYPES:
         return f"there are {len(alike)} types of robots that have learned different things, and {TYPES} are compared"
-    found = []
+    compared = []
     for (kind, _), names in alike.items():
         known = minds[names[0]].learned
         assert known is not None
-        found.append(Case(tuple(names), minds.types[kind], known.record, touched))
-    return found
+        compared.append(Case(tuple(names), minds.types[kind], known.record, touched))
+    return compared
 
 
 def _begin(node: Node, start: MindRecord, touched: frozenset[str]) -> None:
@@ -139,11 +139,11 @@ def _of(node: Node, touched: frozenset[str]) -> Learned:
     from sleepcast.mind.inspection import mind_text
     from sleepcast.mind.telemetry import MindRecord
 
-    found = _told(decode(mind_text(node.memory.base), type=MindRecord), touched)
+    learned = _told(decode(mind_text(node.memory.base), type=MindRecord), touched)
     state = node.memory.base.merging.state()
     made = {key: (forgotten, made[:1]) for key, (forgotten, made) in state.made.items()}
     active = [(rule.name, rule.active) for rule in node.rules()]
-    return found._replace(registers=(state.floor, state.written, state.flags, made, active))
+    return learned._replace(registers=(state.floor, state.written, state.flags, made, active))
 
 
 def _told(record: MindRecord, touched: frozenset[str]) -> Learned:

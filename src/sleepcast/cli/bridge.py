@@ -10,7 +10,7 @@ import click
 
 from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.bridges.crazyflie.radio import (
-    MOST,
+    MAX_COPTERS,
     PORT,
     RATES,
     RadioGoneError,
@@ -95,7 +95,7 @@ def tak(server: str, origin: str, every: float, markers: bool, type: str | None,
 @click.argument("addresses", metavar="ADDRESS...", nargs=-1, required=True)
 @click.option("--rate", type=click.Choice(RATES), default="2M", show_default=True, help="Of the radio.")
 @click.option(
-    "--port", type=click.IntRange(1, 65_535 - MOST), default=PORT, show_default=True, help="The first UDP port."
+    "--port", type=click.IntRange(1, 65_535 - MAX_COPTERS), default=PORT, show_default=True, help="The first UDP port."
 )
 def crazyradio(radio: str, addresses: tuple[str, ...], rate: str, port: int) -> int:
     """Let the nodes of several Crazyflies use one Crazyradio, which only one program can open, until Ctrl-C.
@@ -116,8 +116,8 @@ def crazyradio(radio: str, addresses: tuple[str, ...], rate: str, port: int) -> 
     wrong = next((each for each in addresses if not is_radio_address(each)), None)
     if wrong is not None:
         raise MisuseError(f"{wrong!r:.40}: wanted the address of a Crazyflie, ten hexadecimal digits, as E7E7E7E701")
-    if len(set(map(str.upper, addresses))) < len(addresses) or len(addresses) > MOST:
-        raise MisuseError(f"{len(addresses)} addresses: wanted up to {MOST}, each once")
+    if len(set(map(str.upper, addresses))) < len(addresses) or len(addresses) > MAX_COPTERS:
+        raise MisuseError(f"{len(addresses)} addresses: wanted up to {MAX_COPTERS}, each once")
     with Interrupts() as interrupts:
         shared = SharedRadio(base, addresses, port, announce)
         interrupts.defer()
@@ -129,12 +129,12 @@ def crazyradio(radio: str, addresses: tuple[str, ...], rate: str, port: int) -> 
                     shared.run(interrupts.check)
             except RadioGoneError as error:
                 complain(str(error))
-            shared = _again(lambda: SharedRadio(base, addresses, port, announce), interrupts)
+            shared = _reopened(lambda: SharedRadio(base, addresses, port, announce), interrupts)
             announce("the Crazyradio is back")
 
 
-def _again(open: Callable[[], SharedRadio], interrupts: Interrupts) -> SharedRadio:
-    """The radio, as soon as it is there."""
+def _reopened(open: Callable[[], SharedRadio], interrupts: Interrupts) -> SharedRadio:
+    """The radio, as soon as it is plugged in."""
     while True:
         interrupts.check()
         try:

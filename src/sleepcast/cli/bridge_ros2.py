@@ -7,20 +7,21 @@ import os
 import time
 from collections.abc import Mapping
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from sleepcast.api.connection import CHANNEL, AirOptions
-from sleepcast.cli.air import no_store_option, options
+from sleepcast.cli.air import no_store_option, with_keys
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.options import SEED, QuantityType, each_rules_option, golden_option, restraints, tick_option
 from sleepcast.cli.streams import announce, complain, put
-from sleepcast.core.errors import MisuseError
+from sleepcast.core.errors import MisuseError, counted
 
 if TYPE_CHECKING:
-    from sleepcast.bridges.ros2.fleet import RobotThere, Ros2Fleet
+    from sleepcast.bridges.ros2.fleet import DiscoveredRobot, Ros2Fleet
 
 LOOKS = 5.0
 """Seconds for which `--dry-run` looks, unless it is said: robots are found one by one, with loss more slowly."""
@@ -58,7 +59,7 @@ LOOKS = 5.0
 )
 @no_store_option
 @restraints
-@options
+@with_keys
 @click.option("--seed", type=SEED, default=0, show_default=True, help="Random seed.")
 def ros2(
     robots: tuple[str, ...],
@@ -79,12 +80,7 @@ def ros2(
     lease: str,
     limits: Path | None,
     tells: str,
-    fleet: str,
-    key: str | None,
-    trust: Path | None,
-    folder: Path | None,
-    skew: float | None,
-    rate: float | None,
+    air: AirOptions,
     seed: int,
 ) -> int:
     """Give a mind to every robot of a ROS 2 fleet, in one process and with one participant in its domain, until Ctrl-C,
@@ -133,11 +129,10 @@ def ros2(
         )
         number, where = ros_place(domain, discovery)
         with closing(join_network(number, local=where == LOCALHOST)) as network:
-            there = Ros2Fleet(network, mapping or TURTLEBOT, sim_time=sim_time)
+            fleet = Ros2Fleet(network, mapping or TURTLEBOT, sim_time=sim_time)
             if dry:
-                return _list(there, named, LOOKS if seconds is None else seconds, as_json)
-            air = AirOptions(channel, fleet, key, trust, folder, skew=skew, rate=rate)
-            process = FleetProcess(there, air, minds, named)
+                return _list(fleet, named, LOOKS if seconds is None else seconds, as_json)
+            process = FleetProcess(fleet, replace(air, channel=channel), minds, named)
             interrupts.defer()
             how = "waits for" if named else "looks for"
             announce(f"{how} robots in ROS domain {number} ({where}); Ctrl-C stops their bodies and ends their minds")
@@ -153,11 +148,11 @@ def _namespaces(robots: tuple[str, ...], file: Path | None) -> list[str]:
     names = [*robots, *(read_expectation(os.fspath(file)).names if file is not None else ())]
     if file is not None and len(names) == len(robots):
         raise MisuseError(f"--robots {file}: wanted a file of their names")
-    found = dict.fromkeys("/" + name.strip("/") if name.strip("/") else "" for name in names)
-    for namespace in found:
+    namespaces = dict.fromkeys("/" + name.strip("/") if name.strip("/") else "" for name in names)
+    for namespace in namespaces:
         if not is_namespace(namespace):
             raise MisuseError(f"{namespace[1:61]!r} is no namespace of ROS 2: wanted letters, digits and _, as scout3")
-    return list(found)
+    return list(namespaces)
 
 
 def _list(fleet: Ros2Fleet, named: list[str], seconds: float, as_json: bool) -> int:
@@ -166,40 +161,39 @@ def _list(fleet: Ros2Fleet, named: list[str], seconds: float, as_json: bool) -> 
     while time.monotonic() < end:
         fleet.look()
         time.sleep(min(0.1, max(0.0, end - time.monotonic())))
-    found = fleet.look()
-    robots = {namespace: each for namespace, each in found.items() if each.is_robot and namespace in (named or found)}
+    seen = fleet.look()
+    robots = {namespace: each for namespace, each in seen.items() if each.is_robot and namespace in (named or seen)}
     lost = [namespace for namespace in named if namespace not in robots]
     if as_json:
-        put(json.dumps(_as_dict(found, robots, lost)))
+        put(json.dumps(_as_dict(seen, robots, lost)))
         return 1 if lost or not robots else 0
-    if not found:
+    if not seen:
         complain(fleet.nobody())
-    put(f"{len(robots)} robot{'' if len(robots) == 1 else 's'} in {seconds:g} s")
+    put(f"{counted(len(robots), 'robot')} in {seconds:g} s")
     for namespace, robot in robots.items():
         wrong = [each.wrong or each.doubt for each in robot.topics if each.wrong or each.doubt]
         put(f"{namespace or '/'}: {'; '.join(wrong) if wrong else 'all topics are there'}")
-    for namespace in lost if named else [each for each in found if each not in robots]:
-        put(f"{namespace or '/'} is no robot of this mapping: {'; '.join(_lacks(found, namespace))}")
+    for namespace in lost if named else [each for each in seen if each not in robots]:
+        lacks = seen[namespace].lacks() if namespace in seen else ["none of its topics is there"]
+        put(f"{namespace or '/'} is no robot of this mapping: {'; '.join(lacks)}")
     return 1 if lost or not robots else 0
 
 
-def _lacks(found: Mapping[str, RobotThere], namespace: str) -> list[str]:
-    return found[namespace].lacks() if namespace in found else ["none of its topics is there"]
-
-
-def _as_dict(found: Mapping[str, RobotThere], robots: Mapping[str, RobotThere], lost: list[str]) -> dict[str, object]:
+def _as_dict(
+    seen: Mapping[str, DiscoveredRobot], robots: Mapping[str, DiscoveredRobot], lost: list[str]
+) -> dict[str, object]:
     return {
         "robots": [_robot_dict(robot) for robot in robots.values()],
-        "others": [_robot_dict(robot) for namespace, robot in found.items() if namespace not in robots],
+        "others": [_robot_dict(robot) for namespace, robot in seen.items() if namespace not in robots],
         "lost": lost,
     }
 
 
-def _robot_dict(robot: RobotThere) -> dict[str, object]:
+def _robot_dict(robot: DiscoveredRobot) -> dict[str, object]:
     topics = [
         {
             "topic": each.topic,
-            "type": each.sort,
+            "type": each.type,
             "direction": "in" if each.comes else "out",
             "wrong": each.wrong,
             "doubt": each.doubt,

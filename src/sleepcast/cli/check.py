@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,10 +13,10 @@ import click
 
 from sleepcast.cli.eval import NegativeNumbersAllowed
 from sleepcast.cli.streams import InputError, pieces, put, read_file, read_standard_input
-from sleepcast.core.errors import MisuseError, and_more, in_file
+from sleepcast.core.errors import MisuseError, and_more, counted, in_file
 
 if TYPE_CHECKING:
-    from sleepcast.language import Finding
+    from sleepcast.language import Finding, ReadError
     from sleepcast.language.learned_names import LearnedNames
 
 FAILED = 2
@@ -35,8 +35,12 @@ class Expression:
 
 @dataclass(frozen=True, slots=True)
 class Review:
-    """One checked expression. findings: the first of them; counts: of all, by severity. cost: its static bound in
-    steps, None if it cannot be read."""
+    """One checked expression.
+
+    findings: the first of them.
+    cost: its static bound in steps, None if it cannot be read.
+    counts: of all findings, by severity.
+    """
 
     expression: Expression
     findings: tuple[Finding, ...]
@@ -72,16 +76,14 @@ def check(
     if notation:
         if scenario or strict or sentence:
             raise MisuseError("--from only translates: check the rules that it prints, with --scenario or --strict")
-        from sleepcast.cli.behaviours import translate as translate_behaviours
-
-        return FAILED if translate_behaviours(map(_whole, sources), as_json) else 0
+        return FAILED if _translate_behaviours(map(_whole, sources), as_json) else 0
     if sentence:
         from sleepcast.cli.sentences import translate
 
         return FAILED if translate(sources, scenario, as_json) else 0
     names = _names(scenario)
     reviews = [_review(each, names) for source in sources for each in _expressions(source)]
-    errors, warnings = (sum(review.counts.get(sort, 0) for review in reviews) for sort in ("error", "warning"))
+    errors, warnings = (sum(review.counts.get(severity, 0) for review in reviews) for severity in ("error", "warning"))
     if as_json:
         put(json.dumps({"expressions": list(map(_as_dict, reviews)), "errors": errors, "warnings": warnings}))
     else:
@@ -177,6 +179,42 @@ def _cases(text: str, name: str) -> Iterator[Expression]:
         waiting, first = [] if _NO_CASE.match(line) else [line], number
 
 
+# ---- Hoskins' behaviours
+
+
+def _translate_behaviours(texts: Iterable[tuple[str, str]], as_json: bool) -> int:
+    """Print the rules of all texts, each with its place ("" where it was typed); gives how many are not understood."""
+    from sleepcast.language import ReadError
+    from sleepcast.language.behaviours import Behaviour, behaviours, rules
+
+    parsed: list[Behaviour] = []
+    unclear: list[tuple[str, ReadError]] = []
+    for place, text in texts:
+        try:
+            parsed += behaviours(text)
+        except ReadError as refused:
+            unclear.append((place, refused))
+    made = rules(parsed)
+    if as_json:
+        put(
+            json.dumps(
+                {
+                    "rules": made,
+                    "unclear": [
+                        {"place": place, "start": error.start, "end": error.end, "message": error.reason}
+                        for place, error in unclear
+                    ],
+                }
+            )
+        )
+        return len(unclear)
+    for rule in made:
+        put(rule)
+    for place, error in unclear:
+        put(in_file(f"{place}:1", str(error)) if place else f"not understood: {error}")
+    return len(unclear)
+
+
 # ---- reviewing
 
 
@@ -204,15 +242,11 @@ def _print(review: Review) -> None:
 
 def _summary(reviews: list[Review], errors: int, warnings: int) -> str:
     costs = [review.cost for review in reviews if review.cost is not None]
-    found = f"{_count(errors, 'error')}, {_count(warnings, 'warning')}"
+    problems = f"{counted(errors, 'error')}, {counted(warnings, 'warning')}"
     if not costs:
-        return f"{_count(len(reviews), 'expression')}; {found}"
+        return f"{counted(len(reviews), 'expression')}; {problems}"
     each = " each" if len(reviews) > 1 else ""
-    return f"{_count(len(reviews), 'expression')}, at most {_count(max(costs), 'step')}{each}; {found}"
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"
+    return f"{counted(len(reviews), 'expression')}, at most {counted(max(costs), 'step')}{each}; {problems}"
 
 
 def _as_dict(review: Review) -> dict[str, object]:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from sleepcast.cli.memories import EVALUATED, REFUSED, UNKNOWN, EvalOutcome
 from sleepcast.cli.streams import pieces
 from sleepcast.core.errors import MisuseError
-from sleepcast.language.classic import ClassicError, ClassicMachine, Mode, TranscriptEntry, run_transcript
+from sleepcast.language.classic import ClassicError, ClassicMachine, Mode, run_transcript
 
 
 class ClassicMemory:
@@ -37,13 +37,10 @@ class ClassicMemory:
     def run(self, text: str) -> Iterator[EvalOutcome]:
         """Evaluate all of `text`: either expressions that end with `@`, the whole with `$`, or one a line."""
         if "@" in text or "$" in text:
-            yield from map(_of_entry, run_transcript(text, self._machine))
+            for entry in run_transcript(text, self._machine):
+                yield _outcome(entry.text, entry.value, entry.messages, entry.error)
         else:
             yield from (self.evaluate(piece.strip()) for _, piece in pieces(text, classic=True))
-
-
-def _of_entry(entry: TranscriptEntry) -> EvalOutcome:
-    return _outcome(entry.text, entry.value, entry.messages, entry.error)
 
 
 def _outcome(text: str, value: int | None, messages: tuple[str, ...], error: ClassicError | None) -> EvalOutcome:
@@ -55,5 +52,5 @@ def _outcome(text: str, value: int | None, messages: tuple[str, ...], error: Cla
         "messages": list(messages),
         "error": None if error is None else str(error),
     }
-    said = messages if error is None else (*messages, str(error))
-    return EvalOutcome(UNKNOWN if value is None else str(value), status, said, details)
+    lines = messages if error is None else (*messages, str(error))
+    return EvalOutcome(UNKNOWN if value is None else str(value), status, lines, details)

@@ -63,9 +63,9 @@ def console(
             from sleepcast.console.adapters.swarm import scene_of
             from sleepcast.simulator import find_scenario
 
-            found = find_scenario(scenario)
-            drawn = scene_of(found, ("",))
-            picture = None if found.picture is None else found.picture.png
+            world = find_scenario(scenario)
+            drawn = scene_of(world, ("",))
+            picture = None if world.picture is None else world.picture.png
             ground = replace(drawn, names=(), story=STORY)
         began = station.now
         fleet = FleetAdapter(station, telemetry, ground, every, began, picture)

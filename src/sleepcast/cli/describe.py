@@ -93,8 +93,8 @@ def _repeated(entry: JournalEntry) -> str:
 
 def _accounted(entry: JournalEntry) -> str:
     details = entry.details
-    said = [sort for sort in COUNTED if sort not in RARE or details.get(f"n_{sort}")]
-    counts = [f"{COUNTED[sort]} {details.get(f'n_{sort}')}" for sort in said]
+    said = [outcome for outcome in COUNTED if outcome not in RARE or details.get(f"n_{outcome}")]
+    counts = [f"{COUNTED[outcome]} {details.get(f'n_{outcome}')}" for outcome in said]
     names = details.get("silent")
     silent = [str(name) for name in names] if isinstance(names, list) else []
     listed = ", ".join(silent[:SHOWN]) + (", ..." if len(silent) > SHOWN else "")

@@ -78,5 +78,5 @@ def _tell_end(session: TuiSession) -> None:
 
     latch = session.latch
     if latch is not None and latch.kind is Kind.STOP:
-        found = session.station.accounting(latch.id)
-        complain(f"STOP holds: stopped {found.n_matched}, {found.silence(FEW)}; sleepcast release ends it")
+        account = session.station.accounting(latch.id)
+        complain(f"STOP holds: stopped {account.n_matched}, {account.silence(FEW)}; sleepcast release ends it")

@@ -8,13 +8,11 @@ from typing import Literal
 
 import click
 
-from sleepcast.cli.memories import EvalOutcome, TypedMemory
+from sleepcast.cli.memories import UNREADABLE, EvalOutcome, TypedMemory
 from sleepcast.cli.options import SEED
 from sleepcast.cli.streams import complain, put, read_standard_input
 from sleepcast.core.errors import MisuseError
 
-UNREADABLE = 2
-"""Status of what is no expression."""
 _NEGATIVE_NUMBER = re.compile(r"-\.?[0-9]")
 
 
@@ -69,7 +67,7 @@ def evaluate(
     for outcome in _outcomes(memory, expressions):
         if as_json or outcome.status != UNREADABLE:  # which has no value
             put(outcome.to_json() if as_json else outcome.value)
-        for line in outcome.said:
+        for line in outcome.messages:
             complain(line)
         worst = max(worst, outcome.status)
     return worst

@@ -17,13 +17,13 @@ from pathlib import Path
 
 from sleepcast.api.connection import AirOptions, chosen_keys, multiplexer_for, open_store, session_for, store_file
 from sleepcast.bridges import OutOfReachError, begin_body
-from sleepcast.bridges.ros2.fleet import RobotThere, Ros2Fleet
+from sleepcast.bridges.ros2.fleet import DiscoveredRobot, Ros2Fleet
 from sleepcast.channel.message import MAX_NAME
 from sleepcast.channel.session import wait_together
 from sleepcast.cli.node_life import NodeProcess, StartScript, Zeroed, number_in, seek_time
 from sleepcast.cli.streams import announce, complain
 from sleepcast.core.clock import UnixClock, WallClock
-from sleepcast.core.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError, counted
 from sleepcast.loop.real import EmbodiedMind, run_robots
 from sleepcast.mind.authority import Tells
 from sleepcast.node.store import StoreError
@@ -45,9 +45,17 @@ class NoMindError(SleepcastError):
 
 @dataclass(frozen=True, slots=True)
 class MindOptions:
-    """What all minds have in common. golden: rules that are built in; beginning: what they begin with. store: the
-    folder of their stores, None for the one in the user's data; forgetful: whether there are none. limits: of the
-    bodies, besides their own. lease, tick: s. tells: see `Node`."""
+    """What all minds have in common.
+
+    golden: rules that are built in.
+    beginning: what they begin with.
+    store: the folder of their stores; None for the one in the user's data.
+    forgetful: whether there are no stores.
+    limits: of the bodies, besides their own.
+    lease: for how long a driven body goes on unattended, s.
+    tells: see `Node`.
+    tick: s.
+    """
 
     golden: StartScript
     beginning: StartScript
@@ -62,11 +70,15 @@ class MindOptions:
 
 @dataclass(slots=True)
 class Watched:
-    """A namespace that lacks something. since: when it was first so, s; said: whether that was said."""
+    """A namespace that lacks something.
+
+    since: when it was first so, s.
+    reported: whether that was said.
+    """
 
     lacks: list[str]
     since: float
-    said: bool = False
+    reported: bool = False
 
 
 @dataclass(slots=True)
@@ -122,7 +134,7 @@ class FleetProcess:
                 self._anchor.receive()
 
         try:
-            run_robots(self._minds, self._clock, tick=self._options.tick, going=going, sleep=sleep, fails=self._let_go)
+            run_robots(self._minds, self._clock, tick=self._options.tick, going=going, sleep=sleep, fails=self._drop)
         finally:
             self._close()
 
@@ -134,32 +146,32 @@ class FleetProcess:
             return
         self._look_at = now + LOOK_EVERY
         try:
-            found = self._fleet.look()
+            seen = self._fleet.look()
         except OutOfReachError as error:
             self._say_once(str(error))
             return
-        if not found and now - self._began >= SETTLED:
+        if not seen and now - self._began >= SETTLED:
             self._say_once(self._fleet.nobody())
-        for robot in found.values():
+        for robot in seen.values():
             self._watch(robot, now)
         if not self._waiting:
-            wanted = self._named or [namespace for namespace, robot in found.items() if robot.is_robot]
+            wanted = self._named or [namespace for namespace, robot in seen.items() if robot.is_robot]
             self._waiting = [each for each in wanted if self._name(each) not in self._members]
-        for namespace in self._watched.keys() - found.keys():
+        for namespace in self._watched.keys() - seen.keys():
             del self._watched[namespace]
 
-    def _watch(self, robot: RobotThere, now: float) -> None:
+    def _watch(self, robot: DiscoveredRobot, now: float) -> None:
         """Say what a namespace lacks, if it has lacked it for a while: of a robot with a mind here and at the desks,
         where its body itself says what does not fit."""
         name = self._name(robot.namespace)
         member = self._members.get(name)
         lacks = robot.lacks(only_missing=member is not None)
-        before = self._watched.get(robot.namespace)
-        if before is None or before.lacks != lacks:
-            before = self._watched[robot.namespace] = Watched(lacks, now)
-        if not lacks or before.said or now - before.since < SETTLED:
+        watched = self._watched.get(robot.namespace)
+        if watched is None or watched.lacks != lacks:
+            watched = self._watched[robot.namespace] = Watched(lacks, now)
+        if not lacks or watched.reported or now - watched.since < SETTLED:
             return
-        before.said = True
+        watched.reported = True
         if member is not None:
             member.node.say("; ".join(lacks))
         elif not robot.is_robot and not self._named:
@@ -184,11 +196,10 @@ class FleetProcess:
             return
         self._members[name] = member
         self._minds.append(member.mind)
-        count = "1 robot" if len(self._members) == 1 else f"{len(self._members)} robots"
         alike = [each for each in self._members if each != name and number_in(each) == number_in(name)]
         if alike:
             complain(f"{name} has the same id as {alike[0]}, {number_in(name)}: what asks for an id means both")
-        announce(f"{name} is up, with {member.node.rules_text()}; {count}")
+        announce(f"{name} is up, with {member.node.rules_text()}; {counted(len(self._members), 'robot')}")
 
     def _begun(self, name: str, namespace: str, stack: ExitStack) -> BridgedRobot:
         """The mind of a robot that has begun. stack: closes what it has."""
@@ -232,8 +243,8 @@ class FleetProcess:
             self._said.add(sentence)
             complain(sentence)
 
-    def _let_go(self, mind: EmbodiedMind, error: SleepcastError) -> None:
-        """A mind cannot go on."""
+    def _drop(self, mind: EmbodiedMind, error: SleepcastError) -> None:
+        """End a mind that cannot go on."""
         name = mind.node.name
         complain(f"{name}: {error}; its mind ends, and the others go on")
         mind.end()
@@ -241,7 +252,7 @@ class FleetProcess:
         self._members.pop(name).stack.close()
 
     def _close(self) -> None:
-        """All bodies are let go at once, since each may wait for its last words to arrive."""
+        """Close all bodies at once, since each may wait until its last commands have arrived."""
         members = list(self._members.values())
         if members:
             with ThreadPoolExecutor(len(members)) as pool:

@@ -16,7 +16,8 @@ from sleepcast.cli.interrupts import Interrupts, Terminated
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.ticks import nearest_ticks
-from sleepcast.loop import Swarm, save, snapshot
+from sleepcast.loop import Swarm, save
+from sleepcast.loop import snapshot as snapshot_of
 from sleepcast.loop.snapshots import SnapshotLostError
 from sleepcast.simulator.scenario.mission import after_end
 from sleepcast.station import Command, Station
@@ -27,9 +28,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class FinishedRun:
-    """A finished run. first: the tick that it went on from. setup, wall: seconds that a person waited for the start,
-    all compiling included, and for the run itself. broken: whether a recording of it broke off, or a snapshot could not
-    be written."""
+    """A finished run.
+
+    first: the tick that it went on from.
+    setup: s that a person waited for the start, all compiling included.
+    wall: s that the run itself took.
+    broken: whether a recording of it broke off, or a snapshot could not be written.
+    """
 
     swarm: Swarm
     station: Station
@@ -70,19 +75,19 @@ class FinishedRun:
 
     def to_text(self) -> str:
         """The outcome for people."""
-        found = self.to_dict()
+        outcome = self.to_dict()
         lines = [
-            f"{found['scenario']}, seed {found['seed']}: {found['robots']} robots for {found['seconds']} s, "
-            f"{found['realtime_factor']} times real time, after {self.setup:.1f} s of set-up"
+            f"{outcome['scenario']}, seed {outcome['seed']}: {outcome['robots']} robots for {outcome['seconds']} s, "
+            f"{outcome['realtime_factor']} times real time, after {self.setup:.1f} s of set-up"
         ]
         for station, command in self.commands():
             by = f"{station.operator}: " if self.swarm.operators else ""
             lines += [f"  {line}" for line in f"{by}{command.text.strip()}".split("\n")]
-            found_of = station.accounting(command.id)
-            lines.append(f"    {found_of.sentence()}")
-            if self.swarm.operators and found_of.n_fault:
-                lines.append(f"    {next(iter(found_of.faults.values()))}")
-        groups = found["measures"]["groups"] if isinstance(found["measures"], dict) else {}
+            account = station.accounting(command.id)
+            lines.append(f"    {account.sentence()}")
+            if self.swarm.operators and account.n_fault:
+                lines.append(f"    {next(iter(account.faults.values()))}")
+        groups = outcome["measures"]["groups"] if isinstance(outcome["measures"], dict) else {}
         lines += [f"  group {name}: {count} members" for name, count in groups.items()]
         for name, series in self.swarm.simulator.measured().items():
             (_, first), (seconds, last) = series[0], series[-1]
@@ -90,7 +95,7 @@ class FinishedRun:
         lines += [f"  {each}" for each in self.missed()]
         if late := list(self.swarm.mission):
             lines.append(f"  {late_sentence(late, self.swarm.now())}")
-        lines.append(f"  state {found['state_hash']}")
+        lines.append(f"  state {outcome['state_hash']}")
         return "\n".join(lines)
 
 
@@ -100,14 +105,17 @@ def run_headless(
     seconds: float | None,
     *,
     quiet: bool,
-    wanted: RecordingPlan | None = None,
-    keeping: SnapshotPlan | None = None,
+    recording: RecordingPlan | None = None,
+    snapshot: SnapshotPlan | None = None,
 ) -> FinishedRun:
-    """Let a swarm run on for so many simulated seconds (None: to the scenario's end), a tick at least.
+    """Let a swarm run on, a tick at least. Raises MisuseError where the scenario has ended already or does not come by
+    the time of the snapshot, what Recorder raises, and KeyboardInterrupt after Ctrl-C.
 
-    interrupts: entered. begin: warms up and assembles the swarm. wanted: what is recorded of it. keeping: the snapshot
-    to take. Raises MisuseError where the scenario has ended already or does not come by the time of the snapshot, what
-    Recorder raises, and KeyboardInterrupt after Ctrl-C.
+    interrupts: entered.
+    begin: warms up and assembles the swarm.
+    seconds: for how long, in simulated time; None: to the scenario's end.
+    recording: what is recorded of it.
+    snapshot: the snapshot to take.
     """
     began = perf_counter()
     swarm, station = begin()
@@ -115,19 +123,19 @@ def run_headless(
     interrupts.defer()
     scenario, first = swarm.simulator.scenario, swarm.simulator.tick
     ticks = _ticks(swarm, seconds)
-    due = keeping.tick(first, ticks, scenario.tick) if keeping is not None else None
+    due = snapshot.tick(first, ticks, scenario.tick) if snapshot is not None else None
     if late := after_end(swarm.mission, first + ticks, scenario.tick):
         complain(late_sentence(late, (first + ticks) * scenario.tick))
     recorder, lost = None, False
-    with _told(swarm, wanted, keeping), ExitStack() as stack:
-        if wanted is not None:
+    with _end_reported(swarm, recording, snapshot), ExitStack() as stack:
+        if recording is not None:
             from sleepcast.api.recording import recorded
 
-            recorder = stack.enter_context(recorded(swarm, station, wanted, complain))
+            recorder = stack.enter_context(recorded(swarm, station, recording, complain))
         for _ in stack.enter_context(closing(steps(ticks, scenario.name, quiet=quiet))):
             swarm.step()
-            if keeping is not None and swarm.simulator.tick == due:
-                lost = not keeping.take(swarm)
+            if snapshot is not None and swarm.simulator.tick == due:
+                lost = not snapshot.take(swarm)
             interrupts.check()
     broken = lost or (recorder is not None and recorder.failed)
     return FinishedRun(swarm, station, first, ready - began, perf_counter() - ready, broken)
@@ -148,15 +156,17 @@ def _ticks(swarm: Swarm, seconds: float | None) -> int:
 
 
 @contextmanager
-def _told(swarm: Swarm, wanted: RecordingPlan | None, keeping: SnapshotPlan | None) -> Iterator[None]:
+def _end_reported(swarm: Swarm, recording: RecordingPlan | None, snapshot: SnapshotPlan | None) -> Iterator[None]:
     """Say where a signal has ended the run, once everything is closed; take the snapshot that was due at its end."""
     try:
         yield
     except (KeyboardInterrupt, Terminated) as error:
-        kept = [] if wanted is None else [f"{wanted.file} holds what came before"]
-        if keeping is not None and keeping.at is None and keeping.take(swarm):
-            kept.append(f"go on with --from {keeping.file}")
-        complain("; ".join((f"ended by {str(error) or 'Ctrl-C'} at {swarm.now():g} s of simulated time", *kept)))
+        sentences = [f"ended by {str(error) or 'Ctrl-C'} at {swarm.now():g} s of simulated time"]
+        if recording is not None:
+            sentences.append(f"{recording.file} holds what came before")
+        if snapshot is not None and snapshot.at is None and snapshot.take(swarm):
+            sentences.append(f"go on with --from {snapshot.file}")
+        complain("; ".join(sentences))
         raise
 
 
@@ -167,7 +177,7 @@ class SnapshotPlan:
     file: Path
     at: float | None = None
 
-    def check_place(self) -> None:
+    def check_file(self) -> None:
         """Raises MisuseError where nothing can be written: better now than after a long run."""
         file = Path(os.path.realpath(self.file))
         if not file.parent.is_dir():
@@ -180,23 +190,26 @@ class SnapshotPlan:
             raise MisuseError(f"--snapshot {self.file}: cannot write in {file.parent}; choose another folder")
 
     def tick(self, first: int, ticks: int, tick: float) -> int:
-        """The tick after which it is taken, in a run of so many from the `first` on. tick: s in each. Raises
-        MisuseError for a time at which the run does not come by."""
+        """The tick after which it is taken, in a run of so many ticks from the `first` on. Raises MisuseError for a
+        time at which the run does not come by.
+
+        tick: how long each lasts, s.
+        """
         last = first + ticks
         if self.at is None:
             return last
-        found = nearest_ticks(self.at, tick)
-        if not first < found <= last:
+        due = nearest_ticks(self.at, tick)
+        if not first < due <= last:
             raise MisuseError(
                 f"--snapshot-at {self.at:g} s: the run goes from {first * tick:g} s to {last * tick:g} s, so take the "
                 "snapshot later than its start and not later than its end"
             )
-        return found
+        return due
 
     def take(self, swarm: Swarm) -> bool:
         """Take it; gives whether that was done. Prints on standard error why not."""
         try:
-            save(snapshot(swarm), self.file)
+            save(snapshot_of(swarm), self.file)
         except SnapshotLostError as error:
             complain(str(error))
             return False

@@ -87,11 +87,11 @@ def _query(command: Callable[..., int]) -> Callable[..., int]:
         from sleepcast.station.journal.journal import JournalEvent
         from sleepcast.station.journal.reader import Query
 
-        sorts = [each.value for each in JournalEvent]
-        if event and event not in sorts:
-            raise MisuseError(f"--event {event}: entries tell of {', '.join(sorts)}")
-        sort = JournalEvent(event) if event else None
-        return command(query=Query(0, since, until, text, robot, sort, command_), **others)
+        types = [each.value for each in JournalEvent]
+        if event and event not in types:
+            raise MisuseError(f"--event {event}: entries tell of {', '.join(types)}")
+        type_ = JournalEvent(event) if event else None
+        return command(query=Query(0, since, until, text, robot, type_, command_), **others)
 
     return chosen
 
@@ -144,8 +144,8 @@ def export(file: Path, query: Query, as_table: bool) -> int:
 
     with JournalReader(file) as reader:
         _tell_lost(reader)
-        found = reader.search(query)
-        for line in _rows(found) if as_table else map(_as_json, found):
+        entries = reader.search(query)
+        for line in _rows(entries) if as_table else map(_as_json, entries):
             put(line)
     return 0
 
@@ -171,20 +171,20 @@ def verify(file: Path, head: str | None, as_json: bool) -> int:
         raise MisuseError(f"a head has 64 hexadecimal digits, as verify prints it, not {head[:80]!r}")
     with JournalReader(file) as reader:
         _tell_lost(reader)
-        found = reader.verify()
-        broken = found.broken
+        chain = reader.verify()
+        broken = chain.broken
         if not broken and head is not None and not any(hash.hex() == head.lower() for hash in reader.hashes()):
             broken = f"no entry has the hash {head}: what it stood for was changed or taken away"
         first, files, lost = reader.first, len(reader.files), reader.lost
     if as_json:
-        summary = {"entries": found.count, "first": first, "last": found.last, "files": files, "head": found.hash.hex()}
+        summary = {"entries": chain.count, "first": first, "last": chain.last, "files": files, "head": chain.hash.hex()}
         put(json.dumps(summary | {"lost_archive": lost or None, "broken": broken or None}))
     elif broken:
-        raise BrokenChainError(f"{broken}; the {found.count} entries before it are as they were written")
+        raise BrokenChainError(f"{broken}; the {chain.count} entries before it are as they were written")
     else:
-        which = f", {first} to {found.last}" if found.count else ""
-        put(f"{found.count} entries{which} in {files} file{'s' if files > 1 else ''}: no entry was changed or removed")
-        put(f"head {found.hash.hex()}")
+        which = f", {first} to {chain.last}" if chain.count else ""
+        put(f"{chain.count} entries{which} in {files} file{'s' if files > 1 else ''}: no entry was changed or removed")
+        put(f"head {chain.hash.hex()}")
     return 1 if broken else 0
 
 
@@ -206,18 +206,18 @@ def rotate(file: Path, at: str | None) -> int:
     from sleepcast.station.journal.file import ArchiveLimits, SqliteJournal, open_reading
 
     open_reading(file).close()  # there must be one
-    with closing(SqliteJournal(file, UnixClock())) as found:
+    with closing(SqliteJournal(file, UnixClock())) as opened:
         if at is None:
-            archive = found.rotate()
+            archive = opened.rotate()
             put(f"moved into {archive}" if archive else "there is nothing to move")
         elif at == NEVER:
-            found.limits = ArchiveLimits()
+            opened.limits = ArchiveLimits()
             put(f"{file} moves into an archive only when you say so")
         else:
             from sleepcast.simulator.recording.recorder import read_rotation
 
             rotation = read_rotation(at)
-            found.limits = ArchiveLimits(rotation.size, rotation.age)
+            opened.limits = ArchiveLimits(rotation.size, rotation.age)
             put(f"{file} moves into an archive at {at}")
     return 0
 
@@ -239,9 +239,9 @@ def _as_json(written: FiledEntry) -> str:
     return f'{written.line[:-1]},"hash":"{written.hash.hex()}"}}'
 
 
-def _rows(found: Iterator[FiledEntry]) -> Iterator[str]:
+def _rows(entries: Iterator[FiledEntry]) -> Iterator[str]:
     yield ",".join(COLUMNS)
-    for written in found:
+    for written in entries:
         entry, cells = written.entry, io.StringIO()
         when = datetime.fromtimestamp(written.written, UTC).isoformat(timespec="microseconds")
         details = json.dumps(entry.details, ensure_ascii=False)

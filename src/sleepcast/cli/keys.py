@@ -9,7 +9,7 @@ rules still reach robots that join later, and nothing else that is signed with i
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -17,15 +17,12 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 from sleepcast.api.connection import FLEET, AirOptions, session_for, station_for
-from sleepcast.cli.account import account_lines, as_dict
+from sleepcast.cli.account import show_account
 from sleepcast.cli.streams import complain, put
 from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
-    from sleepcast.channel.keys import PublicKey, Trust
-
-if TYPE_CHECKING:
-    from sleepcast.channel.keys import KeyChange, KeyPair
+    from sleepcast.channel.keys import KeyChange, KeyPair, PublicKey, Trust
 
 GRACE = 1.0
 """Seconds after the time for answers for which they are still taken."""
@@ -52,15 +49,12 @@ def commander(folder: Path, owner: str | None) -> KeyPair:
     there is none."""
     from sleepcast.channel.keyring import DEVELOPMENT_DESK, KeyFileError, find_key, load_key, used_keys
     from sleepcast.channel.message import Role
-    from sleepcast.core.errors import MisuseError
 
     if owner is not None:
-        found = find_key(folder, owner)
-        if found.public.role is not Role.COMMANDER:
-            raise MisuseError(
-                f"{owner!r} is an {found.public.role}: only a commander may change which keys are trusted"
-            )
-        return found
+        pair = find_key(folder, owner)
+        if pair.public.role is not Role.COMMANDER:
+            raise MisuseError(f"{owner!r} is an {pair.public.role}: only a commander may change which keys are trusted")
+        return pair
     here = []
     for file in sorted(folder.glob("*.key")):
         try:
@@ -85,8 +79,12 @@ def tell(
     more: dict[str, object],
     show: Callable[[str], None] = put,
 ) -> int:
-    """Tell the fleet, and show what became of the last of these changes. The exit status is 1 if no robot took it: then
-    none can hand it on either. more: for the JSON."""
+    """Tell the fleet, and show what became of the last of these changes; gives the exit status, 1 if no robot took it:
+    then none can hand it on either.
+
+    more: what the JSON holds besides.
+    show: prints a line.
+    """
     from sleepcast.channel import Kind
     from sleepcast.channel.message import KEYS
 
@@ -94,15 +92,11 @@ def tell(
         for change in changes:
             sent = station.post(Kind.COMMAND, body={KEYS: change.written()}, standing=True)
             station.gather(sent, GRACE)
-        found = station.accounting(sent.id)
-        if as_json:
-            show(json.dumps({**more, **as_dict(sent, found)}))
-        else:
-            for line in account_lines(sent, found):
-                show(line)
-        if not found.n_matched:
+        account = station.accounting(sent.id)
+        show_account(sent, account, as_json, more=more, show=show)
+        if not account.n_matched:
             complain("no robot has received it, so it will not spread by itself: repeat it when robots are on the air")
-        return 1 if found.n_fault or not found.n_matched else 0
+        return 1 if account.n_fault or not account.n_matched else 0
 
 
 def endings(gone: Iterable[bytes], standing: Iterable[bytes]) -> list[KeyChange]:
@@ -117,15 +111,15 @@ def endings(gone: Iterable[bytes], standing: Iterable[bytes]) -> list[KeyChange]
 def gathered(air: AirOptions, gone: Iterable[bytes]) -> list[bytes]:
     """The datagrams of standing commands of these keys, as the robots on the air have them."""
     with closing(session_for(air, None, robot=True, say=complain)) as session:
-        found: list[bytes] = []
+        datagrams: list[bytes] = []
         spent = quiet = 0.0
         while quiet < LISTEN and spent < LONGEST:
             session.wait(0.1)
             session.receive()
-            before, found = len(found), [each for key in gone for each in session.delivery.standing_of(key)]
-            quiet = quiet + 0.1 if len(found) == before else 0.0
+            before, datagrams = len(datagrams), [each for key in gone for each in session.delivery.standing_of(key)]
+            quiet = quiet + 0.1 if len(datagrams) == before else 0.0
             spent += 0.1
-    return found
+    return datagrams
 
 
 ROLES = ("observer", "operator", "commander", "robot")
@@ -170,10 +164,9 @@ def new(owner: str, role: str, folder: Path | None, file: Path | None, as_json: 
       sleepcast keys new desk --role commander
       sleepcast keys new 'scout*' --role robot
     """
-    from sleepcast.channel.keyring import key_file, save_key
+    from sleepcast.channel.keyring import key_file, save_key, save_trust
     from sleepcast.channel.keys import KeyPair
     from sleepcast.channel.message import Role
-    from sleepcast.core.errors import MisuseError
 
     folder, file, trust = _opened(folder, file)
     secret = key_file(folder, owner)
@@ -182,7 +175,7 @@ def new(owner: str, role: str, folder: Path | None, file: Path | None, as_json: 
     pair = KeyPair.new(owner, Role(role))
     trust.add(pair.public)
     save_key(pair, secret)
-    _keep(trust, file)
+    save_trust(trust, file)
     if as_json:
         put(json.dumps({**_as_dict(pair.public), "secret_file": str(secret), "trust_file": str(file)}))
         return 0
@@ -285,7 +278,7 @@ def trust_(
       sleepcast keys trust 03a107bff3ce10be1d70dd18e74bc09967e4d6309ba50d5f1ddc8664125531b8 \\
           --owner anna --role operator --channel udp://192.168.1.255:47123
     """
-    from sleepcast.channel.keyring import half
+    from sleepcast.channel.keyring import half, save_trust
     from sleepcast.channel.keys import KeyChange, PublicKey
     from sleepcast.channel.message import Role
 
@@ -293,9 +286,9 @@ def trust_(
     added = PublicKey(owner, Role(role), half(public))
     speaker = None if channel is None else commander(folder, key)
     known.add(added)
-    _keep(known, file)
+    save_trust(known, file)
     if channel is None or speaker is None:
-        _say(_as_dict(added), f"{role} {owner}: key {added.id.hex()} is trusted in {file}", as_json)
+        put(json.dumps(_as_dict(added)) if as_json else f"{role} {owner}: key {added.id.hex()} is trusted in {file}")
         return 0
     air = AirOptions(channel, fleet, speaker.public.owner, file, folder)
     return tell(air, [KeyChange(trust=(added,))], as_json, _as_dict(added))
@@ -329,9 +322,12 @@ def revoke(
       sleepcast keys revoke anna
       sleepcast keys revoke anna --channel udp://192.168.1.255:47123 --key chief
     """
+    from sleepcast.channel.keyring import save_trust
+    from sleepcast.channel.keys import KeyChange
+
     folder, file, known = _opened(folder, file)
-    found = [each for each in known.keys if each.id.hex() == owner] or known.revoke(owner)
-    gone = [each.id for each in found]
+    revoked = [each for each in known.keys if each.id.hex() == owner] or known.revoke(owner)
+    gone = [each.id for each in revoked]
     if channel is not None:
         speaker = commander(folder, key)
         if speaker.id in gone:
@@ -340,13 +336,13 @@ def revoke(
                 "rotate takes a new one"
             )
         air = AirOptions(channel, fleet, speaker.public.owner, file, folder)
-        commands = any(each.role == "commander" for each in found) and not forget_rules
+        commands = any(each.role == "commander" for each in revoked) and not forget_rules
         changes = endings(gone, gathered(air, gone) if commands else ())
         return tell(air, changes, as_json, {"revoked": [each.hex() for each in gone]})
-    _revoked(known, gone)
-    _keep(known, file)
-    ids = ", ".join(each.hex() for each in gone)
-    _say({"revoked": [each.hex() for each in gone]}, f"{owner}: {ids} revoked in {file}", as_json)
+    known.take(KeyChange(revoke=frozenset(gone)))
+    save_trust(known, file)
+    ids = [each.hex() for each in gone]
+    put(json.dumps({"revoked": ids}) if as_json else f"{owner}: {', '.join(ids)} revoked in {file}")
     return 0
 
 
@@ -395,20 +391,11 @@ def rotate(
     complain(f"the old key of {owner} lies in {aside}, and is no longer valid")
     if channel is not None and speaker is not None:
         return tell(air, changes, as_json, _as_dict(new_pair.public))
-    _revoked(known, [old.id])
+    known.take(KeyChange(revoke=frozenset((old.id,))))
     add_trust(known, file)
-    _say(_as_dict(new_pair.public), f"{old.public.role} {owner}: key {new_pair.id.hex()} from now on", as_json)
+    sentence = f"{old.public.role} {owner}: key {new_pair.id.hex()} from now on"
+    put(json.dumps(_as_dict(new_pair.public)) if as_json else sentence)
     return 0
-
-
-def _revoked(trust: Trust, gone: Sequence[bytes]) -> None:
-    from sleepcast.channel.keys import KeyChange
-
-    trust.take(KeyChange(revoke=frozenset(gone)))
-
-
-def _say(account_lines: dict[str, object], sentence: str, as_json: bool) -> None:
-    put(json.dumps(account_lines) if as_json else sentence)
 
 
 def _opened(folder: Path | None, file: Path | None) -> tuple[Path, Path, Trust]:
@@ -421,23 +408,17 @@ def _opened(folder: Path | None, file: Path | None) -> tuple[Path, Path, Trust]:
     return folder, file, load_trust(file) if file.exists() else Trust()
 
 
-def _keep(trust: Trust, file: Path) -> None:
-    from sleepcast.channel.keyring import save_trust
-
-    save_trust(trust, file)
-
-
 def _own(folder: Path) -> set[bytes]:
     """Ids of the keys whose secret halves lie here."""
     from sleepcast.channel.keyring import KeyFileError, load_key
 
-    found = set()
+    ids = set()
     for file in sorted(folder.glob("*.key")):
         try:
-            found.add(load_key(file).id)
+            ids.add(load_key(file).id)
         except KeyFileError as error:
             complain(str(error))
-    return found
+    return ids
 
 
 def _as_dict(key: PublicKey) -> dict[str, object]:

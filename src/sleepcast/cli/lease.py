@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 SECONDS = "60s"
 """For which a lease is had unless another time is said: long enough for a task, short enough to be waited for."""
-DEEDS = ("take", "give", "request", "grant", "force")
+ACTIONS = ("take", "give", "request", "grant", "force")
 
 
 @click.command("lease")
-@click.argument("deed", type=click.Choice(DEEDS))
+@click.argument("action", type=click.Choice(ACTIONS))
 @click.argument("group")
 @click.option(
     "--seconds",
@@ -36,7 +36,7 @@ DEEDS = ("take", "give", "request", "grant", "force")
 @click.option("--to", default="", metavar="NAME", help="The operator to grant it to.")
 @click.option("--keep", is_flag=True, help="Renew it until Ctrl-C, then give it back.")
 @operator
-def lease(deed: str, group: str, seconds: float, to: str, keep: bool, air: AirOptions, as_json: bool) -> int:
+def lease(action: str, group: str, seconds: float, to: str, keep: bool, air: AirOptions, as_json: bool) -> int:
     """Control a GROUP exclusively: while you hold its lease, its robots refuse other operators' commands, and tell them
     why. Everybody may always send STOP and questions. Leases do not affect commanders' standing commands.
 
@@ -56,19 +56,20 @@ def lease(deed: str, group: str, seconds: float, to: str, keep: bool, air: AirOp
     from sleepcast.channel.message import LeaseAction
     from sleepcast.station.leases import doubt_of
 
-    if keep and deed not in ("take", "request", "force"):
+    if keep and action not in ("take", "request", "force"):
         raise click.UsageError("--keep goes with take, request and force")
     with observing_station(air, complain) as (station, _):
         if doubt := doubt_of(group, station.learned):
             complain(doubt)
-        status = _done(station, LeaseAction(deed), group, seconds, to, as_json)
+        status = _done(station, LeaseAction(action), group, seconds, to, as_json)
         if keep and status == 0:
             _keep(station, group, seconds, as_json)
         return status
 
 
-def _done(station: NetworkStation, deed: LeaseAction, group: str, seconds: float, to: str, as_json: bool) -> int:
-    sent = station.lease(deed, group, seconds, to)
+def _done(station: NetworkStation, action: LeaseAction, group: str, seconds: float, to: str, as_json: bool) -> int:
+    """Send it, and print the account; gives the exit status, 1 if no robot answered."""
+    sent = station.lease(action, group, seconds, to)
     status = gathered(station, sent, GRACE, as_json)
     return status if len(sent.answers) else 1
 
@@ -84,15 +85,14 @@ def _keep(station: NetworkStation, group: str, seconds: float, as_json: bool) ->
         while True:
             station.wait(0.1)
             while station.news:
-                said = describe_request(station.news.popleft())
-                if said:
-                    complain(printable(said))
+                if request := describe_request(station.news.popleft()):
+                    complain(printable(request))
             if station.now - renewed >= seconds / 3.0:
                 renewed = station.now
                 sent = station.lease(LeaseAction.TAKE, group, seconds)
                 station.gather(sent, GRACE)
-                found = station.accounting(sent.id)
-                if found.n_fault:
-                    complain(printable(f"{group} is not all yours: {next(iter(found.faults.values()))}"))
+                account = station.accounting(sent.id)
+                if account.n_fault:
+                    complain(printable(f"{group} is not all yours: {next(iter(account.faults.values()))}"))
     finally:
         _done(station, LeaseAction.GIVE, group, 0.0, "", as_json)

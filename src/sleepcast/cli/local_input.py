@@ -40,15 +40,18 @@ def heard(numbers: Numbers) -> str:
     return f"(PROGN {setting} (DEFVAR message FALSE) (SETQ message TRUE))"
 
 
-def wished(wish: PilotRequest, actuators: Sequence[str]) -> str:
-    """What a ground station wants, as an expression, STOP or RELEASE. actuators: the names of speed and turn rate. A
-    place becomes variables, which the robot's own rules may drive to."""
-    if wish.sort == "drive":
-        return f"(PROGN {' '.join(f'(SETQ {n} {v:.4f})' for n, v in zip(actuators, wish.values, strict=False))})"
-    if wish.sort == "goal":
-        pairs = zip(("goal_x", "goal_y", "goal_height"), wish.values, strict=False)
+def request_text(request: PilotRequest, actuators: Sequence[str]) -> str:
+    """What a ground station wants, as an expression, STOP or RELEASE. A place becomes variables, which the robot's own
+    rules may drive to.
+
+    actuators: the names of speed and turn rate.
+    """
+    if request.type == "drive":
+        return f"(PROGN {' '.join(f'(SETQ {n} {v:.4f})' for n, v in zip(actuators, request.values, strict=False))})"
+    if request.type == "goal":
+        pairs = zip(("goal_x", "goal_y", "goal_height"), request.values, strict=False)
         return f"(PROGN {' '.join(f'(DEFVAR {n} {v:.3f}) (SETQ {n} {v:.3f})' for n, v in pairs)})"
-    return wish.sort.upper()
+    return request.type.upper()
 
 
 class TypedLines:
@@ -105,13 +108,18 @@ def _standard_input() -> int | None:
 
 
 class LocalInput:
-    """The channel of one node: see the module.
+    """The channel of one node: see the module. Orders, typed lines, datagrams and the session are polled in this order.
 
-    orders: what is to be done when, s after the start. typed: where an operator types, if one does. listener: plain
-    datagrams, of which one is delivered in each tick. session: the radio, if there is one. They are polled in this
-    order. epoch: of the messages that are made of typed lines and datagrams. stops: the marks of those that hold
-    the robot; a RELEASE that is typed here ends them, one of the ground station its own. actuators: names of speed and
-    turn rate. unit_of: gives the unit in which people read the value of a command, by its id.
+    orders: what is to be done when, s after the start.
+    typed: where an operator types, if one does.
+    listener: plain datagrams, of which one is delivered in each tick.
+    session: the radio, if there is one.
+    epoch: of the messages that are made of typed lines and datagrams.
+    stops: the marks of those that hold the robot; a RELEASE that is typed here ends them, one of the ground station its
+        own.
+    ground: the ground station, if there is one.
+    actuators: names of speed and turn rate.
+    unit_of: gives the unit in which people read the value of a command, by its id.
     """
 
     def __init__(
@@ -139,18 +147,18 @@ class LocalInput:
 
     def receive(self) -> list[Message]:
         """What has come since the last call."""
-        found, self._read = self._read, []
+        messages, self._read = self._read, []
         while self._orders and self._orders[0].time <= self._clock.now() - self._start:
-            found.append(self._message(self._orders.popleft().text))
+            messages.append(self._message(self._orders.popleft().text))
         if self._typed is not None:
-            found += map(self._message, self._typed.texts())
+            messages += map(self._message, self._typed.texts())
         if self._listener is not None:
-            found += self._next_datagram(self._listener)
+            messages += self._next_datagram(self._listener)
         if self._ground is not None:
-            found += [self._message(wished(wish, self._actuators), GROUND) for wish in self._ground.wishes()]
+            messages += self._of_ground(self._ground)
         if self._session is not None:
-            found += self._session.receive()
-        return found
+            messages += self._session.receive()
+        return messages
 
     def stops(self) -> list[Message]:
         """The STOPs that have come since the last call of this or `receive`, from wherever a person may send one; what
@@ -158,16 +166,19 @@ class LocalInput:
         if self._typed is not None:
             self._read += map(self._message, self._typed.texts())
         if self._ground is not None:
-            self._read += [self._message(wished(wish, self._actuators), GROUND) for wish in self._ground.wishes()]
-        found = [message for message in self._read if message.kind is Kind.STOP]
+            self._read += self._of_ground(self._ground)
+        stops = [message for message in self._read if message.kind is Kind.STOP]
         self._read = [message for message in self._read if message.kind is not Kind.STOP]
-        return found if self._session is None else found + self._session.stops()
+        return stops if self._session is None else stops + self._session.stops()
 
     @property
     def is_releasing(self) -> bool:
         """Whether a RELEASE was read with the latest STOPs and waits for the next `receive`: whoever sent it may have
         an acknowledgement already, and say where to go."""
         return any(message.kind is Kind.RELEASE for message in self._read)
+
+    def _of_ground(self, ground: GroundStation) -> list[Message]:
+        return [self._message(request_text(request, self._actuators), GROUND) for request in ground.requests()]
 
     def _next_datagram(self, listener: Datagrams) -> Iterator[Message]:
         for numbers in listener.receive():
@@ -181,14 +192,13 @@ class LocalInput:
     def _message(self, text: str, sender: str = OPERATOR) -> Message:
         kind = {"STOP": Kind.STOP, "RELEASE": Kind.RELEASE}.get(text.upper(), Kind.COMMAND)
         self._sequence += 1
-        said = text[:MAX_TEXT] if kind is Kind.COMMAND else ""
-        body: dict[str, object] = {ENDS: self._ended_by(sender)} if kind is Kind.RELEASE else {}
-        return Message(sender, self._epoch, self._sequence, kind, self._clock.now() - self._start, text=said, body=body)
-
-    def _ended_by(self, sender: str) -> list[object]:
-        """Which of the STOPs that hold a RELEASE from here names: all if it is typed, otherwise those of its sender,
-        also from before a restart."""
-        return [mark for mark in self._stops() if sender in (OPERATOR, mark[0])]
+        text = text[:MAX_TEXT] if kind is Kind.COMMAND else ""
+        body: dict[str, object] = {}
+        if (
+            kind is Kind.RELEASE
+        ):  # one that is typed ends all STOPs that hold; others those of their sender, even before a restart
+            body[ENDS] = [mark for mark in self._stops() if sender in (OPERATOR, mark[0])]
+        return Message(sender, self._epoch, self._sequence, kind, self._clock.now() - self._start, text=text, body=body)
 
     def send(self, message: Message) -> None:
         """Print what the robot says to the terminal, and send all else."""
@@ -198,18 +208,18 @@ class LocalInput:
             if message.kind is not Kind.REPORT:
                 return
         if message.kind is Kind.REPORT:
-            said = printable(report_in_words(body.get("label"), body.get("values")))
-            announce(f"{self._name}: {said}")
+            report = printable(report_in_words(body.get("label"), body.get("values")))
+            announce(f"{self._name}: {report}")
             if self._ground is not None:
-                self._ground.say(said)
+                self._ground.say(report)
         elif message.kind is Kind.ANSWER:
             value, fault = body.get("value"), body.get("fault")
             outcome, whose = str(body.get("outcome")), str(body.get("command"))
             if whose.startswith((f"{SENDER}-", f"{GROUND}-")) and not fault and outcome not in SAFETY:
                 return  # nobody waits for the answer to a datagram, nor to a setpoint
-            known = value if isinstance(value, float) else nan
-            said = SAFETY.get(outcome) or value_in_words(known, self._unit_of(whose))
-            announce(f"{self._name}: {outcome}, {said}")
+            number = value if isinstance(value, float) else nan
+            result = SAFETY.get(outcome) or value_in_words(number, self._unit_of(whose))
+            announce(f"{self._name}: {outcome}, {result}")
             if fault:
                 complain(printable(f"{self._name}: {fault}"))
                 if self._ground is not None and whose.startswith(f"{GROUND}-"):

@@ -19,11 +19,17 @@ UNKNOWN = "UNKNOWN"
 
 @dataclass(frozen=True, slots=True)
 class EvalOutcome:
-    """What came of one expression. value: as it prints. said: lines for standard error. details: for JSON."""
+    """What came of one expression.
+
+    value: as it prints.
+    status: EVALUATED, REFUSED or UNREADABLE.
+    messages: lines for standard error.
+    details: for JSON.
+    """
 
     value: str
     status: int
-    said: tuple[str, ...] = ()
+    messages: tuple[str, ...] = ()
     details: Mapping[str, object] = field(default_factory=dict)
 
     def to_json(self) -> str:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from contextlib import ExitStack, closing
+from dataclasses import replace
 from pathlib import Path
 
 import click
 
 from sleepcast.api.connection import AirOptions, open_store, session_for
-from sleepcast.cli.air import chosen_store, no_store_option, options, store_option
+from sleepcast.cli.air import chosen_store, no_store_option, store_option, with_keys
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.options import SEED, QuantityType, golden_option, restraints, tick_option
 from sleepcast.cli.streams import complain
@@ -52,7 +53,7 @@ SIMULATED = "sim"
 @store_option
 @no_store_option
 @restraints
-@options
+@with_keys
 @click.option("--seed", type=SEED, default=0, show_default=True, help="Random seed.")
 def node(
     name: str,
@@ -74,12 +75,7 @@ def node(
     lease: str,
     limits: Path | None,
     tells: str,
-    fleet: str,
-    key: str | None,
-    trust: Path | None,
-    folder: Path | None,
-    skew: float | None,
-    rate: float | None,
+    air: AirOptions,
 ) -> int:
     """Run one robot's mind with the body at URI until Ctrl-C, which stops the body first.
 
@@ -120,25 +116,25 @@ def node(
             raise MisuseError(f"{golden} is a mission script: built-in rules have no times")
         seconds_unattended = read_lease(lease)
         listener = None if datagrams is None else stack.enter_context(Datagrams(host, datagrams))
-        lies = chosen_store(file, forgetful, fleet, name, channel is not None)
-        store = None if lies is None else stack.enter_context(closing(open_store(lies, complain)))
+        store_file = chosen_store(file, forgetful, air.fleet, name, channel is not None)
+        store = None if store_file is None else stack.enter_context(closing(open_store(store_file, complain)))
         session = None
         if channel is not None:
             if lockstep:
                 raise MisuseError("--lockstep and --channel do not go together: deadlines on the air are of real time")
-            air = AirOptions(channel, fleet, key, trust, folder, skew=skew, rate=rate)
+            air = replace(air, channel=channel)
             session = stack.enter_context(closing(session_for(air, name, robot=True, say=complain, store=store)))
         if vocabulary == NOMAD and uri.partition(":")[0] == SIMULATED:
             raise MisuseError("a body in the simulator has the vocabulary that its scenario says: no --vocabulary")
         number = number_in(name) if number is None else number
-        kept = UNLIMITED if limits is None else read_limits(limits)
-        robot = stack.enter_context(open_robot(uri, Opening(lockstep, kept, number, seed, vocabulary)))
+        of_body = UNLIMITED if limits is None else read_limits(limits)
+        robot = stack.enter_context(open_robot(uri, Opening(lockstep, of_body, number, seed, vocabulary)))
         station = None
         if ground is not None:
             from sleepcast.bridges.mavlink.ground_station import open_ground_station
 
-            most = robot.model.limits.speed, robot.model.limits.turn_rate
-            station = stack.enter_context(closing(open_ground_station(ground, number, most)))
+            fastest = robot.model.limits.speed, robot.model.limits.turn_rate
+            station = stack.enter_context(closing(open_ground_station(ground, number, fastest)))
         interrupts.defer()
         life = NodeProcess(
             name,

@@ -22,7 +22,7 @@ from sleepcast.cli.describe import heard_text, notices_of
 from sleepcast.cli.local_input import GROUND, LocalInput, TypedLines
 from sleepcast.cli.streams import announce, complain, pieces, read_file
 from sleepcast.core.clock import MADE, Clock, UnixClock, WallClock, epoch_at
-from sleepcast.core.errors import MisuseError, SleepcastError, in_file
+from sleepcast.core.errors import MisuseError, SleepcastError, counted, in_file
 from sleepcast.language import List, Symbol, read, read_all, show
 from sleepcast.language.parts import ONLY_PRIORITY, rank_of
 from sleepcast.loop import vocabulary_of
@@ -97,10 +97,16 @@ def install(node: Node, golden: StartScript) -> None:
 
 
 class NodeProcess:
-    """A mind in a body. listener: where plain datagrams come in, if they do. session: the radio, if there is one.
-    store: what outlives this life, if anything does.
-    lease: s for which a body that is driven goes on while no operator is heard. tells: see `Node`. ground: the ground
-    station that sees it, if one does. typed: whether lines of standard input are for it."""
+    """A mind in a body.
+
+    listener: where plain datagrams come in, if they do.
+    session: the radio, if there is one.
+    store: what outlives this process, if anything does.
+    lease: for how long a driven body goes on while no operator is heard, s.
+    tells: see `Node`.
+    ground: the ground station that sees it, if one does.
+    typed: whether lines of standard input are for it.
+    """
 
     def __init__(
         self,
@@ -125,8 +131,12 @@ class NodeProcess:
         self._orders: tuple[Order, ...] = ()
 
     def begin(self, golden: StartScript, beginning: StartScript, *, seeks_time: bool = True) -> None:
-        """Go on where the life before this one ended, or evaluate what the robot begins with; see `run_start_script`.
-        golden: rules that are built in, in every life. seeks_time: see `seek_time`."""
+        """Go on where the process before this one ended, or evaluate what the robot begins with; see
+        `run_start_script`.
+
+        golden: rules that are built in, after every start.
+        seeks_time: see `seek_time`.
+        """
         self.node.sense(self.robot.sense().values, 0.0)
         install(self.node, golden)
         if self.listener is not None:
@@ -195,12 +205,15 @@ class NodeProcess:
 
     def rules_text(self) -> str:
         """How many rules it has, in words."""
-        rules = len(self.node.rules())
-        return "1 rule" if rules == 1 else f"{rules} rules"
+        return counted(len(self.node.rules()), "rule")
 
     def go_on(self, check: Callable[[], None], tick: float, seconds: float | None) -> None:
-        """Live, and say at the end how it went. check: raises KeyboardInterrupt when it is time. tick: s, 0 in step.
-        seconds: to live, None for ever. Raises SleepcastError when the body fails."""
+        """Run, and say at the end how it went. Raises SleepcastError when the body fails.
+
+        check: raises KeyboardInterrupt when it is time to end.
+        tick: s; 0: in step with the body.
+        seconds: for how long; None: for ever.
+        """
         clock: Clock = WallClock() if tick else self.robot
         mind = self.mind(in_step=not tick)
         end = inf if seconds is None else clock.now() + seconds
@@ -228,18 +241,19 @@ class NodeProcess:
 
     def account(self) -> str:
         """How it went, in a sentence."""
-        said = f"{self.node.name}: {self.watch}"
+        parts = [f"{self.node.name}: {self.watch}"]
         if self.session is not None:
             admission = self.session.delivery.admission
-            said += f"; {heard_text(admission)}"
+            parts.append(heard_text(admission))
             for sender, ahead in admission.offsets.all(UnixClock().now()).items():
-                said += f"; our clock is {abs(ahead):.2f} s {'ahead of' if ahead > 0.0 else 'behind'} that of {sender}"
+                than = "ahead of" if ahead > 0.0 else "behind"
+                parts.append(f"our clock is {abs(ahead):.2f} s {than} that of {sender}")
         if self.listener is not None:
             counts = self.listener.counts
-            said += f"; {counts.taken} datagrams, {counts.dropped + self._desk.lost} others dropped"
-        if self.robot.lost:
-            return f"{said}; its body is out of reach, so nobody here knows what it does"
-        return f"{said}; its body has been stopped"
+            parts.append(f"{counts.taken} datagrams, {counts.dropped + self._desk.lost} others dropped")
+        stopped = "its body has been stopped"
+        parts.append("its body is out of reach, so nobody here knows what it does" if self.robot.lost else stopped)
+        return "; ".join(parts)
 
 
 def number_in(name: str) -> int:
@@ -268,9 +282,13 @@ class Zeroed(Protocol):
 def seek_time(
     listening: ReliableDelivery, session: ChannelSession, zeroed: Sequence[Zeroed], say: Callable[[str], None]
 ) -> None:
-    """If the clock is plainly wrong, ask for the time; the robots' own time goes on as it does. listening: what hears
-    for them; session: of the one that tells the operators; zeroed: all whose time began by the wrong clock, to which
-    more may come."""
+    """If the clock is plainly wrong, ask for the time; the robots' own time goes on as it does.
+
+    listening: what hears for them.
+    session: of the one that tells the operators.
+    zeroed: all whose time began by the wrong clock, to which more may come.
+    say: prints a sentence.
+    """
     if UnixClock().now() >= MADE:
         return
 

@@ -39,8 +39,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Beginning:
-    """What the command line asks for: a scenario (by name or path) with changes, or a snapshot; seed, threads and speed
-    are None where it says nothing. budget: of what is kept of each run."""
+    """What the command line asks for: a scenario with changes, or a snapshot.
+
+    name: of the scenario, or its path.
+    seed, threads, speed: None where nothing is said.
+    budget: of what is stored of each run's past.
+    """
 
     name: str | None
     snapshot: Path | None
@@ -61,9 +65,9 @@ class PageRuns:
     """Makes the runs of a page (a `RunMaker`). Each is recorded into a file of its own; the snapshot is of the last."""
 
     def __init__(
-        self, beginning: Beginning, wanted: RecordingPlan | None, keeping: SnapshotPlan | None, clock: Clock
+        self, beginning: Beginning, recording: RecordingPlan | None, snapshot: SnapshotPlan | None, clock: Clock
     ) -> None:
-        self._beginning, self._wanted, self._keeping, self._clock = beginning, wanted, keeping, clock
+        self._beginning, self._recording, self._snapshot, self._clock = beginning, recording, snapshot, clock
         self._made = 0
         self.swarm: Swarm | None = None
         """The swarm on the page."""
@@ -83,13 +87,13 @@ class PageRuns:
     def scenarios(self) -> list[ShownScenario]:
         """The gallery, the scenarios of installed packages, and what the command line asked for."""
         home, names = self._beginning.home, [*scenario_names(), *added_scenarios()]
-        found = [] if home in names else [ShownScenario(home, self._title(home))]
+        offered = [] if home in names else [ShownScenario(home, self._title(home))]
         for name in names:
             try:
-                found.append(ShownScenario(name, self._title(name)))
+                offered.append(ShownScenario(name, self._title(name)))
             except SleepcastError:  # a mistake of somebody else's hides no other scenario
                 continue
-        return found
+        return offered
 
     def _title(self, name: str) -> str:
         if name == self._beginning.home and self._beginning.name is None:
@@ -105,9 +109,9 @@ class PageRuns:
             assert self.swarm is not None
             simulator = self.swarm.simulator
             return Choices(str(simulator.seed), len(simulator.names), True, [])
-        found = self._scenario(request)
-        sliders = [shown_slider(slider) for slider in found.sliders]
-        return Choices(str(found.seed), found.robots.count, False, sliders)
+        chosen = self._scenario(request)
+        sliders = [shown_slider(slider) for slider in chosen.sliders]
+        return Choices(str(chosen.seed), chosen.robots.count, False, sliders)
 
     def _is_snapshot(self, scenario: str) -> bool:
         return self._beginning.name is None and scenario == self._beginning.home
@@ -120,13 +124,13 @@ class PageRuns:
         elif name not in scenario_names() and name not in added_scenarios():
             raise MisuseError(f'there is no scenario "{name:.80}" to choose')
         changes = replace(changes, seed=request.seed)
-        found = find_scenario(name, changes)
-        over = _over(found, request.values)
+        scenario = find_scenario(name, changes)
+        over = _over(scenario, request.values)
         if over:
             changes = replace(changes, over=(*changes.over, *over))
-            found = find_scenario(name, changes)
-        if request.robots is None or request.robots == found.robots.count:
-            return found
+            scenario = find_scenario(name, changes)
+        if request.robots is None or request.robots == scenario.robots.count:
+            return scenario
         if request.robots > MAX_MINDS:
             raise MisuseError(f"{request.robots:,} robots are too many: at most {MAX_MINDS:,} fit into one run")
         return find_scenario(name, replace(changes, robots=request.robots))
@@ -209,17 +213,18 @@ class PageRuns:
                 self.swarm, self._current, self._warm = swarm, request, warm
                 yield
         finally:
-            if self._keeping is not None and self.swarm is swarm:
-                self._keeping.take(swarm)
+            if self._snapshot is not None and self.swarm is swarm:
+                self._snapshot.take(swarm)
 
     @contextmanager
     def _recorded(self, swarm: Swarm, station: Station, number: int) -> Iterator[None]:
-        if self._wanted is None:
+        if self._recording is None:
             yield
             return
         from sleepcast.api.recording import recorded
 
-        with recorded(swarm, station, replace(self._wanted, file=run_file(self._wanted.file, number)), complain):
+        plan = replace(self._recording, file=run_file(self._recording.file, number))
+        with recorded(swarm, station, plan, complain):
             yield
 
 

@@ -56,10 +56,9 @@ def prepare(as_json: bool, quiet: bool) -> int:
     if folder is None:
         places = " nor in ".join(map(str, CACHE.folders))
         raise PrepareError(f"compiled code can be kept neither in {places}, so every start will compile anew")
-    found = {"scenarios": names, "folder": str(folder), "wall_seconds": round(seconds, 3)}
-    put(
-        json.dumps(found) if as_json else f"{len(names)} scenarios are ready to start, after {seconds:.1f} s ({folder})"
-    )
+    outcome = {"scenarios": names, "folder": str(folder), "wall_seconds": round(seconds, 3)}
+    sentence = f"{len(names)} scenarios are ready to start, after {seconds:.1f} s ({folder})"
+    put(json.dumps(outcome) if as_json else sentence)
     return 0
 
 
@@ -102,13 +101,8 @@ def _progress(count: int, quiet: bool) -> Iterator[Callable[[str], object]]:
 
     console = Console(stderr=True)
     if quiet or not console.is_terminal:
-        with (
-            nullcontext()
-            if quiet
-            else unless_soon(
-                f"compiling some {KERNELS} kernels for this computer, half a minute of a processor's time ..."
-            )
-        ):
+        sentence = f"compiling some {KERNELS} kernels for this computer, half a minute of a processor's time ..."
+        with nullcontext() if quiet else unless_soon(sentence):
             yield lambda name: None
         return
     kernels = counting_column("kernel", kernel_count, KERNELS)

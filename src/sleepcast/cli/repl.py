@@ -36,7 +36,7 @@ WELCOME = f"sleepcast {VERSION}: type an expression, :help for help, :quit or Ct
 def repl(seed: int) -> int:
     """Type expressions and see their values, all in one memory; :help says what else can be asked.
 
-    History and completion work at a terminal, Enter goes on while a parenthesis is open. Lines from a pipe are
+    History and completion work at a terminal, Enter continues while a parenthesis is open. Lines from a pipe are
     answered as they come.
 
     \b
@@ -48,21 +48,17 @@ def repl(seed: int) -> int:
 
     memory = StandardMemory(seed=seed)
     conversation = Conversation(memory)
-    for text in _typed(memory) if _at_a_terminal() else _piped():
+    if all(stream is not None and stream.isatty() for stream in (sys.stdin, sys.stdout)):
+        from sleepcast.cli.prompt import typed_texts
+
+        announce(WELCOME)
+        texts = typed_texts(memory.node, [f":{name}" for name in ASKED])
+    else:
+        texts = _piped()
+    for text in texts:
         if not conversation.answer(text):
             break
     return 0
-
-
-def _at_a_terminal() -> bool:
-    return all(stream is not None and stream.isatty() for stream in (sys.stdin, sys.stdout))
-
-
-def _typed(memory: StandardMemory) -> Iterator[str]:
-    from sleepcast.cli.prompt import typed_texts
-
-    announce(WELCOME)
-    return typed_texts(memory.node, [f":{name}" for name in ASKED])
 
 
 def _piped() -> Iterator[str]:
@@ -97,7 +93,7 @@ class Conversation:
         elif _COMMENT.sub("", text).strip():
             outcome = self.memory.evaluate(text)
             announce(outcome.value)
-            for line in outcome.said:
+            for line in outcome.messages:
                 complain(line)
         return True
 
@@ -120,22 +116,20 @@ class Conversation:
         from sleepcast.core.units import value_in_words
         from sleepcast.language.vocabulary import unit_of
 
-        known = [
-            (name, value) for name, value in self.node.variables() if not (name.startswith("active") and not value)
-        ]
-        width = max(len(name) for name, _ in known)
-        units = self.node.vocabulary
-        yield from (f"{name:<{width}}  {value_in_words(value, unit_of(name, units))}" for name, value in known)
+        shown = [(name, value) for name, value in self.node.variables() if value or not name.startswith("active")]
+        width = max(len(name) for name, _ in shown)
+        vocabulary = self.node.vocabulary
+        yield from (f"{name:<{width}}  {value_in_words(value, unit_of(name, vocabulary))}" for name, value in shown)
         if self.node.groups:
             yield f"in {', '.join(sorted(self.node.groups))}"
 
     def rules(self, _: str) -> Iterator[str]:
         from sleepcast.core.units import value_in_words
 
-        found = self.node.rules()
-        if not found:
+        rules = self.node.rules()
+        if not rules:
             yield "no rules yet: store one with (RULE name expression)"
-        for rule in found:
+        for rule in rules:
             state = "active" if rule.active else "idle"
             state += f"  priority {rule.priority}" if rule.priority else ""
             last = value_in_words(rule.last_value, rule.unit)
@@ -154,7 +148,7 @@ class Conversation:
             self.node.think(self._tick, self._tick * TICK_SECONDS)
             reports = [message.body for message in self.node.outbox if message.kind is Kind.REPORT]
             yield from (report_in_words(body.get("label"), body.get("values")) for body in reports)
-            yield from (f"told to other robots: {text}" for text in self.memory.told())
+            yield from (f"told to other robots: {text}" for text in self.memory.take_tells())
         yield f"tick {self._tick}, {self._tick * TICK_SECONDS:g} s"
 
     def help(self, name: str) -> Iterator[str]:

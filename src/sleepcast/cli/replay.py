@@ -170,7 +170,7 @@ def _beginning(recording: Recording) -> Swarm:
 def _to_dict(recording: Recording, verdict: ReplayCheck | None) -> dict[str, object]:
     scenario = recording.scenario
     last = max(recording.states, default=None)
-    found: dict[str, object] = {
+    summary: dict[str, object] = {
         "scenario": scenario.name,
         "seed": recording.seed,
         "robots": scenario.robots.count,
@@ -193,8 +193,8 @@ def _to_dict(recording: Recording, verdict: ReplayCheck | None) -> dict[str, obj
         "accounting": list(recording.accounting.values()),
     }
     if verdict is not None:
-        found["verified"] = {"same": verdict.same, "compared": verdict.compared, "differs_from_tick": verdict.differs}
-    return found
+        summary["verified"] = {"same": verdict.same, "compared": verdict.compared, "differs_from_tick": verdict.differs}
+    return summary
 
 
 def _to_text(recording: Recording, verdict: ReplayCheck | None) -> str:

@@ -37,7 +37,7 @@ def roster(fleet: str, channel: str, expect: str | None, forget: str | None, as_
     that does not answer counts as silent: STOP is repeated for it, and every account names it. Remove a robot that is
     gone for good with --forget; it returns to the list as soon as it is heard.
 
-    A robot that was never heard from here is not counted, unless you say which robots there are: --expect keeps
+    A robot that was never heard from here is not counted, unless you say which robots there are: --expect stores
     that for this channel and fleet, and every desk and command then counts robots that do not answer as silent. STOP is
     repeated until each of them has confirmed it.
 
@@ -65,8 +65,8 @@ def roster(fleet: str, channel: str, expect: str | None, forget: str | None, as_
     now = time.time()
     heard = sorted(contacts.heard.items(), key=lambda each: -each[1])
     if as_json:
-        found = {"fleet": fleet, "robots": [{"name": name, "heard": now - at} for name, at in heard]}
-        put(json.dumps(found | {"expected": expected.size or None, "names": expected.names}))
+        listing = {"fleet": fleet, "robots": [{"name": name, "heard": now - at} for name, at in heard]}
+        put(json.dumps(listing | {"expected": expected.size or None, "names": expected.names}))
         return 0
     put(f"{len(heard)} robots were heard in the fleet {printable(fleet)}")
     for name, at in heard:
@@ -83,7 +83,7 @@ def roster(fleet: str, channel: str, expect: str | None, forget: str | None, as_
 
 
 def _expect(said: str, contacts: PeerCache, kept: FleetFile) -> None:
-    """Keep which robots belong to the fleet. Raises ExpectationError, FleetFileLostError."""
+    """Store which robots belong to the fleet. Raises ExpectationError, FleetFileLostError."""
     from sleepcast.channel.message_batch import natural_order
     from sleepcast.station.roster import Expectation, read_expectation
 

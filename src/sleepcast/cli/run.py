@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 HOST, PORT = "127.0.0.1", 8317
 FASTEST, SLOWEST = 10_000.0, 0.01
 """Simulated seconds in a second that the page can be asked for."""
-LEAST_PAST, MOST_PAST = 10_000_000, 100_000_000_000
-"""Bytes of the past that a page may be told to keep: fewer hold hardly a moment, and no machine has more."""
+MIN_PAST, MAX_PAST = 10_000_000, 100_000_000_000
+"""Bytes of the past that a page may store: fewer hold hardly a moment, and no machine has more."""
 
 Function = TypeVar("Function", bound=Callable[..., int])
 
@@ -107,8 +107,8 @@ _COMMON = (
     click.option(
         "--past",
         metavar="SIZE",
-        type=ByteSize(LEAST_PAST, MOST_PAST),
-        help="Page: memory for what is kept of the run, to be looked at again (default: 300MB).",
+        type=ByteSize(MIN_PAST, MAX_PAST),
+        help="Page: memory for the past of the run (default: 300MB).",
     ),
     click.option("--record", metavar="FILE", type=click.Path(path_type=Path), help="Record the run into an MCAP file."),
     click.option(
@@ -218,34 +218,29 @@ def _checked(ticks: Iterator[int], interrupts: Interrupts) -> Iterator[int]:
 
 
 def _start(name: str | None, headless: bool, options: Options) -> int:
+    """Run a scenario, or a snapshot where name is None; gives the exit status."""
     with Interrupts() as interrupts:
-        return _start_within(interrupts, name, headless, options)
+        _refuse_contradictions(headless, options)
+        if not options["quiet"]:
+            advise()
+        recording, snapshot = _recording(options), _snapshot(options)
+        if not headless:
+            _show(interrupts, name, options, recording, snapshot)
+            return 0
+        from sleepcast.cli.headless import run_headless
 
-
-def _start_within(interrupts: Interrupts, name: str | None, headless: bool, options: Options) -> int:
-    _refuse_contradictions(headless, options)
-    if not options["quiet"]:
-        advise()
-    wanted, keeping = _wanted(options), _keeping(options)
-    if not headless:
-        _show(interrupts, name, options, wanted, keeping)
-        return 0
-    from sleepcast.cli.headless import run_headless
-
-    begin = _beginning(name, options)
-    outcome = run_headless(
-        interrupts, begin, options["seconds"], quiet=options["quiet"], wanted=wanted, keeping=keeping
-    )
-    put(json.dumps(outcome.to_dict()) if options["as_json"] else outcome.to_text())
-    return int(outcome.broken or bool(outcome.missed()))
+        begin, seconds, quiet = _beginning(name, options), options["seconds"], options["quiet"]
+        finished = run_headless(interrupts, begin, seconds, quiet=quiet, recording=recording, snapshot=snapshot)
+        put(json.dumps(finished.to_dict()) if options["as_json"] else finished.to_text())
+        return int(finished.broken or bool(finished.missed()))
 
 
 def _show(
     interrupts: Interrupts,
     name: str | None,
     options: Options,
-    wanted: RecordingPlan | None,
-    keeping: SnapshotPlan | None,
+    recording: RecordingPlan | None,
+    snapshot: SnapshotPlan | None,
 ) -> None:
     """Serve the page of a swarm until Ctrl-C, which is raised as KeyboardInterrupt. The kernels are compiled while the
     page is served already. Raises what the console raises for the address, and what Recorder raises."""
@@ -262,7 +257,7 @@ def _show(
         Budget() if options["past"] is None else Budget(options["past"]),
     )
     clock = WallClock()
-    maker = PageRuns(beginning, wanted, keeping, clock)
+    maker = PageRuns(beginning, recording, snapshot, clock)
     first = maker.make(maker.current, lambda _: None)
     interrupts.release()  # the server has a way of its own to end in good order
     browser, allow = not options["no_browser"], options["allow"]
@@ -328,15 +323,15 @@ def _journal(options: Options) -> Journal | None:
     return SqliteJournal(options["journal"], UnixClock())
 
 
-def _keeping(options: Options) -> SnapshotPlan | None:
+def _snapshot(options: Options) -> SnapshotPlan | None:
     """The snapshot to take; None for none."""
     if options["snapshot"] is None:
         return None
     from sleepcast.cli.headless import SnapshotPlan
 
-    keeping = SnapshotPlan(options["snapshot"], options["snapshot_at"])
-    keeping.check_place()
-    return keeping
+    plan = SnapshotPlan(options["snapshot"], options["snapshot_at"])
+    plan.check_file()
+    return plan
 
 
 def _refuse_contradictions(headless: bool, options: Options) -> None:
@@ -355,7 +350,7 @@ def _refuse_contradictions(headless: bool, options: Options) -> None:
     if headless and options["speed"] is not None:
         raise MisuseError("--speed is for the page: without one, the run goes as fast as it can")
     if headless and options["past"] is not None:
-        raise MisuseError("--past is for the page: without one, nothing is kept to be looked at again")
+        raise MisuseError("--past is for the page: without one, no past is stored")
     if headless and options["running"] is not None:
         raise MisuseError("--run and --wait are for the page: without one, the run begins at once")
     _refuse_one_file_for_two(options)
@@ -375,7 +370,7 @@ def _refuse_one_file_for_two(options: Options) -> None:
             raise MisuseError(f"{other} and {option} name the same file {file}: give each one of its own")
 
 
-def _wanted(options: Options) -> RecordingPlan | None:
+def _recording(options: Options) -> RecordingPlan | None:
     """What is to be recorded; None for nothing."""
     if options["record"] is None:
         return None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 import click
 
 from sleepcast.api.connection import AirOptions, observing_station
-from sleepcast.cli.account import account_lines, as_dict, forecast_text, stages_as_dict
+from sleepcast.cli.account import forecast_text, show_account, stages_as_dict
 from sleepcast.cli.air import operator
 from sleepcast.cli.eval import NegativeNumbersAllowed
 from sleepcast.cli.options import QuantityType
@@ -111,7 +111,10 @@ def send(
         prepared = sender.asked_about_names(prepared)
         sender.ask_about_text(checked, shown=bool(telemetry.minds))
         complain(forecast_text(prepared.forecast))
-        status = (_in_stages if staged else _at_once)(station, prepared, sender, as_json)
+        if staged:
+            status = _in_stages(station, prepared, sender, as_json)
+        else:
+            status = gathered(station, sender.settle(partial(station.commit, prepared)), GRACE, as_json)
         if hold is not None:
             station.wait(hold)
         return status
@@ -134,8 +137,11 @@ def warn(telemetry: TelemetryClient, checked: Checked) -> None:
 
 
 class Sender:
-    """Who sends a command, and what he has said of it: with options, or when asked. count, confirmed: see
-    `Station.commit`. person: whether somebody is there to be asked."""
+    """Who sends a command, and what he has said of it: with options, or when asked.
+
+    count, confirmed: see `Station.commit`.
+    person: whether somebody is there to be asked.
+    """
 
     def __init__(self, count: int | None, confirmed: bool, person: bool) -> None:
         self.count, self.confirmed, self.person = count, confirmed, person
@@ -192,10 +198,6 @@ class Sender:
                 self._confirm(error.shown)
 
 
-def _at_once(station: NetworkStation, prepared: Prepared, sender: Sender, as_json: bool) -> int:
-    return gathered(station, sender.settle(partial(station.commit, prepared)), GRACE, as_json)
-
-
 def _in_stages(station: NetworkStation, prepared: Prepared, sender: Sender, as_json: bool) -> int:
     """Send in stages, telling what becomes of each. The exit status is 1 if there was one too few."""
     from sleepcast.station.staging import Stages
@@ -205,7 +207,7 @@ def _in_stages(station: NetworkStation, prepared: Prepared, sender: Sender, as_j
         stages.append(stage)
         if not as_json:
             complain(f"stage {len(stages)}, for {stage.account.asked} robots:")
-            _show(station, stage.command, as_json)
+            show_account(stage.command, station.accounting(stage.command.id))
     whole = stages[-1].last and stages[-1].good
     if as_json:
         put(json.dumps(stages_as_dict(prepared.draft.text, [(stage.command, stage.account) for stage in stages])))
@@ -261,14 +263,6 @@ def gathered(station: NetworkStation, sent: Command, patience: float, as_json: b
     """Collect the answers, and print the account. The exit status is 1 if anything went wrong on a robot."""
     station.gather(sent, patience)
     station.settle(sent, patience)
-    _show(station, sent, as_json)
-    return 1 if station.accounting(sent.id).n_fault else 0
-
-
-def _show(station: NetworkStation, sent: Command, as_json: bool) -> None:
-    found = station.accounting(sent.id)
-    if as_json:
-        put(json.dumps(as_dict(sent, found)))
-        return
-    for line in account_lines(sent, found):
-        put(line)
+    account = station.accounting(sent.id)
+    show_account(sent, account, as_json)
+    return 1 if account.n_fault else 0

@@ -29,13 +29,13 @@ def translate(sources: tuple[str, ...], scenario: str | None, as_json: bool) -> 
             "--sentence needs --scenario NAME: its robots, places and variables are the words of sentences"
         )
     lexicon = lexicon_of(scenario)
-    found = [_translation(source.strip(), lexicon) for source in sources]
+    translations = [_translation(source.strip(), lexicon) for source in sources]
     if as_json:
-        put(json.dumps({"sentences": list(map(_as_dict, found))}))
+        put(json.dumps({"sentences": list(map(_as_dict, translations))}))
     else:
-        for each in found:
+        for each in translations:
             _print(each)
-    return sum(not each.other for each in found)
+    return sum(not each.other for each in translations)
 
 
 def lexicon_of(scenario: str) -> Lexicon:
@@ -44,11 +44,11 @@ def lexicon_of(scenario: str) -> Lexicon:
     from sleepcast.sentences import Lexicon
     from sleepcast.simulator import Simulator, find_scenario
 
-    found = find_scenario(scenario)
-    simulator = Simulator(found)
+    world = find_scenario(scenario)
+    simulator = Simulator(world)
     numbers = {name: number for number, name in enumerate(simulator.names, 1)}
-    titles = {place.name: place.title for place in found.named_points}
-    return Lexicon(vocabulary_of(simulator.model), f"{found.robots.type}s", titles, numbers.get)
+    titles = {place.name: place.title for place in world.named_points}
+    return Lexicon(vocabulary_of(simulator.model), f"{world.robots.type}s", titles, numbers.get)
 
 
 def _translation(text: str, lexicon: Lexicon) -> Translation:
@@ -67,13 +67,13 @@ def _translation(text: str, lexicon: Lexicon) -> Translation:
     return Translation(text, sentence.text)
 
 
-def _print(found: Translation) -> None:
-    if found.other:
-        put(found.other)
-    for each in found.unclear:
-        put(f"not understood: {with_caret(each.message, found.text, each.start, each.end)}")
+def _print(translation: Translation) -> None:
+    if translation.other:
+        put(translation.other)
+    for each in translation.unclear:
+        put(f"not understood: {with_caret(each.message, translation.text, each.start, each.end)}")
 
 
-def _as_dict(found: Translation) -> dict[str, object]:
-    unclear = [{"start": each.start, "end": each.end, "message": each.message} for each in found.unclear]
-    return {"text": found.text, "translation": found.other, "unclear": unclear}
+def _as_dict(translation: Translation) -> dict[str, object]:
+    unclear = [{"start": each.start, "end": each.end, "message": each.message} for each in translation.unclear]
+    return {"text": translation.text, "translation": translation.other, "unclear": unclear}

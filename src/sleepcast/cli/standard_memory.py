@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import isnan
 
-from sleepcast.channel import Kind as Spoken
+from sleepcast.channel import Kind
 from sleepcast.cli.memories import EVALUATED, REFUSED, UNKNOWN, UNREADABLE, EvalOutcome
 from sleepcast.cli.streams import pieces
 from sleepcast.core.errors import MisuseError, and_more
@@ -89,7 +89,7 @@ class StandardMemory:
         self._doubt_shares(checked.program.root, checked.found)
         return self._outcome(checked, self.node.run(checked))
 
-    def _doubt_shares(self, root: Part, found: Findings) -> None:
+    def _doubt_shares(self, root: Part, findings: Findings) -> None:
         """Warn of every variable that is compared with a share and is far above one: here nothing declares that a
         tank holds at most 100 %."""
         for part in walk(root):
@@ -103,7 +103,7 @@ class StandardMemory:
                     written = format_value(value)
                     meant = f" (did you mean {written}%?)" if value <= 100.0 else ""
                     message = f"{p.name} @@ is {written}, and {shares[0]} is a share: they run from 0 to 1{meant}"
-                    found.note("warning", message, p.form.start, p.form.end)
+                    findings.note("warning", message, p.form.start, p.form.end)
 
     def run(self, text: str) -> Iterator[EvalOutcome]:
         """Evaluate all expressions of a text, up to one that cannot be read."""
@@ -116,19 +116,19 @@ class StandardMemory:
             for form in forms:
                 yield self.evaluate(piece[form.start : form.end])
 
-    def told(self) -> list[str]:
-        """What the mind wanted to say to other robots since the last call; here there is nobody to hear it."""
-        told = [message.text for message in self.node.outbox if message.kind is Spoken.COMMAND]
+    def take_tells(self) -> list[str]:
+        """What the mind wanted to tell other robots since the last call; here there is nobody to hear it."""
+        tells = [message.text for message in self.node.outbox if message.kind is Kind.COMMAND]
         self.node.outbox.clear()
         self.node.pings.clear()
-        return told
+        return tells
 
     def _outcome(self, checked: Checked, result: Result) -> EvalOutcome:
-        said = [_line(finding, checked.text) for finding in checked.warnings]
-        said += [report_in_words(label, values) for label, values in result.printed]
-        told = self.told()
-        said += [f"told to other robots: {text}" for text in told]
-        said += [f"fault: {fault}" for fault in result.faults]
+        messages = [_line(finding, checked.text) for finding in checked.warnings]
+        messages += [report_in_words(label, values) for label, values in result.printed]
+        tells = self.take_tells()
+        messages += [f"told to other robots: {text}" for text in tells]
+        messages += [f"fault: {fault}" for fault in result.faults]
         status = REFUSED if result.faults else EVALUATED
         details = {
             **_details(checked.text, None if isnan(result.value) else result.value, status),
@@ -139,15 +139,15 @@ class StandardMemory:
                 {"label": label, "values": [None if isnan(v) else v for v in values]}
                 for label, values in result.printed
             ],
-            "told": told,
+            "told": tells,
             "cost": result.cost,
             "steps": result.steps,
         }
         if self._explain:
             explanation = result.explanation
             details["explanation"] = explanation.to_dict()
-            said.append(explanation.render())
-        return EvalOutcome(format_value(result.value), status, tuple(said), details)
+            messages.append(explanation.render())
+        return EvalOutcome(format_value(result.value), status, tuple(messages), details)
 
 
 def unreadable(text: str, error: str) -> EvalOutcome:
@@ -157,13 +157,13 @@ def unreadable(text: str, error: str) -> EvalOutcome:
 
 
 def _refused(checked: Checked) -> EvalOutcome:
-    said = (*(_line(finding, checked.text) for finding in checked.findings), *and_more(checked.more))
+    messages = (*(_line(finding, checked.text) for finding in checked.findings), *and_more(checked.more))
     details = {
         **_details(checked.text, None, REFUSED),
         "errors": [_finding(finding) for finding in checked.errors],
         "warnings": [_finding(finding) for finding in checked.warnings],
     }
-    return EvalOutcome(UNKNOWN, REFUSED, said, details)
+    return EvalOutcome(UNKNOWN, REFUSED, messages, details)
 
 
 def _details(text: str, value: float | None, status: int) -> dict[str, object]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable, Iterator
 from math import inf
@@ -11,16 +10,15 @@ from typing import TYPE_CHECKING
 import click
 
 from sleepcast.api.connection import AirOptions, expectation, station_for
-from sleepcast.cli.account import FEW, account_lines, as_dict, listed
+from sleepcast.cli.account import FEW, listed, show_account
 from sleepcast.cli.air import operator
 from sleepcast.cli.interrupts import Interrupts, Terminated
 from sleepcast.cli.options import QuantityType
 from sleepcast.cli.progress import Status
-from sleepcast.cli.streams import complain, put, somebody_there
-from sleepcast.core.errors import MisuseError, printable
+from sleepcast.cli.streams import complain, somebody_there
+from sleepcast.core.errors import MisuseError, counted, printable
 
 if TYPE_CHECKING:
-    from sleepcast.station.account import Account
     from sleepcast.station.network import NetworkStation
     from sleepcast.station.roster import Expectation
     from sleepcast.station.sent import Command
@@ -85,26 +83,24 @@ def stop(air: AirOptions, seconds: float | None, accepted: bool, as_json: bool) 
                     _await_rest(station, sent, interrupts.check)
             except (KeyboardInterrupt, Terminated) as error:
                 complain(f"ended by {str(error) or 'Ctrl-C'}; STOP is not sent any more")
-            found = station.accounting(sent.id)
-            _show(station, sent, found, as_json)
+            account = station.accounting(sent.id)
+            show_account(sent, account, as_json, station.vocabulary)
             if sent.ended_by:
                 complain(printable(f"{sent.ended_by} has released the robots meanwhile: {ENDED}"))
-            if not found.complete:
-                complain(f"not confirmed by {found.n_silent} {found.scope}")
-            if found.conflicts:
-                complain(f"{CONFLICT}: {listed('names', tuple(found.conflicts))}")
-            if found.n_not_stored:
-                complain(f"{NOT_LASTING}: keep {_robots(found.n_not_stored)} powered, or in sight, until RELEASE")
-            moving = 0 if accepted or sent.ended_by or found.rest is None else found.rest.n_stopping
-            if moving and found.rest is not None:
-                complain(f"not at rest: {found.rest.who_moves(station.vocabulary, FEW)}")
-        wrong = found.conflicts or found.n_not_stored or found.flawed or moving or sent.ended_by
-        sound = found.complete and found.n_matched and not wrong
+            if not account.complete:
+                complain(f"not confirmed by {account.n_silent} {account.scope}")
+            if account.conflicts:
+                complain(f"{CONFLICT}: {listed('names', tuple(account.conflicts))}")
+            if account.n_not_stored:
+                complain(
+                    f"{NOT_LASTING}: keep {counted(account.n_not_stored, 'robot')} powered, or in sight, until RELEASE"
+                )
+            moving = 0 if accepted or sent.ended_by or account.rest is None else account.rest.n_stopping
+            if moving and account.rest is not None:
+                complain(f"not at rest: {account.rest.who_moves(station.vocabulary, FEW)}")
+        wrong = account.conflicts or account.n_not_stored or account.flawed or moving or sent.ended_by
+        sound = account.complete and account.n_matched and not wrong
         return 0 if sure and sound else 1
-
-
-def _robots(count: int) -> str:
-    return "1 robot" if count == 1 else f"{count} robots"
 
 
 def _expected(air: AirOptions) -> tuple[Expectation, bool]:
@@ -131,10 +127,11 @@ def _insist(station: NetworkStation, sent: Command, until: float, check: Callabl
         def confirmed() -> bool:
             nonlocal reasons
             check()
-            found = station.accounting(sent.id)
-            names = printable(", ".join(found.first_silent(NAMED)))
-            status.show(f"stopped {found.n_matched}, silent {found.n_silent} {found.scope}{names and f': {names}'}")
-            if not found.n_matched and station.now >= reasons:
+            account = station.accounting(sent.id)
+            names = printable(", ".join(account.first_silent(NAMED)))
+            silent = f"silent {account.n_silent} {account.scope}{names and f': {names}'}"
+            status.show(f"stopped {account.n_matched}, {silent}")
+            if not account.n_matched and station.now >= reasons:
                 reasons = inf
                 _tell_reasons(station, status.clear)
             answered = station.listened >= station.answered(sent) + SETTLE  # others of the same names, too
@@ -154,10 +151,10 @@ def _await_rest(station: NetworkStation, sent: Command, check: Callable[[], None
 
         def rests() -> bool:
             check()
-            found = sent.resting
-            moving = found.who_moves(station.vocabulary, NAMED)
-            status.show(f"at rest {found.n_at_rest}, still moving {found.n_stopping}{moving and f': {moving}'}")
-            return not found.n_stopping or bool(sent.ended_by)
+            rest = sent.resting
+            moving = rest.who_moves(station.vocabulary, NAMED)
+            status.show(f"at rest {rest.n_at_rest}, still moving {rest.n_stopping}{moving and f': {moving}'}")
+            return not rest.n_stopping or bool(sent.ended_by)
 
         station.wait_until(rests, max(sent.answers.latest, sent.message.issued) + REST_SECONDS, PAUSE)
 
@@ -196,11 +193,3 @@ def _reasons(station: NetworkStation) -> Iterator[str]:
         f"  a robot obeys only if it trusts {_our_key(station)}, is of the fleet {delivery.admission.fleet!r}, "
         "and hears this channel; see --key, --fleet and --channel"
     )
-
-
-def _show(station: NetworkStation, sent: Command, found: Account, as_json: bool) -> None:
-    if as_json:
-        put(json.dumps(as_dict(sent, found)))
-        return
-    for line in account_lines(sent, found, station.vocabulary):
-        put(line)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from sleepcast.api.connection import AirOptions, keeper_for, open_store, sessions_for
-from sleepcast.cli.air import options, store_option
+from sleepcast.cli.air import store_option, with_keys
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.options import SEED, QuantityType, each_rules_option, restraints
 from sleepcast.cli.streams import announce, complain
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from sleepcast.node.store import Store
     from sleepcast.simulator import Scenario
 
-MOST = 10_000
+MAX_NODES = 10_000
 """Nodes in one process: more than a core can let think; a simulated swarm (`sleepcast run`) takes a million."""
 FEW = 500
 """Bodies that NumPy moves in a few milliseconds a tick; for more it is worth to load and compile kernels."""
@@ -37,9 +37,16 @@ SCENARIO = "bravo"
 
 @dataclass(frozen=True, slots=True)
 class SwarmOptions:
-    """Which robots: their names, the first one's number, the scenario of their bodies, what chance depends on (None: as
-    the scenario says), and for how long a driven body goes on unattended, s; the file of the bodies' limits; what they
-    may have each other do."""
+    """Which robots.
+
+    names: of all of them.
+    first: the number of the first one.
+    scenario: of their bodies, by name or file.
+    seed: what chance depends on; None for the scenario's.
+    lease: for how long a driven body goes on unattended, s.
+    limits: the file of the bodies' limits.
+    tells: what they may have each other do.
+    """
 
     names: list[str]
     first: int
@@ -51,7 +58,7 @@ class SwarmOptions:
 
 
 @click.command("swarm")
-@click.argument("count", metavar="N", type=click.IntRange(1, MOST))
+@click.argument("count", metavar="N", type=click.IntRange(1, MAX_NODES))
 @click.option(
     "--channel", metavar="URI", default=CHANNEL, show_default=True, help="The channel on which commands arrive."
 )
@@ -65,7 +72,7 @@ class SwarmOptions:
 @each_rules_option
 @store_option
 @restraints
-@options
+@with_keys
 @click.option("--seed", type=SEED, help="Random seed (default: the scenario's).")
 @click.option("--seconds", metavar="TIME", type=QuantityType(), help="End after this time (default: at Ctrl-C).")
 def swarm(
@@ -79,12 +86,7 @@ def swarm(
     lease: str,
     limits: Path | None,
     tells: str,
-    fleet: str,
-    key: str | None,
-    trust: Path | None,
-    folder: Path | None,
-    skew: float | None,
-    rate: float | None,
+    air: AirOptions,
     seed: int | None,
     seconds: float | None,
 ) -> int:
@@ -111,8 +113,8 @@ def swarm(
             raise MisuseError(f"{rules} is a mission script: a swarm begins with expressions, without times")
         names = [f"{prefix}{first + i}" for i in range(count)]
         store = None if file is None else stack.enter_context(closing(open_store(file, complain)))
-        wanted = SwarmOptions(names, first, scenario, seed, read_lease(lease), limits, Tells(tells))
-        crew = _crew(stack, AirOptions(channel, fleet, key, trust, folder, skew=skew, rate=rate), wanted, store)
+        chosen = SwarmOptions(names, first, scenario, seed, read_lease(lease), limits, Tells(tells))
+        crew = _crew(stack, replace(air, channel=channel), chosen, store)
         interrupts.defer()
         _begin(crew, beginning or StartScript(), store)
         names = [member.node.name for member in crew.members]

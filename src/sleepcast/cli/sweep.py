@@ -194,8 +194,8 @@ def written_in(what: str) -> Path | None:
 
 
 def _modules(experiment: Experiment, written: Path | None) -> list[Path]:
-    """Where modules are sought besides where Python does: beside the plan or the results, beside the scenario, and in
-    the folder in which one stands."""
+    """Where modules are looked for besides where Python does: beside the plan or the results, beside the scenario, and
+    in the current folder."""
     from sleepcast.experiments.trust import folder_of
 
     beside = [written.parent if written else None, folder_of(experiment.scenario), Path.cwd()]
@@ -209,17 +209,18 @@ def let_programs_run(experiment: Experiment, written: Path | None, *, trusted: b
     from sleepcast.experiments.trust import is_own, look_in, programs
 
     modules = _modules(experiment, written)
-    found = programs(experiment, modules)
-    if not found:
+    to_run = programs(experiment, modules)
+    if not to_run:
         return False
-    complain(printable(f"this sweep runs programs: {', '.join(each.sentence() for each in found)}"))
-    used = [each for each in modules if any(each in program.roots for program in found)]
-    files = [file for each in found for file in each.files]
+    complain(printable(f"this sweep runs programs: {', '.join(each.sentence() for each in to_run)}"))
+    used = [each for each in modules if any(each in program.roots for program in to_run)]
+    files = [file for each in to_run for file in each.files]
     named = [] if written is None else [written.resolve() if written.is_dir() else written.resolve().parent]
     folders = list(dict.fromkeys(named + used))
     unknown = [each for each in folders if not is_own(each, files)]
     typed_here = written is None and used in ([], [Path.cwd().resolve()])
-    if unknown and not typed_here and not trusted and not _answered_for(unknown):
+    question = f"They can do whatever you can. Run what {_listed(unknown)} names or holds"
+    if unknown and not (typed_here or trusted or (somebody_there() and click.confirm(question, err=True))):
         raise MisuseError(
             f"{_listed(unknown)} may be anybody's, and nobody has said here that Python files named or lying there may "
             "be run: look at them, and add --trust if they are yours or you trust who wrote them"
@@ -240,12 +241,6 @@ def _remember(folder: Path) -> None:
         make_own(folder)
     except TrustError as error:
         complain(str(error))
-
-
-def _answered_for(folders: list[Path]) -> bool:
-    """Whether the person at the terminal, if there is one, says that what lies in these folders may be run."""
-    question = f"They can do whatever you can. Run what {_listed(folders)} names or holds"
-    return somebody_there() and click.confirm(question, err=True)
 
 
 def _listed(folders: list[Path]) -> str:
@@ -298,13 +293,13 @@ def _tell(results: Results, table: Path | None, errors: dict[str, int], *, as_js
     if table is not None:
         export(folder, table)
     summary = summary_of(folder)
-    found = {"runs": summary.runs, "done": summary.done, "failed": summary.failed, "unknown": summary.unknown}
+    counts = {"runs": summary.runs, "done": summary.done, "failed": summary.failed, "unknown": summary.unknown}
     place: dict[str, object] = {"results": str(folder), "table": None if table is None else str(table)}
     place |= {"never_sent": summary.unsent, "missed": summary.missed}
     best = best_of(folder)
     if best is not None:
         place["best"] = {"measure": best.measure, "value": best.value, "point": best.point, "runs": best.runs}
-    announce(json.dumps(found | place) if as_json else f"{summary.sentence()}: {table or folder}")
+    announce(json.dumps(counts | place) if as_json else f"{summary.sentence()}: {table or folder}")
     if best is not None and not as_json:
         announce(best.sentence())
     if not as_json:

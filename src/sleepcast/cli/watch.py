@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -26,9 +25,9 @@ if TYPE_CHECKING:
 
 USUAL = ("x", "y", "heading", "battery", "fuel", "speed")
 """Variables that are shown, of those that there are, unless others are named."""
-MOST_SHOWN = 12
+MAX_SHOWN = 12
 """Variables in one table."""
-MOST_ROWS = 10_000
+MAX_ROWS = 10_000
 """Robots in one table that is printed as a whole."""
 AROUND = 6
 """Lines of a terminal that the table cannot have: its head, its frame, and what stands under it."""
@@ -69,7 +68,9 @@ def watch(text: str | None, show: str | None, every: float, once: bool, air: Air
                 _look(station, telemetry, every)
                 announce(json.dumps(window.as_dict()))
         elif once:
-            _print(window)
+            from rich.console import Console
+
+            Console().print(window.table(MAX_ROWS))
         else:
             _live(window, every)
     return 0
@@ -90,8 +91,8 @@ class Window:
     ) -> None:
         self.station, self.telemetry, self.text = station, telemetry, text
         self._wanted = wanted
-        if wanted is not None and not 0 < len(wanted) <= MOST_SHOWN:
-            raise MisuseError(f"--show takes 1 to {MOST_SHOWN} names, not {len(wanted)}")
+        if wanted is not None and not 0 < len(wanted) <= MAX_SHOWN:
+            raise MisuseError(f"--show takes 1 to {MAX_SHOWN} names, not {len(wanted)}")
         if text is not None:
             station.check(text).required()
 
@@ -102,31 +103,33 @@ class Window:
 
         names = [name for mind in list(self.telemetry.minds.values())[:1] for name, _ in mind.variables()]
         vocabulary = self.telemetry.minds.vocabulary
-        variables = (key for key, found in vocabulary.bindings.items() if isinstance(found, Variable))
+        variables = (key for key, binding in vocabulary.bindings.items() if isinstance(binding, Variable))
         known = {*variables, *vocabulary.user_slots}
         if self._wanted is None:
             return [name for name in USUAL if name in known]
-        there = self.station.present()
-        told = there and all(name in self.telemetry.minds for name in there)
-        for name in self._wanted if told else ():
+        present = self.station.present()
+        all_known = present and all(name in self.telemetry.minds for name in present)
+        for name in self._wanted if all_known else ():
             if name.casefold() not in known:
                 raise MisuseError(f"no robot has a variable {name}{did_you_mean(name, names)}")
         return list(self._wanted)
 
     def robots(self) -> list[str]:
         """The names of those that are shown, numbers in their order."""
+        from sleepcast.channel.message_batch import natural_order
+
         roster = self.station.roster
         # As a test of a command that does nothing, it is true where it would be obeyed.
         chosen = list(roster) if self.text is None else self.station.preview(f"(WHEN {self.text} 0)").yes
-        return sorted(chosen, key=_by_number)
+        return sorted(chosen, key=natural_order)
 
     def as_dict(self) -> dict[str, object]:
         """All of it for a script."""
         now, columns = self.station.now, self.columns()
         heard = self.station.roster
         robots = [self._robot(name, heard[name], columns, now) for name in self.robots()]
-        found = {"time": now, "robots": robots, "notices": self.station.notices()}
-        return found | {"expected": self.station.fleet_size or None, "silent": self.silent()}
+        picture = {"time": now, "robots": robots, "notices": self.station.notices()}
+        return picture | {"expected": self.station.fleet_size or None, "silent": self.silent()}
 
     def silent(self) -> int:
         """How many robots have stale telemetry, including expected ones that were never heard."""
@@ -135,19 +138,19 @@ class Window:
         return max(self.station.fleet_size, len(roster)) - recent
 
     def _robot(self, name: str, heard: float | None, columns: Sequence[str], now: float) -> dict[str, object]:
-        found: dict[str, object] = {"name": name, "heard": None if heard is None else now - heard}
-        found["clock"] = self.station.clocks.ahead(name)
+        row: dict[str, object] = {"name": name, "heard": None if heard is None else now - heard}
+        row["clock"] = self.station.clocks.ahead(name)
         mind = self.telemetry.minds.get(name)
         if mind is None:
-            return found | {"told": None}
+            return row | {"told": None}
         values = {key: None if value != value else value for key, value in _values(mind, columns).items()}
-        said = mind.telemetry
-        found |= {"told": now - mind.reported_at, "stopped": mind.stopped, "driven": said.driven}
+        telemetry = mind.telemetry
+        row |= {"told": now - mind.reported_at, "stopped": mind.stopped, "driven": telemetry.driven}
         rest = mind.rest_state()
-        found["motion"] = None if rest is None else state_as_dict(rest)
-        found |= {"catching_up": said.catching_up, "doubt": mind.doubt, "shared": name in self.station.shared_names}
-        found |= {"flags": _flags(mind), "groups": sorted(said.groups)}
-        return found | {"rules": len(mind.rules()), "values": values}
+        row["motion"] = None if rest is None else state_as_dict(rest)
+        row |= {"catching_up": telemetry.catching_up, "doubt": mind.doubt, "shared": name in self.station.shared_names}
+        row |= {"flags": _flags(mind), "groups": sorted(telemetry.groups)}
+        return row | {"rules": len(mind.rules()), "values": values}
 
     def table(self, most: int) -> Table:
         """The table with so many robots at most."""
@@ -184,26 +187,20 @@ class Window:
     def _row(self, name: str, heard: float | None, columns: Sequence[str], now: float) -> list[str]:
         mind = self.telemetry.minds.get(name)
         if mind is None:
-            return [
-                name,
-                "never",
-                "" if heard is None else f"heard {ago(now - heard)}",
-                "",
-                *("" for _ in columns),
-            ]
+            return [name, "never", "" if heard is None else f"heard {ago(now - heard)}", "", *("" for _ in columns)]
         age = now - mind.reported_at
         late = "silent " if age > self.station.stale_after else ""
-        said = mind.telemetry
-        stopped = [_stopped(mind, self._unit("speed") or "m/s")] if mind.stopped else []
-        found = stopped + ["driven"] * said.driven + ["catching up"] * said.catching_up
-        found += [SHARED] * (name in self.station.shared_names)
-        state = " ".join(found + _flags(mind))
+        telemetry = mind.telemetry
+        words = [_stopped(mind, self._unit("speed") or "m/s")] if mind.stopped else []
+        words += ["driven"] * telemetry.driven + ["catching up"] * telemetry.catching_up
+        words += [SHARED] * (name in self.station.shared_names)
+        state = " ".join(words + _flags(mind))
         values = _values(mind, columns)
         return [
             name,
             _age(age),
             f"{late}{state}",
-            ", ".join(sorted(said.groups)),
+            ", ".join(sorted(telemetry.groups)),
             *map(self._shown, columns, values.values()),
         ]
 
@@ -220,12 +217,6 @@ class Window:
         return "?" if value != value else value_in_words(value, unit).removesuffix(f" {unit}")
 
 
-def _print(window: Window) -> None:
-    from rich.console import Console
-
-    Console().print(window.table(MOST_ROWS))
-
-
 def _live(window: Window, every: float) -> None:
     from rich.console import Console
     from rich.live import Live
@@ -239,13 +230,13 @@ def _live(window: Window, every: float) -> None:
 
 def _values(mind: RemoteMind, columns: Sequence[str]) -> dict[str, float]:
     """The variables by the names that were asked for, NaN for unknown."""
-    found = {name.casefold(): value for name, value in mind.variables()}
-    return {name: found.get(name.casefold(), float("nan")) for name in columns}
+    known = {name.casefold(): value for name, value in mind.variables()}
+    return {name: known.get(name.casefold(), float("nan")) for name in columns}
 
 
 def _flags(mind: RemoteMind) -> list[str]:
-    found = dict(mind.variables())
-    return [flag for flag in FLAGS if found.get(flag, 0.0) > 0.0]
+    values = dict(mind.variables())
+    return [flag for flag in FLAGS if values.get(flag, 0.0) > 0.0]
 
 
 def _stopped(mind: RemoteMind, unit: str) -> str:
@@ -260,8 +251,3 @@ def _stopped(mind: RemoteMind, unit: str) -> str:
 
 def _age(seconds: float) -> str:
     return f"{max(0.0, seconds):.1f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} min"
-
-
-def _by_number(name: str) -> list[tuple[int, str]]:
-    """r2 before r10."""
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d{1,18})", name)]

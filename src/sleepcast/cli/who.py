@@ -24,9 +24,16 @@ NO_ANSWER = "it did not answer"
 
 @dataclass(slots=True)
 class Obeyers:
-    """Who would obey: names. unknown: with the reason. everybody: whether all that hear it would. oldest: age in s of
-    the oldest telemetry behind a yes or no; None where the robots were asked themselves. standing: see `RemoteMinds`.
-    nameless: how many expected robots were never heard; expected: whether the number of robots was given."""
+    """Who would obey.
+
+    yes, no: names.
+    unknown: names, each with the reason.
+    everybody: whether all that hear it would.
+    oldest: age of the oldest telemetry behind a yes or no, s; None where the robots were asked themselves.
+    standing: see `RemoteMinds`.
+    nameless: how many expected robots were never heard.
+    expected: whether the number of robots was given.
+    """
 
     yes: list[str] = field(default_factory=list)
     no: list[str] = field(default_factory=list)
@@ -44,13 +51,13 @@ class Obeyers:
 
     def as_dict(self, text: str) -> dict[str, object]:
         """For a script: counts always, names while they are few."""
-        sorts = {"yes": self.yes, "no": self.no, "unknown": self.unknown}
-        found: dict[str, object] = {"text": text, "polled": self.oldest is None, "everybody": self.everybody}
-        found |= {"robots": self.total, "expected": self.expected, "n_nameless": self.nameless}
-        found |= {f"n_{sort}": len(names) for sort, names in sorts.items()}
-        found["n_unknown"] = len(self.unknown) + self.nameless
-        found["standing"] = self.standing
-        return found | {"oldest": self.oldest} | {s: names for s, names in sorts.items() if len(names) <= MANY}
+        groups = {"yes": self.yes, "no": self.no, "unknown": self.unknown}
+        summary: dict[str, object] = {"text": text, "polled": self.oldest is None, "everybody": self.everybody}
+        summary |= {"robots": self.total, "expected": self.expected, "n_nameless": self.nameless}
+        summary |= {f"n_{kind}": len(names) for kind, names in groups.items()}
+        summary["n_unknown"] = len(self.unknown) + self.nameless
+        summary["standing"] = self.standing
+        return summary | {"oldest": self.oldest} | {s: names for s, names in groups.items() if len(names) <= MANY}
 
     def lines(self) -> Iterator[str]:
         """For a person."""
@@ -99,26 +106,32 @@ def who(text: str, poll: bool, told: bool, air: AirOptions, as_json: bool) -> in
             look_around(station, telemetry)
         checked = station.check(text)
         asked = f"(WHEN {text} 1)" if is_predicate_only(checked.required()) else text
-        found = _polled(station, asked) if poll else _foreseen(station, asked)
-        found.standing = telemetry.minds.standing()
-        found.expected = station.fleet_size > 0
+        obeyers = _polled(station, asked) if poll else _foreseen(station, asked)
+        obeyers.standing = telemetry.minds.standing()
+        obeyers.expected = station.fleet_size > 0
         for finding in checked.findings:
             complain(finding.render(text))
         for line in and_more(checked.more):
             complain(line)
     if as_json:
-        put(json.dumps(found.as_dict(text)))
+        put(json.dumps(obeyers.as_dict(text)))
     else:
-        for line in found.lines():
+        for line in obeyers.lines():
             put(line)
-    return 0 if found.total else 1
+    return 0 if obeyers.total else 1
 
 
 def _foreseen(station: NetworkStation, text: str) -> Obeyers:
     """By the robots' telemetry."""
-    found = station.preview(text)
-    unknown = dict(sorted(found.unknown.items()))
-    return Obeyers(sorted(found.yes), sorted(found.no), unknown, found.everybody, found.oldest, nameless=found.nameless)
+    preview = station.preview(text)
+    return Obeyers(
+        sorted(preview.yes),
+        sorted(preview.no),
+        dict(sorted(preview.unknown.items())),
+        preview.everybody,
+        preview.oldest,
+        nameless=preview.nameless,
+    )
 
 
 def _polled(station: NetworkStation, text: str) -> Obeyers:
@@ -127,21 +140,21 @@ def _polled(station: NetworkStation, text: str) -> Obeyers:
     from sleepcast.station.validation import NO, TEST_UNKNOWN, UNDECIDED, YES
 
     asked, poll = station.poll(text, PATIENCE)
-    found, account = Obeyers(everybody=station.preview(text).everybody), station.accounting(asked.id)
-    found.nameless = account.n_nameless
+    obeyers, account = Obeyers(everybody=station.preview(text).everybody), station.accounting(asked.id)
+    obeyers.nameless = account.n_nameless
     faults = account.faults
     for name in sorted((*account.matched, *account.not_matched, *account.unknown, *account.fault)):
-        said = poll.said.get(name)
-        if said == YES:
-            found.yes.append(name)
+        answer = poll.said.get(name)
+        if answer == YES:
+            obeyers.yes.append(name)
         elif name in faults:
-            found.unknown[name] = faults[name]
-        elif said == NO:
-            found.no.append(name)
+            obeyers.unknown[name] = faults[name]
+        elif answer == NO:
+            obeyers.no.append(name)
         else:
-            found.unknown[name] = TEST_UNKNOWN if said == UNDECIDED else "it does not say"
-    found.unknown |= {name: f"{NO_ANSWER}: {account.ago(name)}" for name in account.silent}
-    return found
+            obeyers.unknown[name] = TEST_UNKNOWN if answer == UNDECIDED else "it does not say"
+    obeyers.unknown |= {name: f"{NO_ANSWER}: {account.ago(name)}" for name in account.silent}
+    return obeyers
 
 
 @click.command("why")
@@ -162,10 +175,10 @@ def why(robot: str, command: str | None, air: AirOptions, as_json: bool) -> int:
     from sleepcast.station.asking import ask_why
 
     with observing_station(air, complain) as (station, telemetry):
-        found = ask_why(station, telemetry, robot, command)
+        explanation = ask_why(station, telemetry, robot, command)
     if as_json:
-        put(json.dumps({"robot": robot, **found.to_dict()}))
+        put(json.dumps({"robot": robot, **explanation.to_dict()}))
     else:
-        put(printable(f"{robot}, {found.command or 'the last command'}: {found.verdict}"))
-        put(printable(found.render()))
+        put(printable(f"{robot}, {explanation.command or 'the last command'}: {explanation.verdict}"))
+        put(printable(explanation.render()))
     return 0

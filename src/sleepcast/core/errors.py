@@ -138,6 +138,11 @@ def with_article(noun: str) -> str:
     return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
 
 
+def counted(count: int, noun: str) -> str:
+    """`1 robot`, `3 robots`: a number with its noun, which takes an s."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def and_more(count: int) -> list[str]:
     """The line that ends a list from which so many are left out; none if none are."""
     return [f"and {count:,} more"] if count else []

@@ -40,7 +40,7 @@ class Rig:
 
 
 class BridgeRig(Rig):
-    """A body whose courier was not begun, so that time passes for it only here, and the same for its robot.
+    """A body whose I/O thread was not started, so that time passes for it only here, and the same for its robot.
 
     body: not in step, with this clock.
     advance: lets so many s pass for the robot.

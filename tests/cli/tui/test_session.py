@@ -76,7 +76,7 @@ def test_who_would_obey_depends_on_whom_it_is_for(seat: Seat) -> None:
     assert seat.foreseen("(DRIVE 1)") == "would obey: yes 2, no 1, unknown 0"
     session.address("r1")
     assert seat.foreseen("(DRIVE 1)") == "would obey: yes 1, no 0, unknown 0"
-    session.sort = CommandType.ASK
+    session.type = CommandType.ASK
     assert seat.foreseen("x") == "a question to 1 robot"
     assert [each.label for each in session.addressees()] == ["", "all", "bravo", "(> x 0.5m)", "r1"]
     session.next_addressee()
@@ -166,8 +166,8 @@ def test_what_was_refused_stays_typed(seat: Seat) -> None:
 
 def test_a_question_to_some_counts_only_them(seat: Seat) -> None:
     seat.session.address("bravo")
-    while seat.session.sort is not CommandType.ASK:
-        seat.session.next_sort()
+    while seat.session.type is not CommandType.ASK:
+        seat.session.next_type()
     assert seat.session.enter("(+ id 1)")
     seat.run(1.0)
     assert "answered 3, min 3, mean 3, max 3, silent 0" in seat.shown()
@@ -219,7 +219,7 @@ def test_what_is_hardly_meant_is_entered_twice(seat: Seat) -> None:
 def test_stages_go_on_while_all_goes_well() -> None:
     seat = Seat(12)
     session = seat.session
-    session.sort = CommandType.STAGED
+    session.type = CommandType.STAGED
     session.enter("(WHEN (> id 0) (DRIVE 1))")
     assert "Type 11" in session.said
     session.enter("11")
@@ -246,7 +246,7 @@ def test_stages_end_where_one_goes_wrong(text: str, lost: str, said: str) -> Non
     session = seat.session
     if lost:
         seat.scene.isolate(lost)
-    session.sort = CommandType.STAGED
+    session.type = CommandType.STAGED
     session.enter(text)
     seat.run(4.0)
     assert "halted after stage 1" in session.said
@@ -257,7 +257,7 @@ def test_stages_end_where_one_goes_wrong(text: str, lost: str, said: str) -> Non
 
 def test_stop_ends_all_stages() -> None:
     seat = Seat(5)
-    seat.session.sort = CommandType.STAGED
+    seat.session.type = CommandType.STAGED
     seat.session.enter("(WHEN (> id 0) (DRIVE 1))")
     seat.session.stop()
     seat.run(3.0)

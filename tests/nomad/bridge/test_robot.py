@@ -20,7 +20,7 @@ from nomad.troubled import TROUBLES, troubled
 from packages import install
 from processes import start
 from sleepcast.bridges import BodyError, BusyError, Opening, OutOfReachError, open_robot
-from sleepcast.bridges.body import MAX_ERRANDS, FencedError
+from sleepcast.bridges.body import MAX_JOBS, FencedError
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError
 from sleepcast.loop import vocabulary_of
@@ -293,8 +293,8 @@ def test_what_is_stopped_does_nothing_until_it_is_asked_anew(robot: NomadRobot, 
     assert hypot(*world.observe(0).real[:2]) < 0.01
 
 
-def test_more_errands_than_it_remembers_are_refused(robot: NomadRobot) -> None:
-    for _ in range(MAX_ERRANDS):
+def test_more_jobs_than_it_remembers_are_refused(robot: NomadRobot) -> None:
+    for _ in range(MAX_JOBS):
         robot.say("x")
     with pytest.raises(BusyError, match="64 requests wait"):
         robot.say("x")
@@ -308,10 +308,10 @@ def test_its_names_fit_the_language(robot: NomadRobot) -> None:
     assert wanted | {"heading", "speed", "motor_volts", "drive_speed", "drive_turn"} <= names
 
 
-# ---- the courier
+# ---- the I/O thread
 
 
-def test_the_mind_never_waits_and_the_courier_brings_everything(running: Served, world: NomadWorld) -> None:
+def test_the_mind_never_waits_and_the_io_thread_brings_everything(running: Served, world: NomadWorld) -> None:
     with reach(running) as robot:
         robot.say("on my way")
         until(lambda: robot.state.right_speed > 0.25, keep_on(robot, 0.3))

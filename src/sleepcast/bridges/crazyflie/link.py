@@ -27,8 +27,10 @@ SIZE = 4
 
 
 class CflibQuadcopter:
-    """A `Quadcopter` of the module `crazyflie` at a URI of cflib. logged: variables of the firmware that it is to send.
-    Raises OutOfReachError, MisuseError where cflib is not installed."""
+    """A `Quadcopter` at a URI of cflib. Raises OutOfReachError, MisuseError where cflib is not installed.
+
+    logged: variables of the firmware that it is to send.
+    """
 
     def __init__(self, uri: str, logged: Iterable[str]) -> None:
         try:
@@ -45,8 +47,8 @@ class CflibQuadcopter:
         answered, done = self._copter.answered, Event()
 
         def failed(uri: str, why: str) -> None:
-            told = printable(why.splitlines()[0]) if why else "the link is lost"
-            self._why = f"{uri} does not answer: {told}"
+            reason = printable(why.splitlines()[0]) if why else "the link is lost"
+            self._why = f"{uri} does not answer: {reason}"
             answered.set()
             done.set()
 
@@ -114,11 +116,11 @@ class CflibQuadcopter:
     def logged(self) -> Mapping[str, float] | None:
         self._check()
         with self._lock:
-            found, self._values = self._values, {}
-        return found or None
+            values, self._values = self._values, {}
+        return values or None
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close the connection."""
         link, self._copter.link = self._copter.link, None  # else cflib ends with a setpoint that ends a landing
         if link is not None:
             link.close()

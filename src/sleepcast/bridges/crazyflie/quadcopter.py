@@ -87,13 +87,17 @@ class Quadcopter(Protocol):
         """The values of `LOGGED` that came since the last call, None if none came."""
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close the connection."""
 
 
 class CrazyflieBody(BridgedBody):
-    """See the module. open: reaches the quadcopter, or raises OutOfReachError. height: of its flight, m, unless
-    TAKEOFF says another one. stop_all: sends the emergency stop to all of its radio channel, or raises OutOfReachError
-    or OSError; None where nothing can."""
+    """See the module.
+
+    open: reaches the quadcopter, or raises OutOfReachError.
+    height: of its flight, m, unless TAKEOFF says another one.
+    stop_all: sends the emergency stop to all of its radio channel, or raises OutOfReachError or OSError; None where
+        nothing can.
+    """
 
     RESTING = 0.1
     """How far it drifts about the spot on which it hovers."""
@@ -155,15 +159,15 @@ class CrazyflieBody(BridgedBody):
         self._grounded = motion if motion.sort == "speeds" else None
 
     def measure(self) -> None:
-        found = self._copter.logged()
-        if found is not None:
-            self._take(found)
+        values = self._copter.logged()
+        if values is not None:
+            self._take(values)
         elif self._clock.now() - self._time > FRESH:
             raise OutOfReachError(f"nothing has been heard of it for {FRESH:g} s")
 
-    def _take(self, found: Mapping[str, float]) -> None:
+    def _take(self, values: Mapping[str, float]) -> None:
         self._time, before, was_locked = self._clock.now(), len(self._values), self._has(LOCKED)
-        self._values.update(found)
+        self._values.update(values)
         if before < len(self._values) == len(LOGGED) and self._has(FLIES):  # in the air, where it was lost
             self._height = self._wanted = max(self._values["stateEstimate.z"], LANDED)
         if not self._height or self._has(FLIES):
@@ -329,19 +333,19 @@ def open_body(uri: str, opening: Opening) -> CrazyflieBody:
         base = radio_uri(host, port, address.choice("rate", RATES))
         if base is None or not is_radio_address(part):
             raise BodyError(f"{uri!r:.100}: wanted the radio, its channel up to 125, and an address: {EXAMPLE}")
-        there, stop_all = f"{base}/{part}", partial(stop_all_by_radio, base)
+        uri_of_cflib, stop_all = f"{base}/{part}", partial(stop_all_by_radio, base)
     elif host.startswith("usb"):
-        there = f"usb://{host[3:] or '0'}"
+        uri_of_cflib = f"usb://{host[3:] or '0'}"
     elif port is None:
         raise BodyError(f"{uri!r:.100}: wanted a port, as in crazyflie://127.0.0.1:19850")
     else:
-        there = f"udp://{host}:{port}"
+        uri_of_cflib = f"udp://{host}:{port}"
     if broadcast := address.settings["broadcast"]:
         is_number = broadcast.isascii() and broadcast.isdigit() and len(broadcast) < 6
-        if not (there.startswith("udp") and is_number and 0 < int(broadcast) < 65_536):
+        if not (uri_of_cflib.startswith("udp") and is_number and 0 < int(broadcast) < 65_536):
             raise BodyError(f"{uri!r:.100}: broadcast is a UDP port of the same host, of a radio that is shared there")
         stop_all = partial(stop_all_by_port, host, int(broadcast))
     height = address.number("height", LANDED, HIGHEST, "m")
     limits = Limits(address.number("speed", unit="m/s"), address.number("turn_rate", unit="rad/s"), ACCELERATION)
     model = model_of(limits.within(opening.limits))
-    return CrazyflieBody(lambda: CflibQuadcopter(there, LOGGED), model, height, stop_all=stop_all)
+    return CrazyflieBody(lambda: CflibQuadcopter(uri_of_cflib, LOGGED), model, height, stop_all=stop_all)

@@ -44,7 +44,7 @@ AGAIN = 1.0
 """Seconds between two tries to reach a quadcopter, and between two looks at the radio."""
 UNPLUGGED = 3.0
 """Seconds without an answer from the radio itself after which it counts as unplugged: its library may wait for ever."""
-MOST = 20
+MAX_COPTERS = 20
 """Quadcopters of one radio: with more, each would hear less than ten setpoints a second."""
 
 
@@ -112,8 +112,12 @@ def stop_all_by_port(host: str, port: int) -> None:
 
 
 class UdpRelay:
-    """A quadcopter at a UDP port. uri: of cflib; ending: when it is to end; say: told when it is lost, and when it is
-    there again."""
+    """A quadcopter at a UDP port.
+
+    uri: of cflib.
+    ending: when it is to end.
+    say: gets a sentence when it is lost, and when it is back.
+    """
 
     def __init__(self, name: str, uri: str, line: socket.socket, ending: Event, say: Callable[[str], None]) -> None:
         self._name, self._uri, self._line, self._ending, self._say = name, uri, line, ending, say
@@ -185,9 +189,13 @@ class UdpRelay:
 
 
 class SharedRadio:
-    """See the module. base: a URI of cflib without an address, as radio://0/80/2M. addresses: of quadcopters. port: to
-    which the emergency stop for all comes; the quadcopters have the next ones. Raises RadioGoneError, and BodyError for
-    a port that is in use."""
+    """See the module. Raises RadioGoneError, and BodyError for a port that is in use.
+
+    base: a URI of cflib without an address, as radio://0/80/2M.
+    addresses: of quadcopters.
+    port: to which the emergency stop for all comes; the quadcopters have the next ones.
+    say: see `UdpRelay`.
+    """
 
     def __init__(self, base: str, addresses: Sequence[str], port: int, say: Callable[[str], None]) -> None:
         self._lines: list[socket.socket] = []

@@ -60,7 +60,7 @@ INFORMATION, WARNING = 6, 4
 FARTHEST = 1e6
 """m: a place farther away is none."""
 
-Sort = Literal["stop", "release", "drive", "goal"]
+RequestType = Literal["stop", "release", "drive", "goal"]
 Place = tuple[float, float, float]
 """x, y and height in m; NaN where there is none."""
 NOWHERE = (nan, nan, nan)
@@ -68,21 +68,33 @@ NOWHERE = (nan, nan, nan)
 
 @dataclass(frozen=True, slots=True)
 class PilotRequest:
-    """What the ground station wants. values: of "drive", speed in m/s and turn rate in rad/s; of "goal", x and y in m,
-    and a height above the origin, if it has said one."""
+    """What the ground station wants.
 
-    sort: Sort
+    values: of "drive", speed in m/s and turn rate in rad/s; of "goal", x and y in m, and a height above the origin, if
+        it has given one.
+    """
+
+    type: RequestType
     values: tuple[float, ...] = ()
 
 
 class GroundStation:
-    """See the module. link: to it; origin: where x = 0, y = 0 is, None if that is nowhere on the Earth. most: speed and
-    turn rate of a joystick that is pushed as far as it goes, m/s and rad/s."""
+    """See the module.
+
+    link: to it.
+    origin: where x = 0, y = 0 is; None if that is nowhere on the Earth.
+    fastest: speed and turn rate of a joystick that is pushed as far as it goes, m/s and rad/s.
+    """
 
     def __init__(
-        self, link: MavlinkConnection, origin: Origin | None, most: tuple[float, float], *, clock: Clock | None = None
+        self,
+        link: MavlinkConnection,
+        origin: Origin | None,
+        fastest: tuple[float, float],
+        *,
+        clock: Clock | None = None,
     ) -> None:
-        self._link, self._clock, self._most = link, clock or WallClock(), most
+        self._link, self._clock, self._fastest = link, clock or WallClock(), fastest
         self._map = None if origin is None else LocalMap(origin)
         self._portrait = SelfPortrait(link.mav, self._map)
         self._began = self._clock.now()
@@ -99,42 +111,44 @@ class GroundStation:
         self._driven, self._last = (0.0, 0.0), -inf
         self._course: tuple[float, float] | None = None
         """A velocity to the east and to the north, m/s, by which it is driven."""
-        self._told_again = -inf
-        self._said: dict[str, float] = {}
-        """When each text about what cannot be done was last said."""
+        self._refusals_told = -inf
+        """When refused messages were last reported."""
+        self._refused_at: dict[str, float] = {}
+        """When each text about what cannot be done was last shown."""
         self._complaints: list[str] = []
 
     # ---- what it wants
 
-    def wishes(self) -> list[PilotRequest]:
+    def requests(self) -> list[PilotRequest]:
         """What it has asked for since the last call, of velocities and of places only the last one."""
-        found: list[PilotRequest] = []
+        requests: list[PilotRequest] = []
         now, before = self._clock.now(), self._driven
         with suppress(OSError):
             for message in self._link.receive():
-                wanted = self._wish(message, now)
-                if any(each.sort == "goal" for each in wanted):
-                    found = [each for each in found if each.sort != "goal"]
-                found += wanted
+                news = self._requests_in(message, now)
+                if any(each.type == "goal" for each in news):
+                    requests = [each for each in requests if each.type != "goal"]
+                requests += news
         if self._course is not None:
             self._driven = self._towards(*self._course)
         if (self._course or any(self._driven)) and now - self._last > QUIET:
             self._rest()
             self._complaints.append("the ground station no longer drives it: it comes to rest")
         if self._driven != before:
-            found.append(PilotRequest("drive", self._driven))
-        return found
+            requests.append(PilotRequest("drive", self._driven))
+        return requests
 
     def complaints(self) -> list[str]:
         """What has gone wrong since the last call, in sentences."""
-        now, said = self._clock.now(), self._complaints
+        now, sentences = self._clock.now(), self._complaints
         self._complaints = []
-        if self._link.refused and now - self._told_again > TELL_AGAIN:
-            self._told_again = now
-            said += self._link.complaints("the ground station")
-        return said
+        if self._link.refused and now - self._refusals_told > TELL_AGAIN:
+            self._refusals_told = now
+            sentences += self._link.complaints("the ground station")
+        return sentences
 
-    def _wish(self, message: Any, now: float) -> list[PilotRequest]:
+    def _requests_in(self, message: Any, now: float) -> list[PilotRequest]:
+        """What a message asks for; what drives it is noted, and asked for by `requests`."""
         kind = message.get_type()
         if getattr(message, "target_system", self._link.mav.srcSystem) != self._link.mav.srcSystem:
             return []  # for everybody, or for another one: neither is meant
@@ -146,7 +160,7 @@ class GroundStation:
             return self._choose(message.custom_mode)
         if kind == "MANUAL_CONTROL" and message.target == self._link.mav.srcSystem:
             ahead, aside = (0 if each == 32_767 else each / 1000.0 for each in (message.x, message.r))
-            self._drive(ahead * self._most[0], -aside * self._most[1], now)
+            self._drive(ahead * self._fastest[0], -aside * self._fastest[1], now)
         elif kind in ("SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT"):
             return self._set_point(message, now, earth=kind.endswith("GLOBAL_INT"))
         elif kind == "SET_ATTITUDE_TARGET":
@@ -157,21 +171,21 @@ class GroundStation:
 
     def _command(self, message: Any, *, exact: bool) -> list[PilotRequest]:
         """exact: whether a place in it is in whole ten-millionths of a degree."""
-        found, result = [], ACCEPTED
+        requests, result = [], ACCEPTED
         if message.command == SET_MODE:
-            found = self._choose(message.param2)
-            result = ACCEPTED if found or (self._disarmed and message.param2 == GUIDED) else DENIED
+            requests = self._choose(message.param2)
+            result = ACCEPTED if requests or (self._disarmed and message.param2 == GUIDED) else DENIED
         elif message.command == ARM_DISARM:
-            found = self._arm() if message.param1 == 1.0 else self._disarm()
+            requests = self._arm() if message.param1 == 1.0 else self._disarm()
             if message.param1 == 1.0 and self._held:
                 result = DENIED
                 self._say("it stays stopped: a STOP of somebody else holds")
         elif message.command == TERMINATE:
-            found = self._disarm() if message.param1 == 1.0 else []
-            result = ACCEPTED if found else DENIED
+            requests = self._disarm() if message.param1 == 1.0 else []
+            result = ACCEPTED if requests else DENIED
         elif message.command == GO_TO:
-            found = self._goal(self._named_place(message, exact=exact))
-            result = ACCEPTED if found else DENIED
+            requests = self._goal(self._named_place(message, exact=exact))
+            result = ACCEPTED if requests else DENIED
         elif message.command in (SEND_ONE, TELL_ABILITIES):
             asked = self._portrait.one(message.param1 if message.command == SEND_ONE else AUTOPILOT_VERSION)
             for each in asked:
@@ -181,7 +195,7 @@ class GroundStation:
             result = UNSUPPORTED
         asker = message.get_srcSystem(), message.get_srcComponent()
         self._send(self._link.mav.command_ack_encode(message.command, result, 0, 0, *asker))
-        return found
+        return requests
 
     # ---- STOP and RELEASE
 
@@ -221,10 +235,10 @@ class GroundStation:
     def _waypoint(self, message: Any) -> list[PilotRequest]:
         """A waypoint that is to be gone to at once; there are no missions."""
         there = (message.command, message.current) == (WAYPOINT, GO_THERE)
-        found = self._goal(self._named_place(message, exact=True)) if there else []
+        requests = self._goal(self._named_place(message, exact=True)) if there else []
         asker = message.get_srcSystem(), message.get_srcComponent()
-        self._send(self._link.mav.mission_ack_encode(*asker, ACCEPTED if found else MISSION_DENIED))
-        return found
+        self._send(self._link.mav.mission_ack_encode(*asker, ACCEPTED if requests else MISSION_DENIED))
+        return requests
 
     def _named_place(self, message: Any, *, exact: bool) -> Place:
         """The place in a command or waypoint. Only what is exact says in which frame it is."""
@@ -286,8 +300,8 @@ class GroundStation:
             return NOWHERE
         if turned:
             ahead, right = message.x, message.y
-            there = ahead * cos(heading) + right * sin(heading), ahead * sin(heading) - right * cos(heading)
-            return x + there[0], y + there[1], self._height - message.z
+            offset = ahead * cos(heading) + right * sin(heading), ahead * sin(heading) - right * cos(heading)
+            return x + offset[0], y + offset[1], self._height - message.z
         if moved:
             return x + message.y, y + message.x, self._height - message.z
         return message.y, message.x, -message.z  # north comes first, and down last
@@ -315,7 +329,7 @@ class GroundStation:
         speed, heading = hypot(east, north), self._here[2]
         if speed <= STILL or not isfinite(heading):
             return 0.0, 0.0
-        off, fastest = remainder(atan2(north, east) - heading, 2.0 * pi), self._most[1]
+        off, fastest = remainder(atan2(north, east) - heading, 2.0 * pi), self._fastest[1]
         return speed * max(cos(off), 0.0), min(max(HOMING * off, -fastest), fastest)
 
     def _drive(self, speed: float, turn_rate: float, now: float) -> None:
@@ -335,8 +349,11 @@ class GroundStation:
     # ---- what it is told
 
     def tell(self, values: Mapping[str, float], *, stopped: bool, held: bool = False) -> None:
-        """Show it the robot, if that is due. values: of its sensors, by name. held: whether it is stopped by somebody
-        else, whether or not by the ground station as well."""
+        """Show it the robot, if that is due.
+
+        values: of its sensors, by name, SI.
+        held: whether it is stopped by somebody else, whether or not by the ground station as well.
+        """
         if stopped:
             self._rest()
             if self._is_new:
@@ -367,8 +384,8 @@ class GroundStation:
     def _say(self, text: str) -> None:
         """Show it why something is not done, at most once in `TELL_AGAIN` s."""
         now = self._clock.now()
-        if now - self._said.get(text, -inf) > TELL_AGAIN:
-            self._said[text] = now
+        if now - self._refused_at.get(text, -inf) > TELL_AGAIN:
+            self._refused_at[text] = now
             self._send(self._link.mav.statustext_encode(WARNING, _short_text(text)))
 
     def _send(self, message: Any) -> None:
@@ -383,10 +400,13 @@ def _short_text(text: str) -> bytes:
     return text[:MAX_TEXT].encode("ascii", "replace")
 
 
-def open_ground_station(uri: str, number: int, most: tuple[float, float]) -> GroundStation:
-    """The ground station at `mavlink://HOST:PORT`, to which the robot is the vehicle behind #, otherwise the one with
-    its own number. Raises BodyError."""
+def open_ground_station(uri: str, number: int, fastest: tuple[float, float]) -> GroundStation:
+    """The ground station at `mavlink://HOST:PORT`. Raises BodyError.
+
+    number: of the vehicle that the robot is to it, unless there is one behind #.
+    fastest: see `GroundStation`.
+    """
     address = read_body_address(uri, EXAMPLE, SETTINGS)
     origin = Origin.read(address.settings["origin"]) if address.settings["origin"] else None
     link = open_link(address, PORT, system_of(address, number if 1 <= number <= 254 else 1), 1)
-    return GroundStation(link, origin, most)
+    return GroundStation(link, origin, fastest)

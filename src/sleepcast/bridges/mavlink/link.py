@@ -40,9 +40,9 @@ SYSTEM = 5
 """Which byte of a message is the number of the system that sends it."""
 AHEAD = 60.0
 """Seconds by which a clock may be ahead of ours before that is told, as many as a newcomer's may be behind."""
-MOST_NAMED = 4
+MAX_NAMED = 4
 """Systems that a sentence names; more are counted."""
-MOST_PEERS, GONE = 8, 10.0
+MAX_PEERS, GONE = 8, 10.0
 """Addresses that a listening end sends to, and the seconds after which one that is silent is not one of them any more:
 ground stations send a heartbeat every second."""
 
@@ -103,7 +103,7 @@ class UdpWire:
             raise failed
 
     def receive(self) -> list[tuple[bytes, object]]:
-        found: list[tuple[bytes, object]] = []
+        datagrams: list[tuple[bytes, object]] = []
         for _ in range(AT_ONCE):
             try:
                 data, sender = self._socket.recvfrom(MAX_DATAGRAM)
@@ -112,15 +112,15 @@ class UdpWire:
             except ConnectionRefusedError:
                 continue
             if self._listening or sender in self._peers:
-                found.append((data, sender))
-        return found
+                datagrams.append((data, sender))
+        return datagrams
 
     def answer(self, sender: object) -> None:
         now = monotonic()
         self._peers.pop(sender, None)
         self._peers[sender] = now
         for each, heard in tuple(self._peers.items()):
-            if now - heard > GONE or len(self._peers) > MOST_PEERS:
+            if now - heard > GONE or len(self._peers) > MAX_PEERS:
                 del self._peers[each]
 
     def close(self) -> None:
@@ -205,29 +205,34 @@ class Refusals:
 
     def take(self, whose: str) -> list[str]:
         """The sentences. whose: who is at the other end."""
-        said = [
+        sentences = [
             f"{count} messages from {whose} were refused: {REASONS[why].format(whose)}{self._senders(why)}"
             for why, count in self._counts.items()
         ]
-        said += [
+        sentences += [
             f"the clock of {whose} (system {system}) is {ahead:,.0f} s ahead of ours; it is heard all the same"
             for system, ahead in sorted(self._ahead.items())
         ]
         self._counts.clear()
         self._systems.clear()
         self._ahead.clear()
-        return said
+        return sentences
 
     def _senders(self, reason: str) -> str:
         systems = sorted(self._systems.get(reason, ()))
         if not systems:
             return ""
-        more = f" and {len(systems) - MOST_NAMED} more" if len(systems) > MOST_NAMED else ""
-        return f" (system {', '.join(map(str, systems[:MOST_NAMED]))}{more})"
+        more = f" and {len(systems) - MAX_NAMED} more" if len(systems) > MAX_NAMED else ""
+        return f" (system {', '.join(map(str, systems[:MAX_NAMED]))}{more})"
 
 
 class MavlinkConnection:
-    """See the module. system, component: who we are. key: None to take and send unsigned messages. clock: Unix time."""
+    """See the module.
+
+    system, component: our own numbers.
+    key: None to take and send unsigned messages.
+    clock: Unix time.
+    """
 
     def __init__(
         self, wire: Wire, system: int, component: int, key: bytes | None, *, clock: Clock | None = None
@@ -252,7 +257,7 @@ class MavlinkConnection:
 
     def receive(self) -> list[Any]:
         """The messages that have come since the last call, of all systems. Raises OSError."""
-        found: list[Any] = []
+        messages: list[Any] = []
         for data, sender in self._wire.receive():
             self.mav.buf, self.mav.buf_index = bytearray(), 0  # no message goes on in the next datagram
             for message in self.mav.parse_buffer(bytearray(data)) or ():
@@ -260,8 +265,8 @@ class MavlinkConnection:
                     self._count(bytes(message.data), str(message.reason))
                 elif not message.get_type().startswith("UNKNOWN"):
                     self._wire.answer(sender)
-                    found.append(message)
-        return found
+                    messages.append(message)
+        return messages
 
     def _count(self, data: bytes, reason: str) -> None:
         """Note a message that was not let in. One with a signature was noted when that was checked."""
@@ -302,6 +307,6 @@ def _codec(refused: Refusals, stamp: Callable[[], int], system: int, component: 
             refused.compare(srcSystem, (int.from_bytes(msgbuf[-12:-6], "little") - ours) * STEP)
             return True
 
-    found = CheckedCodec(None, system, component)
-    found.robust_parsing = True
-    return found
+    codec = CheckedCodec(None, system, component)
+    codec.robust_parsing = True
+    return codec

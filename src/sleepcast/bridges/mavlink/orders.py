@@ -32,8 +32,14 @@ AT_ONCE, ASKED, MESSAGES = "", "asked", "messages"
 
 @dataclass(slots=True, eq=False)
 class PendingCommand:
-    """parameters: seven of them. tick: of the mind that has asked for it. sent: how often; again: when it is sent next;
-    end: when it is given up, s."""
+    """A command of MAVLink that waits for its answer.
+
+    parameters: seven of them.
+    tick: of the mind that has asked for it.
+    sent: how often.
+    again: when it is sent next, s.
+    end: when it is given up, s.
+    """
 
     command: int
     parameters: tuple[float, ...]
@@ -100,9 +106,9 @@ class Orders:
         """The order that this is the answer to, which then waits no more; None if it is none, or not the last one."""
         if result == IN_PROGRESS:
             return None
-        found = next((order for order in self._waiting if order.command == command and order.sent), None)
-        self.forget(lambda order: order is found)
-        return found
+        answered = next((order for order in self._waiting if order.command == command and order.sent), None)
+        self.forget(lambda order: order is answered)
+        return answered
 
     def end(self, failed: PendingCommand) -> list[PendingCommand]:
         """An order has failed: gives those that are not sent any more because of it."""

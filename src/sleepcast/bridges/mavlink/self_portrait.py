@@ -31,8 +31,11 @@ for 3.4e38."""
 
 
 class SelfPortrait:
-    """See the module. mav: encodes; place: where x = 0, y = 0 is on the Earth, None if that is nowhere. Values are a
-    robot's sensors by name, in SI; `now` is in ms since the start."""
+    """See the module. Values are a robot's sensors by name, in SI; `now` is in ms since the start.
+
+    mav: encodes.
+    place: where x = 0, y = 0 is on the Earth; None if that is nowhere.
+    """
 
     def __init__(self, mav: Any, place: LocalMap | None) -> None:
         self._mav, self._map = mav, place
@@ -52,18 +55,18 @@ class SelfPortrait:
         )
         north, east, azimuth = speed * sin(heading), speed * cos(heading), (pi / 2.0 - heading) % (2.0 * pi)
         signed = azimuth - 2.0 * pi if azimuth > pi else azimuth
-        found = [
+        messages = [
             self._mav.attitude_encode(now, 0.0, 0.0, signed, 0.0, 0.0, -turn),
             self._mav.local_position_ned_encode(now, y, x, -height, north, east, -climb),
         ]
-        if (there := self._on_earth(x, y)) is not None:
+        if (position := self._on_earth(x, y)) is not None:
             above = _whole(1000.0 * height, 31)
             pace = (_whole(100.0 * north, 15), _whole(100.0 * east, 15), _whole(-100.0 * climb, 15))
             course = int(100.0 * degrees(azimuth)) % 36_000
-            found.append(self._mav.global_position_int_encode(now, *there, above, above, *pace, course))
+            messages.append(self._mav.global_position_int_encode(now, *position, above, above, *pace, course))
             unknown = (UNKNOWN_16,) * 4
-            found.append(self._mav.gps_raw_int_encode(now * 1000, 3, *there, above, *unknown, 255))
-        return found
+            messages.append(self._mav.gps_raw_int_encode(now * 1000, 3, *position, above, *unknown, 255))
+        return messages
 
     def state(self, values: Mapping[str, float], _: int) -> list[Any]:
         """What works, and how full its battery is; and where its home is."""
@@ -71,21 +74,21 @@ class SelfPortrait:
         volts = next((values[name] for name in ("volts", "motor_volts") if isfinite(values.get(name, nan))), nan)
         millivolts = min(max(round(1000.0 * volts), 0), UNKNOWN_16 - 1) if isfinite(volts) else UNKNOWN_16
         percent = round(100.0 * min(max(left, 0.0), 1.0)) if isfinite(left) else -1
-        there = ATTITUDE_SENSORS | POSITION_SENSORS | READY
+        present = ATTITUDE_SENSORS | POSITION_SENSORS | READY
         works = READY
         if isfinite(values.get("heading", nan)):
             works |= ATTITUDE_SENSORS
         if self._on_earth(values.get("x", nan), values.get("y", nan)) is not None:
             works |= POSITION_SENSORS
         battery = (millivolts, -1, percent)
-        return [self._mav.sys_status_encode(there, there, works, 0, *battery, 0, 0, 0, 0, 0, 0), *self.home()]
+        return [self._mav.sys_status_encode(present, present, works, 0, *battery, 0, 0, 0, 0, 0, 0), *self.home()]
 
     def home(self) -> list[Any]:
         """Where its home is, if that is on the Earth."""
-        there = self._on_earth(0.0, 0.0)
-        if there is None:
+        position = self._on_earth(0.0, 0.0)
+        if position is None:
             return []
-        return [self._mav.home_position_encode(*there, 0, 0.0, 0.0, 0.0, UPRIGHT, 0.0, 0.0, 0.0)]
+        return [self._mav.home_position_encode(*position, 0, 0.0, 0.0, 0.0, UPRIGHT, 0.0, 0.0, 0.0)]
 
     def about(self) -> list[Any]:
         """What it can do, and who it is."""

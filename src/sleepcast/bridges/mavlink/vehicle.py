@@ -75,7 +75,7 @@ TELL_AGAIN = 5.0
 """Seconds between two reports of refused messages, and between two times of the same sentence."""
 RESTARTED = 1.0
 """Seconds by which the vehicle's own time goes back only if it has restarted."""
-MAX_SAID = 60
+MAX_STATUS_TEXT = 60
 """Characters of what a vehicle says."""
 MAX_SENTENCES = 100
 """Whose times are remembered: a vehicle may say anything."""
@@ -174,9 +174,16 @@ def model_of(modes: dict[str, int], limits: Limits) -> RobotModel:
 
 
 class MavlinkVehicle(BridgedBody):
-    """See the module. link: to the vehicle; system: its number. modes: its own. failsafe: the name of one of them.
-    origin: of x and y; None for the first place at which it is. ceiling: m. Its motions besides "speeds" are "goto" (x,
-    y, height; m), "takeoff" (height), "climb" (m/s), and "mode" (its number), which only its failsafe is."""
+    """See the module. Its motions besides "speeds" are "goto" (x, y, height; m), "takeoff" (height; m), "climb" (m/s),
+    and "mode" (its number), which only its failsafe is.
+
+    link: to the vehicle.
+    system: its number.
+    modes: its own.
+    failsafe: the name of one of them.
+    origin: of x and y; None for the first place at which it is.
+    ceiling: m above where it started.
+    """
 
     RESTING = 0.3
     """What a GPS tells of a vehicle that stands."""
@@ -202,13 +209,14 @@ class MavlinkVehicle(BridgedBody):
         now = self._clock.now()
         self._fixed = -inf
         """When the vehicle last said where it is, s."""
-        self._met, self._beat, self._told_again = now, -inf, -inf
+        self._met, self._beat, self._refusals_told = now, -inf, -inf
+        """When it was last heard, when our last heartbeat went out, and when refused messages were last reported, s."""
         self._boot = -inf
-        self._said: dict[str, float] = {}
-        """When each sentence of ours was said last."""
+        self._complained_at: dict[str, float] = {}
+        """When each sentence of ours was last reported."""
         self._mode, self._armed = -1, False
         """The number of its mode, -1 while that is unknown."""
-        self._told_state: tuple[int, bool] | None = None
+        self._reported_state: tuple[int, bool] | None = None
         """Mode, and whether it is armed, by its last heartbeat, until that has been looked at."""
         self._ordered = self._mode_before = -1
         """The last mode that we have sent, and the one of before the last that was answered."""
@@ -257,7 +265,7 @@ class MavlinkVehicle(BridgedBody):
         with self._lock:
             self._tick += 1
             unfollowed, self._unfollowed = self._unfollowed, None
-            waits = bool(self._errands) or self._orders.waits(ASKED)
+            waits = bool(self._jobs) or self._orders.waits(ASKED)
             lost = unfollowed is not None and self._motion is unfollowed and not waits
             if lost:
                 self._motion = REST
@@ -346,8 +354,8 @@ class MavlinkVehicle(BridgedBody):
             self._link.send(self._link.mav.heartbeat_encode(6, 8, 0, 0, 4))  # a ground station, active
         for order in self._orders.tend(now):
             self._fail(order, "it has not answered the order about {}")
-        if now - self._told_again > TELL_AGAIN and self._link.refused:
-            self._told_again = now
+        if now - self._refusals_told > TELL_AGAIN and self._link.refused:
+            self._refusals_told = now
             for sentence in self._link.complaints():
                 self.complain(sentence)
         if now - self._met > SILENT:
@@ -362,11 +370,11 @@ class MavlinkVehicle(BridgedBody):
     def seek(self) -> None:
         self._orders.forget(lambda order: True)
         self._link.send(self._link.mav.heartbeat_encode(6, 8, 0, 0, 4))
-        found = [m for m in self._link.receive() if m.get_srcSystem() == self._system]
-        if not any(m.get_type() == "HEARTBEAT" for m in found):
+        messages = [m for m in self._link.receive() if m.get_srcSystem() == self._system]
+        if not any(m.get_type() == "HEARTBEAT" for m in messages):
             raise OutOfReachError(f"vehicle {self._system} is not heard{self._refusals()}")
         self._met = self._clock.now()
-        for message in found:
+        for message in messages:
             self.take(message)
         self._take_state(back=True)
         self._ask_for_messages()
@@ -490,7 +498,7 @@ class MavlinkVehicle(BridgedBody):
         """A message of this vehicle."""
         match message.get_type():
             case "HEARTBEAT" if message.get_srcComponent() == 1:
-                self._told_state = message.custom_mode, bool(message.base_mode & 128)
+                self._reported_state = message.custom_mode, bool(message.base_mode & 128)
             case "GLOBAL_POSITION_INT":
                 self._take_position(message)
             case "ATTITUDE":
@@ -507,7 +515,7 @@ class MavlinkVehicle(BridgedBody):
                 if message.target_system in (0, GCS_SYSTEM_ID) and message.target_component in (0, GCS_COMPONENT_ID):
                     self._hear_answer(message.command, message.result)
             case "STATUSTEXT" if message.severity <= 4:  # a warning, or worse
-                text = printable(message.text.strip("\0 "))[:MAX_SAID]
+                text = printable(message.text.strip("\0 "))[:MAX_STATUS_TEXT]
                 self._say_once(f"the vehicle says: {text}")
 
     def _take_position(self, message: Any) -> None:
@@ -554,9 +562,9 @@ class MavlinkVehicle(BridgedBody):
     def _take_state(self, *, back: bool = False) -> None:
         """Look at its last heartbeat: whether somebody else has changed its mode, or switched its motors off. back:
         whether that may have been before a STOP."""
-        if self._told_state is None:
+        if self._reported_state is None:
             return
-        (mode, armed), self._told_state = self._told_state, None
+        (mode, armed), self._reported_state = self._reported_state, None
         now = self._clock.now()
         if mode == self._mode_before and now < self._mode_settled:
             mode = self._mode
@@ -598,10 +606,10 @@ class MavlinkVehicle(BridgedBody):
     def _say_once(self, sentence: str) -> None:
         """Say it at the node, but not twenty times a second."""
         now = self._clock.now()
-        if now - self._said.get(sentence, -inf) > TELL_AGAIN:
-            if len(self._said) >= MAX_SENTENCES:
-                self._said.clear()
-            self._said[sentence] = now
+        if now - self._complained_at.get(sentence, -inf) > TELL_AGAIN:
+            if len(self._complained_at) >= MAX_SENTENCES:
+                self._complained_at.clear()
+            self._complained_at[sentence] = now
             self.complain(sentence)
 
     def _refusals(self) -> str:
@@ -609,10 +617,10 @@ class MavlinkVehicle(BridgedBody):
 
 
 def open_body(uri: str, opening: Opening) -> MavlinkVehicle:
-    """The vehicle at `mavlink://HOST:PORT#SYSTEM`, which listens there, or, with `listen=yes`, sends to there. key: a
-    file with the phrase of its signing key, without which `unsigned=yes` must be said.
+    """The vehicle at `mavlink://HOST:PORT#SYSTEM`, which listens there, or, with `listen=yes`, sends to there. Raises
+    BodyError, OutOfReachError.
 
-    Raises BodyError, OutOfReachError.
+    Its setting `key` names a file with the phrase of its signing key, without which `unsigned=yes` must be given.
     """
     address = read_body_address(uri, EXAMPLE, SETTINGS)
     system = system_of(address)

@@ -24,12 +24,18 @@ MAX_NAMESPACES = 1_000
 
 
 class DiscoveredTopic(NamedTuple):
-    """A topic of a mapping in a namespace. comes: whether the robot publishes it. wrong: why nothing passes by it, ""
-    if something does; missing: because nobody else has it; doubt: why perhaps nothing does, which is known as soon as
-    there is a body. names: what it gives or takes, in expressions. vital: whether the robot cannot do without it."""
+    """A topic of a mapping in a namespace.
+
+    comes: whether the robot publishes it.
+    wrong: why nothing passes by it; "" if something does.
+    missing: whether nobody else has it.
+    names: what it gives or takes, in expressions.
+    vital: whether the robot cannot do without it.
+    doubt: why perhaps nothing passes by it, which is known as soon as there is a body.
+    """
 
     topic: str
-    sort: str
+    type: str
     comes: bool
     wrong: str
     missing: bool
@@ -38,7 +44,7 @@ class DiscoveredTopic(NamedTuple):
     doubt: str = ""
 
 
-class RobotThere(NamedTuple):
+class DiscoveredRobot(NamedTuple):
     """What a namespace has of a mapping."""
 
     namespace: str
@@ -51,16 +57,18 @@ class RobotThere(NamedTuple):
         return drives and any(each.vital and each.comes and not each.wrong for each in self.topics)
 
     def lacks(self, *, only_missing: bool = False) -> list[str]:
-        """What is wrong, a sentence each; not that nobody listens at what a robot can do without. only_missing: not
-        what is there, and does not fit."""
-        said = []
+        """What is wrong, a sentence each; not that nobody listens at what a robot can do without.
+
+        only_missing: leave out topics that exist and do not fit.
+        """
+        sentences = []
         for each in self.topics:
             if (each.missing and not each.comes and not each.vital) or (only_missing and not each.missing):
                 continue
             if each.wrong:
                 are = "is" if len(each.names) == 1 else "are"
-                said.append(each.wrong + (f": {_listed(each.names)} {are} unknown" if each.comes else ""))
-        return said
+                sentences.append(each.wrong + (f": {_listed(each.names)} {are} unknown" if each.comes else ""))
+        return sentences
 
 
 class Ros2Fleet:
@@ -83,15 +91,18 @@ class Ros2Fleet:
         self._longest = max(len(topic) for topic in (*(s.topic for s in sources), *(s.topic for s in sinks)))
         self._mappings: dict[str, RobotMapping] = {}
         self._seen: Mapping[str, tuple[DiscoveredEndpoint, ...]] = {}
-        self._found: dict[str, RobotThere] = {}
+        self._robots: dict[str, DiscoveredRobot] = {}
 
-    def look(self) -> Mapping[str, RobotThere]:
+    def look(self) -> Mapping[str, DiscoveredRobot]:
         """What there is now, by namespace: robots, and what has a part of what a robot has."""
         others = self._network.others()
         if others is not self._seen:
             self._seen = others
-            self._found = {each: self._robot(each) for each in sorted(self._namespaces(others))}
-        return self._found
+            self._robots = {
+                namespace: DiscoveredRobot(namespace, tuple(self._topics(self.mapping_of(namespace))))
+                for namespace in sorted(self._namespaces(others))
+            }
+        return self._robots
 
     def nobody(self) -> str:
         """What to look for where nothing is found, in a sentence."""
@@ -111,24 +122,21 @@ class Ros2Fleet:
         return self._mappings[namespace]
 
     def body(self, namespace: str) -> Ros2Body:
-        """The body of the robot in this namespace, whether it is there or not. Raises OutOfReachError."""
+        """The body of the robot in this namespace, whether that is present or not. Raises OutOfReachError."""
         return body_on(self._network, self.mapping_of(namespace), sim_time=self._sim_time)
 
     def _namespaces(self, others: Mapping[str, tuple[DiscoveredEndpoint, ...]]) -> set[str]:
-        found: set[str] = set()
+        namespaces: set[str] = set()
         for topic in others:
             for name in (*self._vital, self.mapping.drive.name):
                 namespace = topic[: -len(name) - 1]
-                if topic.endswith("/" + name) and self._fits(namespace) and len(found) < MAX_NAMESPACES:
-                    found.add(namespace)
-        return found
+                if topic.endswith("/" + name) and self._fits(namespace) and len(namespaces) < MAX_NAMESPACES:
+                    namespaces.add(namespace)
+        return namespaces
 
     def _fits(self, namespace: str) -> bool:
         """Whether a robot may have it: DDS lets names be anything."""
         return is_namespace(namespace) and len(namespace) + self._longest < MAX_NAME
-
-    def _robot(self, namespace: str) -> RobotThere:
-        return RobotThere(namespace, tuple(self._topics(self.mapping_of(namespace))))
 
     def _topics(self, mapping: RobotMapping) -> Iterator[DiscoveredTopic]:
         for source in mapping.sources:
@@ -144,15 +152,15 @@ class Ros2Fleet:
         from sleepcast.bridges.ros2.link import doubt, misfit
 
         others = [each for each in self._seen.get(ours.topic, ()) if each.publishes == comes]
-        reasons = [misfit(each, ours.sort, ours.qos) for each in others]
+        reasons = [misfit(each, ours.type, ours.qos) for each in others]
         wrong = (
             ""
             if "" in reasons
             else next(iter(reasons), f"nobody {'publishes' if comes else 'listens at'} {ours.topic}")
         )
-        doubts = [] if wrong else [doubt(each, ours.sort) for each in others]
+        doubts = [] if wrong else [doubt(each, ours.type) for each in others]
         unsure = "" if "" in doubts else next(iter(doubts), "")
-        return DiscoveredTopic(ours.topic, ours.sort, comes, wrong, not others, names, vital, unsure)
+        return DiscoveredTopic(ours.topic, ours.type, comes, wrong, not others, names, vital, unsure)
 
 
 def _listed(names: tuple[str, ...]) -> str:

@@ -83,9 +83,9 @@ def join(domain: int, local: bool) -> Domain | None:
         raise MisuseError(f"ROS domain {domain} cannot be joined with discovery={where}: {error}") from None
 
 
-def dds_name(sort: str) -> str:
+def dds_name(type_: str) -> str:
     """What DDS calls a type that mappings call so."""
-    return _dds_name(READ[sort][0])
+    return _dds_name(READ[type_][0])
 
 
 def _dds_name(message: Any) -> str:
@@ -98,13 +98,18 @@ End: TypeAlias = DataReader[Any] | DataWriter[Any]
 
 
 class DiscoveredEndpoint(NamedTuple):
-    """A topic of another program: its type, as DDS calls it, whether it publishes there or listens, and which of
-    `GRADES` it gives or wants. layout: of its type, as that is told apart from others; b"" where it is not told, as in
-    ROS 2. apart: why DDS does not join it with ours that has the same type and grade: "layout" or "conditions"; "" if
-    it does, or nobody knows yet."""
+    """A topic of another program.
+
+    type: as DDS calls it.
+    publishes: whether it publishes there, or listens.
+    grade: which of `GRADES` it gives or wants.
+    layout: identifies that of its type; b"" where it is not told, as in ROS 2.
+    apart: why DDS does not join it with ours that has the same type and grade: "layout" or "conditions"; "" if it does,
+        or nobody knows yet.
+    """
 
     topic: str
-    sort: str
+    type: str
     publishes: bool
     grade: str
     layout: bytes = b""
@@ -112,8 +117,11 @@ class DiscoveredEndpoint(NamedTuple):
 
 
 class Ros2Network:
-    """See the module. local: whether to look for others on this computer only. clock: for how long it has known
-    others. Raises OutOfReachError, MisuseError."""
+    """See the module. Raises OutOfReachError, MisuseError.
+
+    local: whether to look for others on this computer only.
+    clock: for how long it has known others.
+    """
 
     def __init__(self, domain: int, *, local: bool, clock: Time | None = None) -> None:
         join(domain, local)
@@ -128,7 +136,7 @@ class Ros2Network:
         )
         self._lock, self._clock = Lock(), clock or WallClock()
         self._known: dict[Any, DiscoveredEndpoint] = {}
-        self._there: dict[str, tuple[DiscoveredEndpoint, ...]] = {}
+        self._by_topic: dict[str, tuple[DiscoveredEndpoint, ...]] = {}
         self._unjoined: dict[Any, float] = {}
         """Those that are joined with none of ours, as far as we know, and since when they are known."""
         self._check_at = -inf
@@ -136,21 +144,29 @@ class Ros2Network:
         """Our own ends of each topic, for as long as there are any, and when they were made."""
 
     def reader(self, topic: str, message: type[Any], qos: str, depth: int = 1) -> DataReader[Any]:
-        """message: the class of its messages. depth: how many are kept until they are taken."""
-        found = DataReader(self._participant, Topic(self._participant, TOPICS + topic, message), _deep(qos, depth))
-        self._remember(topic, found)
-        return found
+        """A reader of ours.
+
+        message: the class of its messages.
+        depth: how many are stored until they are taken.
+        """
+        reader = DataReader(self._participant, Topic(self._participant, TOPICS + topic, message), _deep(qos, depth))
+        self._remember(topic, reader)
+        return reader
 
     def writer(self, topic: str, message: type[Any], qos: str, depth: int = 1) -> DataWriter[Any]:
-        """depth: how many are kept to be sent again, or for who listens later."""
-        found = DataWriter(self._participant, Topic(self._participant, TOPICS + topic, message), _deep(qos, depth))
-        self._remember(topic, found)
-        return found
+        """A writer of ours.
+
+        message: the class of its messages.
+        depth: how many are stored to be sent again, or for who listens later.
+        """
+        writer = DataWriter(self._participant, Topic(self._participant, TOPICS + topic, message), _deep(qos, depth))
+        self._remember(topic, writer)
+        return writer
 
     def _remember(self, topic: str, end: End) -> None:
         with self._lock:
-            there = [(made, each) for made, each in self._ours.get(topic, ()) if each() is not None]
-            self._ours[topic] = [*there, (self._clock.now(), ref(end))]
+            ends = [(made, each) for made, each in self._ours.get(topic, ()) if each() is not None]
+            self._ours[topic] = [*ends, (self._clock.now(), ref(end))]
 
     def others(self) -> Mapping[str, tuple[DiscoveredEndpoint, ...]]:
         """The topics that other programs have now, each with theirs; another one after every change. Raises
@@ -162,11 +178,11 @@ class Ros2Network:
             if self._clock.now() >= self._check_at:
                 changed |= self._check_joined(self._clock.now())
             if changed:
-                there: dict[str, list[DiscoveredEndpoint]] = {}
+                by_topic: dict[str, list[DiscoveredEndpoint]] = {}
                 for endpoint in self._known.values():
-                    there.setdefault(endpoint.topic, []).append(endpoint)
-                self._there = {topic: tuple(ends) for topic, ends in there.items()}
-            return self._there
+                    by_topic.setdefault(endpoint.topic, []).append(endpoint)
+                self._by_topic = {topic: tuple(ends) for topic, ends in by_topic.items()}
+            return self._by_topic
 
     def _news(self) -> Iterator[tuple[Any, bool]]:
         """What has become of ends of others, and whether they publish. One at a time: words that the library cannot
@@ -174,14 +190,14 @@ class Ros2Network:
         for publishes, reader in self._looking:
             for _ in range(AT_ONCE):
                 try:
-                    found = reader.take(1)
+                    samples = reader.take(1)
                 except DDSException as error:
                     raise OutOfReachError(f"ROS domain {self.domain} cannot be read: {error}") from None
                 except Exception:
                     continue
-                if not found:
+                if not samples:
                     break
-                yield found[0], publishes
+                yield samples[0], publishes
 
     def _note(self, sample: Any, publishes: bool) -> bool:
         """Whether anything has changed by it."""
@@ -193,8 +209,8 @@ class Ros2Network:
         if len(self._known) >= MAX_ENDPOINTS:
             return False
         topic = printable(sample.topic_name.removeprefix(TOPICS))
-        sort, grade, layout = printable(sample.type_name), _grade(sample.qos), _layout(sample.type_id)
-        self._known[sample.key] = DiscoveredEndpoint(topic, sort, publishes, grade, layout)
+        type_, grade, layout = printable(sample.type_name), _grade(sample.qos), _layout(sample.type_id)
+        self._known[sample.key] = DiscoveredEndpoint(topic, type_, publishes, grade, layout)
         self._unjoined[sample.key] = self._clock.now()
         return True
 
@@ -232,16 +248,16 @@ def _deep(qos: str, depth: int) -> Qos:
 
 def _is_other_end(ours: End, other: DiscoveredEndpoint) -> bool:
     """Whether ours is one that DDS might join with it."""
-    return isinstance(ours, DataReader) is other.publishes and _dds_name(ours.topic.data_type) == other.sort
+    return isinstance(ours, DataReader) is other.publishes and _dds_name(ours.topic.data_type) == other.type
 
 
 def _joined(ours: End) -> set[Any]:
     """The keys of the ends of others that DDS has joined with ours."""
     if isinstance(ours, DataReader):
-        found = [ours.get_matched_publication_data(each) for each in ours.get_matched_publications()]
+        ends = [ours.get_matched_publication_data(each) for each in ours.get_matched_publications()]
     else:
-        found = [ours.get_matched_subscription_data(each) for each in ours.get_matched_subscriptions()]
-    return {each.key for each in found if each is not None}
+        ends = [ours.get_matched_subscription_data(each) for each in ours.get_matched_subscriptions()]
+    return {each.key for each in ends if each is not None}
 
 
 def layout_of(message: type[Any]) -> bytes:
@@ -273,12 +289,12 @@ class DdsLink:
         see `messages.SHORT`."""
         self._writers: dict[str, tuple[CommandTopic, DataWriter[Any]]] = {}
         for source in mapping.sources:
-            self._wanted[source.topic, True] = source.sort, source.qos
-            first = SHORT.get(source.sort, READ[source.sort][0])
+            self._wanted[source.topic, True] = source.type, source.qos
+            first = SHORT.get(source.type, READ[source.type][0])
             self._sources[source.topic] = source, [network.reader(source.topic, first, source.qos)]
         for sink in mapping.sinks:
-            self._wanted[sink.topic, False] = sink.sort, sink.qos
-            self._writers[sink.topic] = sink, network.writer(sink.topic, READ[sink.sort][0], sink.qos)
+            self._wanted[sink.topic, False] = sink.type, sink.qos
+            self._writers[sink.topic] = sink, network.writer(sink.topic, READ[sink.type][0], sink.qos)
         self._clock = network.reader(CLOCK, Clock, "sensor") if clock else None
         self._seen: Mapping[str, tuple[DiscoveredEndpoint, ...]] = {}
         self._misfits: set[str] = set()
@@ -287,21 +303,21 @@ class DdsLink:
         self._remarks: list[str] = []
 
     def heard(self) -> dict[str, TopicReading]:
-        found: dict[str, TopicReading] = {}
+        readings: dict[str, TopicReading] = {}
         for topic, (source, readers) in self._sources.items():
             for message in (message for reader in readers for message in self._take(topic, reader)):
                 try:
-                    values, sectors = read(source.sort, message, source.turned)
+                    values, sectors = read(source.type, message, source.turned)
                 except ValueError as error:
                     self._remark(topic, "", f"{topic} brings {error}")
                     continue
-                found[topic] = TopicReading(
+                readings[topic] = TopicReading(
                     stamp(message), tuple(values[each.value] for each in source.fields), sectors
                 )
         if self._clock is not None:
             for message in self._take(CLOCK, self._clock):
-                found[CLOCK] = TopicReading(seconds(message.clock), ())
-        return found
+                readings[CLOCK] = TopicReading(seconds(message.clock), ())
+        return readings
 
     def _take(self, topic: str, reader: DataReader[Any]) -> list[Any]:
         """What came. Bytes that are no such message raise whatever they raise, in a library that reads what it is
@@ -317,7 +333,7 @@ class DdsLink:
     def say(self, topic: str, values: Mapping[str, float], now: float) -> None:
         sink, writer = self._writers[topic]
         with saying(topic):
-            writer.write(made(sink.sort, values, now, sink.frame))
+            writer.write(made(sink.type, values, now, sink.frame))
 
     def remarks(self) -> list[str]:
         others = self._network.others()
@@ -326,25 +342,25 @@ class DdsLink:
             self._meet_layouts(others)
             self._misfits = set(self._all_misfits(others))
             self._remarks += sorted(self._misfits - before)
-        said, self._remarks = self._remarks, []
-        return said
+        sentences, self._remarks = self._remarks, []
+        return sentences
 
     def _meet_layouts(self, others: Mapping[str, tuple[DiscoveredEndpoint, ...]]) -> None:
         """Listen also to those who tell that they have the layout of a newer release."""
         for topic, (source, readers) in self._sources.items():
-            whole = READ[source.sort][0]
-            if source.sort in SHORT and len(readers) == 1:
+            whole = READ[source.type][0]
+            if source.type in SHORT and len(readers) == 1:
                 new = layout_of(whole)
                 if any(each.publishes and each.layout == new for each in others.get(topic, ())):
                     readers.append(self._network.reader(topic, whole, source.qos))
 
     def _all_misfits(self, others: Mapping[str, tuple[DiscoveredEndpoint, ...]]) -> Iterable[str]:
-        for (topic, published), (sort, qos) in self._wanted.items():
+        for (topic, published), (type_, qos) in self._wanted.items():
             ends = others.get(topic, ())
-            is_heard = any(not each.publishes and not misfit(each, sort, qos) for each in ends)
+            is_heard = any(not each.publishes and not misfit(each, type_, qos) for each in ends)
             for each in ends:
                 if each.publishes == published:
-                    wrong = misfit(each, sort, qos)
+                    wrong = misfit(each, type_, qos)
                     if wrong and (published or not is_heard):  # some robots take velocities of both types
                         yield wrong
                 elif each.publishes and topic == self._driven:
@@ -377,13 +393,16 @@ def saying(topic: str) -> Iterator[None]:
         raise MisuseError(f"nothing is said at {topic}: {error}") from None
 
 
-def misfit(other: DiscoveredEndpoint, sort: str, qos: str) -> str:
-    """Why nothing passes between another program's topic and ours, in a sentence; "" if it does. sort: its type, as
-    mappings call it. qos: which of `GRADES` we want, or give."""
-    topic, there, wanted = other.topic, ros_type(other.sort), ros_type(dds_name(sort))
-    if there != wanted:
+def misfit(other: DiscoveredEndpoint, type_: str, qos: str) -> str:
+    """Why nothing passes between another program's topic and ours, in a sentence; "" if it does.
+
+    type_: of ours, as mappings call it.
+    qos: which of `GRADES` we want, or give.
+    """
+    topic, theirs, wanted = other.topic, ros_type(other.type), ros_type(dds_name(type_))
+    if theirs != wanted:
         what = "what it brings is not read" if other.publishes else "whoever listens there hears nothing of us"
-        return f"{topic} has the type {there}, not {wanted} as the mapping says: {what}"
+        return f"{topic} has the type {theirs}, not {wanted} as the mapping says: {what}"
     if other.publishes and GRADES.index(other.grade) < GRADES.index(qos):
         return (
             f'nothing comes by {topic}: the mapping wants qos = "{qos}", and it is published as "{other.grade}": '
@@ -394,14 +413,16 @@ def misfit(other: DiscoveredEndpoint, sort: str, qos: str) -> str:
     return stays_apart(other)
 
 
-def doubt(other: DiscoveredEndpoint, sort: str) -> str:
-    """That its layout is none of ours, in a sentence, of an end which DDS has not tried to join; "" otherwise. sort: of
-    the topic, as mappings call it."""
-    known = {layout_of(READ[sort][0]), *([layout_of(SHORT[sort])] if other.publishes and sort in SHORT else [])}
+def doubt(other: DiscoveredEndpoint, type_: str) -> str:
+    """That its layout is none of ours, in a sentence, of an end which DDS has not tried to join; "" otherwise.
+
+    type_: of the topic, as mappings call it.
+    """
+    known = {layout_of(READ[type_][0]), *([layout_of(SHORT[type_])] if other.publishes and type_ in SHORT else [])}
     if not other.layout or other.layout in known:
         return ""
     return (
-        f"{other.topic} has a {ros_type(other.sort)} of another layout than that of ROS 2: perhaps nothing passes by it"
+        f"{other.topic} has a {ros_type(other.type)} of another layout than that of ROS 2: perhaps nothing passes by it"
     )
 
 
@@ -410,7 +431,7 @@ def stays_apart(other: DiscoveredEndpoint) -> str:
     it does."""
     what = "what it brings is not read" if other.publishes else "whoever listens there hears nothing of us"
     if other.apart == "layout":
-        return f"{other.topic} has a {ros_type(other.sort)} of another layout than that of ROS 2: {what}"
+        return f"{other.topic} has a {ros_type(other.type)} of another layout than that of ROS 2: {what}"
     if other.apart:
         return f"{other.topic} has conditions that ours do not meet, such as a partition or a deadline of DDS: {what}"
     return ""

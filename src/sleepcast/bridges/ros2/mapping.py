@@ -41,8 +41,12 @@ _NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)*")
 
 
 class TopicReading(NamedTuple):
-    """The values in a message of a topic, in the order of the mapping and in the topic's units. stamp: when it was
-    made, by the clock of who made it, s; NaN if it does not say. sectors: of a scan, m; see `messages`."""
+    """A message of a topic.
+
+    stamp: when it was made, by the clock of who made it, s; NaN if it does not say.
+    values: in the order of the mapping and in the topic's units.
+    sectors: of a scan, m; see `messages`.
+    """
 
     stamp: float
     values: tuple[float, ...]
@@ -50,8 +54,15 @@ class TopicReading(NamedTuple):
 
 
 class Value(NamedTuple):
-    """What is in messages of a type: its unit there, its range, the unit in which people read it. size: the largest
-    number that fits into its bytes. endless: whether infinity means something there. whole: whether only 0 and 1 do."""
+    """A value in messages of a type.
+
+    unit: in messages.
+    low, high: its range.
+    shown_as: the unit in which people read it.
+    size: the largest number that fits into its bytes.
+    endless: whether infinity means something there.
+    whole: whether only 0 and 1 do.
+    """
 
     unit: str = ""
     low: float = -inf
@@ -63,8 +74,11 @@ class Value(NamedTuple):
     whole: bool = False
 
     def wrong(self, value: float, factor: float) -> str:
-        """Why no message can say this, in words such as "is 0 or 1, not 2"; "" if one can. value: in SI. factor: what
-        one of the topic's unit is in SI."""
+        """Why no message can say this, in words such as "is 0 or 1, not 2"; "" if one can.
+
+        value: in SI.
+        factor: what one of the topic's unit is in SI.
+        """
         if self.whole:
             return "" if value in (0.0, 1.0) else f"is 0 or 1, not {value:g}"
         if isnan(value) or (isinf(value) and not (self.endless and value > 0.0)):
@@ -146,12 +160,19 @@ class TopicField:
 
 @dataclass(frozen=True, slots=True)
 class SensorTopic:
-    """A topic that a robot tells. topic: with its namespace. name: without it, as the file has it. turned: where the
-    front of its scanner looks, rad."""
+    """A topic that a robot publishes.
+
+    topic: with its namespace.
+    name: without it, as the file has it.
+    type: of its messages, as mappings call it.
+    qos: one of `QOS`.
+    freshness: s for which a value counts.
+    turned: where the front of its scanner looks, rad.
+    """
 
     topic: str
     name: str
-    sort: str
+    type: str
     fields: tuple[TopicField, ...]
     qos: str
     freshness: float
@@ -160,13 +181,18 @@ class SensorTopic:
 
 @dataclass(frozen=True, slots=True)
 class CommandTopic:
-    """A topic that a robot is told. topic, name: as those of a source. function: that says something there, its name in
-    expressions; the fields are its arguments. frame: of the messages. goal: whether a planner drives the robot there.
+    """A topic that a robot listens to.
+
+    topic, name, type: as those of a source.
+    fields: of a function, its arguments.
+    function: that publishes there, its name in expressions.
+    frame: of the messages.
+    goal: whether a planner drives the robot there.
     """
 
     topic: str
     name: str
-    sort: str
+    type: str
     fields: tuple[TopicField, ...]
     function: str = ""
     frame: str = ""
@@ -175,12 +201,16 @@ class CommandTopic:
     @property
     def qos(self) -> str:
         """One of `QOS`: what is said for STOP reaches who comes later."""
-        return "latched" if self.sort == "Bool" and not self.function else "reliable"
+        return "latched" if self.type == "Bool" and not self.function else "reliable"
 
 
 @dataclass(frozen=True, slots=True)
 class RobotMapping:
-    """What a file says of a robot. stop: where STOP is said, None if nowhere."""
+    """What a file says of a robot.
+
+    radius: m.
+    stop: where STOP is published; None if nowhere.
+    """
 
     name: str
     limits: Limits
@@ -201,7 +231,7 @@ class RobotMapping:
             Quantity(field.name, known.unit, known.low, known.high, source.freshness, known.doc, known.shown_as)
             for source in self.sources
             for field in source.fields
-            for known in (TYPES[source.sort][field.value],)
+            for known in (TYPES[source.type][field.value],)
         )
 
     def actuators(self) -> tuple[Quantity, ...]:
@@ -220,8 +250,10 @@ def is_namespace(text: str) -> bool:
 
 
 def read_mapping(path: Path, namespace: str, text: str | None = None) -> RobotMapping:
-    """The mapping in a file, for a robot with this namespace. text: what stands in it, None to read it. Raises
-    SettingsError."""
+    """The mapping in a file, for a robot with this namespace. Raises SettingsError.
+
+    text: what is in the file; None to read it.
+    """
     with toml_document(path, text).root() as root:
         limits = Limits(
             root.number("speed", SPEED, low=0.01, high=FASTEST),
@@ -230,18 +262,18 @@ def read_mapping(path: Path, namespace: str, text: str | None = None) -> RobotMa
         )
         name = checked_name(root, root.text("name", "robot"), "name")
         reader = _MappingReader(namespace)
-        told = root.tables("in", most=MAX_TOPICS)
-        sources = tuple(reader.source(topic, table) for topic, table in told.items())
+        inputs = root.tables("in", most=MAX_TOPICS)
+        sources = tuple(reader.source(topic, table) for topic, table in inputs.items())
         if not sources:
             raise root.error("in", "a robot that tells nothing: wanted at least one topic, such as [in.odom]")
         tables = root.tables("out", most=MAX_TOPICS)
         sinks = [reader.sink(topic, table) for topic, table in tables.items()]
-        drives = [sink for sink in sinks if sink.sort in DRIVES]
+        drives = [sink for sink in sinks if sink.type in DRIVES]
         if len(drives) != 1:
             wanted = f"wanted one topic of the type {' or '.join(DRIVES)}, to drive it"
             raise root.error("out", f"{wanted}; there are {len(drives)}")
         functions = tuple(sink for sink in sinks if sink.function)
-        stops = [sink for sink in sinks if sink.sort == "Bool" and not sink.function]
+        stops = [sink for sink in sinks if sink.type == "Bool" and not sink.function]
         if len(stops) > 1:
             raise root.error("out", f"{len(stops)} topics for STOP; at most one fits: give the others a function")
         goals = [sink.function for sink in functions if sink.goal]
@@ -271,13 +303,13 @@ class _MappingReader:
 
     def source(self, topic: str, table: Table) -> SensorTopic:
         with table:
-            sort = table.text("type", choices=tuple(TYPES))
-            turned = table.number("turned", NONE, 0.0, low=-pi, high=pi) if sort == "LaserScan" else 0.0
+            type_ = table.text("type", choices=tuple(TYPES))
+            turned = table.number("turned", NONE, 0.0, low=-pi, high=pi) if type_ == "LaserScan" else 0.0
             return SensorTopic(
                 self._topic(table, topic, "in"),
                 topic,
-                sort,
-                self._fields(table, sort),
+                type_,
+                self._fields(table, type_),
                 table.text("qos", "sensor", choices=QOS),
                 table.number("freshness", TIME, FRESH, low=0.1, high=3600.0),
                 turned,
@@ -285,65 +317,65 @@ class _MappingReader:
 
     def sink(self, topic: str, table: Table) -> CommandTopic:
         with table:
-            sort = table.text("type", choices=tuple(TYPES))
-            found = self._topic(table, topic, "out")
-            if sort not in DRIVES and (sort != "Bool" or table.has("function")):
-                return self._function(table, found, topic, sort)
-            fields = self._fields(table, sort)
-            if sort == "Bool":
+            type_ = table.text("type", choices=tuple(TYPES))
+            full_name = self._topic(table, topic, "out")
+            if type_ not in DRIVES and (type_ != "Bool" or table.has("function")):
+                return self._function(table, full_name, topic, type_)
+            fields = self._fields(table, type_)
+            if type_ == "Bool":
                 if fields[0].name.casefold() != STOPPED:
                     wanted = f'wanted {STOPPED} = "data", or a function'
                     raise table.error("values", wanted)
-                return CommandTopic(found, topic, sort, fields)
+                return CommandTopic(full_name, topic, type_, fields)
             by_value = {field.value: field for field in fields}
             if by_value.keys() != {"speed", "turn_rate"} or len(fields) != 2:
                 raise table.error("values", "wanted two names, one for speed and one for turn_rate")
-            return CommandTopic(found, topic, sort, (by_value["speed"], by_value["turn_rate"]), frame=BASE)
+            return CommandTopic(full_name, topic, type_, (by_value["speed"], by_value["turn_rate"]), frame=BASE)
 
-    def _function(self, table: Table, topic: str, name: str, sort: str) -> CommandTopic:
+    def _function(self, table: Table, topic: str, name: str, type_: str) -> CommandTopic:
         function = checked_name(table, table.text("function"), "function")
         self._take(table, "function", function)
-        if sort == "Bool" and not table.has("values"):
-            return CommandTopic(topic, name, sort, (TopicField("on", "data", 1.0),), function)
-        fields = self._fields(table, sort, arguments=True)
+        if type_ == "Bool" and not table.has("values"):
+            return CommandTopic(topic, name, type_, (TopicField("on", "data", 1.0),), function)
+        fields = self._fields(table, type_, arguments=True)
         values = [field.value for field in fields]
         if len(set(values)) < len(values):
             raise table.error("values", "one of them is there twice")
-        if sort == "LaserScan" and "nearest" in values:
+        if type_ == "LaserScan" and "nearest" in values:
             raise table.error("values", "a scan is made of front, left, back and right; nearest follows from them")
-        frame = table.text("frame", FRAMES.get(sort, BASE), most=MAX_NAME)
+        frame = table.text("frame", FRAMES.get(type_, BASE), most=MAX_NAME)
         if not frame.isprintable():
             raise table.error("frame", f"{frame!r:.60} is no name of a frame: wanted one such as {BASE}")
-        goal = sort == "PoseStamped" and table.flag("goal", True)
-        return CommandTopic(topic, name, sort, fields, function, frame, goal)
+        goal = type_ == "PoseStamped" and table.flag("goal", True)
+        return CommandTopic(topic, name, type_, fields, function, frame, goal)
 
     def _topic(self, table: Table, topic: str, direction: str) -> str:
-        found = topic if topic.startswith("/") else f"{self._namespace}/{topic}"
-        if not _TOPIC.fullmatch(topic) or len(found) > MAX_NAME:
+        full_name = topic if topic.startswith("/") else f"{self._namespace}/{topic}"
+        if not _TOPIC.fullmatch(topic) or len(full_name) > MAX_NAME:
             wanted = 'wanted letters, digits and _, in parts with slashes between them, such as "sensors/front"'
             raise table.error("type", f'"{topic:.60}" is no topic of ROS 2: {wanted}')
-        if (direction + found) in self._topics:
-            raise table.error("type", f"{found} is there twice")
-        self._topics.add(direction + found)
-        return found
+        if (direction + full_name) in self._topics:
+            raise table.error("type", f"{full_name} is there twice")
+        self._topics.add(direction + full_name)
+        return full_name
 
-    def _fields(self, table: Table, sort: str, *, arguments: bool = False) -> tuple[TopicField, ...]:
+    def _fields(self, table: Table, type_: str, *, arguments: bool = False) -> tuple[TopicField, ...]:
         """arguments: whether the names are those of a function's arguments, which others may have, too."""
         values = table.table("values")
         if not values.names():
-            raise table.error("values", f"is missing; wanted names for its values, such as {{ {_example(sort)} }}")
+            raise table.error("values", f"is missing; wanted names for its values, such as {{ {_example(type_)} }}")
         fields = []
         for name in values.names():
             value, _, unit = values.text(name).partition(" ")
-            known = TYPES[sort].get(value)
+            known = TYPES[type_].get(value)
             if known is None:
-                there = f"{did_you_mean(value, TYPES[sort])}; there are {', '.join(TYPES[sort])}"
-                raise values.error(name, f'{sort} has no value "{value}"{there}')
+                hint = f"{did_you_mean(value, TYPES[type_])}; there are {', '.join(TYPES[type_])}"
+                raise values.error(name, f'{type_} has no value "{value}"{hint}')
             checked_name(values, name)
             if not arguments:
                 self._take(values, name, name)
             with values.answering(name):
-                fields.append(TopicField(name, value, _factor(sort, value, known, unit.strip())))
+                fields.append(TopicField(name, value, _factor(type_, value, known, unit.strip())))
         return tuple(fields)
 
     def _take(self, table: Table, key: str, name: str) -> None:
@@ -354,12 +386,12 @@ class _MappingReader:
             raise table.error(key, f"more than {MAX_VALUES} names")
 
 
-def _factor(sort: str, value: str, known: Value, unit: str) -> float:
+def _factor(type_: str, value: str, known: Value, unit: str) -> float:
     """What one of this unit is in SI. Raises MisuseError where it does not fit."""
     if not unit:
         return 1.0
     if known.unit == "rad":
-        raise MisuseError(f'{value} of {sort} is that of an orientation, which has no unit: leave out "{unit:.20}"')
+        raise MisuseError(f'{value} of {type_} is that of an orientation, which has no unit: leave out "{unit:.20}"')
     dimension = UNITS[known.unit].dimension if known.unit else NONE
     fitting = [name for name, each in UNITS.items() if each.dimension == dimension and name not in ANGLES]
     if unit not in UNITS:
@@ -367,11 +399,11 @@ def _factor(sort: str, value: str, known: Value, unit: str) -> float:
     if unit not in fitting:
         what = "angles" if unit in ANGLES else f"{UNITS[unit].dimension}"
         raise MisuseError(
-            f'{value} of {sort} is {dimension}, and "{unit}" is a unit of {what}; wanted one of {", ".join(fitting)}'
+            f'{value} of {type_} is {dimension}, and "{unit}" is a unit of {what}; wanted one of {", ".join(fitting)}'
         )
     return UNITS[unit].factor
 
 
-def _example(sort: str) -> str:
-    value = next(iter(TYPES[sort]))
+def _example(type_: str) -> str:
+    value = next(iter(TYPES[type_]))
     return f'{value} = "{value}"'

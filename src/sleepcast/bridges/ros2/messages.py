@@ -261,11 +261,14 @@ def _twist(twist: Twist) -> dict[str, float]:
 
 
 def sectors_of(scan: LaserScan, turned: float = 0.0) -> tuple[float, ...]:
-    """Distance to the nearest thing in each sector, m; NaN where it does not look. turned: where its front looks, rad
-    counter-clockwise from the robot's. Raises ValueError for what is no scan."""
+    """Distance to the nearest thing in each sector, m; NaN where it does not look. Raises ValueError for what is no
+    scan.
+
+    turned: where its front looks, rad counter-clockwise from the robot's.
+    """
     if len(scan.ranges) > MAX_RAYS:
         raise ValueError(f"a scan of {len(scan.ranges):,} rays; at most {MAX_RAYS:,} are read")
-    found = [nan] * SECTORS
+    nearest = [nan] * SECTORS
     step, angle = SECTORS / _TURN * scan.angle_increment, SECTORS / _TURN * (scan.angle_min + turned) + 0.5
     if not isfinite(step) or not isfinite(angle):
         raise ValueError("a scan whose angles are no numbers")
@@ -274,14 +277,17 @@ def sectors_of(scan: LaserScan, turned: float = 0.0) -> tuple[float, ...]:
         distance = ray if least <= ray <= most else _measured(ray, least, most)
         if distance == distance:
             sector = int((angle + number * step) // 1.0) % SECTORS
-            if not found[sector] <= distance:
-                found[sector] = distance
-    return tuple(found)
+            if not nearest[sector] <= distance:
+                nearest[sector] = distance
+    return tuple(nearest)
 
 
 def _bounds(what: str, least: float, most: float, measures: bool) -> tuple[float, float]:
-    """From where to where a sensor measures, m. measures: whether it says that it has measured something. Raises
-    ValueError for bounds between which nothing can be, as those that nobody has filled in."""
+    """From where to where a sensor measures, m. Raises ValueError for bounds between which nothing can be, as those
+    that nobody has filled in.
+
+    measures: whether it says that it has measured something.
+    """
     if measures and not (0.0 <= least <= most and most > 0.0):
         raise ValueError(f"a {what} that says to measure from {least:g} m to {most:g} m: no such distance can be")
     return least, most
@@ -298,11 +304,11 @@ def _measured(distance: float, least: float, most: float) -> float:
 def _sides(sectors: tuple[float, ...]) -> dict[str, float]:
     """The nearest thing in each quarter, and all round."""
     quarter = SECTORS // 4
-    found = {"nearest": _least(sectors)}
+    sides = {"nearest": _least(sectors)}
     for number, side in enumerate(SIDES):
         middle = number * quarter
-        found[side] = _least([sectors[(middle + k) % SECTORS] for k in range(-quarter // 2, quarter // 2 + 1)])
-    return found
+        sides[side] = _least([sectors[(middle + k) % SECTORS] for k in range(-quarter // 2, quarter // 2 + 1)])
+    return sides
 
 
 def _least(distances: Any) -> float:
@@ -346,12 +352,12 @@ SHORT: Mapping[str, type[Any]] = {"Range": ShortRange}
 """Of each type that ends later in newer releases: what reads that of any release; see the module."""
 
 
-def read(sort: str, message: Any, turned: float) -> tuple[dict[str, float], tuple[float, ...]]:
+def read(type_: str, message: Any, turned: float) -> tuple[dict[str, float], tuple[float, ...]]:
     """The values in a message, and the sectors of a scan; see `sectors_of`."""
-    if sort == "LaserScan":
+    if type_ == "LaserScan":
         sectors = sectors_of(message, turned)
         return _sides(sectors), sectors
-    return READ[sort][1](message), ()
+    return READ[type_][1](message), ()
 
 
 # ---- the other way: messages of such values
@@ -428,7 +434,12 @@ MADE: Mapping[str, Callable[[Mapping[str, float], Header], Any]] = {
 has something for that."""
 
 
-def made(sort: str, values: Mapping[str, float], now: float, frame: str = "") -> Any:
-    """A message of a type with these values, SI, by their names in `READ`. now: s since 1970, or by /clock. frame: in
-    which frame it is."""
-    return MADE[sort](values, Header(time_of(now), frame))
+def made(type_: str, values: Mapping[str, float], now: float, frame: str = "") -> Any:
+    """A message of a type.
+
+    type_: as mappings call it.
+    values: SI, by their names in `READ`.
+    now: s since 1970, or by /clock.
+    frame: in which frame it is.
+    """
+    return MADE[type_](values, Header(time_of(now), frame))

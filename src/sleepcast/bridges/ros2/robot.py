@@ -93,12 +93,15 @@ class RobotLink(Protocol):
         """Sentences about what does not fit, each once."""
 
     def close(self) -> None:
-        """Let go of it, when what was said has arrived."""
+        """Close the connection, when what was sent has arrived."""
 
 
 class Ros2Body(BridgedBody):
-    """See the module. sim_time: whether time is what /clock says. epoch: the clock of this computer, s since 1970, with
-    which times of messages are compared."""
+    """See the module.
+
+    sim_time: whether time is what /clock says.
+    epoch: the clock of this computer, s since 1970, with which times of messages are compared.
+    """
 
     def __init__(
         self,
@@ -148,8 +151,8 @@ class Ros2Body(BridgedBody):
             return super().course(motion)
         most = self.model.limits
         known = {} if self.stale else dict(zip(self._quantities, self.reading().values, strict=True))
-        found = known.get("speed", nan), known.get("turn_rate", nan)
-        return most.speed if isnan(found[0]) else found[0], most.turn_rate if isnan(found[1]) else found[1]
+        measured = known.get("speed", nan), known.get("turn_rate", nan)
+        return most.speed if isnan(measured[0]) else measured[0], most.turn_rate if isnan(measured[1]) else measured[1]
 
     def measure(self) -> None:
         self._listen()
@@ -189,10 +192,10 @@ class Ros2Body(BridgedBody):
 
     @property
     def measures_ranges(self) -> bool:
-        return any(source.sort == "LaserScan" for source in self._mapping.sources)
+        return any(source.type == "LaserScan" for source in self._mapping.sources)
 
     def nearest(self, first: float, last: float) -> float:
-        now, found = self._clock.now(), list[float]()
+        now, distances = self._clock.now(), list[float]()
         for topic, source in self._sources.items():
             arrived, heard = self._arrived.get(topic, (now, None))
             if heard is None or not heard.sectors or now - arrived > source.freshness:
@@ -201,8 +204,8 @@ class Ros2Body(BridgedBody):
             wide = last - first + width  # sectors that only begin there, too
             for number, distance in enumerate(heard.sectors):
                 if (number * width - first + width / 2.0) % (2.0 * pi) <= wide and not isnan(distance):
-                    found.append(distance)
-        return min(found, default=nan)
+                    distances.append(distance)
+        return min(distances, default=nan)
 
     def meet(self, patience: float) -> None:
         """Wait for the robot's first words, so many s at most. Raises OutOfReachError if none come."""
@@ -220,8 +223,8 @@ class Ros2Body(BridgedBody):
     def tell(self, *values: float, sink: CommandTopic) -> None:
         """Publish these values at a topic, or have a planner drive there. Raises MisuseError, OutOfReachError."""
         for field, value in zip(sink.fields, values, strict=True):
-            if wrong := TYPES[sink.sort][field.value].wrong(value, field.factor):
-                raise MisuseError(f"{field.value} of {sink.sort} {wrong}")
+            if wrong := TYPES[sink.type][field.value].wrong(value, field.factor):
+                raise MisuseError(f"{field.value} of {sink.type} {wrong}")
         if not sink.goal:
             self.send(lambda: self._say(sink, values))
             return
@@ -232,9 +235,9 @@ class Ros2Body(BridgedBody):
     # ---- the robot
 
     def _say(self, sink: CommandTopic, values: tuple[float, ...]) -> None:
-        told = {field.value: value / field.factor for field, value in zip(sink.fields, values, strict=True)}
+        in_units = {field.value: value / field.factor for field, value in zip(sink.fields, values, strict=True)}
         now = self._simulated if self._sim_time else self._epoch()
-        self._link.say(sink.topic, told, 0.0 if isnan(now) else now)
+        self._link.say(sink.topic, in_units, 0.0 if isnan(now) else now)
 
     def _tell(self, speed: float, turn_rate: float) -> None:
         self._say(self._mapping.drive, (speed, turn_rate))
@@ -251,8 +254,8 @@ class Ros2Body(BridgedBody):
         now = self._clock.now()
         for sentence in self._link.remarks():
             self.complain(sentence)
-        found = dict(self._link.heard())
-        simulated = found.pop(CLOCK, None)
+        readings = dict(self._link.heard())
+        simulated = readings.pop(CLOCK, None)
         if self._sim_time and simulated is not None and simulated.stamp != self._simulated:
             if simulated.stamp < self._simulated:  # it has begun anew
                 self._before += self._simulated - simulated.stamp
@@ -260,7 +263,7 @@ class Ros2Body(BridgedBody):
                     self.rest()
                     self.complain("the simulation has begun anew; the robot is at rest until a command moves it")
             self._simulated, self._ticked = simulated.stamp, now
-        for topic, heard in found.items():
+        for topic, heard in readings.items():
             _, before = self._arrived.get(topic, (now, None))
             if before is not None and before.stamp == heard.stamp:
                 continue  # the same message again is no news
@@ -295,22 +298,22 @@ class Ros2Body(BridgedBody):
             "what it brings counts from when it comes"
         )
 
-    def _known(self, source: SensorTopic, field: TopicField, told: float) -> float:
+    def _known(self, source: SensorTopic, field: TopicField, raw: float) -> float:
         """What a message says of a sensor, in SI; NaN for what it cannot be."""
-        quantity, found = self._quantities[field.name], told * field.factor
-        endless = TYPES[source.sort][field.value].endless
-        return found if quantity.low <= found <= quantity.high and (endless or isfinite(found)) else nan
+        quantity, value = self._quantities[field.name], raw * field.factor
+        endless = TYPES[source.type][field.value].endless
+        return value if quantity.low <= value <= quantity.high and (endless or isfinite(value)) else nan
 
     def _check_values(self, topic: str, heard: TopicReading) -> None:
         """Values beyond what they can be: mostly, of another unit than the mapping says."""
         source = self._sources[topic]
-        for field, told in zip(source.fields, heard.values, strict=True):
-            quantity, found = self._quantities[field.name], told * field.factor
-            wrong = not isnan(found) and isnan(self._known(source, field, told))
+        for field, raw in zip(source.fields, heard.values, strict=True):
+            quantity, value = self._quantities[field.name], raw * field.factor
+            wrong = not isnan(value) and isnan(self._known(source, field, raw))
             if self._is_first(f"{topic} {field.name}", wrong):
-                beyond = f", beyond {quantity.low:.4g} to {quantity.high:.4g}" if isfinite(found) else ""
+                beyond = f", beyond {quantity.low:.4g} to {quantity.high:.4g}" if isfinite(value) else ""
                 unit = ": does the mapping have its unit?" if beyond else ": it has no such value"
-                self.complain(f"{field.name} is {found:.4g} by {topic}{beyond}, and counts as unknown{unit}")
+                self.complain(f"{field.name} is {value:.4g} by {topic}{beyond}, and counts as unknown{unit}")
 
     def _is_first(self, of: str, wrong: bool) -> bool:
         """Whether something is wrong that was right before."""
@@ -328,7 +331,7 @@ def model_of(mapping: RobotMapping) -> RobotModel:
         HostFunction(
             sink.function,
             partial(Ros2Body.tell, sink=sink),
-            tuple(_dimension(TYPES[sink.sort][field.value]) for field in sink.fields),
+            tuple(_dimension(TYPES[sink.type][field.value]) for field in sink.fields),
             arguments=" ".join(field.name for field in sink.fields),
             doc=f"A planner that listens at {sink.topic} drives there." if sink.goal else f"Published at {sink.topic}.",
             moves=sink.goal,
@@ -347,16 +350,16 @@ def _dimension(value: Value) -> Dimension:
 def ros_place(domain: str | None, discovery: str | None, otherwise: str = SUBNET) -> tuple[int, str]:
     """The number of a ROS domain, and in which of `RANGES` others are looked for. None: as ROS has it in
     ROS_DOMAIN_ID, or 0, and in ROS_AUTOMATIC_DISCOVERY_RANGE, or `otherwise`. Raises BodyError."""
-    said, number = _said("domain", domain, "ROS_DOMAIN_ID", "0")
+    source, number = _setting("domain", domain, "ROS_DOMAIN_ID", "0")
     if not (number.isascii() and number.isdigit() and len(number) <= 3 and int(number) <= HIGHEST_DOMAIN):
-        raise BodyError(f"{said} is a whole number from 0 to {HIGHEST_DOMAIN}, not {number!r:.40}")
-    said, where = _said("discovery", discovery, "ROS_AUTOMATIC_DISCOVERY_RANGE", otherwise)
+        raise BodyError(f"{source} is a whole number from 0 to {HIGHEST_DOMAIN}, not {number!r:.40}")
+    source, where = _setting("discovery", discovery, "ROS_AUTOMATIC_DISCOVERY_RANGE", otherwise)
     if where.lower() not in RANGES:
-        raise BodyError(f"{said} is {' or '.join(RANGES)}, not {where!r:.40}")
+        raise BodyError(f"{source} is {' or '.join(RANGES)}, not {where!r:.40}")
     return int(number), where.lower()
 
 
-def _said(name: str, text: str | None, variable: str, otherwise: str) -> tuple[str, str]:
+def _setting(name: str, text: str | None, variable: str, otherwise: str) -> tuple[str, str]:
     """Who says it, for an error, and what. An empty variable says nothing."""
     if text is not None:
         return name, text

@@ -189,7 +189,7 @@ class End(NamedTuple):
 
     def misfit(self, other: DiscoveredEndpoint) -> Iterator[str]:
         """Why nothing passes between another program and us, or what else is wrong, in a sentence."""
-        topic, there = other.topic, ros_type(other.sort)
+        topic, there = other.topic, ros_type(other.type)
         sorts = [ros_type(each.__idl_typename__.replace(".", "::")) for each in self.messages]
         if other.publishes and not self.listens:
             two = "two simulations are in one ROS domain" if topic == CLOCK else "two robots have one name"

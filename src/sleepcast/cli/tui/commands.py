@@ -21,19 +21,24 @@ class CommandType(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Addressee:
-    """The addressees of a text. label: as the prompt shows it. test: put before the text; robot: the only addressee;
-    everybody: all robots, as the operator has confirmed."""
+    """The addressees of a text.
+
+    label: as the prompt shows it.
+    test: put before the text.
+    robot: the only addressee.
+    everybody: whether all robots are meant, as the operator has confirmed.
+    """
 
     label: str
     test: str = ""
     robot: str = ""
     everybody: bool = False
 
-    def wrapped(self, text: str, sort: CommandType) -> str:
+    def wrapped(self, text: str, type: CommandType) -> str:
         """The text as it is sent. Robots that are not asked answer UNKNOWN, which no statistics count."""
         if not self.test:
             return text
-        return f"(IF {self.test} {text} UNKNOWN)" if sort is CommandType.ASK else f"(WHEN {self.test} {text})"
+        return f"(IF {self.test} {text} UNKNOWN)" if type is CommandType.ASK else f"(WHEN {self.test} {text})"
 
 
 AS_WRITTEN = Addressee("")
@@ -63,12 +68,16 @@ class ForecastText:
 
 @dataclass(frozen=True, slots=True)
 class PendingText:
-    """A text that is to be sent. count: how many robots are meant, once its sender has typed that; may: how many may
-    obey, where that has to be typed first. confirmed: whether it was entered twice, since the first time it was
-    doubted. prepared: the same as the desk has it, once it was checked."""
+    """A text that is to be sent.
+
+    count: how many robots are meant, once its sender has typed that.
+    may: how many may obey, where that has to be typed first.
+    confirmed: whether it was entered twice, since the first time it was doubted.
+    prepared: the same as the desk has it, once it was checked.
+    """
 
     text: str
-    sort: CommandType
+    type: CommandType
     to: Addressee
     count: int | None = None
     may: int | None = None
@@ -78,22 +87,22 @@ class PendingText:
     @property
     def wrapped(self) -> str:
         """The text as it is sent."""
-        return self.to.wrapped(self.text, self.sort)
+        return self.to.wrapped(self.text, self.type)
 
     @property
     def terms(self) -> Terms:
         """How it is meant, as a command."""
         audience = Audience([self.to.robot] if self.to.robot else None)
-        standing = self.sort is CommandType.STANDING
+        standing = self.type is CommandType.STANDING
         return Terms(standing, everybody=self.to.everybody, audience=audience, anyway=self.confirmed)
 
 
 def marked_finding(checked: Checked) -> Spot | None:
     """The first error, else the first warning."""
-    found = (checked.errors or checked.warnings)[:1]
-    if not found:
+    first = (checked.errors or checked.warnings)[:1]
+    if not first:
         return None
-    return Spot(found[0].message, checked.text, found[0].start, found[0].end, bool(checked.errors))
+    return Spot(first[0].message, checked.text, first[0].start, first[0].end, bool(checked.errors))
 
 
 QUESTIONS = ("to", "show", "why", "look", "hold", "help", "quit")

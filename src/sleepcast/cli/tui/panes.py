@@ -37,7 +37,7 @@ LOST = 10.0
 """Seconds after which a robot that was not heard is shown as lost, unless telemetry is requested more rarely."""
 WIDE = 48
 """Columns of the list of robots from which on their names may be long."""
-MOST_LINES = 3
+MAX_LINES = 3
 """Lines for what became of one command."""
 OUTCOMES = "-MNFUH"
 """A robot's answer, by its code in a column of outcomes."""
@@ -62,11 +62,11 @@ def safety(session: TuiSession, width: int) -> Line:
         if not stopped:
             text = "STOP: F9 or Ctrl-X"
         return [("class:warned" if stopped else "", _filled(f" {text}", width))]
-    found = session.station.accounting(latch.id)
+    account = session.station.accounting(latch.id)
     when = ago(session.station.now - latch.message.issued)
     if latch.kind is Kind.STOP:
-        return [("class:stop", _filled(f" STOP {when}: {_stopped(session, found, 1)}", width))]
-    return [("class:warned", _filled(f" RELEASE {when}: released {found.n_matched}, {_silence(found)}", width))]
+        return [("class:stop", _filled(f" STOP {when}: {_stopped(session, account, 1)}", width))]
+    return [("class:warned", _filled(f" RELEASE {when}: released {account.n_matched}, {_silence(account)}", width))]
 
 
 def _of_all(session: TuiSession) -> str:
@@ -75,10 +75,10 @@ def _of_all(session: TuiSession) -> str:
     return of_robots(max(size, len(session.station.roster)), size > 0)
 
 
-def _silence(found: Account) -> str:
-    lost = f"not stored {found.n_not_stored}, " if found.n_not_stored else ""
-    fault = f"fault {found.n_fault}, " if found.n_fault else ""
-    return f"{lost}{fault}{found.silence(FEW)}"
+def _silence(account: Account) -> str:
+    lost = f"not stored {account.n_not_stored}, " if account.n_not_stored else ""
+    fault = f"fault {account.n_fault}, " if account.n_fault else ""
+    return f"{lost}{fault}{account.silence(FEW)}"
 
 
 # ---- robots
@@ -91,7 +91,7 @@ def robots(session: TuiSession, width: int, height: int, first: int) -> list[Lin
     latest = next(reversed(session.station.commands()), None)
     silent = None if latest is None else latest.silent
     lost_after, room = _lost_after(session), 16 if width >= WIDE else 8
-    found = []
+    lines = []
     for name in names:
         heard, mind = roster[name], session.mind(name)
         age = float("inf") if heard is None else max(0.0, session.station.now - heard)
@@ -103,8 +103,8 @@ def robots(session: TuiSession, width: int, height: int, first: int) -> list[Lin
         cells += [",".join(sorted(mind.telemetry.groups))] if mind is not None and mind.telemetry.groups else []
         text = f"{clipped(printable(name), room):<{room}} {code} {_age(age):>5}  {'  '.join(cells)}"
         answered = "class:warned" if code in "F-UH" else ""
-        found.append([(style, f"{letters} "), (answered, clipped(printable(text), width - 3))])
-    return found or _plain("no robot heard yet: are robots up, on this channel, with these keys?", width)
+        lines.append([(style, f"{letters} "), (answered, clipped(printable(text), width - 3))])
+    return lines or _plain("no robot heard yet: are robots up, on this channel, with these keys?", width)
 
 
 def _state(mind: RemoteMind) -> str:
@@ -135,13 +135,13 @@ def _lost_after(session: TuiSession) -> float:
 
 def _outcome(command: Command | None, silent: NDArray[np.bool_] | None, name: str) -> str:
     """The letter of a robot's answer to a command; a blank if it was not asked. silent: who was and did not answer."""
-    place = None if command is None else command.answers.names.place(name)
-    if command is None or silent is None or place is None:
+    index = None if command is None else command.answers.names.place(name)
+    if command is None or silent is None or index is None:
         return " "
     codes = command.answers.codes
-    if place < len(codes) and codes[place]:
-        return OUTCOMES[codes[place]]
-    return "-" if place < len(silent) and silent[place] else " "
+    if index < len(codes) and codes[index]:
+        return OUTCOMES[codes[index]]
+    return "-" if index < len(silent) and silent[index] else " "
 
 
 def _value(session: TuiSession, robot: str, name: str) -> str:
@@ -165,12 +165,12 @@ def _age(seconds: float) -> str:
 
 def commands(session: TuiSession, width: int, height: int) -> list[Line]:
     """What was sent, the latest first, with its outcome."""
-    found: list[Line] = []
+    lines: list[Line] = []
     for command in reversed(session.station.commands()):
-        if len(found) >= height:
+        if len(lines) >= height:
             break
-        found += _command(session, command, width)
-    return found[:height] or _plain("no command sent yet: type an expression below; F1 for help", width)
+        lines += _command(session, command, width)
+    return lines[:height] or _plain("no command sent yet: type an expression below; F1 for help", width)
 
 
 def _command(session: TuiSession, command: Command, width: int) -> Iterator[Line]:
@@ -179,30 +179,30 @@ def _command(session: TuiSession, command: Command, width: int) -> Iterator[Line
     standing = "standing " if command.message.standing else ""
     text = " ".join(command.message.text.split())
     yield [("class:when", f"{when} "), ("bold", clipped(printable(f"{standing}{kind}{text}"), width - 9))]
-    found = session.station.accounting(command.id)
-    style = "class:warned" if found.n_fault or found.n_silent or found.n_not_stored else ""
-    became = _stopped(session, found, FEW) if command.kind is Kind.STOP else _became(command, found)
-    for line in _folded(printable(became), width - 2)[:MOST_LINES]:
+    account = session.station.accounting(command.id)
+    style = "class:warned" if account.n_fault or account.n_silent or account.n_not_stored else ""
+    became = _stopped(session, account, FEW) if command.kind is Kind.STOP else _became(command, account)
+    for line in _folded(printable(became), width - 2)[:MAX_LINES]:
         yield [(style, f"  {line}")]
-    for name in found.fault[:1]:
-        fault = printable(f"  fault on {name}: {found.answers[name].fault or ''}")
+    for name in account.fault[:1]:
+        fault = printable(f"  fault on {name}: {account.answers[name].fault or ''}")
         yield [("class:wrong", clipped(fault, width))]
 
 
-def _became(command: Command, found: Account) -> str:
+def _became(command: Command, account: Account) -> str:
     if command.kind is Kind.COMMAND:
-        return found.sentence()
+        return account.sentence()
     if command.kind is Kind.ASK:
-        values = found.values
-        spread = f" {spread_in_words(values, found.unit)}," if values is not None else ""
-        return f"answered {found.n_matched},{spread} {_silence(found)}"
-    return f"released {found.n_matched}, {_silence(found)}"
+        values = account.values
+        spread = f" {spread_in_words(values, account.unit)}," if values is not None else ""
+        return f"answered {account.n_matched},{spread} {_silence(account)}"
+    return f"released {account.n_matched}, {_silence(account)}"
 
 
-def _stopped(session: TuiSession, found: Account, most: int) -> str:
+def _stopped(session: TuiSession, account: Account, most: int) -> str:
     """How many have accepted a STOP, who of them is not at rest, at most so many by name, and who is silent."""
-    rest = found.rest.sentence(session.station.vocabulary, most) if found.rest and found.n_matched else ""
-    return f"stopped {found.n_matched}, {_silence(found)}{rest and f'; {rest}'}"
+    rest = account.rest.sentence(session.station.vocabulary, most) if account.rest and account.n_matched else ""
+    return f"stopped {account.n_matched}, {_silence(account)}{rest and f'; {rest}'}"
 
 
 # ---- reports
@@ -218,11 +218,11 @@ def reports(session: TuiSession, width: int, height: int) -> list[Line]:
         (each.issued, f"{each.sender} sends {each.text or each.kind.name}")
         for each in list(session.station.news)[-height:]
     ]
-    found = []
+    lines = []
     for heard, text in sorted([*said_by, *news])[-height:]:
         when = time.strftime("%H:%M:%S", time.localtime(heard))
-        found.append([("class:when", f"{when} "), ("", clipped(printable(" ".join(text.split())), width - 9))])
-    return found or _plain("no reports yet", width)
+        lines.append([("class:when", f"{when} "), ("", clipped(printable(" ".join(text.split())), width - 9))])
+    return lines or _plain("no reports yet", width)
 
 
 # ---- below the prompt
@@ -235,10 +235,10 @@ def hint(session: TuiSession, text: str, width: int, height: int, indent: int) -
         style = "class:wrong" if session.wrong else "class:said"
         lines = [line for each in session.said.split("\n") for line in _folded(printable(each), width)]
         return [[(style, line)] for line in lines[:height]]
-    found = session.forecast(text)
-    excerpt: list[Line] = [] if found.spot is None else _carets(found.spot, width, indent)
-    sentence = _plain(printable(found.sentence), width) if found.sentence else []
-    wrong = found.spot is not None and found.spot.wrong
+    forecast = session.forecast(text)
+    excerpt: list[Line] = [] if forecast.spot is None else _carets(forecast.spot, width, indent)
+    sentence = _plain(printable(forecast.sentence), width) if forecast.sentence else []
+    wrong = forecast.spot is not None and forecast.spot.wrong
     return (excerpt + sentence if wrong else [*excerpt[:1], *sentence, *excerpt[1:]])[:height]
 
 
@@ -286,13 +286,13 @@ def clipped(text: str, width: int) -> str:
     """As much of a text as fits into so many columns, with `…` where it goes on."""
     if get_cwidth(text) <= width:
         return text
-    found, columns = "", 0
+    start, columns = "", 0
     for character in text:
         columns += get_cwidth(character)
         if columns > width - 1:
             break
-        found += character
-    return f"{found}…" if width > 0 else ""
+        start += character
+    return f"{start}…" if width > 0 else ""
 
 
 def _filled(text: str, width: int) -> str:
@@ -307,12 +307,12 @@ def _plain(text: str, width: int) -> list[Line]:
 
 def _folded(text: str, width: int) -> Sequence[str]:
     """A text in lines of so many columns, broken between words where that can be."""
-    found, line = [], ""
+    lines, line = [], ""
     for word in text.split(" "):
         longer = f"{line} {word}" if line else word
         if line and get_cwidth(longer) > width:
-            found.append(clipped(line, width))
+            lines.append(clipped(line, width))
             line = word
         else:
             line = longer
-    return [*found, clipped(line, width)]
+    return [*lines, clipped(line, width)]

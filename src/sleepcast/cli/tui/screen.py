@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 
 REDRAW = 0.25
 """Seconds after which the screen is drawn anew where nothing has come: ages grow."""
-MOST_PROMPT = 4
+MAX_PROMPT = 4
 """Lines of a prompt that are seen at once."""
 LOW = 16
 """Lines of a terminal below which the reports make room."""
@@ -195,8 +195,8 @@ class Screen:
             session.help()
 
         @keys.add("f3")
-        def sort(_: KeyPressEvent) -> None:
-            session.next_sort()
+        def command_type(_: KeyPressEvent) -> None:
+            session.next_type()
 
         @keys.add("f4")
         def order(_: KeyPressEvent) -> None:
@@ -291,14 +291,14 @@ class Screen:
                 HighlightMatchingBracketProcessor(chars="()"),
             ],
         )
-        return Window(control, height=Dimension(min=1, max=MOST_PROMPT), wrap_lines=True, dont_extend_height=True)
+        return Window(control, height=Dimension(min=1, max=MAX_PROMPT), wrap_lines=True, dont_extend_height=True)
 
     def _before(self) -> list[tuple[str, str]]:
         session = self.session
         if session.pending is not None:
             return [("class:head", "how many? ")]
-        sort = "" if session.sort is CommandType.ONCE else f" {session.sort.upper()}"
-        return [("bold", f"{panes.clipped(session.to.label or 'sleep', NARROW // 3)}{sort}> ")]
+        type_ = "" if session.type is CommandType.ONCE else f" {session.type.upper()}"
+        return [("bold", f"{panes.clipped(session.to.label or 'sleep', NARROW // 3)}{type_}> ")]
 
     def _robots(self, width: int, height: int) -> list[Line]:
         self._scrolled = max(0, min(self._scrolled, len(self.session.station.roster) - height))

@@ -27,7 +27,7 @@ from sleepcast.cli.tui.commands import (
     Spot,
     marked_finding,
 )
-from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean, printable
+from sleepcast.core.errors import MisuseError, SleepcastError, counted, did_you_mean, printable
 from sleepcast.language import Checked, ReadError, read
 from sleepcast.language.vocabulary import Variable
 from sleepcast.station.asking import AwaitedRelease
@@ -55,21 +55,25 @@ STOP_AGAIN = 0.5
 """Seconds in which one more STOP adds nothing to the one that holds."""
 WHY_PATIENCE = 5.0
 """Seconds for a robot to explain itself."""
-MOST_NAMES = 6
+MAX_NAMES = 6
 """Variables that the list of robots shows besides the rest."""
 
 
 class TuiSession:
-    """See the module. look_every: seconds between two looks, 0 for none but those that are asked for.
+    """See the module.
 
-    said: the latest sentence for the person; wrong: whether it reports an error. page: a text that is
-    read instead of the panes; shown: variables that the list of robots shows; by_age: its order.
+    look_every: seconds between two looks, 0 for none but those that are asked for.
+    said: the latest sentence for the person.
+    wrong: whether that reports an error.
+    page: a text that is read instead of the panes.
+    shown: variables that the list of robots shows.
+    by_age: whether that list begins with those heard longest ago.
     """
 
     def __init__(self, station: NetworkStation, telemetry: TelemetryClient, look_every: float) -> None:
         self.station, self.telemetry = station, telemetry
         self.look_every = look_every
-        self.to, self.sort = AS_WRITTEN, CommandType.ONCE
+        self.to, self.type = AS_WRITTEN, CommandType.ONCE
         self.said, self.wrong = "", False
         self.page: list[str] = []
         self.shown: list[str] = []
@@ -97,14 +101,14 @@ class TuiSession:
             if self.look_every and self.telemetry.is_due(self.period):
                 self.look()
             self._hear_why()
-            self._go_on()
+            self._continue_stages()
             if self._releasing is not None and self._releasing.attend():
                 self._releasing = None
         except SleepcastError as error:
             self.complain(str(error))
 
-    def _go_on(self) -> None:
-        """With what is sent in stages."""
+    def _continue_stages(self) -> None:
+        """Go on with what is sent in stages."""
         if self.staging is None:
             return
         before = self.staging.said
@@ -142,9 +146,9 @@ class TuiSession:
         return [AS_WRITTEN, EVERYBODY, *(Addressee(name, f"(IN {name})") for name in groups), *self._own]
 
     def next_addressee(self) -> None:
-        """To the next one."""
-        found = self.addressees()
-        self.to = found[(found.index(self.to) + 1) % len(found)] if self.to in found else found[0]
+        """Address the next one."""
+        known = self.addressees()
+        self.to = known[(known.index(self.to) + 1) % len(known)] if self.to in known else known[0]
 
     def address(self, text: str) -> None:
         """To a robot, a group or all robots of which a test is true; "" as it is written. Raises ReadError and
@@ -165,10 +169,10 @@ class TuiSession:
             )
         self._own.append(self.to)
 
-    def next_sort(self) -> None:
+    def next_type(self) -> None:
         """Once, in stages, standing, ask, and again."""
-        sorts = list(CommandType)
-        self.sort = sorts[(sorts.index(self.sort) + 1) % len(sorts)]
+        types = list(CommandType)
+        self.type = types[(types.index(self.type) + 1) % len(types)]
 
     # ---- before sending
 
@@ -178,18 +182,18 @@ class TuiSession:
         text = text.strip()
         if not text or text.startswith(":") or self.pending is not None:
             return ForecastText()
-        what = text, self.to, self.sort, int(self.station.now)
-        seen, found = self._foreseen
-        if seen == what:
-            return found
+        question = text, self.to, self.type, int(self.station.now)
+        asked, latest = self._foreseen
+        if asked == question:
+            return latest
         began = time.perf_counter()
         if began < self._rested:
-            return found if seen is not None and seen[:3] == what[:3] else ForecastText("counting")
-        found = self._forecast(text)
+            return latest if asked is not None and asked[:3] == question[:3] else ForecastText("counting")
+        latest = self._forecast(text)
         took = time.perf_counter() - began
         self._rested = began + took / SHARE if took > QUICK else -inf
-        self._foreseen = what, found
-        return found
+        self._foreseen = question, latest
+        return latest
 
     def _forecast(self, text: str) -> ForecastText:
         missing = still_open(text)
@@ -205,25 +209,25 @@ class TuiSession:
 
     def _counted(self, text: str, checked: Checked | None = None) -> str:
         """Who would obey, in a sentence; "" for a text that no robot could run. checked: the text, if it was."""
-        if self.sort is CommandType.ASK:
+        if self.type is CommandType.ASK:
             count = 1 if self.to.robot else max(self.station.fleet_size, len(self.station.roster))
-            return f"a question to {_robots(count)}"
+            return f"a question to {counted(count, 'robot')}"
         try:
-            wrapped = self.to.wrapped(text, self.sort)
+            wrapped = self.to.wrapped(text, self.type)
             if checked is None or checked.text != wrapped:
                 checked = self.station.check(wrapped, only=self._only(self.to))
-            found = self.station.preview(checked)
+            preview = self.station.preview(checked)
         except SleepcastError:
             return ""
-        codes = found.codes
+        codes = preview.codes
         if self.to.robot:
-            place = list(found.names).index(self.to.robot)
-            codes = codes[place : place + 1]
+            index = list(preview.names).index(self.to.robot)
+            codes = codes[index : index + 1]
         yes, no, unknown = int((codes == YES).sum()), int((codes == NO).sum()), int((codes >= UNKNOWN).sum())
-        unknown += 0 if self.to.robot else found.nameless
-        reason = next(iter(found.reasons), "")
+        unknown += 0 if self.to.robot else preview.nameless
+        reason = next(iter(preview.reasons), "")
         why = f" ({reason})" if unknown and reason and not self.to.robot else ""
-        who = ", EVERYBODY" if found.everybody and not self.to.robot else ""
+        who = ", EVERYBODY" if preview.everybody and not self.to.robot else ""
         return f"would obey: yes {yes}, no {no}, unknown {unknown}{why}{who}"
 
     @staticmethod
@@ -257,7 +261,7 @@ class TuiSession:
 
     def _request(self, text: str, doubted: tuple[PendingText, float] | None) -> PendingText:
         """What is entered now: if it is what was doubted, that once more, confirmed unless the key is held down."""
-        request = PendingText(text, self.sort, self.to)
+        request = PendingText(text, self.type, self.to)
         if doubted is None or doubted[0] != request:
             return request
         return replace(doubted[0], confirmed=self.station.now - doubted[1] >= HELD)
@@ -274,7 +278,7 @@ class TuiSession:
             raise MisuseError("a command is still sent in stages: wait until that is over, or stop the robots")
         try:
             self._check_typed(request)
-            if request.sort is CommandType.ASK:
+            if request.type is CommandType.ASK:
                 self.station.ask(request.wrapped, only=self._only(request.to), anyway=request.confirmed)
                 return
             request = replace(
@@ -286,7 +290,8 @@ class TuiSession:
             raise
         except CountNeededError as error:
             self.pending = replace(request, may=error.may)
-            self.say(f"{error.why}: {_robots(error.may)} may obey. Type {error.may} to send it, anything else not to")
+            may = counted(error.may, "robot")
+            self.say(f"{error.why}: {may} may obey. Type {error.may} to send it, anything else not to")
 
     def _check_typed(self, request: PendingText) -> None:
         """Places are those of what was typed, without what is put before it."""
@@ -294,13 +299,13 @@ class TuiSession:
             return
         checked = self.station.check(request.text)
         checked.required()
-        if checked.doubts and not request.confirmed and request.sort is not CommandType.ASK:
+        if checked.doubts and not request.confirmed and request.type is not CommandType.ASK:
             raise DoubtError.of(checked)
 
     def _commit(self, request: PendingText) -> None:
         prepared = request.prepared
         assert prepared is not None
-        if request.sort is CommandType.STAGED and not request.to.robot:
+        if request.type is CommandType.STAGED and not request.to.robot:
             stages = Stages(self.station, prepared, count=request.count, confirmed=request.confirmed)
             self.staging = StagedCommand(self.station, stages)
             self.say(self.staging.said)
@@ -331,7 +336,8 @@ class TuiSession:
         """End; twice where robots have not confirmed yet that they are stopped."""
         latch = self.latch
         silent = latch.n_silent if latch is not None and latch.kind is Kind.STOP else 0
-        if not silent or self._twice("leave", f"STOP is still sent to {_robots(silent)}: leave once more to give up"):
+        warning = f"STOP is still sent to {counted(silent, 'robot')}: leave once more to give up"
+        if not silent or self._twice("leave", warning):
             self.leaving = True
 
     def _twice(self, key: str, sentence: str, pause: float = 0.0) -> bool:
@@ -379,7 +385,7 @@ class TuiSession:
         for name in names:
             if not isinstance(bindings.get(name.casefold()), Variable):
                 raise MisuseError(f"no robot tells {name}{did_you_mean(name, bindings)}")
-        return list(names[:MOST_NAMES])
+        return list(names[:MAX_NAMES])
 
     def _hold(self, rest: str) -> None:
         if rest not in ("on", "off"):
@@ -402,13 +408,13 @@ class TuiSession:
             return
         asked, robot = self._asked_why
         try:
-            found = self.telemetry.explanation(asked, robot)
+            explanation = self.telemetry.explanation(asked, robot)
         except SleepcastError:
             self._asked_why = None
             raise
-        if found is not None:
+        if explanation is not None:
             self._asked_why, self.said = None, ""
-            self.page = found.render().split("\n")
+            self.page = explanation.render().split("\n")
         elif self.station.listened > asked.message.issued + WHY_PATIENCE:
             self._asked_why = None
             self.complain(f"{robot} does not answer")
@@ -446,10 +452,6 @@ class TuiSession:
 LATCHES = frozenset({Kind.STOP, Kind.RELEASE})
 
 
-def _robots(count: int) -> str:
-    return f"{count} robot{'' if count == 1 else 's'}"
-
-
 PATIENCE = 2.0
 """Seconds after the time for answers for which a stage waits for those that are missing."""
 
@@ -474,15 +476,15 @@ class StagedCommand:
 
     def tick(self) -> None:
         """Go on if this stage is over. Raises HaltedError if it went wrong."""
-        found = self._station.accounting(self._sent.id)
-        if found.n_fault:
-            name = found.fault[0]
-            fault = printable(found.answers[name].fault or "")
+        account = self._station.accounting(self._sent.id)
+        if account.n_fault:
+            name = account.fault[0]
+            fault = printable(account.answers[name].fault or "")
             raise HaltedError(f"halted after stage {self._number}: fault on {name}: {fault}")
-        if found.complete and self._stages.over:
+        if account.complete and self._stages.over:
             self.over = True
             self.said = f"all {self._number} stages went well"
-        elif found.complete:
+        elif account.complete:
             self._send()
         elif self._station.listened > self._until:
-            raise HaltedError(f"halted after stage {self._number}: {found.silence(FEW)}")
+            raise HaltedError(f"halted after stage {self._number}: {account.silence(FEW)}")

@@ -16,6 +16,7 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, cast
 
+from sleepcast.api.assembly import others_of
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import FOR, LEASE, NOT
 from sleepcast.core.errors import MisuseError
@@ -106,7 +107,7 @@ def missed_in(swarm: Swarm, station: Station) -> list[str]:
 def sent_commands(swarm: Swarm, station: Station) -> list[tuple[Station, Command]]:
     """What all operators of a run have sent, oldest first, each with the desk that has sent it. station: the first
     one's."""
-    desks = (station, *cast("list[Station]", swarm.others))
+    desks = (station, *others_of(swarm))
     return sorted(((desk, each) for desk in desks for each in desk.commands()), key=lambda each: each[1].message.issued)
 
 

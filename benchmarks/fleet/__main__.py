@@ -137,7 +137,7 @@ class Running:
     def tick(self) -> None:
         number = next(self._ticks)
         self.fleet.think(number, number / 10)
-        self.fleet.said()
+        self.fleet.take_messages()
 
     def new_rule(self) -> None:
         """A new rule on robots that run ten, from its text until all have evaluated it."""
@@ -194,7 +194,7 @@ class Crowd:
     def tick(self) -> None:
         number = next(self._ticks)
         self.fleet.think(number, number / 10)
-        self.fleet.said()
+        self.fleet.take_messages()
 
 
 def native_predicate(robots: int, turns: int, base: float) -> Row:
@@ -249,7 +249,7 @@ def one_tick(robots: int, text: str) -> None:
     fleet = Fleet([f"r{i}" for i in range(robots)], Vocabulary("rover", ()))
     fleet.receive(rules.command(1, text))
     fleet.think(1, 0.0)
-    fleet.said()
+    fleet.take_messages()
 
 
 def nested(text: str, times: int) -> str:

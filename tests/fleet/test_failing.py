@@ -72,7 +72,9 @@ def test_a_rule_that_works_again_does_not_fail() -> None:
 def test_robots_name_the_rule_that_they_deactivate() -> None:
     flock = Flock()
     flock.do("(RULE Guard (/ 1 0))", MAX_FAULTS_IN_ROW)
-    reports = [message for batch in flock.fleet.said() for message in batch.messages() if message.kind is Kind.REPORT]
+    reports = [
+        message for batch in flock.fleet.take_messages() for message in batch.messages() if message.kind is Kind.REPORT
+    ]
     assert [report.body for report in reports] == [
         {"label": "rule Guard deactivated", "values": [], RULE: "Guard"} for _ in range(6)
     ]

@@ -461,7 +461,7 @@ def _ten_ticks_of_learning(robots: int) -> tuple[Fleet, int]:
         fleet.receive(Message("desk", 1, 2 * tick, Kind.COMMAND, 0.0, text=rule))
         fleet.receive(Message("desk", 1, 2 * tick + 1, Kind.COMMAND, 0.0, text=command))
         fleet.think(tick, tick / 10)
-        assert sum(len(saying.robots) for saying in fleet.said()) == 2 * robots
+        assert sum(len(saying.robots) for saying in fleet.take_messages()) == 2 * robots
     return fleet, names
 
 

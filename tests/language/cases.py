@@ -246,7 +246,7 @@ class Herd:
             view.sense(measured, 0.0)
             for slot, actuator in enumerate(vocabulary.actuators, vocabulary.first_actuator):
                 if actuator.name.casefold() in setting.values:
-                    rows = self.fleet.rows([view.place])
+                    rows = self.fleet.rows([view.index])
                     self.fleet.state.assign(slot, rows, np.array([setting.values[actuator.name.casefold()]]))
 
     def evaluate(self, text: str) -> list[Outcome]:
@@ -259,10 +259,10 @@ class Herd:
         checks = {}
         for view in self.robots:
             try:
-                checks[view.place] = check(text, view)
-                checks[view.place].required()
+                checks[view.index] = check(text, view)
+                checks[view.index].required()
             except (ReadError, CheckError) as error:
-                checks.pop(view.place, None)
+                checks.pop(view.index, None)
                 outcomes.append(Outcome(refused=str(error)))
             else:
                 outcomes.append(Outcome())

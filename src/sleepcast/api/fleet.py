@@ -23,7 +23,7 @@ from sleepcast.api.results import CommandResult
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.given_numbers import in_seconds, read_seconds
 from sleepcast.core.ticks import Every, tick_at
-from sleepcast.fleet.asked import MAX_ASKED
+from sleepcast.fleet.queries import MAX_QUERIES
 from sleepcast.language import Checked, CheckError, Explanation
 from sleepcast.language.evaluate import is_true
 from sleepcast.loop import Swarm, load, save, snapshot
@@ -206,7 +206,7 @@ class SimulatedFleet(Fleet):
         turns = self.swarm.fleet.state.turns
         before, checked, error = self._checked.get(expression, (-1, None, None))
         if checked is None or before != turns:
-            if len(self._checked) >= MAX_ASKED:
+            if len(self._checked) >= MAX_QUERIES:
                 self._checked.clear()
             checked = self.station.check(expression)
             error = CheckError(checked.findings, expression, checked.more) if checked.unknown else None

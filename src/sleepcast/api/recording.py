@@ -21,7 +21,7 @@ from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.ticks import Every, nearest_ticks
 from sleepcast.core.version import VERSION
-from sleepcast.fleet.failing import MOST_TOLD, RECENT, failing_rules
+from sleepcast.fleet.failing import MAX_FAILING, RECENT, failing_rules
 from sleepcast.fleet.marks import GroupCodes, flags_of
 from sleepcast.loop import Swarm, snapshot
 from sleepcast.loop.rerun import WorldLog
@@ -165,7 +165,7 @@ class RecordingWitness:
     def _look_at_failures(self, now: float) -> None:
         """Record which rules fail, if that has changed."""
         simulator = self._swarm.simulator
-        rules = failing_rules(self._swarm.fleet.memory, now - RECENT * simulator.scenario.speed_up)[:MOST_TOLD]
+        rules = failing_rules(self._swarm.fleet.memory, now - RECENT * simulator.scenario.speed_up)[:MAX_FAILING]
         count = len(simulator.names)
         body = FailuresBody([FailureBody(r.name, len(r.robots), r.inactive, r.reason, r.bits(count)) for r in rules])
         if body != self._failing:

@@ -26,7 +26,7 @@ from sleepcast.mind.limits import MAX_FAULTS
 Rest = ParamSpec("Rest")
 
 
-Found: TypeAlias = list[tuple[Program | None, Rows, Mask | None]]
+Programs: TypeAlias = list[tuple[Program | None, Rows, Mask | None]]
 """Programs, each with the robots that have it and their places among the rows (None: all)."""
 
 
@@ -52,11 +52,11 @@ def by_the_living(method: Method[Owner, Rest]) -> Method[Owner, Rest]:
         if memory.dead is None:
             return method(memory, part, rows, *columns, **none)
         alive = ~memory.dead[rows.index]
-        found = np.full(rows.size, nan)
+        values = np.full(rows.size, nan)
         if alive.any():
-            kept = [column[alive] if isinstance(column, np.ndarray) else column for column in columns]
-            found[alive] = method(memory, part, rows.take(alive), *kept, **none)  # type: ignore[arg-type]
-        return found
+            columns_left = [column[alive] if isinstance(column, np.ndarray) else column for column in columns]
+            values[alive] = method(memory, part, rows.take(alive), *columns_left, **none)  # type: ignore[arg-type]
+        return values
 
     return living
 
@@ -121,22 +121,24 @@ class Evaluation(ABC):
     def fault(self, part: Part, rows: Rows, reason: str) -> Column:
         """Record a fault; returns unknown."""
         unknown = np.full(rows.size, nan)
-        if len(self.noted) >= MAX_FAULTS:
-            rows = self._with_room(rows)
+        if len(self.noted) >= MAX_FAULTS:  # some robots may have too many already
+            counts = self._counted()
+            rows = rows.take(counts[rows.index] < MAX_FAULTS)
+            counts[rows.index] += 1
         if rows.size:
             self.noted.append(Noted(rows.robots, part, reason))
         return unknown
 
-    def faults(self, part: Part, rows: Rows, places: Index, reasons: Sequence[str]) -> None:
-        """Record faults at some places of the rows, each with its reason; dropped on robots that have too many
+    def faults(self, part: Part, rows: Rows, indices: Index, reasons: Sequence[str]) -> None:
+        """Record faults at some indices of the rows, each with its reason; dropped on robots that have too many
         already."""
         if len(self.noted) >= MAX_FAULTS:
-            room = self._counted()[rows.robots[places]] < MAX_FAULTS
-            places, reasons = places[room], [reason for reason, there in zip(reasons, room, strict=True) if there]
-        sorts: dict[str, list[int]] = {}
-        for place, reason in zip(places.tolist(), reasons, strict=True):
-            sorts.setdefault(reason, []).append(place)
-        for reason, met in sorts.items():
+            room = self._counted()[rows.robots[indices]] < MAX_FAULTS
+            indices, reasons = indices[room], [reason for reason, fits in zip(reasons, room, strict=True) if fits]
+        by_reason: dict[str, list[int]] = {}
+        for index, reason in zip(indices.tolist(), reasons, strict=True):
+            by_reason.setdefault(reason, []).append(index)
+        for reason, met in by_reason.items():
             mask = np.zeros(rows.size, np.bool_)
             mask[met] = True
             self.fault(part, rows.take(mask), reason)
@@ -148,13 +150,6 @@ class Evaluation(ABC):
             for noted in self.noted:
                 self._faults[noted.robots] += 1
         return self._faults
-
-    def _with_room(self, rows: Rows) -> Rows:
-        """Those with fewer than `MAX_FAULTS` faults; counts one more for them."""
-        faults = self._counted()
-        rows = rows.take(faults[rows.index] < MAX_FAULTS)
-        faults[rows.index] += 1
-        return rows
 
     @by_the_living
     def refuse(self, part: Part, rows: Rows, reason: str) -> Column:
@@ -179,10 +174,10 @@ class Evaluation(ABC):
 
     def first_faults(self) -> dict[int, str]:
         """The first fault of each robot that had one in the last evaluation, as text."""
-        found: dict[int, str] = {}
+        texts: dict[int, str] = {}
         for noted in reversed(self.noted):
-            found.update(dict.fromkeys(noted.robots.tolist(), fault_text(noted)))
-        return found
+            texts.update(dict.fromkeys(noted.robots.tolist(), fault_text(noted)))
+        return texts
 
     def is_dead(self, rows: Rows) -> bool:
         """Whether the first of these robots has left the evaluation."""
@@ -203,11 +198,11 @@ class Evaluation(ABC):
         """A linked variable of a `linked` part."""
 
     @abstractmethod
-    def fetch(self, part: Part, rows: Rows) -> Found:
+    def fetch(self, part: Part, rows: Rows) -> Programs:
         """The programs in a buffer or rule, each with the robots that have it there."""
 
     @abstractmethod
-    def operator(self, part: Part, rows: Rows) -> Found:
+    def operator(self, part: Part, rows: Rows) -> Programs:
         """The programs of an operator; none where it does not exist with this number of parameters."""
 
     @abstractmethod

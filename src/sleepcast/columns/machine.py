@@ -16,7 +16,7 @@ from math import nan
 import numpy as np
 
 from sleepcast.columns import pure
-from sleepcast.columns.evaluation import Evaluation, Found
+from sleepcast.columns.evaluation import Evaluation, Programs
 from sleepcast.columns.rows import Column, Index, Mask, Rows
 from sleepcast.language.evaluate import is_true, too_deep
 from sleepcast.language.numerics import normal
@@ -72,7 +72,7 @@ class Sweep:
         """The values of `part`, with all its side effects."""
         if part.parts and is_plain(part):
             return self._plain(rows).column(part)
-        return _HOW[part.op](self, part, rows)
+        return _EVALUATORS[part.op](self, part, rows)
 
     def _plain(self, rows: Rows) -> Plain:
         return Plain(rows, self.memory.state.read, self.local, self.memory.faults)
@@ -148,8 +148,8 @@ class Sweep:
             return self._inside(program, rows, arguments)
         values, alive = np.full(rows.size, nan), ~memory.dead[rows.index]
         if alive.any():
-            kept = [argument[alive] for argument in arguments]
-            values[alive] = self._inside(program, rows.take(alive), kept)
+            living = [argument[alive] for argument in arguments]
+            values[alive] = self._inside(program, rows.take(alive), living)
         return values
 
     def _inside(self, program: Program, rows: Rows, arguments: Sequence[Column]) -> Column:
@@ -159,12 +159,12 @@ class Sweep:
         memory.depth, memory.levels = memory.depth - 1, memory.levels - program.height
         return values
 
-    def enter_each(self, part: Part, found: Found, rows: Rows) -> Column:
+    def enter_each(self, part: Part, programs: Programs, rows: Rows) -> Column:
         """Enter each of several programs with its robots, and the values of the part's own parts as arguments."""
-        if len(found) == 1:
-            return self._enter_one(part, found[0][0], rows)
+        if len(programs) == 1:
+            return self._enter_one(part, programs[0][0], rows)
         values = np.full(rows.size, nan)
-        for program, some, mask in found:
+        for program, some, mask in programs:
             if mask is not None:
                 values[mask] = self._enter_one(part, program, some)
         return values
@@ -175,64 +175,65 @@ class Sweep:
         return self.enter(part, program, rows, self.all(part.parts, rows))
 
 
-class _Ways:
+class _Branches:
     """The rows of a form with branches: those still open, and the values of the others."""
 
     def __init__(self, rows: Rows) -> None:
         self.open = rows
         self.values = np.zeros(rows.size)
-        self._places: Index | None = None
+        self._open_at: Index | None = None
+        """Indices of the open rows among all; None while all are open."""
 
     def settle(self, mask: Mask, values: Column | float) -> None:
         """Set the values (one for each) of the open rows in `mask`, and close these rows."""
-        if self._places is None:
+        if self._open_at is None:
             self.values[mask] = values
-            self._places = np.flatnonzero(~mask)
+            self._open_at = np.flatnonzero(~mask)
         else:
-            self.values[self._places[mask]] = values
-            self._places = self._places[~mask]
+            self.values[self._open_at[mask]] = values
+            self._open_at = self._open_at[~mask]
         self.open = self.open.take(~mask)
 
     def settle_all(self, values: Column | float) -> Column:
         """Set the values of all open rows; returns the values of all rows."""
-        if self._places is None:
+        if self._open_at is None:
             self.values[...] = values
         else:
-            self.values[self._places] = values
+            self.values[self._open_at] = values
         return self.values
 
 
 def _and(w: Sweep, part: Part, rows: Rows) -> Column:
-    ways, value = _Ways(rows), np.ones(rows.size)
+    branches, value = _Branches(rows), np.ones(rows.size)
     for done, inside in enumerate(part.parts):
         if part.watch == done:
-            w.watched(part, ways.open)
-        value = w.value(inside, ways.open)
+            w.watched(part, branches.open)
+        value = w.value(inside, branches.open)
         true = is_true(value)
         if not true.all():
             if done < part.watch:
-                w.undecided(part, ways.open, value)
-            ways.settle(~true, value[~true])
+                w.undecided(part, branches.open, value)
+            branches.settle(~true, value[~true])
             value = value[true]
-            if ways.open.size == 0:
-                return ways.values
+            if branches.open.size == 0:
+                return branches.values
     if part.watch == len(part.parts):
-        w.watched(part, ways.open)
-    return ways.settle_all(value)
+        w.watched(part, branches.open)
+    return branches.settle_all(value)
 
 
 def _or(w: Sweep, part: Part, rows: Rows) -> Column:
-    ways, unknown = _Ways(rows), np.zeros(rows.size, np.bool_)
+    branches, unknown = _Branches(rows), np.zeros(rows.size, np.bool_)
     for inside in part.parts:
-        value = w.value(inside, ways.open)
+        value = w.value(inside, branches.open)
         unknown |= np.isnan(value)
         true = is_true(value)
         if true.any():
-            ways.settle(true, value[true])
+            branches.settle(true, value[true])
             unknown = unknown[~true]
-            if ways.open.size == 0:
-                return ways.values
-    return ways.settle_all(np.where(unknown, nan, 0.0))
+            if branches.open.size == 0:
+                return branches.values
+    return branches.settle_all(np.where(unknown, nan, 0.0))
 
 
 def _known(w: Sweep, part: Part, rows: Rows) -> Column:
@@ -240,38 +241,38 @@ def _known(w: Sweep, part: Part, rows: Rows) -> Column:
 
 
 def _cond(w: Sweep, part: Part, rows: Rows) -> Column:
-    ways = _Ways(rows)
+    branches = _Branches(rows)
     for clause in part.parts:
         test, *body = clause.parts
-        value = np.empty(0) if body else w.value(test, ways.open)
-        true = w.tested(clause, test, ways.open) if body else is_true(value)
+        value = np.empty(0) if body else w.value(test, branches.open)
+        true = w.tested(clause, test, branches.open) if body else is_true(value)
         if not body:
-            w.undecided(clause, ways.open, value)
+            w.undecided(clause, branches.open, value)
         if true.any():
-            taken = ways.open.take(true) if not true.all() else ways.open
+            taken = branches.open.take(true) if not true.all() else branches.open
             w.watched(clause, taken)
-            ways.settle(true, w.last(body, taken) if body else value[true])
-            if ways.open.size == 0:
-                return ways.values
-    return ways.settle_all(0.0)
+            branches.settle(true, w.last(body, taken) if body else value[true])
+            if branches.open.size == 0:
+                return branches.values
+    return branches.settle_all(0.0)
 
 
 def _if(w: Sweep, part: Part, rows: Rows) -> Column:
-    ways = _Ways(rows)
+    branches = _Branches(rows)
     true = w.tested(part, part.parts[0], rows)
     if true.any():
         taken = rows.take(true) if not true.all() else rows
         w.watched(part, taken)
-        ways.settle(true, w.value(part.parts[1], taken))
-        if ways.open.size == 0:
-            return ways.values
-    return ways.settle_all(w.last(part.parts[2:], ways.open))
+        branches.settle(true, w.value(part.parts[1], taken))
+        if branches.open.size == 0:
+            return branches.values
+    return branches.settle_all(w.last(part.parts[2:], branches.open))
 
 
 def _let(w: Sweep, part: Part, rows: Rows) -> Column:
     count = int(part.number)
-    for place, values in enumerate(w.all(part.parts[:count], rows)):
-        w.set_local(part.slot + place, rows, values)
+    for index, values in enumerate(w.all(part.parts[:count], rows)):
+        w.set_local(part.slot + index, rows, values)
     return w.last(part.parts[count:], rows)
 
 
@@ -289,13 +290,13 @@ def _set_local(w: Sweep, part: Part, rows: Rows) -> Column:
 
 
 def _defvar(w: Sweep, part: Part, rows: Rows) -> Column:
-    ways, there = _Ways(rows), w.memory.defined(part, rows)
-    if there.any():
-        ways.settle(there, w.memory.state.column(part.slot, rows.take(there)))
-        if ways.open.size == 0:
-            return ways.values
-    new = w.value(part.parts[0], ways.open) if part.parts else np.full(ways.open.size, nan)
-    return ways.settle_all(w.memory.define(part, ways.open, new))
+    branches, existing = _Branches(rows), w.memory.defined(part, rows)
+    if existing.any():
+        branches.settle(existing, w.memory.state.column(part.slot, rows.take(existing)))
+        if branches.open.size == 0:
+            return branches.values
+    new = w.value(part.parts[0], branches.open) if part.parts else np.full(branches.open.size, nan)
+    return branches.settle_all(w.memory.define(part, branches.open, new))
 
 
 def _fetch(w: Sweep, part: Part, rows: Rows) -> Column:
@@ -318,23 +319,23 @@ def _prob(w: Sweep, part: Part, rows: Rows) -> Column:
 
 
 def _dice(w: Sweep, part: Part, rows: Rows) -> Column:
-    ways, drawn, total = _Ways(rows), w.memory.draw(part, rows), np.zeros(rows.size)
+    branches, drawn, total = _Branches(rows), w.memory.draw(part, rows), np.zeros(rows.size)
     for side in part.parts:
-        total = total + w.value(side.parts[0], ways.open)
+        total = total + w.value(side.parts[0], branches.open)
         unknown = np.isnan(total)
         hit = ~unknown & (drawn < total)
         if hit.any():
             settled = np.full(hit.size, nan)
-            settled[hit] = w.value(side.parts[1], ways.open.take(hit))
-            ways.settle(hit | unknown, settled[hit | unknown])
+            settled[hit] = w.value(side.parts[1], branches.open.take(hit))
+            branches.settle(hit | unknown, settled[hit | unknown])
         elif unknown.any():
-            ways.settle(unknown, nan)
+            branches.settle(unknown, nan)
         else:
             continue
         drawn, total = drawn[~(hit | unknown)], total[~(hit | unknown)]
-        if ways.open.size == 0:
-            return ways.values
-    return ways.settle_all(0.0)
+        if branches.open.size == 0:
+            return branches.values
+    return branches.settle_all(0.0)
 
 
 def _finite(w: Sweep, part: Part, rows: Rows, values: Column) -> Column:
@@ -360,10 +361,10 @@ def _gauss(w: Sweep, part: Part, rows: Rows) -> Column:
     mean, deviation = w.all(part.parts, rows)
     values = np.full(rows.size, nan)
     unknown = np.isnan(mean) | np.isnan(deviation)
-    for place in np.flatnonzero(~unknown & (deviation < 0)).tolist():
+    for index in np.flatnonzero(~unknown & (deviation < 0)).tolist():
         one = np.zeros(rows.size, np.bool_)
-        one[place] = True
-        w.memory.fault(part, rows.take(one), f"deviation of {deviation[place]:g}: it cannot be negative")
+        one[index] = True
+        w.memory.fault(part, rows.take(one), f"deviation of {deviation[index]:g}: it cannot be negative")
     known = ~unknown & (deviation >= 0)
     some = rows.take(known)
     drawn = w.memory.draw(part, some)
@@ -382,7 +383,7 @@ def _var(w: Sweep, part: Part, rows: Rows) -> Column:
     return np.full(rows.size, values) if isinstance(values, float) else values.copy()
 
 
-_HOW: dict[str, Callable[[Sweep, Part, Rows], Column]] = {
+_EVALUATORS: dict[str, Callable[[Sweep, Part, Rows], Column]] = {
     "const": lambda w, p, r: np.full(r.size, p.number),
     "var": _var,
     "linked": lambda w, p, r: w.memory.read(p, r),
@@ -439,7 +440,12 @@ def _is_test(part: Part) -> bool:
 
 
 class Plain:
-    """Evaluates plain parts on some rows. read: a variable by slot; local: a local name; faults: records some."""
+    """Evaluates plain parts on some rows.
+
+    read: a variable by slot
+    local: a local name
+    faults: records some
+    """
 
     def __init__(self, rows: Rows, read: Callable[[int, Rows], Column | float], local: Local, faults: Faults) -> None:
         self._rows, self._read, self._local, self._faults = rows, read, local, faults
@@ -476,36 +482,36 @@ class Plain:
             first, second = (self.value(inside, mask) for inside in part.parts)
             return self._mask(pure.TESTS[part.function.name](first, second))
         if part.op == "and":
-            found: Mask | None = None
+            truths: Mask | None = None
             for inside in part.parts:
-                open_rows = mask if found is None else found if mask is None else found & mask
+                open_rows = mask if truths is None else truths if mask is None else truths & mask
                 true = self.truth(inside, open_rows)
-                found = true if found is None else found & true
-            return self._mask(True) if found is None else found
+                truths = true if truths is None else truths & true
+            return self._mask(True) if truths is None else truths
         return self._mask(is_true(self.value(part, mask)))
 
-    def _mask(self, found: object) -> Mask:
-        return np.broadcast_to(np.asarray(found, np.bool_), self._rows.size)
+    def _mask(self, truths: object) -> Mask:
+        return np.broadcast_to(np.asarray(truths, np.bool_), self._rows.size)
 
     def _and(self, part: Part, mask: Mask | None) -> pure.Argument:
         if len(part.parts) > 1 and all(map(_is_test, part.parts)):
             return self._all_hold(part, mask)
-        found: pure.Argument = 1.0
-        for place, inside in enumerate(part.parts):
-            if place == 0:
-                found = self.value(inside, mask)
+        values: pure.Argument = 1.0
+        for index, inside in enumerate(part.parts):
+            if index == 0:
+                values = self.value(inside, mask)
                 continue
-            true: Mask = np.asarray(is_true(found))
-            found = np.where(true, self.value(inside, true if mask is None else true & mask), found)
-        return found
+            true: Mask = np.asarray(is_true(values))
+            values = np.where(true, self.value(inside, true if mask is None else true & mask), values)
+        return values
 
     def _all_hold(self, part: Part, mask: Mask | None) -> Column:
         """AND of comparisons of two values, the most common predicate: 1 where all hold, unknown where the first that
         does not hold is unknown."""
         holding = unknown = None
         for inside in part.parts:
-            come = mask if holding is None else holding if mask is None else holding & mask
-            numbers = [self.value(each, come) for each in inside.parts]
+            reached = mask if holding is None else holding if mask is None else holding & mask
+            numbers = [self.value(each, reached) for each in inside.parts]
             for number in numbers:
                 missing = np.isnan(number)
                 if missing.any():
@@ -513,24 +519,25 @@ class Plain:
                     unknown = missing if unknown is None else unknown | missing
             holds = pure.TESTS[inside.function.name](*numbers)
             holding = holds if holding is None else holding & holds
-        found: Column = np.asarray(holding, np.float64)
-        return found if unknown is None else np.where(unknown, np.nan, found)
+        values: Column = np.asarray(holding, np.float64)
+        return values if unknown is None else np.where(unknown, np.nan, values)
 
     def _or(self, part: Part, mask: Mask | None) -> pure.Argument:
-        found: pure.Argument = 0.0
+        values: pure.Argument = 0.0
         unknown: Mask | bool = False
-        for place, inside in enumerate(part.parts):
-            false: Mask = ~np.asarray(is_true(found))
-            come = mask if place == 0 else false if mask is None else false & mask
-            found = np.where(false, self.value(inside, come), found)
-            unknown = unknown | np.isnan(found)
-        return np.where(np.asarray(is_true(found)), found, np.where(unknown, np.nan, 0.0))
+        for index, inside in enumerate(part.parts):
+            false: Mask = ~np.asarray(is_true(values))
+            reached = mask if index == 0 else false if mask is None else false & mask
+            values = np.where(false, self.value(inside, reached), values)
+            unknown = unknown | np.isnan(values)
+        return np.where(np.asarray(is_true(values)), values, np.where(unknown, np.nan, 0.0))
 
     def _pure(self, part: Part, mask: Mask | None) -> Column:
-        def report(places: Index, reasons: Sequence[str]) -> None:
+        def report(indices: Index, reasons: Sequence[str]) -> None:
             if mask is not None:
-                come = np.broadcast_to(mask, self._rows.size)[places]
-                places, reasons = places[come], [reason for reason, met in zip(reasons, come, strict=True) if met]
-            self._faults(part, self._rows, places, reasons)
+                reached = np.broadcast_to(mask, self._rows.size)[indices]
+                indices = indices[reached]
+                reasons = [reason for reason, met in zip(reasons, reached, strict=True) if met]
+            self._faults(part, self._rows, indices, reasons)
 
         return pure.apply(part, [self.value(inside, mask) for inside in part.parts], self._rows.size, report)

@@ -33,8 +33,8 @@ Report: TypeAlias = Callable[[Index, Sequence[str]], None]
 def apply(part: Part, arguments: Sequence[Argument], size: int, report: Report) -> Column:
     """A pure function of `size` rows: unknown if an argument is; a fault if the result is undefined or not finite."""
     name = part.function.name
-    found = VECTOR[name](arguments)
-    values = np.full(size, float(np.asarray(found).item())) if np.size(found) == 1 else np.asarray(found, np.float64)
+    computed = np.asarray(VECTOR[name](arguments), np.float64)
+    values = np.full(size, float(computed.item())) if computed.size == 1 else computed
     if name in TRUTHS:
         for argument in arguments:
             unknown = np.isnan(argument)
@@ -117,23 +117,23 @@ def _one_by_one(compute: Callable[..., float]) -> Compute:
     def each(arguments: Sequence[Argument]) -> Argument:
         columns = [column.tolist() for column in np.broadcast_arrays(*map(np.atleast_1d, arguments))]
         try:
-            found = list(map(compute, *columns))
+            results = list(map(compute, *columns))
         except (ArithmeticError, ValueError):
-            found = list(map(safely, *columns))
-        return np.array(found)
+            results = list(map(safely, *columns))
+        return np.array(results)
 
     return each
 
 
 def _power(a: Sequence[Argument]) -> Argument:
-    found = _POWER(a)
-    return np.where(np.isnan(a[0]) | np.isnan(a[1]), np.nan, found)  # the C library gives 1 for NaN to the power 0
+    powers = _POWER(a)
+    return np.where(np.isnan(a[0]) | np.isnan(a[1]), np.nan, powers)  # the C library gives 1 for NaN to the power 0
 
 
 def _distance(a: Sequence[Argument]) -> Argument:
-    across, up = np.subtract(a[0], a[2]), np.subtract(a[1], a[3])
-    found: Argument = np.sqrt(across * across + up * up)
-    return found
+    dx, dy = np.subtract(a[0], a[2]), np.subtract(a[1], a[3])
+    distance: Argument = np.sqrt(dx * dx + dy * dy)
+    return distance
 
 
 def _edge_distance(a: Sequence[Argument]) -> Argument:
@@ -141,26 +141,26 @@ def _edge_distance(a: Sequence[Argument]) -> Argument:
     nearest: Argument = math.inf
     sign: Argument = -1.0
     for x1, y1 in zip(a[2::2], a[3::2], strict=True):
-        across, up, from_x, from_y = x1 - x0, y1 - y0, px - x0, py - y0
-        square = across * across + up * up
-        t = (from_x * across + from_y * up) / np.where(np.equal(square, 0.0), 1.0, square)
+        dx, dy, from_x, from_y = x1 - x0, y1 - y0, px - x0, py - y0
+        square = dx * dx + dy * dy
+        t = (from_x * dx + from_y * dy) / np.where(np.equal(square, 0.0), 1.0, square)
         t = np.where(t < 0.0, 0.0, np.where(t > 1.0, 1.0, t))
-        out_x, out_y = from_x - t * across, from_y - t * up
+        out_x, out_y = from_x - t * dx, from_y - t * dy
         nearest = np.minimum(nearest, out_x * out_x + out_y * out_y)
         between = np.less_equal(y0, py) != np.less_equal(y1, py)
-        west = np.less(from_x * up, from_y * across) == np.greater(up, 0.0)
+        west = np.less(from_x * dy, from_y * dx) == np.greater(dy, 0.0)
         sign = np.where(between & west, np.negative(sign), sign)
         x0, y0 = x1, y1
-    found: Argument = sign * np.sqrt(nearest) + 0.0
-    return found
+    distance: Argument = sign * np.sqrt(nearest) + 0.0
+    return distance
 
 
 def _angle(a: Sequence[Argument]) -> Argument:
     """See `language.numerics.angle`, step by step."""
     y, x = a
-    across, up = np.abs(x), np.abs(y)
-    swapped, behind = np.less(across, up), np.copysign(1.0, x) < 0.0
-    low, high = np.minimum(across, up), np.maximum(across, up)
+    width, height = np.abs(x), np.abs(y)
+    swapped, behind = np.less(width, height), np.copysign(1.0, x) < 0.0
+    low, high = np.minimum(width, height), np.maximum(width, height)
     scale = np.where(high > HUGE, 0.25, 1.0)
     low, high = scale * low, scale * high
     steep = low > STEEP * high
@@ -173,8 +173,8 @@ def _angle(a: Sequence[Argument]) -> Argument:
         total = total * z + c
     turned = np.where(swapped != behind, -1.0, 1.0)
     rest = turned * (t * (z * total))
-    found: Argument = np.copysign(_EIGHTHS[eighths] + (turned * t + (rest + _TAILS[eighths])), y)
-    return found
+    angle: Argument = np.copysign(_EIGHTHS[eighths] + (turned * t + (rest + _TAILS[eighths])), y)
+    return angle
 
 
 def _wrap(a: Sequence[Argument]) -> Argument:
@@ -184,8 +184,8 @@ def _wrap(a: Sequence[Argument]) -> Argument:
 
 def _clamp(a: Sequence[Argument]) -> Argument:
     value, low, high = a
-    found = np.where(np.less(value, low), low, np.where(np.greater(value, high), high, value))
-    return np.where(np.less_equal(low, high), found, np.nan)
+    clamped = np.where(np.less(value, low), low, np.where(np.greater(value, high), high, value))
+    return np.where(np.less_equal(low, high), clamped, np.nan)
 
 
 def _chain(holds: np.ufunc) -> Compute:
@@ -193,18 +193,18 @@ def _chain(holds: np.ufunc) -> Compute:
         if len(a) == 2:
             both: Argument = holds(a[0], a[1])
             return both
-        found: Argument = 1.0
+        truths: Argument = 1.0
         for x, y in pairwise(a):
-            found = np.multiply(found, holds(x, y))
-        return found
+            truths = np.multiply(truths, holds(x, y))
+        return truths
 
     return compare
 
 
 def _all_different(a: Sequence[Argument]) -> Argument:
     ordered = np.sort(np.stack(np.broadcast_arrays(*map(np.atleast_1d, a))), axis=0)
-    found: Argument = np.all(ordered[1:] != ordered[:-1], axis=0)
-    return found
+    truths: Argument = np.all(ordered[1:] != ordered[:-1], axis=0)
+    return truths
 
 
 _POWER = _one_by_one(math.pow)

@@ -43,18 +43,18 @@ class Rows:
     def take(self, mask: Mask) -> Rows:
         """Those for which `mask` (one truth per robot) holds."""
         if isinstance(self.index, slice):
-            found = np.flatnonzero(mask)
-            found += self.index.start
+            index = np.flatnonzero(mask)
+            index += self.index.start
         else:
-            found = self.index[mask]
-        return Rows(found, len(found), self.first)
+            index = self.index[mask]
+        return Rows(index, len(index), self.first)
 
     def without(self, others: Rows) -> Rows:
         """Those that are not among the others, which are some of them."""
         if others.size == 0:
             return self
         left = np.ones(self.size, np.bool_)
-        left[self.places(others.robots)] = False
+        left[self.indices_of(others.robots)] = False
         return self.take(left)
 
     def none(self) -> Rows:
@@ -86,18 +86,18 @@ class Rows:
         last = self.index.stop - 1 if isinstance(self.index, slice) else int(self.index[-1])
         return last - self.first + 1
 
-    def place(self, robot: int) -> int | None:
+    def index_of(self, robot: int) -> int | None:
         """The place of a robot among them."""
         if isinstance(self.index, slice):
             return robot - self.index.start if self.index.start <= robot < self.index.stop else None
         place = int(np.searchsorted(self.index, robot))
         return place if place < self.size and self.index[place] == robot else None
 
-    def places(self, robots: Index) -> Index:
+    def indices_of(self, robots: Index) -> Index:
         """The places of these robots, which must all be among them."""
         if isinstance(self.index, slice):
-            found: Index = robots - self.index.start
-            return found
+            indices: Index = robots - self.index.start
+            return indices
         return np.searchsorted(self.index, robots)
 
     def pieces(self, length: int) -> list[Rows]:

@@ -20,7 +20,7 @@ from typing import Protocol, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.columns.evaluation import Evaluation, Found, by_the_living
+from sleepcast.columns.evaluation import Evaluation, Programs, by_the_living
 from sleepcast.columns.machine import evaluate
 from sleepcast.columns.rows import Column, Index, Mask, Rows
 from sleepcast.columns.values import Columns
@@ -34,7 +34,7 @@ MAX_REASONS = 200
 NOT_YET = "its telemetry does not yet hold what the test reads"
 IN_ITS_MEMORY = "its test reads a variable that lies in the robot's own memory"
 
-Sort = TypeVar("Sort", bound=Hashable)
+Key = TypeVar("Key", bound=Hashable)
 
 TextValues: TypeAlias = tuple[Column, NDArray[np.uint8], list[str]]
 """What a text comes to on some robots, NaN for unknown; where that cannot be said, which of the reasons, listed last,
@@ -67,8 +67,8 @@ class QuietMemory(Evaluation):
         self.reasons: list[str] = []
 
     @abstractmethod
-    def divide(self, rows: Rows, sort: Callable[[KnownSymbols], Sort]) -> list[tuple[Sort, Rows, Mask | None]]:
-        """Group the rows by the result of `sort` for what they have learned; each group with its places (None: all)."""
+    def divide(self, rows: Rows, key: Callable[[KnownSymbols], Key]) -> list[tuple[Key, Rows, Mask | None]]:
+        """Group the rows by the result of `key` for what they have learned; each group with its places (None: all)."""
 
     def know(self, rows: Rows, reported: Mask) -> None:
         """Restrict these robots to the `reported` ones; the others are undecided."""
@@ -102,17 +102,17 @@ class QuietMemory(Evaluation):
         self.dead[rows.index] = True
         return np.full(rows.size, nan)
 
-    def fetch(self, part: Part, rows: Rows) -> Found:
+    def fetch(self, part: Part, rows: Rows) -> Programs:
         return self._quiet(part, rows, lambda learned: learned.fetch(part))
 
-    def operator(self, part: Part, rows: Rows) -> Found:
+    def operator(self, part: Part, rows: Rows) -> Programs:
         def program(learned: KnownSymbols) -> Program | None:
             operator = learned.operator(part)
             return operator if operator is not None and operator.parameters == len(part.parts) else None
 
         return self._quiet(part, rows, program)
 
-    def _quiet(self, part: Part, rows: Rows, program_of: Callable[[KnownSymbols], Program | None]) -> Found:
+    def _quiet(self, part: Part, rows: Rows, program_of: Callable[[KnownSymbols], Program | None]) -> Programs:
         """Programs without side effects; robots that would enter another one, or an unknown one, become undecided."""
 
         def quiet(learned: KnownSymbols) -> Program | str | None:
@@ -122,7 +122,7 @@ class QuietMemory(Evaluation):
                 return str(why)
             return does(part.name) if program is not None and acts(program.root) else program
 
-        programs: Found = []
+        programs: Programs = []
         for program, some, mask in self.divide(rows, quiet):
             if isinstance(program, str):
                 self.undecide(some if self.dead is None else some.take(~self.dead[some.index]), program)
@@ -179,7 +179,7 @@ class TelemetryTable(ABC):
         """What robots told last, which stays as it is; of those that have told nothing all is unknown."""
 
     @abstractmethod
-    def divide(self, rows: Rows, sort: Callable[[KnownSymbols], Sort]) -> list[tuple[Sort, Rows, Mask | None]]:
+    def divide(self, rows: Rows, key: Callable[[KnownSymbols], Key]) -> list[tuple[Key, Rows, Mask | None]]:
         """As `QuietMemory.divide`."""
 
     def ask(self, program: Program, rows: Rows) -> Mask | None:
@@ -225,5 +225,5 @@ class _TableMemory(QuietMemory):
         super().__init__(columns)
         self._table = table
 
-    def divide(self, rows: Rows, sort: Callable[[KnownSymbols], Sort]) -> list[tuple[Sort, Rows, Mask | None]]:
-        return self._table.divide(rows, sort)
+    def divide(self, rows: Rows, key: Callable[[KnownSymbols], Key]) -> list[tuple[Key, Rows, Mask | None]]:
+        return self._table.divide(rows, key)

@@ -152,10 +152,10 @@ class ValueColumns(Columns):
 
     def group(self, key: str) -> Mask:
         """The members of a group; an unknown group is created."""
-        found = self.groups.get(key)
-        if found is None:
-            found = self.groups[key] = filled(0, np.bool_, self.count)
-        return found
+        members = self.groups.get(key)
+        if members is None:
+            members = self.groups[key] = filled(0, np.bool_, self.count)
+        return members
 
     def groups_of(self, robot: int) -> frozenset[str]:
         """The keys of the groups that one robot is in."""

@@ -16,7 +16,7 @@ import numpy as np
 from sleepcast.channel.message import Role
 from sleepcast.console.view import SwarmView
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.fleet.failing import MOST_TOLD, FailingRule
+from sleepcast.fleet.failing import MAX_FAILING, FailingRule
 from sleepcast.station import FAULT, MATCHED, Command, Station
 from sleepcast.station.sent import HELD_BY_STOP
 
@@ -45,7 +45,7 @@ class Failures:
     @classmethod
     def of(cls, rules: Sequence[FailingRule], count: int) -> Failures:
         """What is told of these rules on so many robots."""
-        told = rules[:MOST_TOLD]
+        told = rules[:MAX_FAILING]
         shown = (ShownFailing(r.name, len(r.robots), r.inactive, r.reason) for r in told)
         return cls(tuple(shown), tuple(rule.bits(count) for rule in told))
 
@@ -85,7 +85,7 @@ class FailingRules:
         rules = self._swarm.failing()
         self.now = Failures.of(rules, len(self._swarm.scene.names))
         brought: dict[str, list[ShownFailing]] = {}
-        for rule in rules[:MOST_TOLD]:
+        for rule in rules[:MAX_FAILING]:
             left = rule.robots
             for command in reversed(commands):
                 if not left.size or rule.key not in self._stores(command):

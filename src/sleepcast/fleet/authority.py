@@ -19,9 +19,12 @@ from sleepcast.mind.authority import Driving, Leases, Tells, driver_of, entered,
 
 
 class FleetAuthority:
-    """See the module. tells: what others may have these robots do by TELL; lease: the dead man's, s, inf for none.
+    """See the module.
 
-    doubts: why robots are stopped although no STOP may have come, "" otherwise; catching_up: see `Node.catch_up`.
+    tells: what others may have these robots do by TELL
+    lease: the dead man's, s, inf for none
+    doubts: why robots are stopped although no STOP may have come, "" otherwise
+    catching_up: see `Node.catch_up`
     """
 
     def __init__(self, state: FleetState, *, tells: Tells, lease: float) -> None:
@@ -64,8 +67,8 @@ class FleetAuthority:
     def settle(self, message: Message, rows: Rows, now: float) -> Iterator[tuple[str, str, Rows]]:
         """Carry out a message's request about the lease of a group; gives what it comes to: outcome, fault, robots."""
         for leases, some, _ in self.leases.divide(rows):
-            found, group, refusal = leases.after(message, now)
-            self.leases.set(some, found)
+            changed, group, refusal = leases.after(message, now)
+            self.leases.set(some, changed)
             if refusal:
                 yield "fault", refusal, some
                 continue
@@ -117,7 +120,7 @@ class FleetAuthority:
 
     def drivers(self, rows: Rows) -> list[tuple[str, Rows]]:
         """The operators who drive these robots, "" for none, each with the robots."""
-        found: dict[str, list[Rows]] = {}
+        driven: dict[str, list[Rows]] = {}
         for driving, some, _ in self.driving.divide(rows):
-            found.setdefault(driving.driver, []).append(some)
-        return [(driver, Rows.together(some)) for driver, some in found.items()]
+            driven.setdefault(driving.driver, []).append(some)
+        return [(driver, Rows.together(some)) for driver, some in driven.items()]

@@ -56,11 +56,11 @@ class FleetBodies:
         """Stop these robots; returns those that have stopped, and those for which a later RELEASE already ended it."""
         stopped = np.zeros(rows.size, np.bool_)
         for latch, some, mask in self._state.latch.divide(rows):
-            found = latch.stop(message)
-            stopped[... if mask is None else mask] = found is not None
-            if found is not None:
-                self._note_arrivals(message, found.begun(latch, message), some)
-                self._state.latch.set(some, found)
+            after = latch.stop(message)
+            stopped[... if mask is None else mask] = after is not None
+            if after is not None:
+                self._note_arrivals(message, after.begun(latch, message), some)
+                self._state.latch.set(some, after)
         self._forget_arrivals()
         self.halt(rows.take(stopped))
         return rows.take(stopped), rows.take(~stopped)
@@ -92,12 +92,12 @@ class FleetBodies:
                 refused.append((some, refusal))
                 continue
             for latch, few, _ in self._state.latch.divide(some):
-                found = latch.release(message) or latch
-                self._state.latch.set(few, found)
-                if found is latch or found.holding:
-                    refused.append((few, found.refusal()))
+                after = latch.release(message) or latch
+                self._state.latch.set(few, after)
+                if after is latch or after.holding:
+                    refused.append((few, after.refusal()))
                 else:
-                    free[rows.places(few.robots)] = True
+                    free[rows.indices_of(few.robots)] = True
         self._forget_arrivals()
         self._release(rows.take(free))
         return rows.take(free), refused
@@ -163,8 +163,8 @@ class FleetBodies:
         asleep, frozen = self._state.read(SLEEPING, rows), self._state.read(FROZEN, rows)
         if isinstance(asleep, float) and isinstance(frozen, float) and not (asleep > 0.0 or frozen > 0.0):
             return None  # one number for all: the most common case
-        found = np.greater(asleep, 0.0) | np.greater(frozen, 0.0)
-        return np.broadcast_to(found, rows.size) if found.any() else None
+        inactive = np.greater(asleep, 0.0) | np.greater(frozen, 0.0)
+        return np.broadcast_to(inactive, rows.size) if inactive.any() else None
 
     def hold(self, rows: Rows) -> None:
         """Robots that rest or catch up hold their bodies still, others do not."""
@@ -172,7 +172,7 @@ class FleetBodies:
         if resting is None and behind.size == 0 and not state.still.any():
             return
         now = np.zeros(rows.size, np.bool_) if resting is None else resting.copy()
-        now[rows.places(behind.robots)] = True
+        now[rows.indices_of(behind.robots)] = True
         changed = rows.take(now != state.still[rows.index])
         if changed.size == 0:
             return

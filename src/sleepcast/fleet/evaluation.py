@@ -23,7 +23,7 @@ from sleepcast.mind.limits import PROVEN_TICKS
 from sleepcast.mind.merging import Merging
 from sleepcast.mind.rules import Effect, RuleBase
 
-Sort = TypeVar("Sort", bound=Hashable)
+Key = TypeVar("Key", bound=Hashable)
 
 
 class FleetEvaluation(Evaluation):
@@ -35,16 +35,16 @@ class FleetEvaluation(Evaluation):
         super().__init__(state)
         self.minds, self.statistics = minds, StatisticsTable(state)
 
-    def divide(self, rows: Rows, sort: Callable[[int], Sort]) -> list[tuple[Sort, Rows, Mask | None]]:
+    def divide(self, rows: Rows, key: Callable[[int], Key]) -> list[tuple[Key, Rows, Mask | None]]:
         """See `FleetState.divide`."""
-        return self.state.divide(rows, sort)
+        return self.state.divide(rows, key)
 
     def where(self, rows: Rows, holds: Callable[[Mind], bool]) -> Mask:
         """On which of the rows `holds` is true of the mind."""
-        found = np.zeros(rows.size, np.bool_)
+        truths = np.zeros(rows.size, np.bool_)
         for truth, _, mask in self.divide(rows, lambda number: holds(self.minds[number])):
-            found[... if mask is None else mask] = truth
-        return found
+            truths[... if mask is None else mask] = truth
+        return truths
 
     def change(self, part: Part, rows: Rows, how: Callable[[RuleBase], str | None]) -> Mask:
         """Change the minds of these robots, unless `how` returns a reason not to; returns where it was done."""
@@ -56,7 +56,7 @@ class FleetEvaluation(Evaluation):
                 self.turn(some, draft)
             if reason is not None:
                 self.refuse(part, some, reason)
-                done[rows.places(some.robots)] = False
+                done[rows.indices_of(some.robots)] = False
         return done
 
     def each_mind(self, rows: Rows) -> Iterator[tuple[int, Merging, Rows]]:
@@ -71,7 +71,7 @@ class FleetEvaluation(Evaluation):
         self.state.turn(rows, self.minds.settle(draft))
         if draft.merges:
             self.state.merging.set(rows, draft.merging)
-        self.statistics.carry_out(draft.effects, rows)
+        self.statistics.apply(draft.effects, rows)
 
     def changing(self, rows: Rows) -> None:
         """To be called before the rules of these robots change: minds that are proven become the ones to roll back
@@ -85,7 +85,7 @@ class FleetEvaluation(Evaluation):
             self.statistics.prove(some)
         state.unproven_since[rows.index] = ticks
 
-    def kept(self, robot: int) -> Mind:
+    def mind_of(self, robot: int) -> Mind:
         """The mind of one robot."""
         return self.minds[int(self.state.mind[robot])]
 
@@ -147,6 +147,7 @@ class RuleStatistics:
             self._own_steps()[rows.index] = steps
 
     def _own_steps(self) -> NDArray[np.uint16]:
+        """A column of steps, allocated now if one number stood for all until now."""
         if isinstance(self._steps, int):
             self._steps = filled(self._steps, np.uint16, len(self._fresh))
         return self._steps
@@ -208,10 +209,10 @@ class RuleStatistics:
 
     # ---- what happens to an expression
 
-    def ran(self, steps: int, rows: Rows, *, kept: bool) -> None:
-        """Native code has evaluated the rule on these robots, without a fault. steps: an upper bound; kept: whether the
-        native code has stored each robot's steps, otherwise all have used the bound."""
-        if not kept:
+    def ran(self, steps: int, rows: Rows, *, stored: bool) -> None:
+        """Native code has evaluated the rule on these robots, without a fault. steps: an upper bound; stored: whether
+        the native code has stored each robot's steps, otherwise all have used the bound."""
+        if not stored:
             self.used(steps, rows)
         if steps > self.most_steps:
             self.most_steps = max(self.most_steps, int(np.max(self.steps(rows), initial=0)))
@@ -280,10 +281,10 @@ class StatisticsTable:
         self.lost: dict[str, Mask] = {}
 
     def __getitem__(self, key: str) -> RuleStatistics:
-        found = self._tallies.get(key)
-        if found is None:
-            found = self._tallies[key] = RuleStatistics(self._state.count)
-        return found
+        statistics = self._tallies.get(key)
+        if statistics is None:
+            statistics = self._tallies[key] = RuleStatistics(self._state.count)
+        return statistics
 
     def faulted(self) -> list[str]:
         """The keys of expressions that have ever had a fault on any robot."""
@@ -313,17 +314,17 @@ class StatisticsTable:
             self.lease(key, rows, column[rows.index])
 
     def _lease_column(self, columns: dict[str, Column], key: str) -> Column:
-        found = columns.get(key)
-        if found is None:
-            found = columns[key] = np.full(self._state.count, inf)
-        return found
+        column = columns.get(key)
+        if column is None:
+            column = columns[key] = np.full(self._state.count, inf)
+        return column
 
     def lost_in_round(self, key: str, rows: Rows) -> Mask | None:
         """Which of the rows have lost this expression since the round began, None if none has."""
         lost = self.lost.get(key)
         return None if lost is None else lost[rows.index]
 
-    def carry_out(self, effects: Sequence[Effect], rows: Rows) -> None:
+    def apply(self, effects: Sequence[Effect], rows: Rows) -> None:
         """Apply the effects of a change of mind to each of these robots."""
         for effect in effects:
             key = effect.key
@@ -337,14 +338,11 @@ class StatisticsTable:
                     lost = self.lost[key] = np.zeros(self._state.count, np.bool_)
                 lost[rows.index] = True
             elif effect.what in ("active", "inactive"):
-                self._activate(key, rows, effect.what == "active")
-
-    def _activate(self, key: str, rows: Rows, active: bool) -> None:
-        number = buffer_number(key)
-        if number is not None:
-            self._state.assign(ACTIVE0 + number, rows, 1.0 if active else 0.0)
-        if not active and key in self.leases:
-            self.leases[key][rows.index] = inf
+                active, buffer = effect.what == "active", buffer_number(key)
+                if buffer is not None:
+                    self._state.assign(ACTIVE0 + buffer, rows, 1.0 if active else 0.0)
+                if not active and key in self.leases:
+                    self.leases[key][rows.index] = inf
 
     def state(self) -> StatisticsState:
         """All statistics between two rounds."""

@@ -16,14 +16,19 @@ from sleepcast.fleet.state import Mind
 
 RECENT = 3.0
 """Seconds of a person's time after a fault for which its rule counts as failing."""
-MOST_TOLD = 20
+MAX_FAILING = 20
 """Failing rules that a person is told of; more would not be read."""
 
 
 @dataclass(frozen=True, eq=False)
 class FailingRule:
-    """A rule that fails on some robots. key, name: of the rule; robots: their places, ascending; inactive: how many of
-    them have deactivated it because of its faults; reason: the fault of one of them, "" where that is unknown."""
+    """A rule that fails on some robots.
+
+    key, name: of the rule
+    robots: their places, ascending
+    inactive: how many of them have deactivated it because of its faults
+    reason: the fault of one of them, "" where that is unknown
+    """
 
     key: str
     name: str
@@ -40,8 +45,8 @@ class FailingRule:
 
 def failing_rules(memory: FleetMemory, since: float) -> list[FailingRule]:
     """The rules of a fleet that fail now, or had a fault at this time (s) or later: those on most robots first."""
-    found = filter(None, (_failing(memory, key, since) for key in memory.statistics.faulted()))
-    return most_first(found)
+    rules = filter(None, (_failing(memory, key, since) for key in memory.statistics.faulted()))
+    return most_first(rules)
 
 
 def most_first(rules: Iterable[FailingRule]) -> list[FailingRule]:
@@ -60,6 +65,6 @@ def _failing(memory: FleetMemory, key: str, since: float) -> FailingRule | None:
         return not mind.rules[key].active
 
     first = int(rows.robots[0])
-    name = memory.kept(first).rules[key].name
+    name = memory.mind_of(first).rules[key].name
     count = int(np.count_nonzero(memory.where(rows, inactive)))
     return FailingRule(key, name, rows.robots, count, tally.last_fault.get(first, ""))

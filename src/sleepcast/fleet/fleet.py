@@ -22,12 +22,10 @@ from sleepcast.channel.message import (
     is_addressed,
 )
 from sleepcast.channel.message_batch import MessageBatch, NameIndex
-from sleepcast.columns.evaluation import Noted
 from sleepcast.columns.rows import Column, Index, Mask, Rows
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.model import RestState
 from sleepcast.core.threads import ThreadPool
-from sleepcast.fleet.asked import FleetQueries
 from sleepcast.fleet.authority import FleetAuthority
 from sleepcast.fleet.bodies import FleetBodies
 from sleepcast.fleet.inspection import (
@@ -42,7 +40,8 @@ from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.messages import Inbox, Outbox
 from sleepcast.fleet.native.kernels import Kernels, available
 from sleepcast.fleet.obeying import Evaluated, Obeying
-from sleepcast.fleet.scheduler import BatchScheduler, expired
+from sleepcast.fleet.queries import FleetQueries
+from sleepcast.fleet.scheduler import BatchScheduler, end_leases
 from sleepcast.fleet.state import FleetState, Mind, MindNames, Minds
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
 from sleepcast.language.lint import Checked, check, unit_of_program
@@ -78,18 +77,18 @@ Some: TypeAlias = Rows | Sequence[int] | Index | None
 class RobotView:
     """A view of one robot of a fleet; it stores nothing itself."""
 
-    def __init__(self, fleet: Fleet, place: int) -> None:
-        self._fleet, self.place = fleet, place
+    def __init__(self, fleet: Fleet, index: int) -> None:
+        self._fleet, self.index = fleet, index
 
     # ---- state
 
     @property
     def name(self) -> str:
-        return self._fleet.names[self.place]
+        return self._fleet.names[self.index]
 
     @property
     def number(self) -> int:
-        return self._fleet.numbers[self.place]
+        return self._fleet.numbers[self.index]
 
     @property
     def vocabulary(self) -> Vocabulary:
@@ -98,31 +97,31 @@ class RobotView:
     @property
     def values(self) -> list[float]:
         """The variables by slot, current values; NaN is unknown."""
-        return self._fleet.state.row(self.place)
+        return self._fleet.state.row(self.index)
 
     @property
     def groups(self) -> frozenset[str]:
         """See `Node.groups`."""
-        return self._fleet.state.groups_of(self.place)
+        return self._fleet.state.groups_of(self.index)
 
     @property
     def stopped(self) -> bool:
-        return bool(self._fleet.state.stopped[self.place])
+        return bool(self._fleet.state.stopped[self.index])
 
     @property
     def doubt(self) -> str:
         """See `Node`."""
-        return self._fleet.authority.doubts.of(self.place)
+        return self._fleet.authority.doubts.of(self.index)
 
     @property
     def driven(self) -> bool:
         """See `Node.driven`."""
-        return bool(self._fleet.authority.driving.of(self.place).driver)
+        return bool(self._fleet.authority.driving.of(self.index).driver)
 
     @property
     def catching_up(self) -> bool:
         """See `Node.catch_up`."""
-        return self._fleet.authority.catching_up.of(self.place)
+        return self._fleet.authority.catching_up.of(self.index)
 
     @property
     def itself(self) -> Self:
@@ -134,41 +133,41 @@ class RobotView:
         """What it knows of its body, and of who holds it, at `now` (s)."""
         state = self.rest_state() if self.stopped else None
         motion = None if state is None else motion_of(state)
-        stops = self._fleet._bodies.stops(self.place, now)
+        stops = self._fleet._bodies.stops(self.index, now)
         return BodyState(self.stopped, self.driven, self.doubt, self.catching_up, stops, motion)
 
     def rest_state(self) -> RestState | None:
         """See `Node.rest_state`."""
-        return self._fleet.telemetry.rest_state(self.place)
+        return self._fleet.telemetry.rest_state(self.index)
 
     @property
     def dropped(self) -> int:
         """See `Node.dropped`."""
-        return int(self._fleet.state.dropped[self.place])
+        return int(self._fleet.state.dropped[self.index])
 
     @property
     def lost(self) -> int:
         """Number of messages lost because a queue or the outbox was full."""
-        return int(self._fleet.state.lost[self.place])
+        return int(self._fleet.state.lost[self.index])
 
     @property
     def awake(self) -> bool:
         """See `Node.awake`."""
-        return self._fleet.waiting(self.place) > 0 or bool(self._mind.running) or self.driven
+        return self._fleet.waiting(self.index) > 0 or bool(self._mind.running) or self.driven
 
     @property
     def outbox(self) -> list[Message]:
         """The messages waiting to be sent; the sender clears the list."""
-        return self._fleet.outbox.of(self.place)
+        return self._fleet.outbox.of(self.index)
 
     @property
     def pings(self) -> list[float]:
         """The castes of its pings; the sender clears the list."""
-        return self._fleet.outbox.pings(self.place)
+        return self._fleet.outbox.pings(self.index)
 
     @property
     def _mind(self) -> Mind:
-        return self._fleet.memory.kept(self.place)
+        return self._fleet.memory.mind_of(self.index)
 
     def declared(self, key: str) -> Declared | None:
         """See `Node.declared`."""
@@ -188,65 +187,65 @@ class RobotView:
 
     def rules(self) -> list[RuleView]:
         """See `Node.rules`."""
-        found, tallies = [], self._fleet.memory.statistics
-        for kept in in_order(self._mind.rules):
-            tally, leases = tallies[kept.key], tallies.leases.get(kept.key)
-            found.append(
+        views, tallies = [], self._fleet.memory.statistics
+        for rule in in_order(self._mind.rules):
+            tally, leases = tallies[rule.key], tallies.leases.get(rule.key)
+            views.append(
                 RuleView(
-                    kept.name,
-                    kept.text,
-                    kept.active,
-                    float(tally.last_value[self.place]),
-                    tally.last_fault.get(self.place, ""),
-                    tally.steps_of(self.place),
-                    int(tally.firings[self.place]),
-                    inf if leases is None else float(leases[self.place]),
-                    kept.shown_priority,
-                    kept.protected,
-                    unit_of_program(kept.program),
+                    rule.name,
+                    rule.text,
+                    rule.active,
+                    float(tally.last_value[self.index]),
+                    tally.last_fault.get(self.index, ""),
+                    tally.steps_of(self.index),
+                    int(tally.firings[self.index]),
+                    inf if leases is None else float(leases[self.index]),
+                    rule.shown_priority,
+                    rule.protected,
+                    unit_of_program(rule.program),
                 )
             )
-        return found
+        return views
 
     def variables(self) -> list[tuple[str, float]]:
         """See `Node.variables`."""
         values = self.values
-        found = [(b.name, values[b.slot]) for b in self.vocabulary.bindings.values() if isinstance(b, Variable)]
+        built_in = [(b.name, values[b.slot]) for b in self.vocabulary.bindings.values() if isinstance(b, Variable)]
         learned = [d for d in self._mind.symbols.values() if isinstance(d, UserVariable)]
-        return found + [(d.name, values[d.slot]) for d in learned]
+        return built_in + [(d.name, values[d.slot]) for d in learned]
 
     def actuators(self) -> dict[str, float]:
         """The actuators that were assigned since the last call, by name."""
         state, vocabulary = self._fleet.state, self.vocabulary
         values, first = self.values, vocabulary.first_actuator
-        taken = {}
+        assigned = {}
         for slot in sorted(state.actuated):
-            if state.actuated[slot][self.place]:
-                state.actuated[slot][self.place] = False
-                taken[vocabulary.actuators[slot - first].name] = values[slot]
-        return taken
+            if state.actuated[slot][self.index]:
+                state.actuated[slot][self.index] = False
+                assigned[vocabulary.actuators[slot - first].name] = values[slot]
+        return assigned
 
     # ---- input
 
     def halt(self, doubt: str = "") -> None:
         """See `Node.halt`."""
-        self._fleet.halt(doubt, [self.place])
+        self._fleet.halt(doubt, [self.index])
 
     def catch_up(self, lasts: bool) -> None:
         """See `Node.catch_up`."""
-        self._fleet.catch_up(lasts, [self.place])
+        self._fleet.catch_up(lasts, [self.index])
 
     def receive(self, message: Message) -> None:
         """Take a message from the channel."""
-        self._fleet.receive(message, [self.place])
+        self._fleet.receive(message, [self.index])
 
     def sense(self, readings: Sequence[float], now: float) -> None:
         """See `Node.sense`."""
-        self._fleet.sense(np.array([readings], np.float64), now, [self.place])
+        self._fleet.sense(np.array([readings], np.float64), now, [self.index])
 
     def think(self, tick: int, now: float) -> None:
         """Run one tick of this robot alone."""
-        self._fleet.think(tick, now, [self.place])
+        self._fleet.think(tick, now, [self.index])
 
     def evaluate(self, text: str) -> Result:
         """See `Node.evaluate`."""
@@ -254,63 +253,68 @@ class RobotView:
 
     def run(self, checked: Checked) -> Result:
         """See `Node.run`."""
-        outcome = self._fleet.run(checked.required(), self._fleet.rows([self.place]))
+        outcome = self._fleet.run(checked.required(), self._fleet.rows([self.index]))
         return self.result(outcome, checked.cost)
 
     def result(self, outcome: Evaluated, cost: int) -> Result:
         """This robot's part of an evaluation on many robots."""
-        at = int(np.searchsorted(outcome.rows.robots, self.place))
+        at = int(np.searchsorted(outcome.rows.robots, self.index))
+        tick = int(self._fleet.state.row(self.index)[TICK])
+        faults = [
+            Fault(noted.reason, show(noted.part.form), tick) for noted in outcome.faults if self.index in noted.robots
+        ]
         printed = []
         for robots, label, columns in outcome.printed:
-            where = np.flatnonzero(robots == self.place)
+            where = np.flatnonzero(robots == self.index)
             if where.size:
                 printed.append((label, tuple(float(column[where[0]]) for column in columns)))
         return Result(
             float(outcome.values[at]),
             bool(outcome.matched[at]),
-            tuple(self._faults(outcome.faults)),
+            tuple(faults),
             cost,
             int(outcome.steps[at]),
             tuple(printed),
             lambda: self.recollection(outcome.entry),
         )
 
-    def _faults(self, noted: Iterable[Noted]) -> Iterable[Fault]:
-        tick = int(self._fleet.state.row(self.place)[TICK])
-        return [Fault(n.reason, show(n.part.form), tick) for n in noted if self.place in n.robots]
-
     def why(self, command: str | None = None) -> Explanation:
         """See `Node.why`."""
-        entry = self._fleet.evaluation_log.find(self.place, command)
+        entry = self._fleet.evaluation_log.find(self.index, command)
         if entry is not None:
             return explain(self.recollection(entry))
-        kept = self._mind.rules.get((command or "").casefold())
-        if kept is not None:
-            memory, stopped = rehearsal(self._fleet.memory, self.place), self.stopped
-            return rehearse(kept.program, memory, command=kept.name, stopped=stopped, priority=kept.shown_priority)
+        rule = self._mind.rules.get((command or "").casefold())
+        if rule is not None:
+            memory, stopped = rehearsal(self._fleet.memory, self.index), self.stopped
+            return rehearse(rule.program, memory, command=rule.name, stopped=stopped, priority=rule.shown_priority)
         what = "no command" if command is None else f"no command or rule {command}"
         raise SleepcastError(f"{self.name} remembers {what}: {self._fleet.evaluation_log.limits()}")
 
     def recollection(self, entry: LogEntry) -> Recollection:
         """Re-evaluate a logged command for this robot."""
-        return recollect(entry, self.place, self.vocabulary, self._fleet.state.keys)
+        return recollect(entry, self.index, self.vocabulary, self._fleet.state.keys)
 
     def install(self, name: str, text: str, *, priority: int = 0, protected: bool = True) -> None:
         """Give the robot an active rule of its own; see `Fleet.install`."""
-        self._fleet.install(name, text, priority=priority, protected=protected, robots=[self.place])
+        self._fleet.install(name, text, priority=priority, protected=protected, robots=[self.index])
 
 
 class Fleet(Mapping[str, RobotView]):
     """See the module.
 
-    names: of the robots. numbers: their `id` in expressions and random streams, 1 upwards by default. seed: of the
-    run. bodies: targets of the vocabulary's functions; those that are a `Robot` are also stopped, released and held
-    still, all at once if they are `ManyBodies`. native: whether rules may be compiled to native code where llvmlite
-    is installed, which changes nothing but speed. pool: threads to use. sensed: the bodies' table of sensor values,
-    if there is one: SI, NaN for unknown, shape (sensors, robots), C order; it is read in place, never copied, except
-    for sensors with a freshness limit (see `look`). lease, tells: see `Node`; on_air: whether it behaves as nodes on a
-    real channel do. zero: see `Node`. Raises FleetError for a vocabulary with linked variables, which lie in a host's
-    own memory and have no column.
+    names: of the robots
+    numbers: their `id` in expressions and random streams, 1 upwards by default
+    seed: of the run
+    bodies: targets of the vocabulary's functions; those that are a `Robot` are also stopped, released and held still,
+        all at once if they are `ManyBodies`
+    native: whether rules may be compiled to native code where llvmlite is installed, which changes nothing but speed
+    pool: threads to use
+    sensed: the bodies' table of sensor values, if there is one: SI, NaN for unknown, shape (sensors, robots), C
+        order; it is read in place, never copied, except for sensors with a freshness limit (see `look`)
+    lease, tells: see `Node`
+    on_air: whether it behaves as nodes on a real channel do
+
+    Raises FleetError for a vocabulary with linked variables, which lie in a host's own memory and have no column.
     """
 
     def __init__(
@@ -355,7 +359,7 @@ class Fleet(Mapping[str, RobotView]):
         self.telemetry = FleetTelemetry(self.state, self.minds, self._bodies)
         """The latest telemetry of each robot."""
         self._read_set = ReadSet(self.memory)
-        self.asked = FleetQueries(self.state, self.minds, bodies)
+        self.queries = FleetQueries(self.state, self.minds, bodies)
         """The expressions that are asked for on all robots; see `values_of`."""
         self.inbox = Inbox(count, self._obeying.comes_after, MAX_BACKLOG) if on_air else Inbox(count)
         self.minds_used = 1
@@ -382,17 +386,17 @@ class Fleet(Mapping[str, RobotView]):
     # ---- the robots
 
     def __getitem__(self, name: str) -> RobotView:
-        place = self.names.place(name)
-        if place is None:
+        index = self.names.place(name)
+        if index is None:
             raise KeyError(name)
-        return RobotView(self, place)
+        return RobotView(self, index)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.names)
 
-    def at(self, place: int) -> RobotView:
+    def at(self, index: int) -> RobotView:
         """The robot with this index."""
-        return RobotView(self, place)
+        return RobotView(self, index)
 
     def column(self, slot: int) -> Column:
         """A variable of all robots, NaN for unknown; read-only."""
@@ -416,9 +420,9 @@ class Fleet(Mapping[str, RobotView]):
     def declared(self, key: str) -> Declared | None:
         """What any of the robots has learned under this key."""
         for mind in self._different():
-            found = mind.declared(key)
-            if found is not None:
-                return found
+            declared = mind.declared(key)
+            if declared is not None:
+                return declared
         return None
 
     def heard(self) -> list[str]:
@@ -449,8 +453,8 @@ class Fleet(Mapping[str, RobotView]):
 
     def reads(self) -> frozenset[int]:
         """The slots of the variables that any active rule or waiting message may read in the next tick."""
-        found = self._read_set.slots(self.inbox.messages())
-        return frozenset(self.state.slots()) if found is None else found
+        slots = self._read_set.slots(self.inbox.messages())
+        return frozenset(self.state.slots()) if slots is None else slots
 
     def __len__(self) -> int:
         return len(self.names)
@@ -471,28 +475,28 @@ class Fleet(Mapping[str, RobotView]):
     @property
     def awake(self) -> Mask:
         """Which robots have anything to do in the next tick: a message, active rules, or a driven body."""
-        found = self.inbox.waiting > 0
-        found |= self.memory.where(self.rows(), _runs)
-        found[self.authority.driven().index] = True
-        return found
+        awake = self.inbox.waiting > 0
+        awake |= self.memory.where(self.rows(), _runs)
+        awake[self.authority.driven().index] = True
+        return awake
 
-    def restless(self) -> Rows:
+    def awake_rows(self) -> Rows:
         """The robots that are awake."""
         everybody = self.rows()
         if self.inbox.empty and not self.authority.driven().size:
-            sorts = self.memory.divide(everybody, lambda number: _runs(self.minds[number]))
-            return next((rows for running, rows, _ in sorts if running), Rows.run(0, 0))
+            groups = self.memory.divide(everybody, lambda number: _runs(self.minds[number]))
+            return next((rows for running, rows, _ in groups if running), Rows.run(0, 0))
         return everybody.take(self.awake)
 
     def waiting(self, robot: int) -> int:
         """Number of messages waiting for a robot's next tick."""
         return int(self.inbox.waiting[robot])
 
-    def said(self) -> list[MessageBatch]:
+    def take_messages(self) -> list[MessageBatch]:
         """Take all outgoing messages that are not in a robot's `outbox` list yet."""
         return self.outbox.take()
 
-    def pings(self) -> list[tuple[Index, Column]]:
+    def take_pings(self) -> list[tuple[Index, Column]]:
         """Take all pings that are not in a robot's `pings` list yet: robots, and their castes."""
         return self.outbox.take_pings()
 
@@ -508,31 +512,24 @@ class Fleet(Mapping[str, RobotView]):
             self.outbox.answer_alike(message, Rows.of(meant), "fault", obeys_stop_only(message))
             return
         self.authority.hear(message, Rows.of(heard))
-        if message.kind is Kind.STOP:
-            self._stop(message, Rows.of(heard), meant)
+        if message.kind is Kind.STOP:  # whoever hears it stops; only those that it is addressed to answer
+            stopped, released = self._bodies.obey_stop(message, Rows.of(heard))
+            self.outbox.answer_alike(message, Rows.of(np.intersect1d(stopped.robots, meant)), "stopped")
+            self.outbox.answer_alike(message, released, "fault", ENDED)
         elif message.kind is Kind.RELEASE:
-            self._release(message, Rows.of(meant))
+            free, refused = self._bodies.obey_release(message, Rows.of(meant))
+            self.outbox.answer_alike(message, free, "released")
+            for some, why in refused:
+                self.outbox.answer_alike(message, some, "fault", why)
         elif message.kind in (Kind.COMMAND, Kind.ASK):
             self._enqueue(message, meant)
 
-    def _stop(self, message: Message, rows: Rows, meant: Index) -> None:
-        """Every robot that receives STOP stops; robots that it is not addressed to need not report it again."""
-        stopped, others = self._bodies.obey_stop(message, rows)
-        self.outbox.answer_alike(message, Rows.of(np.intersect1d(stopped.robots, meant)), "stopped")
-        self.outbox.answer_alike(message, others, "fault", ENDED)
-
-    def _release(self, message: Message, rows: Rows) -> None:
-        free, refused = self._bodies.obey_release(message, rows)
-        self.outbox.answer_alike(message, free, "released")
-        for some, why in refused:
-            self.outbox.answer_alike(message, some, "fault", why)
-
     def _enqueue(self, message: Message, robots: Index) -> None:
-        asking = self.inbox.asking_too_much(message, robots)
-        if asking.size:
-            self.outbox.answer_alike(message, Rows.of(asking), "fault", ASKS_TOO_MUCH)
-            self.state.lost[asking] += 1
-            robots = np.setdiff1d(robots, asking)
+        refusing = self.inbox.refusing_question(message, robots)
+        if refusing.size:
+            self.outbox.answer_alike(message, Rows.of(refusing), "fault", ASKS_TOO_MUCH)
+            self.state.lost[refusing] += 1
+            robots = np.setdiff1d(robots, refusing)
         self.state.lost[self.inbox.put(message, robots)] += 1
 
     def _look(self, message: Message, robot: int, now: float) -> Details:
@@ -594,20 +591,17 @@ class Fleet(Mapping[str, RobotView]):
         state.assign(TIME_SLOT, rows, float(now))
         state.draws[rows.index] = 0
         self._age(rows, now)
-        self._let_go(self.authority.unattended(rows, now))
-        expired(self.memory, rows, now)
+        unattended = self.authority.unattended(rows, now)
+        if unattended.size:  # nothing resumes on its own when their operators are heard again
+            self.authority.let_go(unattended)
+            self.outbox.report(self._bodies.let_go(unattended), AT_REST)
+        end_leases(self.memory, rows, now)
         for message, some in self.inbox.take(rows):
             self._obeying.obey(message, some, now)
         resting = self._bodies.resting(rows)
         self._run_rules(rows if resting is None else rows.take(~resting))
         self._bodies.hold(rows)
         self._tidy()
-
-    def _let_go(self, rows: Rows) -> None:
-        """The operators who drove these robots are gone: bring them to rest; nothing resumes on its own."""
-        if rows.size:
-            self.authority.let_go(rows)
-            self.outbox.report(self._bodies.let_go(rows), AT_REST)
 
     def _run_rules(self, rows: Rows) -> None:
         """One round of the active rules. A driven robot whose rules move its body is not driven any more."""
@@ -649,7 +643,7 @@ class Fleet(Mapping[str, RobotView]):
                 text, lambda: [read(text)], MindNames(self.vocabulary, self.minds[number])
             )
 
-        return [self.run(found, rows) for found, rows, _ in self.memory.divide(self.rows(robots), program)]
+        return [self.run(meaning, rows) for meaning, rows, _ in self.memory.divide(self.rows(robots), program)]
 
     def values_of(self, text: str, now: float) -> Column:
         """The value of an expression on each robot at `now` (s), NaN for unknown, without side effects.
@@ -657,12 +651,12 @@ class Fleet(Mapping[str, RobotView]):
         Raises ReadError, CheckError, and FleetError for an expression with side effects, random numbers or a function
         that makes a body do something.
         """
-        asked = self.asked[text]
-        self.state.assign(TIME_SLOT, asked.rows, float(now))  # idle robots have not looked at their clocks
-        found, reason = asked.values()
+        query = self.queries[text]
+        self.state.assign(TIME_SLOT, query.rows, float(now))  # idle robots have not looked at their clocks
+        values, reason = query.values()
         if reason:
             raise FleetError(f"{text} cannot be previewed: {reason}")
-        return found
+        return values
 
     def run(self, program: Program, rows: Rows) -> Evaluated:
         """Evaluate a program on these robots, and log its inputs for explanations."""
@@ -681,12 +675,12 @@ class Fleet(Mapping[str, RobotView]):
 
         Raises ReadError and CheckError for the text, SleepcastError if the rule is refused for another reason.
         """
-        number = buffer_number(name.casefold())
-        key = name.casefold() if number is None else f"e{number}"
+        buffer = buffer_number(name.casefold())
+        key = name.casefold() if buffer is None else f"e{buffer}"
         for outcome in self.evaluate(f"(RULE {name} {show(read(text))})", robots):
             if outcome.faults:
                 raise SleepcastError(f"the rule {name} cannot be installed: {outcome.faults[0].reason}")
-            for mind, rows, _ in self.memory.divide(outcome.rows, lambda found: found):
+            for mind, rows, _ in self.memory.divide(outcome.rows, lambda number: number):
                 draft = self.minds.draft(mind)
                 draft.rank(key, priority, protected)
                 self.memory.turn(rows, draft)

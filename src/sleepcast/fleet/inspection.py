@@ -30,14 +30,14 @@ from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.message_batch import ascending
 from sleepcast.columns.machine import evaluate
 from sleepcast.columns.rows import Column, Index, Mask, Rows, distinct
-from sleepcast.columns.telemetry import BulkTelemetry, KnownSymbols, Sort
+from sleepcast.columns.telemetry import BulkTelemetry, Key, KnownSymbols
 from sleepcast.columns.values import ValueColumns
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import RestState
 from sleepcast.core.serial import Array
 from sleepcast.fleet.bodies import FleetBodies
 from sleepcast.fleet.evaluation import FleetEvaluation
-from sleepcast.fleet.memory import FleetMemory, Given
+from sleepcast.fleet.memory import FleetMemory, HostResults
 from sleepcast.fleet.messages import Outbox
 from sleepcast.fleet.schema import TelemetryState
 from sleepcast.fleet.state import FleetState, Mind, MindNames, Minds
@@ -67,20 +67,20 @@ class ReadSet:
     def slots(self, waiting: Iterable[tuple[Message, Index]]) -> frozenset[int] | None:
         """The slots that any active rule may read, or any waiting message, each given with its robots."""
         memory = self._memory
-        found: set[int] = set()
+        slots: set[int] = set()
         one = memory.state.one_mind
         for number in distinct(memory.state.mind)[0].tolist() if one is None else [one]:
-            looked_at = self._by_rules(memory.minds[number])
-            if looked_at is None:
+            of_rules = self._by_rules(memory.minds[number])
+            if of_rules is None:
                 return None
-            found |= looked_at
+            slots |= of_rules
         for message, robots in waiting:
             for number in distinct(memory.state.mind[robots])[0].tolist() if one is None else [one]:
-                slots = self._by_message(message, memory.minds[number])
-                if slots is None:
+                of_message = self._by_message(message, memory.minds[number])
+                if of_message is None:
                     return None
-                found |= slots
-        return frozenset(found)
+                slots |= of_message
+        return frozenset(slots)
 
     def _by_rules(self, mind: Mind) -> frozenset[int] | None:
         if mind not in self._of_mind:
@@ -105,13 +105,13 @@ class ReadSet:
 
 
 def _together(programs: Iterable[Program], mind: Mind) -> frozenset[int] | None:
-    found: set[int] = set()
+    together: set[int] = set()
     for program in programs:
         slots, _ = reads_of(program, [mind])
         if slots is None:
             return None
-        found |= slots
-    return frozenset(found)
+        together |= slots
+    return frozenset(together)
 
 
 def _teaches(part: Part) -> bool:
@@ -131,12 +131,12 @@ def reads_of(program: Program, minds: Iterable[Mind]) -> tuple[set[int] | None, 
     seen: set[Program] = set()
     waiting = [program]
     while waiting:
-        found = waiting.pop()
-        if found in seen:
+        inside = waiting.pop()
+        if inside in seen:
             continue
-        seen.add(found)
-        named |= found.uses
-        for part in walk(found.root):
+        seen.add(inside)
+        named |= inside.uses
+        for part in walk(inside.root):
             if part.op in _READING:
                 slots |= {part.slot} - {_NOWHERE}
             elif part.op == "in":
@@ -144,8 +144,8 @@ def reads_of(program: Program, minds: Iterable[Mind]) -> tuple[set[int] | None, 
             else:
                 taught |= _taught(part)
         for mind in minds:
-            waiting += [mind.rules[key].program for key in found.uses if key in mind.rules]
-            waiting += [mind.operators[key] for key in found.uses if key in mind.operators]
+            waiting += [mind.rules[key].program for key in inside.uses if key in mind.rules]
+            waiting += [mind.operators[key] for key in inside.uses if key in mind.operators]
     if named and (_ANYTHING in taught or not named.isdisjoint(taught)):
         # It may enter a program that is new, so it may read anything.
         return None, groups
@@ -196,8 +196,8 @@ class FleetTelemetry(BulkTelemetry):
 
     def stopped(self, robots: Index) -> Mask:
         """Which of these robots were stopped at their latest telemetry."""
-        found: Mask = self._stopped[robots]
-        return found
+        stopped: Mask = self._stopped[robots]
+        return stopped
 
     def rest_state(self, robot: int) -> RestState | None:
         """Whether the body of a robot has come to rest; None if it does not tell."""
@@ -228,9 +228,9 @@ class FleetTelemetry(BulkTelemetry):
     def latest(self) -> ValueColumns:
         return self._then
 
-    def divide(self, rows: Rows, sort: Callable[[KnownSymbols], Sort]) -> list[tuple[Sort, Rows, Mask | None]]:
+    def divide(self, rows: Rows, key: Callable[[KnownSymbols], Key]) -> list[tuple[Key, Rows, Mask | None]]:
         """By the robots' current minds."""
-        return self._state.divide(rows, lambda number: sort(self._minds[number]))
+        return self._state.divide(rows, lambda number: key(self._minds[number]))
 
     def ask(self, program: Program, rows: Rows) -> Mask | None:
         """As `TelemetryTable.ask`: the robots of a small fleet tell everything from the first."""
@@ -265,10 +265,12 @@ ENTRY_BYTES = 2_048
 
 @dataclass
 class LogEntry:
-    """The inputs of one command on the robots `rows`. minds: by number, as they were then.
+    """The inputs of one command on the robots `rows`.
 
-    proven, unproven_since: stored only if it may roll back. held: robots whose functions were refused then;
-    stopped: those that were stopped; each stored only if there were any.
+    minds: by number, as they were then
+    proven, unproven_since: stored only if it may roll back
+    held: robots whose functions were refused then
+    stopped: those that were stopped; each stored only if there were any
     """
 
     program: Program
@@ -283,7 +285,7 @@ class LogEntry:
     columns: dict[int, Column | float]
     groups: dict[str, Mask]
     stopped: Mask | None
-    hosts: list[Given] = field(default_factory=list)
+    hosts: list[HostResults] = field(default_factory=list)
 
     @property
     def bytes(self) -> int:
@@ -303,19 +305,23 @@ class LogEntry:
     @property
     def host_bytes(self) -> int:
         """Approximate bytes of the results of the robots' own functions."""
-        return sum(8 * len(given) for _, given in self.hosts if len(given) and not _alike(given))
+        total = 0
+        for _, results in self.hosts:
+            one_for_all = isinstance(results, np.ndarray) and results.strides == (0,)
+            total += 0 if one_for_all else 8 * len(results)
+        return total
 
     def given(self, robot: int) -> Iterator[float | str]:
         """The results of a robot's own functions, in order."""
-        for rows, given in self.hosts:
-            place = rows.place(robot)
-            if place is not None:
-                found = given[place]
-                yield found if isinstance(found, str) else float(found)
+        for rows, results in self.hosts:
+            index = rows.index_of(robot)
+            if index is not None:
+                result = results[index]
+                yield result if isinstance(result, str) else float(result)
 
-    def place(self, robot: int) -> int | None:
+    def index_of(self, robot: int) -> int | None:
         """The index of a robot among those of the command; None if it is not there."""
-        return self.rows.place(robot)
+        return self.rows.index_of(robot)
 
 
 class EvaluationLog:
@@ -333,12 +339,12 @@ class EvaluationLog:
         """Store the inputs of a command that these robots are about to evaluate."""
         state, minds = self._memory.state, self._memory.minds
         mind, proven, unproven_since = state.mind[rows.index].copy(), None, None
-        there = {number: minds[number] for number, _, _ in self._memory.divide(rows, lambda number: number)}
-        slots, groups = reads_of(program, there.values())
+        present = {number: minds[number] for number, _, _ in self._memory.divide(rows, lambda number: number)}
+        slots, groups = reads_of(program, present.values())
         if slots is None:
             slots, groups = set(state.slots()), set(state.groups)
             proven, unproven_since = state.proven[rows.index].copy(), state.unproven_since[rows.index].copy()
-            there |= {number: minds[number] for number in np.unique(proven).tolist()}
+            present |= {number: minds[number] for number in np.unique(proven).tolist()}
         columns = {}
         for slot in {*slots, TICK, TIME_SLOT}:
             values = state.read(slot, rows)
@@ -351,7 +357,7 @@ class EvaluationLog:
             proven,
             unproven_since,
             _marked(state.held, rows),
-            there,
+            present,
             state.draws[rows.index].copy(),
             columns,
             {key: state.groups[key][rows.index].copy() for key in groups if key in state.groups},
@@ -379,7 +385,7 @@ class EvaluationLog:
     def find(self, robot: int, command: str | None) -> LogEntry | None:
         """The entry of a command (None: the last one) that a robot has evaluated."""
         for entry in reversed(self._entries):
-            if (command is None or entry.command == command) and entry.place(robot) is not None:
+            if (command is None or entry.command == command) and entry.index_of(robot) is not None:
                 return entry
         return None
 
@@ -395,45 +401,40 @@ def _marked(marks: Mask, rows: Rows) -> Mask | None:
     return marks[rows.index].copy() if marks.any() else None
 
 
-def _alike(given: Column | list[float | str]) -> bool:
-    """Whether one number stands for all."""
-    return isinstance(given, np.ndarray) and given.strides == (0,)
-
-
 def recollect(entry: LogEntry, robot: int, vocabulary: Vocabulary, keys: NDArray[np.uint64]) -> Recollection:
     """Evaluate a command again as one robot did, recording what its memory answered. keys: of random streams, by
     robot."""
-    place = entry.place(robot)
-    if place is None:
+    index = entry.index_of(robot)
+    if index is None:
         raise KeyError(robot)
     state = FleetState(vocabulary, [0], 0)
     state.keys[0] = keys[robot]
-    state.draws[0] = entry.draws[place]
+    state.draws[0] = entry.draws[index]
     alone = Rows.run(0, 1)
     for slot, values in entry.columns.items():
-        state.assign(slot, alone, values if isinstance(values, float) else float(values[place]))
+        state.assign(slot, alone, values if isinstance(values, float) else float(values[index]))
     for key, members in entry.groups.items():
-        state.group(key)[0] = members[place]
+        state.group(key)[0] = members[index]
     minds = Minds(vocabulary)
-    state.turn(alone, minds.add(entry.minds[int(entry.mind[place])]))
+    state.turn(alone, minds.add(entry.minds[int(entry.mind[index])]))
     if entry.proven is not None and entry.unproven_since is not None:
-        state.proven[0] = minds.add(entry.minds[int(entry.proven[place])])
-        state.unproven_since[0] = entry.unproven_since[place]
+        state.proven[0] = minds.add(entry.minds[int(entry.proven[index])])
+        state.unproven_since[0] = entry.unproven_since[index]
     if entry.held is not None:
-        state.held[0] = entry.held[place]
+        state.held[0] = entry.held[index]
     memory = FleetMemory(state, minds, Outbox(state, ["again"]), [None])
     memory.answers, memory.script = [], entry.given(robot)
     before, groups = state.row(0), state.groups_of(0)
     evaluate(memory, entry.program, alone)
     time, tick = before[TIME_SLOT], int(before[TICK])
-    stopped = entry.stopped is not None and bool(entry.stopped[place])
+    stopped = entry.stopped is not None and bool(entry.stopped[index])
     return Recollection(entry.program, before, groups, memory.answers, time, tick, entry.command, stopped)
 
 
 def rehearsal(memory: FleetMemory, robot: int) -> Rehearsal:
     """A memory that starts from the robot's current state, for asking what it would do now; changes in it affect
     nothing else."""
-    state, mind = memory.state, memory.kept(robot)
+    state, mind = memory.state, memory.mind_of(robot)
     values = state.row(robot)
     key, tick = int(state.keys[robot]), int(values[TICK])
     drawn = iter(range(int(state.draws[robot]), 1 << 62))

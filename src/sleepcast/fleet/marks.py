@@ -41,14 +41,14 @@ class FleetMarks(Protocol):
 
 def flags_of(minds: FleetMarks, exhausted: NDArray[np.bool_] | None = None) -> bytes:
     """The flags of each robot. exhausted: which bodies have used up what they drive with; None where nobody knows."""
-    found = minds.stopped.astype(np.uint8)
+    flags = minds.stopped.astype(np.uint8)
     for slot, bit in _BITS:
-        found |= np.where(minds.column(slot) > 0.0, np.uint8(bit), np.uint8(0))
+        flags |= np.where(minds.column(slot) > 0.0, np.uint8(bit), np.uint8(0))
     shown = (minds.column(MARKED) > 0.0) & (minds.column(MARKING) > 0.0)
-    found |= np.where(shown, np.uint8(_MARK), np.uint8(0))
+    flags |= np.where(shown, np.uint8(_MARK), np.uint8(0))
     if exhausted is not None:
-        found |= np.where(exhausted, np.uint8(_EXHAUSTED), np.uint8(0))
-    return found.tobytes()
+        flags |= np.where(exhausted, np.uint8(_EXHAUSTED), np.uint8(0))
+    return flags.tobytes()
 
 
 def is_frozen(minds: FleetMarks) -> NDArray[np.bool_]:
@@ -59,9 +59,10 @@ def is_frozen(minds: FleetMarks) -> NDArray[np.bool_]:
 class GroupCodes:
     """The groups of a fleet, numbered from 1 in the order in which they were first seen.
 
-    names: as written in the first message that named each. counts: members of each. shown: members whose newest
-    group it is, as the map shows them. second: the number of each robot's second newest group (0: none); empty if no
-    robot is in two.
+    names: as written in the first message that named each
+    counts: members of each
+    shown: members whose newest group it is, as the map shows them
+    second: the number of each robot's second newest group (0: none); empty if no robot is in two
     """
 
     def __init__(self) -> None:
@@ -102,5 +103,5 @@ class GroupCodes:
     def members(self, minds: FleetMarks, code: int) -> NDArray[np.bool_]:
         """Who is in the group with this number now: nobody if there is none."""
         key = next((key for key, known in self._codes.items() if known == code), "")
-        found = minds.groups.get(key)
-        return np.zeros(len(minds), np.bool_) if found is None else found
+        members = minds.groups.get(key)
+        return np.zeros(len(minds), np.bool_) if members is None else members

@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from sleepcast.columns.evaluation import Found, by_the_living
+from sleepcast.columns.evaluation import Programs, by_the_living
 from sleepcast.columns.rows import Column, Index, Mask, Rows
 from sleepcast.core.model import HostFunction
 from sleepcast.fleet.bodies import ManyBodies
@@ -49,15 +49,18 @@ Act = Callable[..., Column]
 """Implementation of one act: (memory, part, rows, *arguments) to its values."""
 
 
-Given: TypeAlias = tuple[Rows, Column | list[float | str]]
+HostResults: TypeAlias = tuple[Rows, Column | list[float | str]]
+"""What the robots' own functions have given: robots, and for each a number, or why it failed."""
 
 
 class FleetMemory(FleetEvaluation):
-    """See the module. bodies: targets of the vocabulary's functions, by robot.
+    """See the module.
 
-    printed: collects reports, if it is a list. hosts: if it is a list, collects the results of the robots' own
-    functions: robots, and for each of them a number, or why it failed. script: these results when an evaluation is
-    repeated. kernels: native code, if there is any.
+    bodies: targets of the vocabulary's functions, by robot
+    printed: collects reports, if it is a list
+    hosts: if it is a list, collects the results of the robots' own functions
+    script: these results when an evaluation is repeated
+    kernels: native code, if there is any
     """
 
     def __init__(
@@ -72,7 +75,7 @@ class FleetMemory(FleetEvaluation):
         self.outbox, self.bodies, self.vocabulary = outbox, bodies, minds.vocabulary
         self._many = bodies if isinstance(bodies, ManyBodies) else None
         self.printed: list[tuple[Index, str, Sequence[Column]]] | None = None
-        self.hosts: list[Given] | None = None
+        self.hosts: list[HostResults] | None = None
         self.script: Iterator[float | str] | None = None
         self.kernels = kernels
         self.merges = False
@@ -86,11 +89,11 @@ class FleetMemory(FleetEvaluation):
     def draw(self, part: Part, rows: Rows) -> Column:
         """The next random number of this tick."""
         state = self.state
-        numbers = state.draws[rows.index]
+        counts = state.draws[rows.index]
         ticks = state.column(TICK, rows).astype(np.int64)
-        found = draws(state.keys[rows.index], ticks, numbers)
-        state.draws[rows.index] = numbers + 1
-        return self.answer(found)
+        numbers = draws(state.keys[rows.index], ticks, counts)
+        state.draws[rows.index] = counts + 1
+        return self.answer(numbers)
 
     @by_the_living
     def assign(self, part: Part, rows: Rows, values: Column) -> Column:
@@ -104,11 +107,11 @@ class FleetMemory(FleetEvaluation):
         variable = part.data
         values = values.copy()
         if not isinstance(variable, Variable):
-            there = self.where(rows, lambda mind: isinstance(mind.symbols.get(part.name), UserVariable))
-            done = self.refuse_where(part, rows, ~there, no_variable(part.name), values)
+            existing = self.where(rows, lambda mind: isinstance(mind.symbols.get(part.name), UserVariable))
+            done = self.refuse_where(part, rows, ~existing, no_variable(part.name), values)
             if done.size:
                 # The name may have been unknown when the text was checked: then the part has no slot.
-                self.state.assign(self.vocabulary.user_slot(part.name), done, values[there])
+                self.state.assign(self.vocabulary.user_slot(part.name), done, values[existing])
             return self.answer(values)
         unknown = np.isnan(values)
         done = rows
@@ -123,12 +126,12 @@ class FleetMemory(FleetEvaluation):
             self.state.assign(part.slot, done, values if done is rows else values[~np.isnan(values)])
             if variable.kind is VariableKind.ACTUATOR:
                 self.state.assigned(part.slot)[done.index] = True
-                self._moving(done)
+                self._note_moving(done)
             elif ACTIVE0 < part.slot < ACTIVE0 + BUFFERS:
                 self._flag_assigned(part.slot, done)
         return self.answer(values)
 
-    def _moving(self, rows: Rows) -> None:
+    def _note_moving(self, rows: Rows) -> None:
         """The bodies of these robots are asked to move."""
         if self.moved is not None:
             self.moved[rows.index] = True
@@ -159,18 +162,18 @@ class FleetMemory(FleetEvaluation):
                 flag = merging.flag(key, wanted) is True
                 if flag is not wanted:
                     self.state.assign(slot, some, float(flag))
-                kept = draft.rules.get(key)
-                if kept is not None and kept.active != flag:
+                rule = draft.rules.get(key)
+                if rule is not None and rule.active != flag:
                     draft.assign_flag(key, flag)
-                if draft.merges or (kept is not None and kept.active != flag):
+                if draft.merges or (rule is not None and rule.active != flag):
                     self.turn(some, draft)
 
     def defined(self, part: Part, rows: Rows) -> Mask:
         """Where the user variable exists."""
-        there = self.where(rows, lambda mind: isinstance(mind.symbols.get(part.name), UserVariable))
+        existing = self.where(rows, lambda mind: isinstance(mind.symbols.get(part.name), UserVariable))
         if self.answers is not None and not self.is_dead(rows):
-            self.answers.append(bool(there[0]))
-        return there
+            self.answers.append(bool(existing[0]))
+        return existing
 
     @by_the_living
     def define(self, part: Part, rows: Rows, values: Column) -> Column:
@@ -193,13 +196,13 @@ class FleetMemory(FleetEvaluation):
         """A fleet has no linked variables: a program that reads one is of other robots."""
         raise TypeError(f"{part.name} is linked to the memory of one robot")
 
-    def fetch(self, part: Part, rows: Rows) -> Found:
+    def fetch(self, part: Part, rows: Rows) -> Programs:
         """The programs in a buffer or rule, each with the robots that have it there."""
         programs = self.divide(rows, lambda number: self.minds[number].fetch(part))
         self._answer_program(rows, programs)
         return programs
 
-    def operator(self, part: Part, rows: Rows) -> Found:
+    def operator(self, part: Part, rows: Rows) -> Programs:
         """The programs of an operator; none, and a fault, where it does not exist with this number of parameters."""
 
         def suiting(number: int) -> Program | None:
@@ -213,9 +216,9 @@ class FleetMemory(FleetEvaluation):
         self._answer_program(rows, programs)
         return programs
 
-    def _answer_program(self, rows: Rows, found: Found) -> None:
+    def _answer_program(self, rows: Rows, programs: Programs) -> None:
         if self.answers is not None and not self.is_dead(rows):
-            self.answers.append(found[0][0])
+            self.answers.append(programs[0][0])
 
     @by_the_living
     def host(self, part: Part, rows: Rows, *arguments: Column) -> Column:
@@ -238,16 +241,16 @@ class FleetMemory(FleetEvaluation):
             unknown[~unknown] = held
         columns = [argument[~unknown] for argument in arguments]
         if function.acts and function.moves:
-            self._moving(known)
-        given = self._ask(function, part, known, columns)
+            self._note_moving(known)
+        results = self._ask(function, part, known, columns)
         if self.hosts is not None:
-            self.hosts.append((known, given))
-        if isinstance(given, list):
-            for robot, why in zip(known.robots.tolist(), given, strict=True):
+            self.hosts.append((known, results))
+        if isinstance(results, list):
+            for robot, why in zip(known.robots.tolist(), results, strict=True):
                 if isinstance(why, str):
                     self.refuse(part, Rows(np.array([robot]), 1, rows.first), why)
-            given = np.array([nan if isinstance(one, str) else one for one in given])
-        values[~unknown] = given
+            results = np.array([nan if isinstance(result, str) else result for result in results])
+        values[~unknown] = results
         return self.answer(values)
 
     def _ask(
@@ -258,13 +261,13 @@ class FleetMemory(FleetEvaluation):
         if self.script is not None:
             return [next(self.script) for _ in range(rows.size)]
         if self._many is not None and function.many is not None:
-            found = function.many(self._many, rows.robots, *columns)
-            return np.broadcast_to(1.0, rows.size) if found is None else np.where(np.isfinite(found), found, nan)
+            results = function.many(self._many, rows.robots, *columns)
+            return np.broadcast_to(1.0, rows.size) if results is None else np.where(np.isfinite(results), results, nan)
         label = (part.data.text,) if isinstance(part.data, Label) else ()
         lists = [column.tolist() for column in columns]
         return [
-            _call(function, self.bodies[robot], (*label, *(values[place] for values in lists)))
-            for place, robot in enumerate(rows.robots.tolist())
+            _call(function, self.bodies[robot], (*label, *(values[index] for values in lists)))
+            for index, robot in enumerate(rows.robots.tolist())
         ]
 
     @by_the_living
@@ -274,10 +277,10 @@ class FleetMemory(FleetEvaluation):
             slot, value = FLAGS[part.name]
             self.state.assign(slot, rows, value)
             return self.answer(np.ones(rows.size))
-        found = self.answer(ACTS[part.name](self, part, rows, *arguments))
+        values = self.answer(ACTS[part.name](self, part, rows, *arguments))
         if part.name == "rollback" and self.answers is not None:
             self.answers += self.state.row(int(rows.robots[0]))[ACTIVE0 + 1 : ACTIVE0 + BUFFERS]
-        return found
+        return values
 
     @by_the_living
     def store(self, part: Part, rows: Rows, values: Column) -> Column:
@@ -289,10 +292,10 @@ def _call(function: HostFunction, body: object | None, arguments: tuple[str | fl
     """The result of one robot's own function: a number, NaN if it is not finite, or why it failed."""
     try:
         result = function.call(body, *arguments)
-        given = 1.0 if result is None else float(result)
+        number = 1.0 if result is None else float(result)
     except Exception as error:
         return failed(function, error)
-    return given if np.isfinite(given) else nan
+    return number if np.isfinite(number) else nan
 
 
 # ---- acts: what an expression may do besides assigning; `mind.rules` defines what each means
@@ -307,22 +310,22 @@ def _store(memory: FleetMemory, part: Part, rows: Rows, values: Column) -> Colum
     if not isinstance(storing, Storing):
         raise TypeError(f"a part of op {part.op} stores nothing")
     if not storing.value:
-        done = _keep(memory, part, rows, storing.form, storing)
+        done = _store_form(memory, part, rows, storing.form, storing)
         return _values(done, 1.0 if storing.activate else 0.0)
     stored = values.copy()
-    known = memory.refuse_where(part, rows, np.isnan(values), UNKNOWN_STORED, stored)
+    storing_rows = memory.refuse_where(part, rows, np.isnan(values), UNKNOWN_STORED, stored)
     numbers = values[~np.isnan(values)]
-    done = np.zeros(known.size, np.bool_)
+    done = np.zeros(storing_rows.size, np.bool_)
     for bits in np.unique(numbers.view(np.int64)):  # 0 and -0 are two expressions
         same = numbers.view(np.int64) == bits
         number = float(bits.view(np.float64))
-        done[same] = _keep(memory, part, known.take(same), Number(number), storing)
-    kept = ~np.isnan(stored)
-    stored[kept] = np.where(done, numbers, nan)
+        done[same] = _store_form(memory, part, storing_rows.take(same), Number(number), storing)
+    known = ~np.isnan(stored)
+    stored[known] = np.where(done, numbers, nan)
     return stored
 
 
-def _keep(memory: FleetMemory, part: Part, rows: Rows, form: Form, storing: Storing) -> Mask:
+def _store_form(memory: FleetMemory, part: Part, rows: Rows, form: Form, storing: Storing) -> Mask:
     """Store an expression in a buffer or rule; returns where it was done."""
     key, text, number = storing.key, show(form), buffer_number(storing.key)
     name = written(part) if number is None else key.upper()
@@ -405,9 +408,9 @@ def _rollback(memory: FleetMemory, part: Part, rows: Rows) -> Column:
 
 
 def _rolled_back(merging: Merging) -> Merging:
-    found = merging.draft()
-    found.roll_back()
-    return found
+    draft = merging.draft()
+    draft.roll_back()
+    return draft
 
 
 def _report(memory: FleetMemory, part: Part, rows: Rows, *arguments: Column) -> Column:
@@ -430,11 +433,11 @@ def _tell(memory: FleetMemory, part: Part, rows: Rows, *arguments: Column) -> Co
     telling[telling] = _may_tell(memory, rows.take(telling), hops)  # first: only what is sent needs a text
     told: dict[str, list[int]] = {}
     columns = [argument.tolist() for argument in arguments]
-    for place in np.flatnonzero(telling).tolist():
-        told.setdefault(part.data.text([column[place] for column in columns]), []).append(place)
-    for text, places in told.items():
+    for index in np.flatnonzero(telling).tolist():
+        told.setdefault(part.data.text([column[index] for column in columns]), []).append(index)
+    for text, indices in told.items():
         mask = np.zeros(rows.size, np.bool_)
-        mask[places] = True
+        mask[indices] = True
         if len(text) > MAX_TEXT:
             memory.refuse_where(part, rows, mask, too_long(text), values)
         else:

@@ -48,7 +48,7 @@ class Outbox:
     def __init__(self, state: FleetState, names: Sequence[str]) -> None:
         self._state, self._names = state, names
         self.epoch = 0
-        self._sayings: list[MessageBatch] = []
+        self._batches: list[MessageBatch] = []
         self._outboxes: dict[int, list[Message]] = {}
         self._pings: list[tuple[Index, Column]] = []
         self._pinged: NDArray[np.int16] | None = None
@@ -61,27 +61,27 @@ class Outbox:
         if rows.size == 0:
             return
         state = self._state
-        if (state.said[rows.index] >= MAX_OUTBOX).any():
+        if (state.in_outbox[rows.index] >= MAX_OUTBOX).any():
             self._count_again(rows)
-        room = state.said[rows.index] < MAX_OUTBOX
+        room = state.in_outbox[rows.index] < MAX_OUTBOX
         if not room.all():
             state.lost[rows.take(~room).index] += 1
             rows, places = rows.take(room), np.flatnonzero(room) if places is None else places[room]
-        state.said[rows.index] += 1
+        state.in_outbox[rows.index] += 1
         state.sequence[rows.index] += 1
         robots, sequences, now = rows.robots, state.sequence[rows.index].copy(), state.read(TIME_SLOT, rows)
         issued = np.broadcast_to(now, rows.size) if isinstance(now, float) else now.copy()
         if places is None:
             places = robots if robots[0] == 0 and robots[-1] == rows.size - 1 else np.arange(rows.size)
-        self._sayings.append(
+        self._batches.append(
             MessageBatch(kind, self._names, self.epoch, robots, places, sequences, issued, lasts, words)
         )
 
     def _count_again(self, rows: Rows) -> None:
         """Count outboxes that seem full again, since they may have been emptied."""
         self._deliver_all()
-        for robot in rows.robots[self._state.said[rows.index] >= MAX_OUTBOX].tolist():
-            self._state.said[robot] = len(self._outboxes.get(robot, ()))
+        for robot in rows.robots[self._state.in_outbox[rows.index] >= MAX_OUTBOX].tolist():
+            self._state.in_outbox[robot] = len(self._outboxes.get(robot, ()))
 
     def report(self, rows: Rows, label: str, values: Sequence[Column] = (), rule: str = "") -> None:
         """REPORT on each of these robots. rule: that they have deactivated, "" for none."""
@@ -111,10 +111,10 @@ class Outbox:
         may: Mask = begin - now <= (TELL_BURST - 1) / TELLS_A_SECOND
         if hops < 1:
             may[:] = False
-        less = state.told_less[rows.index]
-        silenced = rows.take(~may & ~less)
+        before = state.rate_limited[rows.index]
+        silenced = rows.take(~may & ~before)
         state.lost[rows.take(~may).index] += 1
-        state.told_less[rows.index] = np.where(may, less & (begin > now), True)
+        state.rate_limited[rows.index] = np.where(may, before & (begin > now), True)
         some = rows.take(may)
         state.telling_until[some.index] = begin[may] + 1.0 / TELLS_A_SECOND
         return may, silenced
@@ -127,9 +127,9 @@ class Outbox:
         """Send the answers to a message from each of these robots."""
         self.say(Kind.ANSWER, rows, answers)
 
-    def answer_alike(self, message: Message, rows: Rows, sort: str, fault: str = "") -> None:
+    def answer_alike(self, message: Message, rows: Rows, outcome: str, fault: str = "") -> None:
         """Give the same answer on each of these robots."""
-        self.answer(rows, AnswerColumns.alike(message.id, rows.size, sort, fault=fault))
+        self.answer(rows, AnswerColumns.alike(message.id, rows.size, outcome, fault=fault))
 
     def ping(self, rows: Rows, castes: Column) -> None:
         """PING on each of these robots."""
@@ -154,8 +154,8 @@ class Outbox:
     def pings(self, robot: int) -> list[float]:
         """The castes of a robot's pings; the sender clears the list."""
         for robots, castes in self._pings:
-            for place, caste in zip(robots.tolist(), castes.tolist(), strict=True):
-                self._ping_lists.setdefault(place, []).append(caste)
+            for pinging, caste in zip(robots.tolist(), castes.tolist(), strict=True):
+                self._ping_lists.setdefault(pinging, []).append(caste)
         self._pings.clear()
         return self._ping_lists.setdefault(robot, [])
 
@@ -174,16 +174,16 @@ class Outbox:
 
     def take(self) -> list[MessageBatch]:
         """Take the messages that are not in a robot's outbox yet."""
-        taken, self._sayings = self._sayings, []
-        for saying in taken:
-            self._state.said[saying.robots] -= 1
+        taken, self._batches = self._batches, []
+        for batch in taken:
+            self._state.in_outbox[batch.robots] -= 1
         return taken
 
     def state(self) -> OutboxState:
         """Everything that is still to be sent."""
         return OutboxState(
             self.epoch,
-            [dump_batch(saying) for saying in self._sayings],
+            [dump_batch(batch) for batch in self._batches],
             {robot: list(messages) for robot, messages in self._outboxes.items() if messages},
             [(Array.of(robots.astype(np.int32)), Array.of(castes)) for robots, castes in self._pings],
             {robot: list(castes) for robot, castes in self._ping_lists.items() if castes},
@@ -195,7 +195,7 @@ class Outbox:
         if not all(0 <= robot < count for robot in (*state.outboxes, *state.ping_lists)):
             raise SerialError("a robot that is not there has something to say")
         self.epoch = state.epoch
-        self._sayings = [load_batch(saying, self._names) for saying in state.sayings]
+        self._batches = [load_batch(batch, self._names) for batch in state.sayings]
         self._outboxes = {robot: list(messages) for robot, messages in state.outboxes.items()}
         self._ping_lists = {robot: list(castes) for robot, castes in state.ping_lists.items()}
         self._pings, self._pinged = [], np.zeros(count, np.int16)
@@ -207,10 +207,10 @@ class Outbox:
             self._pinged[robot] += len(castes)
 
     def _deliver_all(self) -> None:
-        for saying in self._sayings:
-            for robot, message in zip(saying.robots.tolist(), saying.messages(), strict=True):
+        for batch in self._batches:
+            for robot, message in zip(batch.robots.tolist(), batch.messages(), strict=True):
                 self._outboxes.setdefault(robot, []).append(message)
-        self._sayings.clear()
+        self._batches.clear()
 
 
 class Inbox:
@@ -249,31 +249,31 @@ class Inbox:
     def put(self, message: Message, robots: Index) -> Index:
         """Queue a message on these robots; returns those whose queue was full."""
         room = self.has_room(robots)
-        there = robots[room]
-        if there.size:
-            self.waiting[there] += 1
-            self._enqueue(message, there)
+        queued = robots[room]
+        if queued.size:
+            self.waiting[queued] += 1
+            self._enqueue(message, queued)
         return robots[~room]
 
     def _enqueue(self, message: Message, robots: Index) -> None:
-        """Insert a message at its place in each robot's queue: as late as what waits for the robot allows."""
+        """Insert a message into each robot's queue: as late as what waits for the robot allows."""
         if self._after is None or not self._queue:
             self._queue.append((message, robots))
             return
-        place = np.full(self._count, len(self._queue))
+        index = np.full(self._count, len(self._queue))
         moving = np.zeros(self._count, np.bool_)
         moving[robots] = True
         for at in range(len(self._queue) - 1, -1, -1):
-            before, those = self._queue[at]
-            there = those[moving[those]]
-            if self._after(message, before):
-                moving[there] = False
+            waiting, waiting_for = self._queue[at]
+            undecided = waiting_for[moving[waiting_for]]
+            if self._after(message, waiting):
+                moving[undecided] = False
             else:
-                place[there] = at
-        for at in np.unique(place[robots])[::-1].tolist():
-            self._queue.insert(at, (message, robots[place[robots] == at]))
+                index[undecided] = at
+        for at in np.unique(index[robots])[::-1].tolist():
+            self._queue.insert(at, (message, robots[index[robots] == at]))
 
-    def asking_too_much(self, message: Message, robots: Index) -> Index:
+    def refusing_question(self, message: Message, robots: Index) -> Index:
         """Those of the robots for which so many questions of its sender wait already that this one is refused."""
         full = robots[:0]
         if message.kind is Kind.ASK and self._after is not None:
@@ -287,8 +287,8 @@ class Inbox:
 
     def has_room(self, robots: Index) -> Mask:
         """For which of the robots one more message may wait."""
-        found: Mask = self.waiting[robots] < (MAX_QUEUE if self._room is None else self._room)
-        return found
+        room: Mask = self.waiting[robots] < (MAX_QUEUE if self._room is None else self._room)
+        return room
 
     @property
     def empty(self) -> bool:

@@ -32,8 +32,11 @@ from sleepcast.mind.merging import CommandOrder, comes_after, place_of
 @dataclass
 class Evaluated:
     """The result of one text on the robots `rows`. Columns have one value for each of them; faults are in order.
-    undecided: where its top-level test was unknown; moved: where its bodies were asked to move; held: where STOP holds
-    them; None where nobody asks for that."""
+
+    undecided: where its top-level test was unknown
+    moved: where its bodies were asked to move
+    held: where STOP holds them; None where nobody asks for that
+    """
 
     rows: Rows
     entry: LogEntry
@@ -48,7 +51,12 @@ class Evaluated:
 
 
 class Obeying:
-    """See the module. look: what a robot tells about itself; on_air: see `Fleet`. zero: see `Node`."""
+    """See the module.
+
+    look: what a robot tells about itself
+    on_air: see `Fleet`
+    zero: see `Node`
+    """
 
     def __init__(
         self,
@@ -83,14 +91,14 @@ class Obeying:
         steps = np.broadcast_to(np.asarray(memory.steps(rows), np.int32), rows.size)
         printed, memory.hosts, memory.printed = memory.printed, None, None
         self._log.weigh(entry)
-        found = Evaluated(rows, entry, values, memory.matched[rows.index].copy(), steps, memory.noted, printed)
+        outcome = Evaluated(rows, entry, values, memory.matched[rows.index].copy(), steps, memory.noted, printed)
         if memory.moved is not None:
-            found.moved = memory.moved[rows.index]
-        if memory.undecided is not None and found.moved is not None:
-            found.undecided = memory.undecided[rows.index]
-            found.held = found.moved & memory.state.stopped[rows.index]
+            outcome.moved = memory.moved[rows.index]
+        if memory.undecided is not None and outcome.moved is not None:
+            outcome.undecided = memory.undecided[rows.index]
+            outcome.held = outcome.moved & memory.state.stopped[rows.index]
         memory.undecided = memory.moved = None
-        return found
+        return outcome
 
     def obey(self, message: Message, rows: Rows, now: float) -> None:
         """Deal with a message that has waited on these robots."""
@@ -111,23 +119,24 @@ class Obeying:
         memory = self._memory
 
         def program(number: int) -> Program | str:
+            """What it means to robots with this mind, or why it cannot be checked."""
             names, asked = MindNames(memory.vocabulary, memory.minds[number]), message.kind is Kind.ASK
             try:
                 return memory.minds.library.program(message.text, lambda: [read(message.text)], names, asked=asked)
             except SleepcastError as error:
                 return str(error).splitlines()[0]
 
-        for found, some, _ in memory.divide(rows, program):
-            if isinstance(found, str):
-                self._outbox.answer_alike(message, some, "fault", found)
+        for compiled, some, _ in memory.divide(rows, program):
+            if isinstance(compiled, str):
+                self._outbox.answer_alike(message, some, "fault", compiled)
                 continue
-            for why, few in self._authority.objections(message, found, some, now):
+            for why, few in self._authority.objections(message, compiled, some, now):
                 if why:
                     self._outbox.answer_alike(message, few, "fault", why)
                 elif message.kind is Kind.ASK:
-                    self._asked(message, found, few)
+                    self._foretell(message, compiled, few)
                 else:
-                    self._evaluate(message, found, few, now)
+                    self._evaluate(message, compiled, few, now)
 
     def _evaluate(self, message: Message, program: Program, rows: Rows, now: float) -> None:
         """Evaluate a command for whom it comes from."""
@@ -160,17 +169,17 @@ class Obeying:
             answers = AnswerColumns.alike(message.id, 1, "answer", details=self._look(message, robot, now))
             self._outbox.answer(Rows.run(robot, robot + 1), answers)
 
-    def _asked(self, message: Message, program: Program, rows: Rows) -> None:
+    def _foretell(self, message: Message, program: Program, rows: Rows) -> None:
         """Answer a question robot by robot: it changes nothing, so there is nothing to do for all at once."""
         for robot in rows.robots.tolist():
             memory = rehearsal(self._memory, robot)
-            found = foretell(program, memory)
-            details = foretold(message, found, undecided=memory.undecided)
-            answers = AnswerColumns.alike(message.id, 1, "answer", found.value, "; ".join(found.faults), details)
+            result = foretell(program, memory)
+            details = foretold(message, result, undecided=memory.undecided)
+            answers = AnswerColumns.alike(message.id, 1, "answer", result.value, "; ".join(result.faults), details)
             self._outbox.answer(Rows.run(robot, robot + 1), answers)
 
 
-_SORTS = ("not matched", "matched", "fault", UNKNOWN, HELD)
+_KINDS = ("not matched", "matched", "fault", UNKNOWN, HELD)
 
 
 def _came_of(message: Message, outcome: Evaluated) -> AnswerColumns:
@@ -178,11 +187,11 @@ def _came_of(message: Message, outcome: Evaluated) -> AnswerColumns:
     rows, faults = outcome.rows, [fault_text(noted) for noted in outcome.faults]
     fault = np.zeros(rows.size, np.int32) if faults else np.broadcast_to(np.int32(0), rows.size)
     for number, noted in reversed(list(enumerate(outcome.faults, 1))):
-        fault[rows.places(noted.robots)] = number
-    sort = outcome.matched.view(np.uint8)
+        fault[rows.indices_of(noted.robots)] = number
+    kind = outcome.matched.view(np.uint8)
     if outcome.undecided is not None and outcome.undecided.any():
-        sort = np.where(outcome.undecided & (sort == 0), np.uint8(3), sort)
+        kind = np.where(outcome.undecided & (kind == 0), np.uint8(3), kind)
     if outcome.held is not None and outcome.held.any():
-        sort = np.where(outcome.held & (sort == 1), np.uint8(4), sort)
-    sort = np.where(fault > 0, np.uint8(2), sort) if faults else sort
-    return AnswerColumns(message.id, _SORTS, sort, outcome.values, tuple(faults), fault)
+        kind = np.where(outcome.held & (kind == 1), np.uint8(4), kind)
+    kind = np.where(fault > 0, np.uint8(2), kind) if faults else kind
+    return AnswerColumns(message.id, _KINDS, kind, outcome.values, tuple(faults), fault)

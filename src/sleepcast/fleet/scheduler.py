@@ -21,16 +21,19 @@ from sleepcast.fleet.evaluation import RuleStatistics
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.native.compiler import Kernel, moment
 from sleepcast.fleet.native.kernels import SequencePlan
-from sleepcast.fleet.state import Mind
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import TIME_SLOT
 from sleepcast.mind.limits import FAILED, MAX_FAULTS_IN_ROW, TICK_STEPS
-from sleepcast.mind.rules import Rule, levels
+from sleepcast.mind.rules import levels
 
 
 class Way:
-    """Robots with the same remaining rules. keys: of these rules, in order; done: number of those already evaluated;
-    until: number of those to walk now."""
+    """Robots with the same remaining rules.
+
+    keys: of these rules, in order
+    done: number of those already evaluated
+    until: number of those to walk now
+    """
 
     def __init__(self, keys: tuple[str, ...], rows: Rows, done: int = 0, until: int | None = None) -> None:
         self.keys, self.rows, self.done = keys, rows, done
@@ -75,9 +78,7 @@ class BatchScheduler:
                 some = some.take(~behind) if behind.any() else some
             if some.size:
                 self._follow(plan, some)
-        if len(left) == 1:
-            return left[0]
-        return Rows.of(np.sort(np.concatenate([some.robots for some in left]))) if left else Rows.run(0, 0)
+        return Rows.together(left) if left else Rows.run(0, 0)
 
     def _affordable(self, plan: SequencePlan) -> bool:
         """Whether the budget suffices for all rules of a plan, whatever branches are taken."""
@@ -132,7 +133,7 @@ class BatchScheduler:
         left = kernels.evaluate(kernel, memory.state, rows, when, sinks)
         done = rows.take(~np.isin(rows.robots, left.robots)) if left.size else rows
         for tally, steps, entering in zip(tallies, kernel.steps, kernel.entering, strict=True):
-            tally.ran(steps, done, kept=entering)
+            tally.ran(steps, done, stored=entering)
             if not last:
                 self._used[done.index] += np.asarray(tally.steps(done), np.int32)
         return left
@@ -144,43 +145,42 @@ class BatchScheduler:
         for sequence, some, _ in memory.divide(rows, lambda number: memory.minds[number].sequence):
             if not sequence:
                 continue
-            special = self._out_of_the_ordinary(some)
-            for robot in some.robots[special].tolist():
-                chosen = self._choose(robot)
-                ways.append(Way(chosen, Rows.of(np.array([robot]))))
-            if not special.all():
-                ways.append(Way(sequence, some.take(~special) if special.any() else some))
+            choosing = self._must_choose(some)
+            for robot in some.robots[choosing].tolist():
+                ways.append(Way(self._choose(robot), Rows.of(np.array([robot]))))
+            if not choosing.all():
+                ways.append(Way(sequence, some.take(~choosing) if choosing.any() else some))
         return ways
 
-    def _out_of_the_ordinary(self, rows: Rows) -> Mask:
+    def _must_choose(self, rows: Rows) -> Mask:
         """Robots with rules left over, or whose budget may not suffice for all."""
         memory = self._memory
-        found = np.zeros(rows.size, np.bool_)
+        choosing = np.zeros(rows.size, np.bool_)
         for mind, some, mask in memory.divide(rows, lambda number: memory.minds[number]):
-            tallies = [(kept.program.cost, memory.statistics[kept.key]) for kept in mind.running]
+            tallies = [(rule.program.cost, memory.statistics[rule.key]) for rule in mind.running]
             if sum(max(cost, tally.most_steps) for cost, tally in tallies) > TICK_STEPS:
                 expected = sum(np.maximum(cost, np.asarray(tally.steps(some), np.int32)) for cost, tally in tallies)
-                found[... if mask is None else mask] = expected > TICK_STEPS
+                choosing[... if mask is None else mask] = expected > TICK_STEPS
         if self.left_over:
-            found |= np.isin(rows.robots, list(self.left_over))
-        return found
+            choosing |= np.isin(rows.robots, list(self.left_over))
+        return choosing
 
     def _choose(self, robot: int) -> tuple[str, ...]:
         """The rules that one robot's budget suffices for, in order of evaluation; the others are left over."""
-        mind = self._memory.kept(robot)
+        mind = self._memory.mind_of(robot)
         running, level = mind.running, levels(mind.rules)
         left_over = self.left_over.get(robot, frozenset())
         budget = TICK_STEPS
         taken: set[str] = set()
-        for kept in sorted(running, key=lambda k: (-level(k), k.key not in left_over)):
-            budget -= max(kept.program.cost, self._memory.statistics[kept.key].steps_of(robot))
+        for rule in sorted(running, key=lambda k: (-level(k), k.key not in left_over)):
+            budget -= max(rule.program.cost, self._memory.statistics[rule.key].steps_of(robot))
             if budget < 0 and taken:
                 break
-            taken.add(kept.key)
-        chosen = [kept for kept in running if kept.key in taken]
+            taken.add(rule.key)
+        chosen = [rule for rule in running if rule.key in taken]
         chosen.sort(key=lambda k: (level(k), k.key not in left_over))
-        self._leave_over(robot, frozenset(kept.key for kept in running) - taken)
-        return tuple(kept.key for kept in chosen)
+        self._leave_over(robot, frozenset(rule.key for rule in running) - taken)
+        return tuple(rule.key for rule in chosen)
 
     def _leave_over(self, robot: int, keys: frozenset[str]) -> None:
         if keys:
@@ -191,24 +191,17 @@ class BatchScheduler:
     # ---- evaluating
 
     def _walk(self, ways: list[Way]) -> None:
+        """Evaluate one rule after the other, each on all robots for which it comes next."""
         while ways:
-            ways = self._step(ways)
+            key = _next(ways)
+            meeting = [way for way in ways if way.head == key]
+            self._evaluate(key, Rows.together([way.rows for way in meeting]))
+            for way in meeting:
+                way.done += 1
+                self._leave_spent(way)
+            ways = [way for way in ways if way.done < way.until and way.rows.size]
 
-    def _step(self, ways: list[Way]) -> list[Way]:
-        """Evaluate one rule on all robots for which it comes next; returns the ways that continue."""
-        key = _next(ways)
-        there = [way for way in ways if way.head == key]
-        if len(there) == 1:
-            rows = there[0].rows
-        else:
-            rows = Rows.of(np.sort(np.concatenate([way.rows.robots for way in there])))
-        self._evaluate(key, rows)
-        for way in there:
-            way.done += 1
-            self._spare(way)
-        return [way for way in ways if way.done < way.until and way.rows.size]
-
-    def _spare(self, way: Way) -> None:
+    def _leave_spent(self, way: Way) -> None:
         """Leave the remaining rules over on robots that have used up their budget."""
         spent = self._used[way.rows.index] > TICK_STEPS
         if spent.any():
@@ -222,8 +215,8 @@ class BatchScheduler:
         memory = self._memory
 
         def active(number: int) -> Program | None:
-            kept = memory.minds[number].rules.get(key)
-            return kept.program if kept is not None and kept.active else None
+            rule = memory.minds[number].rules.get(key)
+            return rule.program if rule is not None and rule.active else None
 
         def may_be_replaced(number: int) -> bool:
             return not memory.minds[number].rules[key].protected
@@ -274,13 +267,13 @@ class BatchScheduler:
         memory = self._memory
         worn = rows.take(tally.in_row(rows) >= MAX_FAULTS_IN_ROW)
         for number, some, _ in memory.divide(worn, lambda number: number):
-            kept = memory.minds[number].rules[key]
-            if not kept.protected:
+            rule = memory.minds[number].rules[key]
+            if not rule.protected:
                 draft = memory.minds.draft(number)
                 draft.activate(key, False)
                 memory.turn(some, draft)
                 memory.state.unproven_since[some.index] = FAILED
-                memory.outbox.report(some, f"rule {kept.name} deactivated", rule=kept.name)
+                memory.outbox.report(some, f"rule {rule.name} deactivated", rule=rule.name)
 
 
 def _next(ways: list[Way]) -> str:
@@ -295,21 +288,18 @@ def _next(ways: list[Way]) -> str:
     return max(free, key=lambda key: free[key])
 
 
-def expired(memory: FleetMemory, rows: Rows, now: float) -> None:
-    """Deactivate expressions whose lease has ended, and report it."""
-    tallies = memory.statistics
-    if not tallies.leases:
+def end_leases(memory: FleetMemory, rows: Rows, now: float) -> None:
+    """Deactivate expressions whose lease has ended by `now` (s), and report it."""
+    leases = memory.statistics.leases
+    if not leases:
         return
     for mind, some, _ in memory.divide(rows, lambda number: memory.minds[number]):
-        ended = [(kept, some.take(tallies.leases[kept.key][some.index] <= now)) for kept in _leased(memory, mind)]
-        for kept, there in ended:
-            for number, few, _ in memory.divide(there, lambda number: number):
+        leased = [rule for rule in mind.running if rule.key in leases and not rule.protected]
+        ended = [(rule, some.take(leases[rule.key][some.index] <= now)) for rule in leased]
+        for rule, where in ended:
+            for number, few, _ in memory.divide(where, lambda number: number):
                 draft = memory.minds.draft(number)
-                draft.activate(kept.key, False)
+                draft.activate(rule.key, False)
                 memory.turn(few, draft)
-        for kept, there in ended:
-            memory.outbox.report(there, f"lease of {kept.name} ended")
-
-
-def _leased(memory: FleetMemory, mind: Mind) -> list[Rule]:
-    return [kept for kept in mind.running if kept.key in memory.statistics.leases and not kept.protected]
+        for rule, where in ended:
+            memory.outbox.report(where, f"lease of {rule.name} ended")

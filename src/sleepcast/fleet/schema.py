@@ -99,8 +99,12 @@ class AuthorityState(msgspec.Struct):
 
 
 class FleetSnapshot(msgspec.Struct):
-    """The whole state. left_over: by robot, the rules that the budget of the last tick did not reach. measured: by
-    slot, when each robot last measured it (s). authority: None in snapshots of format 1."""
+    """The whole state.
+
+    left_over: by robot, the rules that the budget of the last tick did not reach
+    measured: by slot, when each robot last measured it (s)
+    authority: None in snapshots of format 1
+    """
 
     minds: SharedMinds
     state: ColumnsState

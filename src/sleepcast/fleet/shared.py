@@ -51,11 +51,11 @@ class Shared(Generic[Value]):
         if self._column is None:
             return [(self.values[0], rows, None)]
         numbers = self._column[rows.index]
-        there = distinct(numbers)[0].tolist()
-        if len(there) == 1:
-            return [(self.values[there[0]], rows, None)]
-        masks = [numbers == number for number in there]
-        return [(self.values[number], rows.take(mask), mask) for number, mask in zip(there, masks, strict=True)]
+        present = distinct(numbers)[0].tolist()
+        if len(present) == 1:
+            return [(self.values[present[0]], rows, None)]
+        masks = [numbers == number for number in present]
+        return [(self.values[number], rows.take(mask), mask) for number, mask in zip(present, masks, strict=True)]
 
     def where(self, rows: Rows, holds: Callable[[Value], bool]) -> Rows:
         """Those of the rows for whose values `holds` is true."""
@@ -67,9 +67,9 @@ class Shared(Generic[Value]):
     def change(self, rows: Rows, how: Callable[[Value], Value]) -> None:
         """Replace the values of these robots."""
         for value, some, _ in self.divide(rows):
-            found = how(value)
-            if found is not value:
-                self.set(some, found)
+            changed = how(value)
+            if changed is not value:
+                self.set(some, changed)
 
     def set(self, rows: Rows, value: Value) -> None:
         """Give these robots this value."""
@@ -86,15 +86,11 @@ class Shared(Generic[Value]):
                 return
             self._column = filled(0, np.int32, self._count)
         self._column[rows.index] = number
-        if len(self.values) > 2 * self._used + SPARE:
-            self._tidy(self._column)
-
-    def _tidy(self, column: NDArray[np.int32]) -> None:
-        """Forget the values that no robot has any more."""
-        numbers, column[:] = np.unique(column, return_inverse=True)
-        self.values = [self.values[number] for number in numbers.tolist()]
-        self._numbers = {self._key(value): number for number, value in enumerate(self.values)}
-        self._used = len(self.values)
+        if len(self.values) > 2 * self._used + SPARE:  # forget those that no robot has any more
+            numbers, self._column[:] = np.unique(self._column, return_inverse=True)
+            self.values = [self.values[number] for number in numbers.tolist()]
+            self._numbers = {self._key(value): number for number, value in enumerate(self.values)}
+            self._used = len(self.values)
 
     @property
     def column(self) -> NDArray[np.int32]:

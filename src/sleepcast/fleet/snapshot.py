@@ -46,29 +46,29 @@ def state_of(fleet: Fleet) -> FleetSnapshot:
 
 
 def _authority_of(fleet: Fleet) -> AuthorityState:
-    authority, shared = fleet.authority, _shared_of
+    authority = fleet.authority
     return AuthorityState(
-        shared(authority.driving, lambda driving: driving),
-        shared(authority.leases, lambda leases: dict(leases.held)),
-        shared(authority.doubts, str),
-        shared(authority.catching_up, bool),
-        shared(fleet.state.merging, lambda merging: merging.state()),
+        _shared_state(authority.driving, lambda driving: driving),
+        _shared_state(authority.leases, lambda leases: dict(leases.held)),
+        _shared_state(authority.doubts, str),
+        _shared_state(authority.catching_up, bool),
+        _shared_state(fleet.state.merging, lambda merging: merging.state()),
         [(*life, Array.of(when)) for life, when in fleet.arrived.items()],
     )
 
 
-def _shared_of(shared: Shared[Value], plain: Callable[[Value], Plain]) -> SharedState[Plain]:
+def _shared_state(shared: Shared[Value], plain: Callable[[Value], Plain]) -> SharedState[Plain]:
     column = None if len(shared.values) == 1 else Array.of(shared.column)
     return SharedState([plain(value) for value in shared.values], column)
 
 
 def _restore_authority(fleet: Fleet, state: AuthorityState) -> None:
-    authority, refill_shared = fleet.authority, _refill_shared
-    refill_shared(authority.driving, state.driving, lambda driving: driving)
-    refill_shared(authority.leases, state.leases, Leases)
-    refill_shared(authority.doubts, state.doubts, str)
-    refill_shared(authority.catching_up, state.catching_up, bool)
-    refill_shared(fleet.state.merging, state.merging, Merging.of)
+    authority = fleet.authority
+    _refill_shared(authority.driving, state.driving, lambda driving: driving)
+    _refill_shared(authority.leases, state.leases, Leases)
+    _refill_shared(authority.doubts, state.doubts, str)
+    _refill_shared(authority.catching_up, state.catching_up, bool)
+    _refill_shared(fleet.state.merging, state.merging, Merging.of)
     for sender, epoch, when in state.arrived:
         fleet.arrived[sender, epoch] = when.made(np.float64, (len(fleet),), "when a STOP has arrived")
 
@@ -111,59 +111,59 @@ def restore(fleet: Fleet, state: FleetSnapshot, when: float) -> None:
 
 def shared_minds(minds: Minds) -> SharedMinds:
     """The table of minds. Programs that robots share are stored once."""
-    places: dict[Program, int] = {}
+    indices: dict[Program, int] = {}
     programs: list[ProgramState] = []
 
-    def place(program: Program, parameters: tuple[str, ...] = ()) -> int:
-        if program not in places:
-            places[program] = len(programs)
+    def index_of(program: Program, parameters: tuple[str, ...] = ()) -> int:
+        if program not in indices:
+            indices[program] = len(programs)
             programs.append(ProgramState.of(program, parameters))
-        return places[program]
+        return indices[program]
 
     table, following = minds.table
-    found = {number: _shared(mind, place) for number, mind in table.items()}
-    return SharedMinds(list(minds.vocabulary.user_slots), programs, found, following)
+    shared = {number: _shared(mind, index_of) for number, mind in table.items()}
+    return SharedMinds(list(minds.vocabulary.user_slots), programs, shared, following)
 
 
-def refill(minds: Minds, kept: SharedMinds) -> None:
+def refill(minds: Minds, state: SharedMinds) -> None:
     """Restore the table of minds. Raises SerialError."""
     vocabulary = minds.vocabulary
-    if len(kept.user_names) > MAX_USER_VARIABLES:
-        raise SerialError(f"{len(kept.user_names)} names of user variables, at most {MAX_USER_VARIABLES} fit")
+    if len(state.user_names) > MAX_USER_VARIABLES:
+        raise SerialError(f"{len(state.user_names)} names of user variables, at most {MAX_USER_VARIABLES} fit")
     vocabulary.user_slots.clear()
-    for key in kept.user_names:
+    for key in state.user_names:
         vocabulary.user_slot(key)
-    programs = [each.made(vocabulary, minds.library) for each in kept.programs]
-    found = {number: _mind(each, programs, vocabulary) for number, each in kept.minds.items()}
-    if 0 not in found or min(found) < 0 or max(found) >= kept.next or kept.next > np.iinfo(np.int32).max:
-        raise SerialError(f"numbers of minds that do not go from 0 to {kept.next}")
-    minds.fill(found, kept.next)
+    programs = [each.made(vocabulary, minds.library) for each in state.programs]
+    restored = {number: _mind(each, programs, vocabulary) for number, each in state.minds.items()}
+    if 0 not in restored or min(restored) < 0 or max(restored) >= state.next or state.next > np.iinfo(np.int32).max:
+        raise SerialError(f"numbers of minds that do not go from 0 to {state.next}")
+    minds.fill(restored, state.next)
 
 
-def _shared(mind: Mind, place: Callable[..., int]) -> SharedMind:
+def _shared(mind: Mind, index_of: Callable[..., int]) -> SharedMind:
     rules = [
-        SharedRule(rule.key, rule.name, place(rule.program), rule.active, rule.protected, rule.priority, rule.rank)
+        SharedRule(rule.key, rule.name, index_of(rule.program), rule.active, rule.protected, rule.priority, rule.rank)
         for rule in mind.rules.values()
     ]
     operators = {}
     for key, program in mind.operators.items():
-        found = mind.symbols[key]
-        operators[key] = place(program, found.parameters if isinstance(found, Operator) else ())
-    return SharedMind(rules, {key: SymbolState.of(found) for key, found in mind.symbols.items()}, operators)
+        symbol = mind.symbols[key]
+        operators[key] = index_of(program, symbol.parameters if isinstance(symbol, Operator) else ())
+    return SharedMind(rules, {key: SymbolState.of(symbol) for key, symbol in mind.symbols.items()}, operators)
 
 
-def _mind(kept: SharedMind, programs: list[Program], vocabulary: Vocabulary) -> Mind:
-    symbols = {key: found.made(key, vocabulary) for key, found in kept.symbols.items()}
+def _mind(saved: SharedMind, programs: list[Program], vocabulary: Vocabulary) -> Mind:
+    symbols = {key: symbol.made(key, vocabulary) for key, symbol in saved.symbols.items()}
     rules, operators = {}, {}
-    for rule in kept.rules:
+    for rule in saved.rules:
         program = _at(programs, rule.program, 0)
         flags = (rule.active, rule.protected, rule.priority, rule.rank)
         rules[rule.key] = Rule(rule.key, rule.name, program.text, program, *flags)
-    for key, number in kept.operators.items():
-        found = symbols.get(key)
-        if not isinstance(found, Operator):
+    for key, number in saved.operators.items():
+        symbol = symbols.get(key)
+        if not isinstance(symbol, Operator):
             raise SerialError(f"an operator {key[:80]} without a name")
-        operators[key] = _at(programs, number, len(found.parameters))
+        operators[key] = _at(programs, number, len(symbol.parameters))
     return Mind(rules, symbols, operators)
 
 

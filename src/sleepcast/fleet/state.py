@@ -30,7 +30,7 @@ from sleepcast.mind.authority import Latch
 from sleepcast.mind.merging import Merging
 from sleepcast.mind.rules import Rule, RuleBase, learned_at_first, running
 
-Sort = TypeVar("Sort", bound=Hashable)
+Key = TypeVar("Key", bound=Hashable)
 
 
 class FleetState(ValueColumns):
@@ -61,7 +61,7 @@ class FleetState(ValueColumns):
         """Number of assignments and calls that were not passed to the body because a value was unknown."""
         self.lost = np.zeros(count, np.int32)
         """Number of messages lost because a queue or the outbox was full."""
-        self.said = np.zeros(count, np.int32)
+        self.in_outbox = np.zeros(count, np.int32)
         """Messages in the outbox."""
         self.sequence = np.zeros(count, np.int32)
         """The number of the last message sent."""
@@ -71,7 +71,7 @@ class FleetState(ValueColumns):
         """Its reports in that second."""
         self.telling_until = np.zeros(count)
         """When everything that each robot has told would be paid off at its permitted rate, s."""
-        self.told_less = np.zeros(count, np.bool_)
+        self.rate_limited = np.zeros(count, np.bool_)
         """Whether a TELL has been refused since the robot was last below its rate."""
         self.stopped = np.zeros(count, np.bool_)
         self.latch = Shared(count, Latch())
@@ -92,31 +92,32 @@ class FleetState(ValueColumns):
         elif self.one_mind != mind:
             self.one_mind = None
 
-    def divide(self, rows: Rows, sort: Callable[[int], Sort]) -> list[tuple[Sort, Rows, Mask | None]]:
-        """Group the rows by the result of `sort` for their mind's number; each group with its places (None: all)."""
+    def divide(self, rows: Rows, key: Callable[[int], Key]) -> list[tuple[Key, Rows, Mask | None]]:
+        """Group the rows by the result of `key` for their mind's number; each group with a mask of the rows (None:
+        all)."""
         if rows.size == 0:
             return []
         if (one := self.one_mind) is not None:
-            return [(sort(one), rows, None)]
+            return [(key(one), rows, None)]
         numbers = self.mind[rows.index]
         if (numbers == numbers[0]).all():
             one = int(numbers[0])
             if rows.size == self.count:
                 self.turn(rows, one)  # updates the cached common mind
-            return [(sort(one), rows, None)]
+            return [(key(one), rows, None)]
         unique, which = distinct(numbers)
-        sorts: dict[Sort, int] = {}
-        codes = np.array([sorts.setdefault(sort(number), len(sorts)) for number in unique.tolist()])[which]
-        if len(sorts) == 1:
-            return [(next(iter(sorts)), rows, None)]
-        return [(found, rows.take(codes == code), codes == code) for found, code in sorts.items()]
+        codes: dict[Key, int] = {}
+        coded = np.array([codes.setdefault(key(number), len(codes)) for number in unique.tolist()])[which]
+        if len(codes) == 1:
+            return [(next(iter(codes)), rows, None)]
+        return [(group, rows.take(coded == code), coded == code) for group, code in codes.items()]
 
     def assigned(self, slot: int) -> Mask:
         """Which robots have assigned an actuator."""
-        found = self.actuated.get(slot)
-        if found is None:
-            found = self.actuated[slot] = filled(0, np.bool_, self.count)
-        return found
+        robots = self.actuated.get(slot)
+        if robots is None:
+            robots = self.actuated[slot] = filled(0, np.bool_, self.count)
+        return robots
 
     # ---- saving and restoring
 
@@ -153,7 +154,7 @@ class FleetState(ValueColumns):
 
     def _telling(self) -> dict[str, NDArray[np.generic]]:
         """The arrays that bound the rate of TELL."""
-        return {"telling_until": self.telling_until, "told_less": self.told_less}
+        return {"telling_until": self.telling_until, "told_less": self.rate_limited}
 
     def _arrays(self) -> dict[str, NDArray[np.generic]]:
         """All arrays with one element per robot that are not variables."""
@@ -164,7 +165,7 @@ class FleetState(ValueColumns):
             "unproven_since": self.unproven_since,
             "dropped": self.dropped,
             "lost": self.lost,
-            "said": self.said,
+            "said": self.in_outbox,
             "sequence": self.sequence,
             "reported_in": self.reported_in,
             "reported": self.reported,
@@ -232,7 +233,7 @@ class Mind:
 
     def heard(self) -> Iterable[str]:
         """Every learned name as written."""
-        return [found.name for found in self.symbols.values()]
+        return [symbol.name for symbol in self.symbols.values()]
 
     def fetch(self, part: Part) -> Program | None:
         """The program in the buffer or rule that a `fetch` part names, None if there is none."""

@@ -278,7 +278,7 @@ class Swarm:
         """Evaluate `text` on the robot called `name`, with its current readings; its messages are sent in the next
         tick. Raises KeyError for an unknown robot, ReadError and CheckError for an invalid text."""
         mind = self.minds[name]
-        self.sense(self.fleet.rows([mind.place]))
+        self.sense(self.fleet.rows([mind.index]))
         return mind.evaluate(text)
 
     def sense(self, robots: Rows | None = None, *, sonars: bool | Collection[int] = True) -> None:
@@ -291,7 +291,7 @@ class Swarm:
     def values_of(self, text: str) -> Column:
         """What an expression comes to on each robot now; of the sonars only those are measured that it reads. Raises
         what `Fleet.values_of` raises."""
-        reads = self.fleet.asked[text].reads
+        reads = self.fleet.queries[text].reads
         self.sense(sonars=reads is None or self.rows_of(self.sonars & reads))
         return self.fleet.values_of(text, self.now())
 
@@ -438,7 +438,7 @@ def act_on(desk: Desk, wanted: Instruction) -> SentCommand | None:
 
 def _think(swarm: Swarm) -> None:
     """Run the minds of robots that have anything to evaluate, with their current readings."""
-    swarm.thought = swarm.fleet.restless()
+    swarm.thought = swarm.fleet.awake_rows()
     if swarm.thought.size:
         swarm.sense(swarm.thought, sonars=_heard(swarm))
         swarm.fleet.think(swarm.simulator.tick, swarm.now(), swarm.thought)
@@ -461,11 +461,11 @@ def _is_sampled(swarm: Swarm) -> bool:
 
 def _report(swarm: Swarm) -> None:
     """Send the robots' messages, let the desk receive what is due, and sample telemetry when it is due."""
-    for batch in swarm.fleet.said():
+    for batch in swarm.fleet.take_messages():
         swarm.radio.send_all(batch)
         for witness in swarm.witnesses:
             witness.said(batch)
-    for robots, castes in swarm.fleet.pings():
+    for robots, castes in swarm.fleet.take_pings():
         swarm.simulator.pings(robots, castes)
     for number, desk in zip(swarm.radio.desks.tolist(), swarm.desks, strict=False):
         for heard in swarm.radio.hear(number):

@@ -12,7 +12,7 @@ from sleepcast.console.adapters.swarm import existing, outlines, scene_of
 from sleepcast.console.failing import Failures, ShownFailing
 from sleepcast.console.outgoing import ShownRule
 from sleepcast.console.timeline import RobotMarks, Timeline, Track, values_of
-from sleepcast.fleet.failing import MOST_TOLD
+from sleepcast.fleet.failing import MAX_FAILING
 from sleepcast.loop import vocabulary_of
 from sleepcast.loop.rerun import Inputs
 from sleepcast.simulator import Simulator
@@ -128,8 +128,8 @@ class TimelineBuilder:
             )
 
     def _failures(self, failures: FailuresBody) -> Failures:
-        if len(failures.rules) > MOST_TOLD:
-            raise ValueError(f"{len(failures.rules)} rules that fail, at most {MOST_TOLD} are recorded")
+        if len(failures.rules) > MAX_FAILING:
+            raise ValueError(f"{len(failures.rules)} rules that fail, at most {MAX_FAILING} are recorded")
         size = -(-self._count // 8)
         for rule in failures.rules:
             if len(rule.robots) != size:

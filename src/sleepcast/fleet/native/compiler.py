@@ -62,7 +62,7 @@ _ELEMENTS = {
 """The LLVM type and bytes of an element of each kind of column."""
 
 Entry: TypeAlias = tuple[str, int | str]
-"""One entry of the code's address table: a kind of column and which one of it, or `tick` or `time`."""
+"""One entry of the code's address table: a kind of column and which one, such as its slot, or `tick` or `time`."""
 
 
 class ResultColumns(NamedTuple):
@@ -100,9 +100,9 @@ class Writer:
         a.begin(done)
         a.do(f"ret i64 {a.get(bad, 'i64')}")
         pointers = []
-        for (sort, what), number in self.entries.items():
+        for (column, which), number in self.entries.items():
             kind = {("tick", ""): "i64", ("time", TICK): "double", ("time", TIME_SLOT): "double"}.get(
-                (sort, what), "ptr"
+                (column, which), "ptr"
             )
             pointers += [f"%q{number} = getelementptr i64, ptr %table, i64 {number}"]
             pointers += [f"%p{number} = load {kind}, ptr %q{number}"]
@@ -158,15 +158,15 @@ class Writer:
             if steps:
                 self._keep("steps", number, a.convert("trunc", a.whole, a.get(steps, a.whole), a.short), well)
 
-    def _give(self, sort: str, value: str, mask: str) -> None:
+    def _give(self, column: str, value: str, mask: str) -> None:
         """Write a column that has not been written yet."""
         a = self.a
-        kind = self._vector(sort)
-        place = self._at(sort, 0)
+        kind = self._vector(column)
+        address = self._at(column, 0)
         some = a.cell(kind, value)
         with a.when(a.any(a.neither(mask))):
-            a.put(some, kind, a.select(mask, value, a.get(place, kind), kind))
-        a.put(place, kind, a.get(some, kind))
+            a.put(some, kind, a.select(mask, value, a.get(address, kind), kind))
+        a.put(address, kind, a.get(some, kind))
 
     def _count(self, number: int, matched: str) -> None:
         a = self.a
@@ -174,35 +174,35 @@ class Writer:
             more = a.convert("zext", a.truth, matched, a.byte)
             a.put(self._at("fresh", number), a.byte, a.binary("add", a.byte, self._read("fresh", number, a.byte), more))
 
-    def _keep(self, sort: str, what: int | str, value: str, mask: str) -> None:
+    def _keep(self, column: str, which: int | str, value: str, mask: str) -> None:
         """Write the new values of a column; skips unchanged ones."""
         a = self.a
-        kind = self._vector(sort)
-        old = self._read(sort, what, kind)
+        kind = self._vector(column)
+        old = self._read(column, which, kind)
         new, was = value, old
         if kind == a.real:
             new, was = (a.convert("bitcast", a.real, x, a.long) for x in (value, old))
         whole = a.long if kind == a.real else kind
         with a.when(a.any(a.both(mask, a.emit(f"icmp ne {whole} {new}, {was}")))):
-            a.put(self._at(sort, what), kind, a.select(mask, value, old, kind))
+            a.put(self._at(column, which), kind, a.select(mask, value, old, kind))
 
-    def _vector(self, sort: str) -> str:
-        return self.a.vector(_ELEMENTS[sort][0])
+    def _vector(self, column: str) -> str:
+        return self.a.vector(_ELEMENTS[column][0])
 
-    def _read(self, sort: str, what: int | str, kind: str) -> str:
+    def _read(self, column: str, which: int | str, kind: str) -> str:
         """The lanes of a column, or one number in all of them."""
         a = self.a
-        if sort == "tick":
-            return a.splat("i64", self._pointer(sort, what))
-        if sort == "slot" and what in (TICK, TIME_SLOT):
-            return a.splat("double", self._pointer("time", what))
-        return a.get(self._at(sort, what), kind)
+        if column == "tick":
+            return a.splat("i64", self._pointer(column, which))
+        if column == "slot" and which in (TICK, TIME_SLOT):
+            return a.splat("double", self._pointer("time", which))
+        return a.get(self._at(column, which), kind)
 
-    def _at(self, sort: str, what: int | str) -> str:
-        return self.a.at(self._pointer(sort, what), _ELEMENTS[sort][0], self._base)
+    def _at(self, column: str, which: int | str) -> str:
+        return self.a.at(self._pointer(column, which), _ELEMENTS[column][0], self._base)
 
-    def _pointer(self, sort: str, what: int | str) -> str:
-        return f"%p{self.entries.setdefault((sort, what), len(self.entries))}"
+    def _pointer(self, column: str, which: int | str) -> str:
+        return f"%p{self.entries.setdefault((column, which), len(self.entries))}"
 
 
 class Kernel:
@@ -218,9 +218,9 @@ class Kernel:
         """Largest number of steps of each program."""
         self.entering = [enters(program, names) for program in programs]
         """Whether each program enters others: if not, its number of steps is constant."""
-        self._slots = [what for sort, what in self._entries if sort == "slot" and isinstance(what, int)]
-        self._acted = [what for sort, what in self._entries if sort == "acted" and isinstance(what, int)]
-        self._groups = [what for sort, what in self._entries if sort == "group" and isinstance(what, str)]
+        self._slots = [which for column, which in self._entries if column == "slot" and isinstance(which, int)]
+        self._acted = [which for column, which in self._entries if column == "acted" and isinstance(which, int)]
+        self._groups = [which for column, which in self._entries if column == "group" and isinstance(which, str)]
         self._call = _compiled(text)
         self._bound: list[object] = []
         self._table = np.zeros(len(self._entries) + 1, np.int64)
@@ -242,14 +242,14 @@ class Kernel:
         """
         start, stop = where.start, where.stop
         if when is None or state.count < self.lanes or not self._bind(state, part, sinks):
-            there = part[start:stop]
-            there[there == THERE] = TROUBLED
+            present = part[start:stop]
+            present[present == THERE] = TROUBLED
             return True
         reals = self._table.view(np.float64)
-        for number, (sort, what) in enumerate(self._entries):
-            if sort == "time":
-                reals[number] = when[what == TIME_SLOT]
-            elif sort == "tick":
+        for number, (column, which) in enumerate(self._entries):
+            if column == "time":
+                reals[number] = when[which == TIME_SLOT]
+            elif column == "tick":
                 self._table[number] = int(when[0])
         if (stop - start) * self.parts < SPLIT:
             return bool(self._call(start, stop, state.count, self._address))
@@ -269,12 +269,12 @@ class Kernel:
             return True
         nobody = np.zeros(state.count, np.bool_)
         arrays = []
-        for number, (sort, what) in enumerate(self._entries):
-            if sort in ("tick", "time"):
+        for number, (column, which) in enumerate(self._entries):
+            if column in ("tick", "time"):
                 continue
-            array = _array(state, part, sinks, sort, what)
+            array = _array(state, part, sinks, column, which)
             array = nobody if array is None else array
-            if not array.flags.c_contiguous or array.itemsize != _ELEMENTS[sort][1] or array.size != state.count:
+            if not array.flags.c_contiguous or array.itemsize != _ELEMENTS[column][1] or array.size != state.count:
                 return False
             self._table[number] = array.ctypes.data
             arrays.append(array)
@@ -283,37 +283,37 @@ class Kernel:
 
 
 def _array(
-    state: FleetState, part: NDArray[np.uint8], sinks: Sequence[ResultColumns], sort: str, what: int | str
+    state: FleetState, part: NDArray[np.uint8], sinks: Sequence[ResultColumns], column: str, which: int | str
 ) -> NDArray[np.generic] | None:
     """A column of the table, None for a group without members."""
-    if isinstance(what, str):
-        found: dict[str, NDArray[np.generic] | None]
-        found = {"part": part, "keys": state.keys, "draws": state.draws, "group": state.groups.get(what)}
-        return found[sort]
-    if sort == "slot":
-        return state.own(what)
-    if sort == "acted":
-        return state.assigned(what)
-    sink = sinks[what]
-    return sink.value if sort == "value" else sink.fresh if sort == "fresh" else sink.steps
+    if isinstance(which, str):
+        by_name: dict[str, NDArray[np.generic] | None]
+        by_name = {"part": part, "keys": state.keys, "draws": state.draws, "group": state.groups.get(which)}
+        return by_name[column]
+    if column == "slot":
+        return state.own(which)
+    if column == "acted":
+        return state.assigned(which)
+    sink = sinks[which]
+    return sink.value if column == "value" else sink.fresh if column == "fresh" else sink.steps
 
 
 def moment(state: FleetState, rows: Rows) -> tuple[float, float] | None:
     """The tick and the time (s) of these robots, None if they differ."""
-    found = []
+    moments = []
     for slot in (TICK, TIME_SLOT):
         values = state.read(slot, rows)
         if not isinstance(values, float):
             if not (values == values[0]).all():
                 return None
             values = float(values[0])
-        found.append(values)
-    return found[0], found[1]
+        moments.append(values)
+    return moments[0], moments[1]
 
 
 def _all(programs: Sequence[Program], names: Meaning) -> list[Program]:
     """The programs, and those that they enter."""
-    return [*programs, *(found for found in names.values() if isinstance(found, Program))]
+    return [*programs, *(meant for meant in names.values() if isinstance(meant, Program))]
 
 
 def _written(programs: Sequence[Program], names: Meaning) -> list[int]:
@@ -355,8 +355,10 @@ def _compiled(text: str) -> Callable[[int, int, int, int], int]:
         engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target)
         engine.add_object_file(binding.ObjectFileRef.from_data(code))
         engine.finalize_object()
-        place = engine.get_function_address("round")
-    function = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)(place)
+        address = engine.get_function_address("round")
+    function = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)(
+        address
+    )
 
     def call(start: int, stop: int, count: int, table: int) -> int:
         return int(function(start, stop, count, table)) if engine else 0  # the engine owns the code: keep it alive

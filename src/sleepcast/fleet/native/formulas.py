@@ -20,7 +20,7 @@ from sleepcast.language.parts import Part
 ORDERED = {"<": "olt", "<=": "ole", ">": "ogt", ">=": "oge", "=": "oeq", "EQ": "oeq"}
 TRUTHS = frozenset({*ORDERED, "/=", "NOT"})
 """Functions that return a truth and never a fault."""
-MOST_DIFFERENT = 8
+MAX_DIFFERENT = 8
 """Arguments of /=, at most: each is compared with each."""
 
 Formula = Callable[[Assembly, Sequence[str], str], str]
@@ -31,7 +31,7 @@ def is_known(part: Part) -> bool:
     """Whether there is native code for a pure part."""
     name = part.function.name
     if name in TRUTHS:
-        return name != "/=" or len(part.parts) <= MOST_DIFFERENT
+        return name != "/=" or len(part.parts) <= MAX_DIFFERENT
     return name in FORMULAS and (name not in _NEEDS or libm.address(_NEEDS[name]) is not None)
 
 
@@ -49,7 +49,7 @@ def holds(a: Assembly, name: str, numbers: Sequence[str]) -> str:
     return reduce(a.both, (a.compare(ORDERED[name], x, y) for x, y in pairwise(numbers)), a.yes)
 
 
-def each(a: Assembly, name: str, numbers: Sequence[str], mask: str) -> str:
+def each(name: str, a: Assembly, numbers: Sequence[str], mask: str) -> str:
     """A function of the C library, called for each lane of the mask; 0 in the others."""
     own = f"each_{name}"
     if own not in a.outside:
@@ -90,17 +90,17 @@ def quantile(a: Assembly, u: str, mask: str) -> str:
     centre = a.compare("ole", a.intrinsic("fabs", q), a.number(0.425))
     r = a.binary("fsub", a.real, a.number(0.180625), a.binary("fmul", a.real, q, q))
     top = a.binary("fmul", a.real, q, _polynomial(a, numerics.CENTRE_TOP, r))
-    found = a.cell(a.real, a.binary("fdiv", a.real, top, _polynomial(a, numerics.CENTRE_BOTTOM, r)))
+    result = a.cell(a.real, a.binary("fdiv", a.real, top, _polynomial(a, numerics.CENTRE_BOTTOM, r)))
     outside = a.both(mask, a.neither(centre))
     with a.when(a.any(outside)):
-        a.put(found, a.real, a.select(outside, _tail(a, u, q, outside), a.get(found, a.real)))
-    return a.get(found, a.real)
+        a.put(result, a.real, a.select(outside, _tail(a, u, q, outside), a.get(result, a.real)))
+    return a.get(result, a.real)
 
 
 def _tail(a: Assembly, u: str, q: str, mask: str) -> str:
     low = a.compare("olt", q, a.zero)
     near = a.select(low, u, a.binary("fsub", a.real, a.one, u))
-    r = a.intrinsic("sqrt", a.emit(f"fneg {a.real} {each(a, 'log', [near], mask)}"))
+    r = a.intrinsic("sqrt", a.emit(f"fneg {a.real} {each('log', a, [near], mask)}"))
     sizes = []
     for shift, top, bottom in (
         (1.6, numerics.MIDDLE_TOP, numerics.MIDDLE_BOTTOM),
@@ -120,23 +120,19 @@ def _polynomial(a: Assembly, coefficients: Sequence[float], x: str) -> str:
 
 
 def _fold(operation: str, empty: float, a: Assembly, numbers: Sequence[str], mask: str) -> str:
-    if len(numbers) < 2:
-        return _single(operation, a, numbers[0]) if numbers else a.number(empty)
-    return reduce(partial(a.binary, operation, a.real), numbers)
-
-
-def _single(operation: str, a: Assembly, number: str) -> str:
-    if operation == "fsub":
-        return a.emit(f"fneg {a.real} {number}")
-    return a.binary("fdiv", a.real, a.one, number) if operation == "fdiv" else number
+    match operation, len(numbers):
+        case _, 0:
+            return a.number(empty)
+        case "fsub", 1:
+            return a.emit(f"fneg {a.real} {numbers[0]}")
+        case "fdiv", 1:
+            return a.binary("fdiv", a.real, a.one, numbers[0])
+        case _:
+            return reduce(partial(a.binary, operation, a.real), numbers)
 
 
 def _pick(how: str, a: Assembly, numbers: Sequence[str], mask: str) -> str:
     return reduce(lambda best, x: a.select(a.compare(how, x, best), x, best), numbers)
-
-
-def _of_c(name: str, a: Assembly, numbers: Sequence[str], mask: str) -> str:
-    return each(a, name, numbers, mask)
 
 
 def _bearing(a: Assembly, n: Sequence[str], mask: str) -> str:
@@ -146,10 +142,10 @@ def _bearing(a: Assembly, n: Sequence[str], mask: str) -> str:
 def _angle(a: Assembly, n: Sequence[str], mask: str) -> str:
     """See `language.numerics.angle`, step by step."""
     y, x = n
-    across, up = a.intrinsic("fabs", x), a.intrinsic("fabs", y)
-    swapped = a.compare("olt", across, up)
+    width, height = a.intrinsic("fabs", x), a.intrinsic("fabs", y)
+    swapped = a.compare("olt", width, height)
     behind = a.compare("olt", a.intrinsic("copysign", a.one, x), a.zero)
-    low, high = a.select(swapped, across, up), a.select(swapped, up, across)
+    low, high = a.select(swapped, width, height), a.select(swapped, height, width)
     scale = a.select(a.compare("ogt", high, a.number(numerics.HUGE)), a.number(0.25), a.one)
     low, high = (a.binary("fmul", a.real, scale, each) for each in (low, high))
     steep = a.compare("ogt", low, a.binary("fmul", a.real, a.number(numerics.STEEP), high))
@@ -161,8 +157,8 @@ def _angle(a: Assembly, n: Sequence[str], mask: str) -> str:
     turned = a.binary("xor", a.truth, swapped, behind)
     t, rest = (a.select(turned, a.emit(f"fneg {a.real} {each}"), each) for each in (t, rest))
     base, tail = (_eighths(a, steep, swapped, behind, values) for values in (numerics.EIGHTHS, numerics.TAILS))
-    found = a.binary("fadd", a.real, base, a.binary("fadd", a.real, t, a.binary("fadd", a.real, rest, tail)))
-    return a.intrinsic("copysign", found, y)
+    angle = a.binary("fadd", a.real, base, a.binary("fadd", a.real, t, a.binary("fadd", a.real, rest, tail)))
+    return a.intrinsic("copysign", angle, y)
 
 
 def _eighths(a: Assembly, steep: str, swapped: str, behind: str, values: Sequence[float]) -> str:
@@ -172,8 +168,8 @@ def _eighths(a: Assembly, steep: str, swapped: str, behind: str, values: Sequenc
 
 
 def _distance(a: Assembly, n: Sequence[str], mask: str) -> str:
-    across, up = a.binary("fsub", a.real, n[0], n[2]), a.binary("fsub", a.real, n[1], n[3])
-    squares = [a.binary("fmul", a.real, x, x) for x in (across, up)]
+    dx, dy = a.binary("fsub", a.real, n[0], n[2]), a.binary("fsub", a.real, n[1], n[3])
+    squares = [a.binary("fmul", a.real, x, x) for x in (dx, dy)]
     return a.intrinsic("sqrt", a.binary("fadd", a.real, *squares))
 
 
@@ -181,11 +177,11 @@ def _mod(a: Assembly, n: Sequence[str], mask: str) -> str:
     """The remainder with the sign of the divisor, as Python's `%`; for a smaller dividend it is the dividend itself."""
     number, divisor = n
     small = a.compare("olt", a.intrinsic("fabs", number), a.intrinsic("fabs", divisor))
-    found = a.cell(a.real, number)
+    remainder = a.cell(a.real, number)
     large = a.both(mask, a.neither(small))
     with a.when(a.any(large)):
-        a.put(found, a.real, a.select(large, each(a, "fmod", n, large), number))
-    rest = a.get(found, a.real)
+        a.put(remainder, a.real, a.select(large, each("fmod", a, n, large), number))
+    rest = a.get(remainder, a.real)
     apart = a.binary("xor", a.truth, a.compare("olt", divisor, a.zero), a.compare("olt", rest, a.zero))
     turned = a.select(apart, a.binary("fadd", a.real, rest, divisor), rest)
     return a.select(a.compare("oeq", rest, a.zero), a.intrinsic("copysign", a.zero, divisor), turned)
@@ -200,8 +196,8 @@ def _wrap(a: Assembly, n: Sequence[str], mask: str) -> str:
 def _clamp(a: Assembly, n: Sequence[str], mask: str) -> str:
     value, low, high = n
     above = a.select(a.compare("ogt", value, high), high, value)
-    found = a.select(a.compare("olt", value, low), low, above)
-    return a.select(a.compare("ogt", low, high), a.nan, found)
+    raised = a.select(a.compare("olt", value, low), low, above)
+    return a.select(a.compare("ogt", low, high), a.nan, raised)
 
 
 def _edge_distance(a: Assembly, n: Sequence[str], mask: str) -> str:
@@ -216,15 +212,15 @@ def _edge_distance(a: Assembly, n: Sequence[str], mask: str) -> str:
     px, py, x0, y0 = n[0], n[1], n[-2], n[-1]
     nearest, sign = a.number(math.inf), a.number(-1.0)
     for x1, y1 in zip(n[2::2], n[3::2], strict=True):
-        across, up, from_x, from_y = of("sub", x1, x0), of("sub", y1, y0), of("sub", px, x0), of("sub", py, y0)
-        square = sum_of_products("add", across, across, up, up)
-        along = sum_of_products("add", from_x, across, from_y, up)
+        dx, dy, from_x, from_y = of("sub", x1, x0), of("sub", y1, y0), of("sub", px, x0), of("sub", py, y0)
+        square = sum_of_products("add", dx, dx, dy, dy)
+        along = sum_of_products("add", from_x, dx, from_y, dy)
         t = of("div", along, a.select(a.compare("oeq", square, a.zero), a.one, square))
         t = a.select(a.compare("olt", t, a.zero), a.zero, a.select(a.compare("ogt", t, a.one), a.one, t))
-        out_x, out_y = of("sub", from_x, of("mul", t, across)), of("sub", from_y, of("mul", t, up))
+        out_x, out_y = of("sub", from_x, of("mul", t, dx)), of("sub", from_y, of("mul", t, dy))
         away = sum_of_products("add", out_x, out_x, out_y, out_y)
         nearest = a.select(a.compare("olt", away, nearest), away, nearest)
-        west = sum_of_products("sub", from_x, up, from_y, across)
+        west = sum_of_products("sub", from_x, dy, from_y, dx)
         starts, ends = a.compare("ole", y0, py), a.compare("ole", y1, py)
         rising = a.both(a.both(starts, a.neither(ends)), a.compare("olt", west, a.zero))
         falling = a.both(a.both(ends, a.neither(starts)), a.neither(a.compare("olt", west, a.zero)))
@@ -257,12 +253,12 @@ FORMULAS: dict[str, Formula] = {
     "WRAP": _wrap,
     "BEARING": _bearing,
     "ATAN2": _angle,
-    "^": partial(_of_c, "pow"),
-    "EXP": partial(_of_c, "exp"),
-    "LOG": partial(_of_c, "log"),
-    "SIN": partial(_of_c, "sin"),
-    "COS": partial(_of_c, "cos"),
-    "TAN": partial(_of_c, "tan"),
+    "^": partial(each, "pow"),
+    "EXP": partial(each, "exp"),
+    "LOG": partial(each, "log"),
+    "SIN": partial(each, "sin"),
+    "COS": partial(each, "cos"),
+    "TAN": partial(each, "tan"),
 }
 """Every function of numbers by name."""
 

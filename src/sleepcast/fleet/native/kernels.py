@@ -48,8 +48,12 @@ class Leg(NamedTuple):
 
 
 class SequencePlan:
-    """How the rules of a sequence are evaluated at present. keys: of the rules; rounds: number of rounds that asked for
-    it; steps: upper bound of the steps that the rules use in a tick."""
+    """How the rules of a sequence are evaluated at present.
+
+    keys: of the rules
+    rounds: number of rounds that asked for it
+    steps: upper bound of the steps that the rules use in a tick
+    """
 
     def __init__(self, keys: tuple[str, ...], rules: tuple[Rule, ...]) -> None:
         self.keys, self.rules = keys, rules
@@ -98,7 +102,7 @@ class Kernels:
         """How the rules of a mind are evaluated in the round that begins; None if they are all walked."""
         plan = self._of_mind.get(mind)
         if plan is None:
-            rules = tuple((kept.program, frozenset(meaning([kept.program], mind).items())) for kept in mind.running)
+            rules = tuple((rule.program, frozenset(meaning([rule.program], mind).items())) for rule in mind.running)
             if len(self._plans) >= MAX_KERNELS:
                 self._plans.clear()
             plan = self._plans.setdefault((mind.sequence, rules), SequencePlan(mind.sequence, rules))
@@ -129,18 +133,18 @@ class Kernels:
 
     def _legs(self, rules: tuple[Rule, ...]) -> Iterator[Leg]:
         """From each position the longest piece with code; rules in between are walked."""
-        ready = {piece: found for piece, found in self._rules.items() if found.done() and not found.exception()}
+        ready = {piece: code for piece, code in self._rules.items() if code.done() and not code.exception()}
         lengths = sorted({len(piece) for piece in ready}, reverse=True)
-        place = walked = 0
-        while place < len(rules):
-            count = next((n for n in lengths if rules[place : place + n] in ready and place + n <= len(rules)), 0)
+        index = walked = 0
+        while index < len(rules):
+            count = next((n for n in lengths if rules[index : index + n] in ready and index + n <= len(rules)), 0)
             if count and walked:
                 yield Leg(walked, None)
                 walked = 0
             if count:
-                yield Leg(count, ready[rules[place : place + count]].result())
+                yield Leg(count, ready[rules[index : index + count]].result())
             walked += not count
-            place += count or 1
+            index += count or 1
         if walked:
             yield Leg(walked, None)
 
@@ -170,16 +174,16 @@ class Kernels:
 
     def run(self, memory: FleetEvaluation, program: Program, rows: Rows) -> tuple[Column, Rows] | None:
         """Evaluate a text natively, if possible; returns the values, and the robots that have to be walked."""
-        found = self._texts.get(program, 0)
-        if isinstance(found, int):
-            self._meet(program, found + 1, memory.state)
-            found = self._texts[program]
-        if not isinstance(found, Future) or not found.done() or found.exception() or rows.size == 0:
+        code = self._texts.get(program, 0)
+        if isinstance(code, int):
+            self._meet(program, code + 1, memory.state)
+            code = self._texts[program]
+        if not isinstance(code, Future) or not code.done() or code.exception() or rows.size == 0:
             return None
         state = memory.state
         values, matched = np.empty(state.count), memory.matched
         sinks = [ResultColumns(values, matched.view(np.uint8), None)]
-        left = self.evaluate(found.result(), state, rows, moment(state, rows), sinks)
+        left = self.evaluate(code.result(), state, rows, moment(state, rows), sinks)
         matched[left.index] = program.test is None
         return values[rows.index], left
 
@@ -198,9 +202,9 @@ class Kernels:
 
     def settle(self) -> None:
         """Wait until all requested code is compiled."""
-        for found in (*self._rules.values(), *self._texts.values()):
-            if isinstance(found, Future):
-                found.result()
+        for code in (*self._rules.values(), *self._texts.values()):
+            if isinstance(code, Future):
+                code.result()
 
 
 def available() -> bool:

@@ -42,8 +42,8 @@ class Addresses:
 
     def assign(self, slot: int, value: str, mask: str) -> None:
         a = self.a
-        place, where = self.written[slot]
-        a.put(place, a.real, a.select(mask, value, a.get(place, a.real)))
+        cell, where = self.written[slot]
+        a.put(cell, a.real, a.select(mask, value, a.get(cell, a.real)))
         a.put(where, a.truth, a.either(a.get(where, a.truth), mask))
 
 
@@ -113,10 +113,10 @@ class Lowering:
         if sum(map(weight, parts)) <= LIGHT:
             return self._last(parts, mask)
         a = self.a
-        found = a.cell(a.real, a.zero)
+        result = a.cell(a.real, a.zero)
         with a.when(a.any(mask)):
-            a.put(found, a.real, self._last(parts, mask))
-        return a.get(found, a.real)
+            a.put(result, a.real, self._last(parts, mask))
+        return a.get(result, a.real)
 
     def _last(self, parts: Sequence[Part], mask: str) -> str:
         value = self.a.zero
@@ -130,10 +130,10 @@ class Lowering:
             first, second = (self.value(each, mask) for each in part.parts)
             return self.a.compare(formulas.ORDERED[part.function.name], first, second)
         if part.op == "and" and not part.watch:
-            found = self.a.yes
+            truths = self.a.yes
             for inside in part.parts:
-                found = self.a.both(found, self._truth(inside, self.a.both(mask, found)))
-            return found
+                truths = self.a.both(truths, self._truth(inside, self.a.both(mask, truths)))
+            return truths
         return self._true(self._guarded([part], mask))
 
     def _true(self, value: str) -> str:
@@ -167,49 +167,49 @@ class Lowering:
         if name in formulas.TRUTHS:
             held = a.select(formulas.holds(a, name, numbers), a.one, a.zero)
             return a.select(known, held, a.nan)
-        found = formulas.FORMULAS[name](a, numbers, a.both(known, mask))
-        self._in_trouble(a.both(known, self._unknown(a.binary("fsub", a.real, found, found))), mask)
-        return a.select(known, found, a.nan)
+        result = formulas.FORMULAS[name](a, numbers, a.both(known, mask))
+        self._in_trouble(a.both(known, self._unknown(a.binary("fsub", a.real, result, result))), mask)
+        return a.select(known, result, a.nan)
 
     # ---- branches
 
     def _and(self, part: Part, mask: str) -> str:
         a = self.a
-        found, holding = a.one, a.yes
-        for place, inside in enumerate(part.parts):
-            come = a.both(mask, holding)
-            if part.watch == place:
-                self._watched(part, come)
-            value = self._guarded([inside], come)
-            found = a.select(holding, value, found)
+        result, holding = a.one, a.yes
+        for index, inside in enumerate(part.parts):
+            reached = a.both(mask, holding)
+            if part.watch == index:
+                self._watched(part, reached)
+            value = self._guarded([inside], reached)
+            result = a.select(holding, value, result)
             holding = a.both(holding, self._true(value))
         if part.watch == len(part.parts):
             self._watched(part, a.both(mask, holding))
-        return found
+        return result
 
     def _or(self, part: Part, mask: str) -> str:
         a = self.a
-        found, holds, unknown = a.zero, a.no, a.no
+        result, holds, unknown = a.zero, a.no, a.no
         for inside in part.parts:
             still = a.neither(holds)
             value = self._guarded([inside], a.both(mask, still))
             true = a.both(still, self._true(value))
-            found = a.select(true, value, found)
+            result = a.select(true, value, result)
             unknown = a.either(unknown, a.both(still, self._unknown(value)))
             holds = a.either(holds, true)
-        return a.select(holds, found, a.select(unknown, a.nan, a.zero))
+        return a.select(holds, result, a.select(unknown, a.nan, a.zero))
 
     def _cond(self, part: Part, mask: str) -> str:
         a = self.a
-        found, still = a.zero, mask
+        result, still = a.zero, mask
         for clause in part.parts:
             test, *body = clause.parts
             value = a.zero if body else self.value(test, still)
             true = a.both(still, self._truth(test, still) if body else self._true(value))
             self._watched(clause, true)
-            found = a.select(true, self._guarded(body, true) if body else value, found)
+            result = a.select(true, self._guarded(body, true) if body else value, result)
             still = a.both(still, a.neither(true))
-        return found
+        return result
 
     def _if(self, part: Part, mask: str) -> str:
         a = self.a
@@ -221,8 +221,8 @@ class Lowering:
 
     def _let(self, part: Part, mask: str) -> str:
         count = int(part.number)
-        for place, value in enumerate([self.value(each, mask) for each in part.parts[:count]]):
-            self._set(part.slot + place, value, mask)
+        for index, value in enumerate([self.value(each, mask) for each in part.parts[:count]]):
+            self._set(part.slot + index, value, mask)
         return self._last(part.parts[count:], mask)
 
     def _dotimes(self, part: Part, mask: str) -> str:
@@ -235,8 +235,8 @@ class Lowering:
     # ---- assigning, entering
 
     def _set(self, local: int, value: str, mask: str) -> None:
-        a, place = self.a, self._locals[local]
-        a.put(place, a.real, a.select(mask, value, a.get(place, a.real)))
+        a, cell = self.a, self._locals[local]
+        a.put(cell, a.real, a.select(mask, value, a.get(cell, a.real)))
 
     def _set_local(self, part: Part, mask: str) -> str:
         value = self.value(part.parts[0], mask)
@@ -271,13 +271,13 @@ class Lowering:
         arguments = [self.value(each, mask) for each in part.parts]
         charged = a.binary("add", a.whole, a.get(self.steps, a.whole), a.integer("i32", program.cost))
         a.put(self.steps, a.whole, a.select(mask, charged, a.get(self.steps, a.whole), a.whole))
-        kept, levels = self._locals, self._levels
+        outer_locals, levels = self._locals, self._levels
         self._locals = [a.cell(a.real) for _ in range(program.locals)]
-        for place, value in zip(self._locals, [*arguments, *[a.nan] * program.locals], strict=False):
-            a.put(place, a.real, value)
+        for cell, value in zip(self._locals, [*arguments, *[a.nan] * program.locals], strict=False):
+            a.put(cell, a.real, value)
         self._depth, self._levels = self._depth + 1, levels + program.height
         value = self._guarded([program.root], mask)
-        self._locals, self._depth, self._levels = kept, self._depth - 1, levels
+        self._locals, self._depth, self._levels = outer_locals, self._depth - 1, levels
         return value
 
     # ---- random numbers
@@ -316,10 +316,10 @@ class Lowering:
         a = self.a
         low, high = (self.value(each, mask) for each in part.parts)
         known = a.compare("ord", low, high)
-        across = a.binary("fmul", a.real, self._draw(a.both(mask, known)), a.binary("fsub", a.real, high, low))
-        found = a.binary("fadd", a.real, low, across)
-        self._in_trouble(a.both(known, self._unknown(a.binary("fsub", a.real, found, found))), mask)
-        return a.select(known, found, a.nan)
+        offset = a.binary("fmul", a.real, self._draw(a.both(mask, known)), a.binary("fsub", a.real, high, low))
+        result = a.binary("fadd", a.real, low, offset)
+        self._in_trouble(a.both(known, self._unknown(a.binary("fsub", a.real, result, result))), mask)
+        return a.select(known, result, a.nan)
 
     def _gauss(self, part: Part, mask: str) -> str:
         a = self.a
@@ -328,33 +328,33 @@ class Lowering:
         mean, deviation = (self.value(each, mask) for each in part.parts)
         known = a.compare("ord", mean, deviation)
         self._in_trouble(a.compare("olt", deviation, a.zero), a.both(mask, known))
-        come = a.both(mask, known)
-        out = a.binary("fmul", a.real, deviation, formulas.quantile(a, self._draw(come), come))
-        found = a.binary("fadd", a.real, mean, out)
-        self._in_trouble(a.both(known, self._unknown(a.binary("fsub", a.real, found, found))), mask)
-        return a.select(known, found, a.nan)
+        reached = a.both(mask, known)
+        out = a.binary("fmul", a.real, deviation, formulas.quantile(a, self._draw(reached), reached))
+        result = a.binary("fadd", a.real, mean, out)
+        self._in_trouble(a.both(known, self._unknown(a.binary("fsub", a.real, result, result))), mask)
+        return a.select(known, result, a.nan)
 
     def _dice(self, part: Part, mask: str) -> str:
         a = self.a
-        drawn, total, found, still = self._draw(mask), a.zero, a.zero, mask
+        drawn, total, result, still = self._draw(mask), a.zero, a.zero, mask
         for side in part.parts:
             total = a.binary("fadd", a.real, total, self._guarded(side.parts[:1], still))
             unknown = a.both(still, self._unknown(total))
             hit = a.both(still, a.compare("olt", drawn, total))
             value = self._guarded(side.parts[1:], hit)
-            found = a.select(hit, value, a.select(unknown, a.nan, found))
+            result = a.select(hit, value, a.select(unknown, a.nan, result))
             still = a.both(still, a.neither(a.either(hit, unknown)))
-        return found
+        return result
 
 
 def weight(part: Part) -> int:
     """Approximate cost of a part, in the unit of `LIGHT`."""
     heavy = {"prob", "random", "gauss", "dice", "dotimes", "fetch", "call", "in"}
-    found = 0
+    total = 0
     for inside in walk(part):
         costly = inside.op in heavy or (inside.op == "pure" and inside.function.name in formulas.COSTLY)
-        found += 10 * LIGHT if costly else 1
-    return found
+        total += 10 * LIGHT if costly else 1
+    return total
 
 
 def enters(program: Program, names: Meaning) -> bool:

@@ -31,17 +31,17 @@ _ONE_WAY = frozenset({"and", "or", "if", "cond", "clause", "dice"})
 
 def meaning(programs: Sequence[Program], mind: Mind) -> dict[Name, Program | bool | None]:
     """The meaning in this mind of every name in these programs, and in those that they enter."""
-    found: dict[Name, Program | bool | None] = {}
+    meanings: dict[Name, Program | bool | None] = {}
     waiting, seen = list(programs), set(programs)
     while waiting:
         for part in walk(waiting.pop().root):
             name = name_of(part)
-            if name is not None and name not in found:
-                found[name] = meant = _meant(name, mind)
+            if name is not None and name not in meanings:
+                meanings[name] = meant = _meant(name, mind)
                 if isinstance(meant, Program) and meant not in seen:
                     seen.add(meant)
                     waiting.append(meant)
-    return found
+    return meanings
 
 
 def name_of(part: Part) -> Name | None:
@@ -59,17 +59,17 @@ def _meant(name: Name, mind: Mind) -> Program | bool | None:
         return isinstance(mind.symbols.get(key), UserVariable)
     if op == "call":
         return mind.operators.get(key)
-    kept = mind.rules.get(key)
-    return None if kept is None else kept.program
+    rule = mind.rules.get(key)
+    return None if rule is None else rule.program
 
 
 def entered(part: Part, names: Meaning) -> Program | None:
     """The program that a part enters, or None."""
     name = name_of(part)
-    found = None if name is None else names[name]
-    if not isinstance(found, Program) or (part.op == "call" and found.parameters != len(part.parts)):
+    program = None if name is None else names[name]
+    if not isinstance(program, Program) or (part.op == "call" and program.parameters != len(part.parts)):
         return None
-    return found
+    return program
 
 
 def is_native(part: Part, names: Meaning, depth: int, levels: int) -> bool:
@@ -92,10 +92,11 @@ def is_native(part: Part, names: Meaning, depth: int, levels: int) -> bool:
 
 
 class Size:
-    """The size of a program including everything that it enters. parts: of all; steps: largest number in one
-    evaluation.
+    """The size of a program including everything that it enters.
 
-    hopeless: every evaluation reaches something that is not native.
+    parts: of all
+    steps: largest number in one evaluation
+    hopeless: every evaluation reaches something that is not native
     """
 
     def __init__(self, program: Program, names: Meaning) -> None:
@@ -114,8 +115,8 @@ class Size:
         self.hopeless |= always and not native
         repeated = times * int(part.number) if part.op == "dotimes" else times
         if repeated:
-            for place, inside in enumerate(part.parts):
-                self._look(inside, repeated, always and not (part.op in _ONE_WAY and place), depth, levels)
+            for index, inside in enumerate(part.parts):
+                self._look(inside, repeated, always and not (part.op in _ONE_WAY and index), depth, levels)
         program = entered(part, self._names)
         if program is not None and native:
             self._enter(program, times, always, depth + 1, levels + program.height)

@@ -1,4 +1,5 @@
-"""Expressions that are asked for again and again: each is looked up anew only when some robot's mind has changed."""
+"""Queries: expressions that are asked for again and again; each is looked up anew only when some robot's mind has
+changed."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ import numpy as np
 from sleepcast.columns.evaluation import by_the_living
 from sleepcast.columns.machine import Plain, evaluate, is_plain
 from sleepcast.columns.rows import CHUNK, Column, Index, Mask, Rows, distinct
-from sleepcast.columns.telemetry import KnownSymbols, QuietMemory, Sort
+from sleepcast.columns.telemetry import Key, KnownSymbols, QuietMemory
 from sleepcast.fleet.inspection import reads_of
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.messages import Outbox
@@ -18,8 +19,8 @@ from sleepcast.language.parts import Part, host_of, walk
 from sleepcast.language.program import Program
 from sleepcast.language.reader import read
 
-MAX_ASKED = 256
-"""Expressions that are kept: more than a sweep may measure."""
+MAX_QUERIES = 256
+"""Expressions that are stored: more than a sweep may measure."""
 
 
 class FleetQueries:
@@ -27,16 +28,16 @@ class FleetQueries:
 
     def __init__(self, state: FleetState, minds: Minds, bodies: Sequence[object | None]) -> None:
         self._state, self._minds, self._bodies = state, minds, bodies
-        self._asked: dict[str, FleetQuery] = {}
+        self._queries: dict[str, FleetQuery] = {}
 
     def __getitem__(self, text: str) -> FleetQuery:
         """This expression, looked up. Raises what `FleetQuery` raises."""
-        found = self._asked.get(text)
-        if found is None or found.turns != self._state.turns or found.refused:
-            if len(self._asked) >= MAX_ASKED:
-                self._asked.clear()
-            found = self._asked[text] = FleetQuery(text, self._state, self._minds, self._bodies)
-        return found
+        query = self._queries.get(text)
+        if query is None or query.turns != self._state.turns or query.refused:
+            if len(self._queries) >= MAX_QUERIES:
+                self._queries.clear()
+            query = self._queries[text] = FleetQuery(text, self._state, self._minds, self._bodies)
+        return query
 
 
 class FleetQuery:
@@ -56,21 +57,17 @@ class FleetQuery:
         """What it comes to, NaN for unknown, without side effects; and why that cannot be said for an expression that
         would have some, for random numbers, and for a function that makes a body do something, "" if it can."""
         memory = self._memory
-        if self._plain:
-            return self._at_once(self._pieces[0][0]), ""
+        program, some, _ = self._pieces[0]
+        if self._plain:  # it can do nothing but compute, and nobody asks for its steps and faults
+            with np.errstate(all="ignore"):
+                return Plain(some, memory.state.read, _no_local, _no_fault).column(program.root), ""
         if len(self._pieces) == 1:
-            program, some, _ = self._pieces[0]
-            found = evaluate(memory, program, some)
+            values = evaluate(memory, program, some)
         else:
-            found = np.empty(self.rows.size)
+            values = np.empty(self.rows.size)
             for program, some, mask in self._pieces:
-                found[mask] = evaluate(memory, program, some)
-        return found, memory.reasons[0] if memory.reasons else ""
-
-    def _at_once(self, program: Program) -> Column:
-        """The values of a program that can do nothing but compute: nobody asks for its steps and faults."""
-        with np.errstate(all="ignore"):
-            return Plain(self.rows, self._memory.state.read, _no_local, _no_fault).column(program.root)
+                values[mask] = evaluate(memory, program, some)
+        return values, memory.reasons[0] if memory.reasons else ""
 
     @property
     def refused(self) -> bool:
@@ -82,14 +79,14 @@ class FleetQuery:
         return self._minds.library.program(self._text, lambda: [read(self._text)], names)
 
     def _read(self) -> frozenset[int] | None:
-        found: set[int] = set()
+        slots: set[int] = set()
         for program, some, _ in self._pieces:
             numbers = distinct(self._state.mind[some.index])[0]
-            slots = reads_of(program, {self._minds[number] for number in numbers.tolist()})[0]
-            if slots is None or any(part.op == "host" for part in walk(program.root)):
+            read_here = reads_of(program, {self._minds[number] for number in numbers.tolist()})[0]
+            if read_here is None or any(part.op == "host" for part in walk(program.root)):
                 return None
-            found |= slots
-        return frozenset(found)
+            slots |= read_here
+        return frozenset(slots)
 
 
 class AskedMemory(QuietMemory):
@@ -101,8 +98,8 @@ class AskedMemory(QuietMemory):
         self._robots, self._minds = state, minds
         self._bodies = FleetMemory(state, minds, Outbox(state, ()), bodies) if bodies else None
 
-    def divide(self, rows: Rows, sort: Callable[[KnownSymbols], Sort]) -> list[tuple[Sort, Rows, Mask | None]]:
-        return self._robots.divide(rows, lambda number: sort(self._minds[number]))
+    def divide(self, rows: Rows, key: Callable[[KnownSymbols], Key]) -> list[tuple[Key, Rows, Mask | None]]:
+        return self._robots.divide(rows, lambda number: key(self._minds[number]))
 
     @by_the_living
     def host(self, part: Part, rows: Rows, *arguments: Column) -> Column:

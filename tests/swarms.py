@@ -72,7 +72,7 @@ def seen(swarm: Swarm) -> dict[str, object]:
     return {
         "state": simulator.state_hash(),
         "measures": swarm.measures(),
-        "said": [list(saying) for saying in simulator.said],
+        "said": [list(saying) for saying in simulator.sayings],
         "sensed": simulator.sensed.tobytes().hex() if len(simulator.names) < 20 else None,
         "accounting": [desk.accounting(command.id).sentence() for command in desk.commands()],
         "answers": [

@@ -266,7 +266,7 @@ def test_a_thousand_matches_are_all_counted() -> None:
     twins.sense([[float(i)] * len(SENSORS) for i in range(ROBOTS)])
     twins.do("(RULE r (WHEN (> x 2) (SETQ lamp x)))")
     made.settle()
-    with patch.object(evaluation, "MOST_FRESH", 7), patch.object(evaluation, "NARROW", 250):
+    with patch.object(evaluation, "MAX_FRESH", 7), patch.object(evaluation, "NARROW", 250):
         for tick in range(300):
             twins.think()
             if tick == 40:

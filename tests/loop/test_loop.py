@@ -166,7 +166,7 @@ class TestBodies:
         swarm.step()
         assert counts(desk, sonar)[0] == 1
         assert [report.body["values"] for report in desk.reports] == [[29.0, 19.0]]
-        assert [(said.robot, said.text) for said in swarm.simulator.said] == [(0, "here")]
+        assert [(said.robot, said.text) for said in swarm.simulator.sayings] == [(0, "here")]
 
     def test_goto_arrives(self, swarms: Swarms) -> None:
         swarm, desk = swarms()

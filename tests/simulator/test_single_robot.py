@@ -9,7 +9,7 @@ import pytest
 from sleepcast.core.clock import ManualClock
 from sleepcast.robot import Setpoint
 from sleepcast.simulator import SingleRobot
-from sleepcast.simulator.single_robot import MOST_AT_ONCE
+from sleepcast.simulator.single_robot import MAX_AT_ONCE
 from sleepcast.testing.robot_contract import Rig, RobotContract
 from small_worlds import simulator
 
@@ -36,9 +36,9 @@ def test_its_time_goes_with_the_clock_and_what_it_cannot_make_up_for_is_let_go(t
         clock.advance(0.5)
         assert body.sense().time == pytest.approx(0.5)
         clock.advance(60.0)
-        assert body.sense().time == pytest.approx(0.5 + 0.1 * MOST_AT_ONCE)
+        assert body.sense().time == pytest.approx(0.5 + 0.1 * MAX_AT_ONCE)
         clock.advance(0.1)
-        assert body.sense().time == body.now() == pytest.approx(0.6 + 0.1 * MOST_AT_ONCE)
+        assert body.sense().time == body.now() == pytest.approx(0.6 + 0.1 * MAX_AT_ONCE)
         body.act(Setpoint(3.0, 0.0))
     assert body.stopped
 

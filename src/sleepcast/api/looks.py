@@ -131,7 +131,7 @@ def looks_of(swarm: Swarm) -> SwarmLooks:
     """How the robots look now. The body is that of the newest group, else of the colour, else of the type; the ring is
     that of the second newest group, else of the colour of a robot in a group."""
     simulator, groups = swarm.simulator, GroupCodes()
-    count, types = len(simulator.names), simulator.scenario.each_sort
+    count, types = len(simulator.names), simulator.scenario.each_type
     codes = np.frombuffer(groups.look(swarm.fleet), np.uint8)
     second = np.frombuffer(groups.second or bytes(count), np.uint8)
     colours = np.frombuffer(simulator.colours() or bytes(count), np.uint8)

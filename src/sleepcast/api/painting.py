@@ -25,7 +25,7 @@ class Painter:
 
     def __init__(self, recorder: Recorder, swarm: Swarm) -> None:
         self._recorder, self._simulator = recorder, swarm.simulator
-        types, count = swarm.simulator.scenario.each_sort, len(swarm.simulator.names)
+        types, count = swarm.simulator.scenario.each_type, len(swarm.simulator.names)
         self._types = np.zeros(count, np.intp)
         for number, part in enumerate(slices(types, count)):
             self._types[part] = number % TYPES

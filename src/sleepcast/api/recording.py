@@ -127,7 +127,7 @@ class RecordingWitness:
         if swarm.thought.size:
             self._unmarked = True
         now = swarm.now()
-        for saying in reversed(simulator.said):
+        for saying in reversed(simulator.sayings):
             if saying.time < now:
                 break
             self._recorder.log(now, simulator.names[saying.robot], saying.text)

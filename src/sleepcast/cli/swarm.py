@@ -169,7 +169,7 @@ def _crew(stack: ExitStack, air: AirOptions, wanted: SwarmOptions, store: Store 
     scenario = find_scenario(wanted.scenario, Changes(len(wanted.names), None, True))
     scenario = _from_start(scenario if limits is None else limited(scenario, limits), wanted.first)
     seed, first = scenario.seed if wanted.seed is None else wanted.seed, wanted.first
-    names = named_by_starts(scenario.each_sort, wanted.names)
+    names = named_by_starts(scenario.each_type, wanted.names)
     if len({*names}) < len(names):
         raise MisuseError(f"two robots of {scenario.path} would have one name: choose another --name-prefix")
     machine = choose("numpy", 1) if len(wanted.names) <= FEW else None

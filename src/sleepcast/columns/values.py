@@ -124,20 +124,16 @@ class ValueColumns(Columns):
         """Copy some variables of these robots."""
         for slot in slots:
             values = other.read(slot, rows)
-            if isinstance(values, np.ndarray) or not self._is(slot, values):
-                self.assign(slot, rows, values)
+            if isinstance(values, float) and slot < len(self._same) and self._columns[slot] is None:
+                same = self._same[slot]
+                if same == values or (same != same and values != values):
+                    continue  # all robots have this value already
+            self.assign(slot, rows, values)
 
     def copy_groups(self, other: ValueColumns, rows: Rows) -> None:
         """Copy the group memberships of these robots."""
         for key, members in other.groups.items():
             self.group(key)[rows.index] = members[rows.index]
-
-    def _is(self, slot: int, value: float) -> bool:
-        """Whether a variable has this value on all robots."""
-        if slot >= len(self._same) or self._columns[slot] is not None:
-            return False
-        same = self._same[slot]
-        return same == value or (same != same and value != value)
 
     def slots(self) -> range:
         """Every slot that has ever been used."""
@@ -165,7 +161,11 @@ class ValueColumns(Columns):
 
     def values(self) -> ValuesState:
         """The variables that are not stored elsewhere, and the groups."""
-        columns = {slot: Array.of(column) for slot, column in self._own().items()}
+        columns = {
+            slot: Array.of(column)
+            for slot, column in enumerate(self._columns)
+            if column is not None and slot not in self._shared
+        }
         return ValuesState(list(self._same), columns, dump_arrays(self.groups))
 
     def refill(self, state: ValuesState) -> None:
@@ -182,11 +182,6 @@ class ValueColumns(Columns):
         for slot, column in state.columns.items():
             self._columns[slot] = column.made(np.float64, shape, f"variable {slot}")
         self.groups = {key: members.made(np.bool_, shape, f"group {key}") for key, members in state.groups.items()}
-
-    def _own(self) -> dict[int, Column]:
-        """The columns that are stored here, by slot."""
-        columns = enumerate(self._columns)
-        return {slot: column for slot, column in columns if column is not None and slot not in self._shared}
 
 
 def spread(values: Column | float, size: int) -> Column:

@@ -44,25 +44,19 @@ class FleetAuthority:
         refusal = objection(message, program, self.tells)
         if refusal or not minds_leases(message):
             return [(refusal, rows)]
-        touched = entered(program)
-        return [
-            found
-            for leases, some, _ in self.leases.divide(rows)
-            for found in self._closed(leases, message.sender, touched, some, now)
-        ]
-
-    def _closed(
-        self, leases: Leases, sender: str, touched: set[str], rows: Rows, now: float
-    ) -> Iterator[tuple[str, Rows]]:
-        """The same of robots that know these leases. touched: the groups that the command makes robots enter or
-        leave."""
-        for group, why in leases.closed(sender, now):
-            members = rows if group in touched else self._members(group, rows)
-            if members.size:
-                yield why, members
-                rows = rows.without(members)
-        if rows.size:
-            yield "", rows
+        touched, reasons = (
+            entered(program),
+            list[tuple[str, Rows]](),
+        )  # touched: groups that robots enter or leave by it
+        for leases, some, _ in self.leases.divide(rows):
+            for group, why in leases.closed(message.sender, now):
+                members = some if group in touched else self._members(group, some)
+                if members.size:
+                    reasons.append((why, members))
+                    some = some.without(members)
+            if some.size:
+                reasons.append(("", some))
+        return reasons
 
     def settle(self, message: Message, rows: Rows, now: float) -> Iterator[tuple[str, str, Rows]]:
         """Carry out a message's request about the lease of a group; gives what it comes to: outcome, fault, robots."""

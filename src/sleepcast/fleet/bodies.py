@@ -58,19 +58,17 @@ class FleetBodies:
         for latch, some, mask in self._state.latch.divide(rows):
             after = latch.stop(message)
             stopped[... if mask is None else mask] = after is not None
-            if after is not None:
-                self._note_arrivals(message, after.begun(latch, message), some)
-                self._state.latch.set(some, after)
+            if after is None:
+                continue
+            when = message.heard if message.heard is not None else self._state.read(TIME_SLOT, some)
+            for life in after.begun(latch, message):
+                if life not in self.arrived:
+                    self.arrived[life] = filled(0.0, np.float64, self._state.count)
+                self.arrived[life][some.index] = when
+            self._state.latch.set(some, after)
         self._forget_arrivals()
         self.halt(rows.take(stopped))
         return rows.take(stopped), rows.take(~stopped)
-
-    def _note_arrivals(self, message: Message, lives: Sequence[Life], rows: Rows) -> None:
-        when = message.heard if message.heard is not None else self._state.read(TIME_SLOT, rows)
-        for life in lives:
-            if life not in self.arrived:
-                self.arrived[life] = filled(0.0, np.float64, self._state.count)
-            self.arrived[life][rows.index] = when
 
     def _forget_arrivals(self) -> None:
         holding = {mark.life for latch in self._state.latch.values for mark in latch.holding}

@@ -92,7 +92,7 @@ class FleetEvaluation(Evaluation):
 
 # ---- rule statistics: how each rule has performed on each robot, and when its lease ends, as columns by its key
 
-MOST_FRESH = 255
+MAX_FRESH = 255
 """Evaluations by native code after which its matches, counted in single bytes, are added to the others."""
 NARROW = 65_535
 """Largest count of matches in two bytes; beyond it four are used."""
@@ -217,7 +217,7 @@ class RuleStatistics:
         if steps > self.most_steps:
             self.most_steps = max(self.most_steps, int(np.max(self.steps(rows), initial=0)))
         self._counted += 1
-        if self._counted == MOST_FRESH:
+        if self._counted == MAX_FRESH:
             self._gather()
         if self._in_row is not None and self._in_row[rows.index].any():
             self._in_row[rows.index] = 0

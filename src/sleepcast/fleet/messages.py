@@ -84,24 +84,19 @@ class Outbox:
             self._state.in_outbox[robot] = len(self._outboxes.get(robot, ()))
 
     def report(self, rows: Rows, label: str, values: Sequence[Column] = (), rule: str = "") -> None:
-        """REPORT on each of these robots. rule: that they have deactivated, "" for none."""
-
-        heard = self._within_rate(rows)
-        words = Reports(label, tuple(values), rule)
-        if heard.all():
-            self.say(Kind.REPORT, rows, words)
-        else:
-            self._state.lost[rows.take(~heard).index] += 1
-            self.say(Kind.REPORT, rows.take(heard), words, places=np.flatnonzero(heard))
-
-    def _within_rate(self, rows: Rows) -> Mask:
-        """Which of the robots may still report in this second of their clock; counts one more report for them."""
-        state = self._state
+        """REPORT on each of these robots, as far as its clock's second allows more. rule: that they have deactivated,
+        "" for none."""
+        state, words = self._state, Reports(label, tuple(values), rule)
         seconds = state.column(TIME_SLOT, rows).astype(np.int32)
         before = np.where(state.reported_in[rows.index] == seconds, state.reported[rows.index], 0)
         state.reported_in[rows.index] = seconds
         state.reported[rows.index] = before + 1
-        return before < REPORTS_A_SECOND
+        within_rate = before < REPORTS_A_SECOND
+        if within_rate.all():
+            self.say(Kind.REPORT, rows, words)
+        else:
+            state.lost[rows.take(~within_rate).index] += 1
+            self.say(Kind.REPORT, rows.take(within_rate), words, places=np.flatnonzero(within_rate))
 
     def may_tell(self, rows: Rows, hops: int) -> tuple[Mask, Rows]:
         """Which of the robots may TELL something now, over this many hops, which is counted; and which of the others
@@ -135,21 +130,13 @@ class Outbox:
         """PING on each of these robots."""
         if self._pinged is None:
             self._pinged = np.zeros(self._state.count, np.int16)
-        room = self._pinged[rows.index] < MAX_OUTBOX
-        if not room.all():
-            room = self._count_pings(rows)
+        if (self._pinged[rows.index] >= MAX_OUTBOX).any():  # lists may have been emptied since
+            self._pinged[rows.index] = [len(self.pings(robot)) for robot in rows.robots.tolist()]
+            room = self._pinged[rows.index] < MAX_OUTBOX
             self._state.lost[rows.take(~room).index] += 1
             rows, castes = rows.take(room), castes[room]
         self._pinged[rows.index] += 1
         self._pings.append((rows.robots, castes))
-
-    def _count_pings(self, rows: Rows) -> Mask:
-        """Which of these robots have room for a ping; their lists may have been emptied since."""
-        counts = np.array([len(self.pings(robot)) for robot in rows.robots.tolist()], np.int16)
-        if self._pinged is not None:
-            self._pinged[rows.index] = counts
-        room: Mask = counts < MAX_OUTBOX
-        return room
 
     def pings(self, robot: int) -> list[float]:
         """The castes of a robot's pings; the sender clears the list."""

@@ -311,7 +311,7 @@ class Swarm:
             "awake": int(self.fleet.awake.sum()),
             "groups": self.fleet.members(),
             "stopped": int(self.fleet.state.stopped.sum()),
-            "said": len(self.simulator.said),
+            "said": len(self.simulator.sayings),
             "radio": asdict(self.radio.counts),
             **self.simulator.measured(),
         }

@@ -32,8 +32,8 @@ MAX_THREADS = 64
 
 def cores() -> int:
     """Number of cores that this process may use, at most MAX_THREADS."""
-    there = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return min(there, MAX_THREADS)
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(usable, MAX_THREADS)
 
 
 class Machine(Protocol):
@@ -82,7 +82,7 @@ class Machine(Protocol):
         listed: CellLists,
         solids: Floats,
         radii: Floats,
-        place: tuple[Floats, Floats],
+        positions: tuple[Floats, Floats],
         way: tuple[Floats, Floats],
         settled: Settled,
         /,
@@ -143,12 +143,12 @@ def choose(name: str | None = None, threads: int | None = None) -> Machine:
     Raises MisuseError for an unknown or missing backend."""
     if threads is not None and not 1 <= threads <= MAX_THREADS:
         raise MisuseError(f"a machine has 1 to {MAX_THREADS} threads, not {threads}")
-    there = has_numba()
-    if name == "numpy" or (name is None and not there):
+    installed = has_numba()
+    if name == "numpy" or (name is None and not installed):
         return NumPyMachine()
     if name not in (None, "numba"):
         raise MisuseError(f'no machine "{name}": wanted numpy or numba')
-    if not there:
+    if not installed:
         raise MisuseError(f'the machine "numba" needs numba: take "numpy", or install it: {installing("fast")}')
     if os.path.isfile(NUMBA_SETTINGS):
         raise MisuseError(

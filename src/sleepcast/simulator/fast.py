@@ -43,7 +43,7 @@ CROWDED = 1_000
 """The same limit for contact between robots within reach of each other, which takes longer."""
 MANY = 50_000
 """Number of robots from which on even the smallest slices take much longer than starting them."""
-MOST = 106
+SCRATCH = 106
 """Scratch memory per robot that most tasks need, bytes."""
 ROUNDING = 1e-3
 """Metres: a generous bound on the single-precision error of the distance between two bodies within reach."""
@@ -66,9 +66,14 @@ class _Neighbourhood(NamedTuple):
 
 
 class _Ring(NamedTuple):
-    """Cones as the kernel expects them. axis_cos, axis_sin: of their axes, padded to whole LANES; rear: which of them
-    look behind; lone: see `Cones.lone`; measures: radii of the looking robot and of others, reach, most, cosine and
-    sine of half the opening, and the grazing limit in both forms."""
+    """Cones as the kernel expects them.
+
+    axis_cos, axis_sin: of their axes, padded to whole LANES
+    rear: which of them look behind
+    lone: see `Cones.lone`
+    measures: radii of the looking robot and of others, reach, most, cosine and sine of half the opening, and the
+        grazing limit in both forms
+    """
 
     axis_cos: Floats
     axis_sin: Floats
@@ -109,28 +114,28 @@ class NumbaMachine:
         shares = 1 if len(x) <= LIGHT else self.pool.threads  # each share needs its own counts
         ends = [len(x) * share // shares for share in range(shares + 1)]
         counts = np.zeros((shares, grid.cells), np.int32)
-        places = dict(zip(ends, counts, strict=False))  # indexed by the start of each slice
+        next_index = dict(zip(ends, counts, strict=False))  # indexed by the start of each slice
 
         def count(first: int, last: int) -> None:
-            kernels.count(x, y, grid.size, grid.across, grid.up, first, last, cells, places[first])
+            kernels.count(x, y, grid.size, grid.columns, grid.rows, first, last, cells, next_index[first])
 
         self.pool.share(count, ends)
         kernels.begin(counts, start)
-        self.pool.share(lambda first, last: kernels.place(cells, first, last, places[first], order), ends)
+        self.pool.share(lambda first, last: kernels.place(cells, first, last, next_index[first], order), ends)
         return Sorted(order, start)
 
     def candidates(self, grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float) -> Whole:
         counts = np.empty(len(x), np.int64)
-        kernels.candidates(x, y, points.start, grid.size, grid.across, grid.up, reach, counts)
+        kernels.candidates(x, y, points.start, grid.size, grid.columns, grid.rows, reach, counts)
         return counts
 
     def pairs(
         self, grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, first: Whole
     ) -> tuple[Whole, Whole]:
         most = int(self.candidates(grid, points, x[first], y[first], reach).sum())
-        found, other = np.empty((2, most), np.int64)
-        count = kernels.pairs(x, y, *points, grid.size, grid.across, grid.up, reach, first, found, other)
-        return found[:count], other[:count]
+        robots, others = np.empty((2, most), np.int64)
+        count = kernels.pairs(x, y, *points, grid.size, grid.columns, grid.rows, reach, first, robots, others)
+        return robots[:count], others[:count]
 
     def in_sight(self, listed: CellLists, solids: Floats) -> Walls:
         return walls_of(listed, solids)
@@ -158,7 +163,7 @@ class NumbaMachine:
         needed."""
         cones, grid, points, listed, solids, pose, radii = view
         robots, order, arena = len(pose[0]), points.order, self._arena
-        arena.begin(MOST * robots)
+        arena.begin(SCRATCH * robots)
         fixed_x, fixed_y = fixed = arena.take(np.int32, 2, robots + LANES)
         fixed[:, robots:] = 0
         units = ldexp(1.0, kernels_sonar.SPAN - frexp(grid.size)[1])
@@ -167,10 +172,10 @@ class NumbaMachine:
         )
         rows = order
         if len(which) < robots:
-            place, rows = arena.take(np.int32, 2, robots)
-            place.fill(-1)
-            place[which] = np.arange(len(which))
-            kernels.enlist(order, place, rows)
+            requested, rows = arena.take(np.int32, 2, robots)
+            requested.fill(-1)
+            requested[which] = np.arange(len(which))
+            kernels.enlist(order, requested, rows)
         ring = _ring_of(cones)
         squares = arena.take(np.float32, len(which), len(ring.axis_cos))
         mixed = radii is not None and bool((radii != cones.radius).any())
@@ -180,7 +185,7 @@ class NumbaMachine:
         close = self._looked_around(points, beside)
         lone = ring.lone if ring.lone < np.inf and 1.0 / units <= FINE else -1.0
         seen = (
-            *(*pose, order, fixed_x, fixed_y, wide, rows, points.start, grid.size, grid.across, grid.up),
+            *(*pose, order, fixed_x, fixed_y, wide, rows, points.start, grid.size, grid.columns, grid.rows),
             *(walls.solids, walls.start, walls.items, walls.news, *ring.measures),
             *(lone, 1.0 / units, mixed, forward, ring.axis_cos, ring.axis_sin),
         )
@@ -200,15 +205,15 @@ class NumbaMachine:
 
     def _close(self, points: Sorted, reach: float) -> Flags:
         """Which of these points may have another one within `reach` m, as far as the sonars have found out."""
-        found = self._around
-        if found is not None and found.order is points.order and reach < found.reach - ROUNDING:
-            return found.close
+        known = self._around
+        if known is not None and known.order is points.order and reach < known.reach - ROUNDING:
+            return known.close
         return np.ones(len(points.order), np.bool_)
 
     def look(self, view: VisibleScene, which: Whole, sonars: Whole) -> Ranges:
-        shots, found = one_of_each(view, which, sonars)
+        shots, ranges = one_of_each(view, which, sonars)
         self._shoot(view, shots)
-        return found[which, sonars]
+        return ranges[which, sonars]
 
     def fire(self, firing: Firing, tick: Tick) -> None:
         self._shoot(tick.view, shots_of(firing, tick))
@@ -220,7 +225,7 @@ class NumbaMachine:
         )
 
     def room(self, count: int) -> tuple[Displacement, Floats]:
-        self._arena.begin(MOST * count)
+        self._arena.begin(SCRATCH * count)
         rows = self._arena.take(np.float64, 4, count)
         return Displacement(*rows[:3]), rows[3]
 
@@ -250,14 +255,14 @@ class NumbaMachine:
         listed: CellLists,
         solids: Floats,
         radii: Floats,
-        place: tuple[Floats, Floats],
+        positions: tuple[Floats, Floats],
         way: tuple[Floats, Floats],
         settled: Settled,
     ) -> None:
-        count, (order, start), arena = len(place[0]), points, self._arena
+        count, (order, start), arena = len(positions[0]), points, self._arena
         x, y = rows = arena.take(np.float64, 2, count)
         gathered = self._share(
-            count, lambda first, last: kernels_motion.gather(order, *place, *way, first, last, rows), LIGHT
+            count, lambda first, last: kernels_motion.gather(order, *positions, *way, first, last, rows), LIGHT
         )
         longest = sqrt(max(gathered))
         reach = 2.0 * float(radii.max(initial=0.0)) + SKIN + 2.0 * longest
@@ -270,13 +275,13 @@ class NumbaMachine:
 
         def at_old(first: int, last: int) -> None:
             kernels_motion.stop_at_old(
-                *(x, y, *way, radii, order, start, grid.size, grid.across, grid.up, solids, boxes, *listed),
+                *(x, y, *way, radii, order, start, grid.size, grid.columns, grid.rows, solids, boxes, *listed),
                 *(SKIN, longest, reach, first, last, close, near, *stopped, *settled),
             )
 
         def at_ways(first: int, last: int) -> None:
             kernels_motion.stop_at_ways(
-                *(x, y, *way, radii, order, start, grid.size, grid.across, grid.up),
+                *(x, y, *way, radii, order, start, grid.size, grid.columns, grid.rows),
                 *(SKIN, reach, first, last, near, *stopped, *settled),
             )
 
@@ -314,10 +319,10 @@ class NumbaMachine:
         work to do, if not all; alone: number up to which one thread suffices."""
         count = int(start[-1])
         if self.pool.threads == 1 or (count if busy is None else busy) <= alone:
-            work(0, grid.up)
+            work(0, grid.rows)
             return
-        ends = start[grid.across :: grid.across]  # number of robots up to and including each row
-        self.pool.share(work, [0, *(np.searchsorted(ends, self._borders(count)[1:-1]) + 1).tolist(), grid.up])
+        ends = start[grid.columns :: grid.columns]  # number of robots up to and including each row
+        self.pool.share(work, [0, *(np.searchsorted(ends, self._borders(count)[1:-1]) + 1).tolist(), grid.rows])
 
     def _borders(self, count: int) -> list[int]:
         """Start indices of the slices of `range(count)`, followed by `count`."""

@@ -42,7 +42,7 @@ def kernel_count() -> int:
 def compile_kernels(scenario: Scenario) -> None:
     """Compile the kernels that the robots of a scenario need, if none has been compiled yet. scenario: one with few
     robots."""
-    if not any(sort.ring for sort in scenario.each_sort) or not has_numba():
+    if not any(spec.ring for spec in scenario.each_type) or not has_numba():
         return
     from sleepcast.simulator.simd.compiled import kept_in
 
@@ -96,7 +96,7 @@ def run_other_process() -> None:
 
 def compile_motion_kernels(scenario: Scenario) -> None:
     """Let robots without sonars move, which compiles the motion kernels."""
-    blind = [replace(sort, ring=None) for sort in (scenario.robots, *scenario.sorts)]
+    blind = [replace(spec, ring=None) for spec in (scenario.robots, *scenario.sorts)]
     Simulator(replace(scenario, robots=blind[0], sorts=tuple(blind[1:])), machine=choose(threads=1)).step()
 
 

@@ -26,10 +26,10 @@ def pack(value: object) -> bytes:
 
 def unpack(kind: type[Kind], data: bytes) -> Kind:
     """The `kind` that was packed into `data`. Raises ValueError if the data hold something else."""
-    found = _made(kind, json.loads(data))
-    if not isinstance(found, kind):
-        raise ValueError(f"wanted {kind.__name__}, got {type(found).__name__}")
-    return found
+    value = _made(kind, json.loads(data))
+    if not isinstance(value, kind):
+        raise ValueError(f"wanted {kind.__name__}, got {type(value).__name__}")
+    return value
 
 
 def _plain(value: object) -> object:

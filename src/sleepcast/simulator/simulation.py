@@ -30,7 +30,7 @@ from sleepcast.simulator.scenario.scenario import Scenario
 
 FEW = 1_000
 """Robots below which NumPy finds their neighbours soon enough."""
-MOST_CASTE = 254
+MAX_CASTE = 254
 """`pinged` gives one byte per robot; castes above this are reported as this one."""
 OTHER_COLOUR = 255
 """`colours` gives one byte per robot; this one stands for colours that have no byte of their own."""
@@ -40,12 +40,12 @@ class Simulator:
     """A running scenario; `seed` replaces the scenario's own. Equal seeds give equal runs, bit for bit, on any number
     of threads.
 
-    payload: what a program adds to the bodies. machine: the array backend (see `engine`). None chooses the fastest one
-    installed, on `threads` threads (None: one per core); but NumPy for robots without bumpers and sonars, of whom few
-    sense their neighbours, since loading numba takes a second.
-
-    names, robots: one for each robot, by its index; a robot's own number is its index + 1. model: the robots' common
-    model.
+    payload: what a program adds to the bodies
+    machine: the array backend (see `engine`). None chooses the fastest one installed, on `threads` threads (None: one
+        per core); but NumPy for robots without bumpers and sonars, of whom few sense their neighbours, since loading
+        numba takes a second.
+    names, robots: one for each robot, by its index; a robot's own number is its index + 1
+    model: the robots' common model
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Simulator:
         self.senses = Senses(self.bodies)
         functions = (*self.senses.functions, *payload.functions) if payload else self.senses.functions
         self.model = model_of(scenario, self.bodies, functions, payload.actuators if payload else ())
-        self.names = names_of(scenario.each_sort, scenario.robots.count)
+        self.names = names_of(scenario.each_type, scenario.robots.count)
         self.robots = Robots(self.bodies, self.model)
         self._pinged = np.zeros(scenario.robots.count, np.uint8)
         self.measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y)
@@ -101,9 +101,9 @@ class Simulator:
         return self.bodies.y
 
     @property
-    def said(self) -> deque[Saying]:
+    def sayings(self) -> deque[Saying]:
         """The latest messages that robots have spoken with `TK`."""
-        return self.bodies.said
+        return self.bodies.sayings
 
     def step(self) -> None:
         """One tick: apply the scenario's events, move all bodies, update lights, deliver the pings of the last tick,
@@ -115,16 +115,12 @@ class Simulator:
         step(self.bodies)
         self.senses.step()
         if self.payload:
-            self._step_payload(self.payload)
+            self.payload.halt(np.flatnonzero(self.bodies.stopped & ~self._halted))
+            self._halted[:] = self.bodies.stopped
+            self.payload.step()
+            self.payload.read(self._payload_rows)
         if self.scenario.measures:
             self.measuring.observe(self.tick, self.time)
-
-    def _step_payload(self, payload: Payload) -> None:
-        stopped = self.bodies.stopped
-        payload.halt(np.flatnonzero(stopped & ~self._halted))
-        self._halted[:] = stopped
-        payload.step()
-        payload.read(self._payload_rows)
 
     @property
     def _payload_rows(self) -> Floats:
@@ -173,15 +169,15 @@ class Simulator:
 
     def pings(self, robots: NDArray[np.intp], castes: Floats) -> None:
         """Send pings from many robots. If a robot pings twice in a tick, only its first ping is received."""
-        self._pinged[robots] = 1.0 + np.rint(np.clip(np.nan_to_num(castes, nan=MOST_CASTE), 0.0, MOST_CASTE))
+        self._pinged[robots] = 1.0 + np.rint(np.clip(np.nan_to_num(castes, nan=MAX_CASTE), 0.0, MAX_CASTE))
         self.senses.ping(robots, castes)
 
     def pinged(self) -> bytes:
         """Pings since the last call, for display: one byte per robot, 0 or its latest caste + 1; empty if no robot has
         pinged. Does not affect the run."""
-        found = self._pinged.tobytes() if self._pinged.any() else b""
+        pinged = self._pinged.tobytes() if self._pinged.any() else b""
         self._pinged.fill(0)
-        return found
+        return pinged
 
     def exhausted(self) -> NDArray[np.bool_] | None:
         """Which bodies have used up what they drive with, so that they stand still; None where no body can."""
@@ -296,8 +292,8 @@ class Robots(Sequence[Body]):
         if not isinstance(self._bodies.sonars, Sonars):
             return np.array([self[i].sonar(one) for i, one in zip(robots.tolist(), which.tolist(), strict=True)])
         ranges = self._bodies.sonar_ranges(robots.tolist())
-        found: Floats = ranges[np.arange(len(robots)), np.mod(np.trunc(which), ranges.shape[1]).astype(np.int64)]
-        return found
+        readings: Floats = ranges[np.arange(len(robots)), np.mod(np.trunc(which), ranges.shape[1]).astype(np.int64)]
+        return readings
 
     def nearest(self, robots: Whole, first: Floats, last: Floats) -> Floats:
         sonars = self._bodies.sonars
@@ -305,9 +301,9 @@ class Robots(Sequence[Body]):
             ends = zip(robots.tolist(), first.tolist(), last.tolist(), strict=True)
             return np.array([self[i].nearest(*angles) for i, *angles in ends])
         wide = np.where(last - first >= TURN, last - first, np.mod(last - first, TURN))
-        there = np.mod(sonars.cones.axes - first[:, None], TURN) <= wide[:, None]
-        found: Floats = np.where(there, self._bodies.sonar_ranges(robots.tolist()), sonars.ring.most).min(axis=1)
-        return found
+        within = np.mod(sonars.cones.axes - first[:, None], TURN) <= wide[:, None]
+        nearest: Floats = np.where(within, self._bodies.sonar_ranges(robots.tolist()), sonars.ring.most).min(axis=1)
+        return nearest
 
 
 # Motion: one tick of all bodies at once.
@@ -320,14 +316,14 @@ def slide(bodies: Bodies, proposal: Displacement, settled: Settled) -> None:
     which = np.flatnonzero(bodies.slides & (settled.free < 1.0))
     if not which.size or bodies.contact is None:
         return
-    across, up = np.zeros((2, bodies.count))
-    across[which], up[which] = steps.slide(proposal, settled, which)
+    dx, dy = np.zeros((2, bodies.count))
+    dx[which], dy[which] = steps.slide(proposal, settled, which)
     if not bodies.scenario.torus:
         left, bottom, right, top = bodies.fence
-        across, up = bounded(bodies.x + across, left, right) - bodies.x, bounded(bodies.y + up, bottom, top) - bodies.y
+        dx, dy = bounded(bodies.x + dx, left, right) - bodies.x, bounded(bodies.y + dy, bottom, top) - bodies.y
     again = Settled(*np.empty((3, bodies.count)))
-    bodies.contact.settle(bodies.x, bodies.y, across, up, again)
-    bodies.displace(which, again.free[which] * across[which], again.free[which] * up[which])
+    bodies.contact.settle(bodies.x, bodies.y, dx, dy, again)
+    bodies.displace(which, again.free[which] * dx[which], again.free[which] * dy[which])
     bodies.moved()
 
 
@@ -339,16 +335,16 @@ def step(bodies: Bodies) -> None:
         key(bodies.seed, "slip", "left", bodies.tick),
         key(bodies.seed, "slip", "right", bodies.tick),
     )
-    machine, sorts = bodies.machine, list(zip(bodies.parts, bodies.of_each_sort, strict=True))
+    machine, types = bodies.machine, list(zip(bodies.parts, bodies.of_each_type, strict=True))
     proposal, free = machine.room(bodies.count)
-    for part, which in sorts:
+    for part, which in types:
         machine.propose(part.columns, part.laws, draws, proposal.of(which))
     settled = Settled(free, bodies.hit_x, bodies.hit_y)
     if bodies.contact:
-        bodies.contact.settle(bodies.x, bodies.y, proposal.across, proposal.up, settled)
+        bodies.contact.settle(bodies.x, bodies.y, proposal.dx, proposal.dy, settled)
     else:
         clear(settled)
-    for part, which in sorts:
+    for part, which in types:
         before = encoders.before_tick(part.columns, part.laws) if part.counts else None
         machine.commit(part.columns, part.laws, proposal.of(which), Settled(*(each[which] for each in settled)))
         if before is not None:

@@ -18,13 +18,13 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.core.settings import Table, toml_document
 from sleepcast.core.units import ACCELERATION, LENGTH, RATE, SPEED
 from sleepcast.robot import Limits, Reading
-from sleepcast.simulator.bodies.bodies import TURN, Floats, Mode
+from sleepcast.simulator.bodies.bodies import TURN, Mode
 from sleepcast.simulator.bodies.body import Body
 from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_WORLD, RobotSpec
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.simulation import Simulator
 
-MOST_AT_ONCE = 10
+MAX_AT_ONCE = 10
 """Ticks that one reading catches up at most; any others are skipped."""
 
 
@@ -81,9 +81,9 @@ class SingleRobot(Body):
         tick = self._simulator.scenario.tick
         behind = self._clock.now() - self._start - self._simulator.time
         due = int(behind / tick + 0.5)
-        if due > MOST_AT_ONCE:
-            self._start += (due - MOST_AT_ONCE) * tick
-        return min(due, MOST_AT_ONCE)
+        if due > MAX_AT_ONCE:
+            self._start += (due - MAX_AT_ONCE) * tick
+        return min(due, MAX_AT_ONCE)
 
 
 # Safety limits read from a file; neither a scenario nor an expression can override them.
@@ -113,22 +113,22 @@ def _fence(root: Table) -> tuple[float, float, float, float]:
 def limited(scenario: Scenario, limits: Limits) -> Scenario:
     """The scenario with robots that also keep these limits and start inside the fence. Raises MisuseError if the fence
     lies outside the world, or if there is a least range but robots have no range sensor."""
-    sorts = (scenario.robots, *scenario.sorts)
-    if limits.least_range > 0.0 and not all(sort.geometry.sonars for sort in sorts):
+    specs = (scenario.robots, *scenario.sorts)
+    if limits.least_range > 0.0 and not all(spec.geometry.sonars for spec in specs):
         raise MisuseError(f"the robots of {scenario.name} have no sonars, so they cannot keep a range to anything")
-    robots, *others = (_limited(sort, limits, (scenario.width, scenario.height)) for sort in sorts)
+    robots, *others = (_limited(spec, limits, (scenario.width, scenario.height)) for spec in specs)
     return replace(scenario, robots=robots, sorts=tuple(others))
 
 
-def _limited(sort: RobotSpec, limits: Limits, size: tuple[float, float]) -> RobotSpec:
-    slower = replace(sort.limits.within(limits), fence=sort.limits.fence)  # robots still turn back at the world's edge
-    wander = replace(sort.wander, speed=min(sort.wander.speed, slower.speed))
-    found = replace(sort, limits=slower, wander=wander)
+def _limited(spec: RobotSpec, limits: Limits, size: tuple[float, float]) -> RobotSpec:
+    slower = replace(spec.limits.within(limits), fence=spec.limits.fence)  # robots still turn back at the world's edge
+    wander = replace(spec.wander, speed=min(spec.wander.speed, slower.speed))
+    limited_spec = replace(spec, limits=slower, wander=wander)
     if limits.fence is None:
-        return found
+        return limited_spec
     left, bottom, right, top = limits.fence
-    x, y = _part(sort.x, (left, right), size[0]), _part(sort.y, (bottom, top), size[1])
-    return replace(found, x=x, y=y, disc=None)
+    x, y = _part(spec.x, (left, right), size[0]), _part(spec.y, (bottom, top), size[1])
+    return replace(limited_spec, x=x, y=y, disc=None)
 
 
 def _part(start: tuple[float, float], fence: tuple[float, float], size: float) -> tuple[float, float]:
@@ -159,7 +159,8 @@ class SafetyLimits:
         driving = np.where(bodies.mode == Mode.DRIVE, bodies.wanted_speed, bodies.limits.speed)
         turning = np.where(bodies.mode == Mode.DRIVE, bodies.wanted_turn, bodies.limits.turn_rate)
         turning = np.where(bodies.swing != 0.0, bodies.limits.turn_rate, turning)
-        turning = np.maximum(np.abs(turning), self._turned(tick))
+        change = np.abs(np.mod(bodies.heading - self._headings + pi, TURN) - pi)
+        turning = np.maximum(np.abs(turning), change / tick)  # a body may still turn faster than it wants to
         for i in np.flatnonzero(((driving != 0.0) | (bodies.speed != 0.0)) & ~bodies.stopped).tolist():
             body = self._simulator.robots[i]
             limits = bodies.part_of(i).limits.within(self._limits)
@@ -168,9 +169,3 @@ class SafetyLimits:
             if not limits.may_go_on(pose, speed, wanted, turn, 2.0 * tick, body.nearest):
                 body.halt()
         self._headings = bodies.heading.copy()
-
-    def _turned(self, tick: float) -> Floats:
-        """Turn rate of each body in the last tick, rad/s."""
-        change = self._simulator.bodies.heading - self._headings
-        turned: Floats = np.abs(np.mod(change + pi, TURN) - pi) / tick
-        return turned

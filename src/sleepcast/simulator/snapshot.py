@@ -51,8 +51,13 @@ MAX_WORDS = 16_384
 
 
 class SimulatorState(msgspec.Struct):
-    """scenario, things: as `packing` writes them. following: the number that the next solid thing gets. said: time (s),
-    robot and text. measures: see `Measuring.state`."""
+    """A simulator between two ticks.
+
+    scenario, things: as `packing` writes them
+    following: the number that the next solid thing gets
+    said: time (s), robot and text
+    measures: see `Measuring.state`
+    """
 
     scenario: bytes
     seed: int
@@ -83,7 +88,7 @@ def state_of(simulator: Simulator) -> SimulatorState:
         dump_arrays(simulator.bodies.arrays() | simulator.senses.arrays()),
         things,
         world.following,
-        [(saying.time, saying.robot, saying.text) for saying in simulator.said],
+        [(saying.time, saying.robot, saying.text) for saying in simulator.sayings],
         simulator.measuring.state(),
     )
 
@@ -127,7 +132,7 @@ def resume(state: SimulatorState, seed: int | None = None, threads: int | None =
     for time, robot, text in state.said:
         if not 0 <= robot < bodies.count or isnan(time) or len(text) > MAX_WORDS:
             raise SerialError("a saying of a robot that is not there, or without end")
-        simulator.said.append(Saying(time, robot, text))
+        simulator.sayings.append(Saying(time, robot, text))
     simulator.measuring.restore(state.measures)
     bodies.forget()
     return simulator
@@ -180,15 +185,15 @@ def _check_firing(firing: Firing, sonars: int) -> None:
 def scenario_of(data: bytes) -> Scenario:
     """The scenario packed into `data`. Raises SerialError if it cannot be simulated."""
     try:
-        found = unpack(Scenario, data)
+        scenario = unpack(Scenario, data)
     except (ValueError, RecursionError, SleepcastError) as error:
         raise SerialError(f"the scenario in it is not one of this version: {error}") from None
-    for name, number, least, most in _bounds(found):
+    for name, number, least, most in _bounds(scenario):
         if not least <= number <= most:
             raise SerialError(f"a scenario with {number} {name}, wanted {least:g} to {most:g}")
-    if _has_nan(found):
+    if _has_nan(scenario):
         raise SerialError("a scenario with a number that is none")
-    return found
+    return scenario
 
 
 def _bounds(scenario: Scenario) -> Iterator[tuple[str, float, float, float]]:
@@ -212,9 +217,9 @@ def _bounds(scenario: Scenario) -> Iterator[tuple[str, float, float, float]]:
     yield from bounds_of_fields(scenario.fields, (scenario.width, scenario.height), scenario.tick)
     for robots in (scenario.robots, *scenario.sorts):
         yield from _bounds_of(robots)
-    for robots, part in zip(scenario.each_sort, slices(scenario.each_sort, scenario.robots.count), strict=True):
+    for robots, part in zip(scenario.each_type, slices(scenario.each_type, scenario.robots.count), strict=True):
         yield from _bounds_of_starts(robots.starts, part.stop - part.start, (scenario.width, scenario.height))
-    names = given_names(scenario.each_sort, scenario.robots.count)
+    names = given_names(scenario.each_type, scenario.robots.count)
     yield "names that several robots have", len(names) - len(set(names)), 0, 0
     yield "names that no robot can have", sum(not is_robot_name(name) for name in names), 0, 0
 
@@ -222,7 +227,7 @@ def _bounds(scenario: Scenario) -> Iterator[tuple[str, float, float, float]]:
 def _bounds_of(robots: RobotSpec) -> Iterator[tuple[str, float, float, float]]:
     """The same values for one type of robots."""
     ring = robots.ring
-    yield "robots of a sort", robots.count, 0, MAX_ROBOTS
+    yield "robots of a type", robots.count, 0, MAX_ROBOTS
     yield "m as a radius", robots.geometry.radius, LEAST, MAX_WORLD
     for limit in (robots.limits.speed, robots.limits.turn_rate, robots.limits.acceleration):
         yield "as a limit of motion", limit, LEAST, 10_000.0

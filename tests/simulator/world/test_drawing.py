@@ -475,7 +475,7 @@ class TestScale:
     )
     def test_the_page_says_how_large_it_is(self, tmp_path: Path, page: str, wanted: Point | None) -> None:
         if wanted is None:
-            with pytest.raises(SettingsError, match=r"room.svg:1: how large it is in the world it does not say"):
+            with pytest.raises(SettingsError, match=r"room.svg:1: the SVG does not say how large it is in the world"):
                 drawing(tmp_path, "", None, SIZED % page)
         else:
             assert drawing(tmp_path, "", None, SIZED % page).high == pytest.approx(wanted)

@@ -14,7 +14,7 @@ from sleepcast.simulator import Simulator, load
 from sleepcast.simulator.engine import Machine, choose
 from sleepcast.simulator.simd.formulas import shortest
 from sleepcast.simulator.snapshot import resume, state_of
-from sleepcast.simulator.world.torus import cells_over, come_around
+from sleepcast.simulator.world.torus import cells_over, wrap_position
 from sleepcast.simulator.world.world import Circle, Wall
 from small_worlds import SMALL, scouts, simulator, write
 
@@ -48,7 +48,7 @@ def test_the_shortest_way_and_the_way_back() -> None:
     assert shortest(np.array((-9.0, -5.0, -4.0, 0.0, 5.0, 6.0)), 10.0).tolist() == [1.0, -5.0, -4.0, 0.0, 5.0, -4.0]
     assert shortest(np.array((-9.0, 1e9)), np.inf).tolist() == [-9.0, 1e9]
     x = np.array((-1.0, -1e-30, 0.0, 9.0, 10.0, 31.0))
-    come_around(x, 10.0)
+    wrap_position(x, 10.0)
     assert x.tolist() == [9.0, 0.0, 0.0, 9.0, 0.0, 1.0]
 
 

@@ -64,7 +64,7 @@ class TimelineBuilder:
         units = {sensor.name: sensor.shown_as or sensor.unit for sensor in simulator.model.sensors}
         part = recording.part if recording.part > 1 or recording.following else 0
         vocabulary = vocabulary_of(simulator.model)
-        kinds = tuple(kind_of(scenario, sort) for sort in scenario.each_sort)
+        kinds = tuple(kind_of(scenario, sort) for sort in scenario.each_type)
         self.timeline = Timeline(
             scene, recording.seconds, scenario.speed_up, units, vocabulary, kinds, recording.began, part
         )

@@ -150,9 +150,9 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         unit=scenario.length_unit or "m",
         sizes=tuple(
             (part.stop - part.start, spec.geometry.radius)
-            for spec, part in zip(scenario.each_sort, slices(scenario.each_sort, len(names)), strict=True)
+            for spec, part in zip(scenario.each_type, slices(scenario.each_type, len(names)), strict=True)
         ),
-        kinds=tuple(spec.type for spec in scenario.each_sort) if len(scenario.each_sort) > 1 else (),
+        kinds=tuple(spec.type for spec in scenario.each_type) if len(scenario.each_type) > 1 else (),
         places=tuple(MapLabel(each.title, each.x, each.y, each.name) for each in scenario.named_points),
         areas=tuple(NamedOutline(area.name, _outline(area)) for area in scenario.areas),
         obstacles=tuple(outlines(shape) for shape in scenario.shapes),

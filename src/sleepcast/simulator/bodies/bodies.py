@@ -37,10 +37,10 @@ from sleepcast.simulator.scenario.robot_types import slices
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.sensors import sensors_of
 from sleepcast.simulator.scenario.starts import start_columns
-from sleepcast.simulator.simd.formulas import sine_cosine, wrap
+from sleepcast.simulator.simd.formulas import rotated, sine_cosine, wrap
 from sleepcast.simulator.sonar.cones import Cones
 from sleepcast.simulator.world.areas import inside
-from sleepcast.simulator.world.torus import come_around
+from sleepcast.simulator.world.torus import wrap_position
 from sleepcast.simulator.world.world import Area, Circle, World
 
 Floats = NDArray[np.float64]
@@ -81,35 +81,45 @@ class Saying(NamedTuple):
 class Bodies:
     """`count` bodies at the start of a scenario; see the module.
 
-    Arrays of shape (count,) unless stated otherwise. x, y: true position in the world's frame, m; heading: true
-    heading, rad, -pi..pi, counter-clockwise from the x axis. encoder_x, encoder_y, encoder_heading: pose by
-    odometry; the same arrays for bodies without wheels. sensed: shape (sensors, count), NaN for values never
-    measured. known: its first rows, without noise. speed: along the heading, m/s. left, right: speeds of the wheels,
-    m/s. bumper: the segment that touches something, counter-clockwise from 1 in front, or 0; hit_x, hit_y: vector
-    from the body to what it touches, m, or 0. stores: shape (stores, count). mode: a `Mode`; wanted_speed,
-    wanted_turn: command of DRIVE, m/s and rad/s; target_x, target_y: destination of GOTO, m. stopped, held: latched
-    by STOP, held still. swing: remaining angle of a tumble, rad. roaming: turn rate of a wandering body, rad/s.
-    uses, drains: what each store loses per metre and per second, shape (stores,). added: sensors
-    besides those of the scenario.
+    Arrays of shape (count,) unless stated otherwise.
+
+    x, y: true position in the world's frame, m
+    heading: true heading, rad, -pi..pi, counter-clockwise from the x axis
+    encoder_x, encoder_y, encoder_heading: pose by odometry; the same arrays for bodies without wheels
+    sensed: shape (sensors, count), NaN for values never measured
+    known: its first rows, without noise
+    speed: along the heading, m/s
+    left, right: speeds of the wheels, m/s
+    bumper: the segment that touches something, counter-clockwise from 1 in front, or 0
+    hit_x, hit_y: vector from the body to what it touches, m, or 0
+    stores: shape (stores, count)
+    mode: a `Mode`
+    wanted_speed, wanted_turn: command of DRIVE, m/s and rad/s
+    target_x, target_y: destination of GOTO, m
+    stopped, held: latched by STOP, held still
+    swing: remaining angle of a tumble, rad
+    roaming: turn rate of a wandering body, rad/s
+    uses, drains: what each store loses per metre and per second, shape (stores,)
+    added: sensors besides those of the scenario
     """
 
     def __init__(self, scenario: Scenario, seed: int, machine: Machine, added: tuple[Quantity, ...] = ()) -> None:
-        robots, sorts = scenario.robots, scenario.each_sort
+        robots, specs = scenario.robots, scenario.each_type
         self.scenario, self.seed, self.count = scenario, seed, robots.count
-        self.of_each_sort = slices(sorts, self.count)
+        self.of_each_type = slices(specs, self.count)
         """The slice of bodies of each robot type."""
-        self.radii: Floats = self._each([sort.geometry.radius for sort in sorts])
-        self.slides = self._each([float(sort.slides) for sort in sorts]) > 0.0
+        self.radii: Floats = self._each([spec.geometry.radius for spec in specs])
+        self.slides = self._each([float(spec.slides) for spec in specs]) > 0.0
         """Which bodies slide along what they touch."""
-        self.rolls = self._each([float(sort.wheels is not None) for sort in sorts]) > 0.0
+        self.rolls = self._each([float(spec.wheels is not None) for spec in specs]) > 0.0
         """Which bodies go on wheels, whose speeds are `left` and `right`."""
-        self.brakes: Floats = self._each([sort.limits.acceleration for sort in sorts])
+        self.brakes: Floats = self._each([spec.limits.acceleration for spec in specs])
         """How fast bodies change their speed, m/s2."""
         self.limits, self.geometry = robots.limits, robots.geometry
         self.fence = (0.0, 0.0, scenario.width, scenario.height)
         self.world = World(scenario.shapes)
         self.tick = 0
-        self.said: deque[Saying] = deque(maxlen=MAX_SAYINGS)
+        self.sayings: deque[Saying] = deque(maxlen=MAX_SAYINGS)
         self.sensors = (*sensors_of(scenario), *added)
         ring = robots.ring
         own, all_ = len(self.sensors), len(self.sensors) + (ring.count + 1 if ring else 0)
@@ -130,7 +140,7 @@ class Bodies:
         self.store_names = tuple(store.name.casefold() for store in robots.stores)
         self.uses, self.drains = self._uses()
         self.left, self.right, self.wanted_speed, self.wanted_turn = filled(0.0, np.float64, 4, self.count)
-        counts = any(sort.wheels is not None and sort.wheels.counts for sort in sorts)
+        counts = any(spec.wheels is not None and spec.wheels.counts for spec in specs)
         self.uncounted: Floats = np.zeros((2, self.count if counts else 0))
         """What each wheel has turned since the last step that its encoder has counted, m: left, right."""
         self.hit_x, self.hit_y = np.zeros(self.count), np.zeros(self.count)
@@ -141,11 +151,11 @@ class Bodies:
         self.swing, self.roaming = np.zeros(self.count), np.zeros(self.count)
         self.stopped, self.held = np.zeros(self.count, bool), np.zeros(self.count, bool)
         self.machine, self.laws = machine, laws_of(scenario)
-        self.parts = [self._part(*each) for each in zip(sorts, self.of_each_sort, strict=True)] if sorts[1:] else [self]
+        self.parts = [self._part(*each) for each in zip(specs, self.of_each_type, strict=True)] if specs[1:] else [self]
         """The bodies of each robot type: views of these arrays, with the parameters of that type."""
-        size, cones = (scenario.width, scenario.height), [self._cones(sort) for sort in sorts]
+        size, cones = (scenario.width, scenario.height), [self._cones(spec) for spec in specs]
         cell = max((each.cell for each in cones if each), default=least_cell(robots, size, scenario.tick))
-        far = max(reach(sort, scenario.tick) for sort in sorts)
+        far = max(reach(spec, scenario.tick) for spec in specs)
         # A body may meet others up to twice `far` away, and they in turn others and solids beyond.
         farthest = max([4.0 * far, *(each.reach for each in cones if each)])
         self.near = Neighbours(size, cell, self.count, self.world, machine, scenario.around, farthest)
@@ -157,20 +167,20 @@ class Bodies:
         """One value for each body, by its type; read-only."""
         if len(values) == 1:
             return np.broadcast_to(values[0], self.count)
-        found = np.empty(self.count)
-        for value, which in zip(values, self.of_each_sort, strict=True):
-            found[which] = value
-        return found
+        column = np.empty(self.count)
+        for value, which in zip(values, self.of_each_type, strict=True):
+            column[which] = value
+        return column
 
-    def _part(self, sort: RobotSpec, which: slice) -> Bodies:
+    def _part(self, spec: RobotSpec, which: slice) -> Bodies:
         """The bodies of one robot type."""
         part = copy(self)
         for name, value in vars(self).items():
             if isinstance(value, np.ndarray):
                 setattr(part, name, value[..., which])
         part.count, part.parts = which.stop - which.start, [part]
-        part.scenario = replace(self.scenario, robots=replace(sort, count=part.count), sorts=())
-        part.limits, part.geometry, part.laws = sort.limits, sort.geometry, laws_of(part.scenario)
+        part.scenario = replace(self.scenario, robots=replace(spec, count=part.count), sorts=())
+        part.limits, part.geometry, part.laws = spec.limits, spec.geometry, laws_of(part.scenario)
         part.uses, part.drains = part._uses()
         return part
 
@@ -180,18 +190,18 @@ class Bodies:
         if self.scenario.torus:
             width, height = self.scenario.around
             for x, y in ((self.x, self.y), (self.encoder_x, self.encoder_y)):
-                come_around(x, width)
-                come_around(y, height)
+                wrap_position(x, width)
+                wrap_position(y, height)
         self.forget()
 
-    def displace(self, which: Whole, across: Floats, up: Floats) -> None:
+    def displace(self, which: Whole, dx: Floats, dy: Floats) -> None:
         """Move these bodies by so many m without their wheels; odometry follows, as if it had seen it."""
         if self.scenario.robots.wheels:
-            sine, cosine = sine_cosine(self.encoder_heading[which] - self.heading[which])
-            self.encoder_x[which] += across * cosine - up * sine
-            self.encoder_y[which] += across * sine + up * cosine
-        self.x[which] += across
-        self.y[which] += up
+            seen_dx, seen_dy = rotated(dx, dy, *sine_cosine(self.encoder_heading[which] - self.heading[which]))
+            self.encoder_x[which] += seen_dx
+            self.encoder_y[which] += seen_dy
+        self.x[which] += dx
+        self.y[which] += dy
 
     def aimed(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         """The points x, y (m) of the world for any ones: around a torus, else the nearest ones."""
@@ -203,7 +213,7 @@ class Bodies:
 
     def part_of(self, number: int) -> Bodies:
         """The bodies of the same type as body `number`."""
-        each = zip(self.parts, self.of_each_sort, strict=True)
+        each = zip(self.parts, self.of_each_type, strict=True)
         return next(part for part, which in each if which.start <= number < which.stop)
 
     def rings_of(self, number: int) -> Sonars | None:
@@ -217,22 +227,22 @@ class Bodies:
             return ()
         return self.sonars.rings if isinstance(self.sonars, SonarGroups) else [self.sonars]
 
-    def _cones(self, sort: RobotSpec) -> Cones | None:
-        ring, widest = sort.ring, float(self.radii.max())
+    def _cones(self, spec: RobotSpec) -> Cones | None:
+        ring, widest = spec.ring, float(self.radii.max())
         return (
-            Cones(ring.count, ring.beam / 2, ring.most, ring.incidence, sort.geometry.radius, widest) if ring else None
+            Cones(ring.count, ring.beam / 2, ring.most, ring.incidence, spec.geometry.radius, widest) if ring else None
         )
 
     def _make_sonars(self, table: Floats, cones: Sequence[Cones | None]) -> Sonars | SonarGroups | None:
         """The sonars of all robot types, which have these cones. table: receives the readings."""
-        found = []
-        for cone, sort, which in zip(cones, self.scenario.each_sort, self.of_each_sort, strict=True):
-            if sort.ring and cone and len(cones) == 1:
-                return Sonars(sort.ring, cone, table, self.near, self.seed, self.machine)
-            if sort.ring and cone and which.start < which.stop:
-                apart = np.full((sort.ring.count + 1, which.stop - which.start), np.nan)
-                found.append(Sonars(sort.ring, cone, apart, self.near, self.seed, self.machine, which, self.radii))
-        return SonarGroups(found, table) if found else None
+        rings = []
+        for cone, spec, which in zip(cones, self.scenario.each_type, self.of_each_type, strict=True):
+            if spec.ring and cone and len(cones) == 1:
+                return Sonars(spec.ring, cone, table, self.near, self.seed, self.machine)
+            if spec.ring and cone and which.start < which.stop:
+                apart = np.full((spec.ring.count + 1, which.stop - which.start), np.nan)
+                rings.append(Sonars(spec.ring, cone, apart, self.near, self.seed, self.machine, which, self.radii))
+        return SonarGroups(rings, table) if rings else None
 
     @property
     def time(self) -> float:
@@ -253,10 +263,10 @@ class Bodies:
     def _uses(self) -> tuple[Floats, Floats]:
         """What each store loses per metre and per second."""
         stores = {store.name.casefold(): store for store in self.scenario.robots.stores}
-        found = [stores.get(name) for name in self.store_names]
+        carried = [stores.get(name) for name in self.store_names]
         return (
-            np.array([store.full / store.reach if store else 0.0 for store in found]),
-            np.array([store.full / store.lasts if store else 0.0 for store in found]),
+            np.array([store.full / store.reach if store else 0.0 for store in carried]),
+            np.array([store.full / store.lasts if store else 0.0 for store in carried]),
         )
 
     def drain(self) -> None:
@@ -270,12 +280,12 @@ class Bodies:
         """Which bodies have used up something that they drive with; None where no body can."""
         if not any(use for part in self.parts for use in part.uses):
             return None
-        found = np.zeros(self.count, bool)
-        for part, which in zip(self.parts, self.of_each_sort, strict=True):
+        exhausted = np.zeros(self.count, bool)
+        for part, which in zip(self.parts, self.of_each_type, strict=True):
             for row, use in zip(part.stores, part.uses, strict=True):
                 if use:
-                    found[which] |= row <= 0.0
-        return found
+                    exhausted[which] |= row <= 0.0
+        return exhausted
 
     def forget(self) -> None:
         """Invalidate the spatial index and the sonar readings: bodies have moved."""
@@ -285,11 +295,11 @@ class Bodies:
 
     def place(self, number: int, x: float, y: float, heading: float) -> None:
         """Place a body at rest: sets its true and its encoder pose (m, rad)."""
-        for across, up, towards in (
+        for column_x, column_y, column_heading in (
             (self.x, self.y, self.heading),
             (self.encoder_x, self.encoder_y, self.encoder_heading),
         ):
-            across[number], up[number], towards[number] = x, y, heading
+            column_x[number], column_y[number], column_heading[number] = x, y, heading
         self.uncounted[:, number : number + 1] = 0.0
         self.settle(number)
         self.forget()
@@ -313,8 +323,8 @@ class Bodies:
         if actuator not in wanted:
             raise MisuseError(f'no actuator "{actuator}"{did_you_mean(actuator, wanted)}: wanted {" or ".join(wanted)}')
         if isinstance(which, slice):
-            stopped, mode, wish = self.stopped[which], self.mode[which], wanted[actuator][which]
-            self.machine.share(values.size, lambda i, j: _drive(stopped[i:j], mode[i:j], wish[i:j], values[i:j]))
+            stopped, mode, column = self.stopped[which], self.mode[which], wanted[actuator][which]
+            self.machine.share(values.size, lambda i, j: _drive(stopped[i:j], mode[i:j], column[i:j], values[i:j]))
             return
         free, named = ~self.stopped[which], ~np.isnan(values)
         self.mode[which[free]] = Mode.DRIVE
@@ -350,15 +360,13 @@ class Bodies:
         for row, sensor in enumerate(self.sensors):
             deviation = self.scenario.noise.get(sensor.name, 0.0)
             if deviation:
-                noisy = self.known[row, which] + deviation * self._normal(sensor.name, self.numbers[which])
-                angle = sensor.name == "heading"  # which wraps around
-                self.sensed[row, which] = wrap(noisy) if angle else np.clip(noisy, sensor.low, sensor.high)
-
-    def _normal(self, name: str, numbers: NDArray[np.uint64]) -> Floats:
-        """Standard normal noise of one sensor at this tick (Box and Muller's method)."""
-        size, angle = (self.drawn(f"noise {half} {name} {self.tick}", numbers) for half in "ab")
-        normal: Floats = np.sqrt(-2.0 * np.log(1.0 - size)) * np.cos(TURN * angle)
-        return normal
+                size, angle = (
+                    self.drawn(f"noise {half} {sensor.name} {self.tick}", self.numbers[which]) for half in "ab"
+                )
+                normal = np.sqrt(-2.0 * np.log(1.0 - size)) * np.cos(TURN * angle)  # Box and Muller's method
+                noisy = self.known[row, which] + deviation * normal
+                wraps = sensor.name == "heading"
+                self.sensed[row, which] = wrap(noisy) if wraps else np.clip(noisy, sensor.low, sensor.high)
 
     def drawn(self, purpose: str, numbers: NDArray[np.uint64] | None = None) -> Floats:
         """For each robot (or those of `numbers`) a number from [0, 1) for `purpose`, the same in every run."""
@@ -393,14 +401,14 @@ class Bodies:
         names += ["x", "y", "heading", "left", "right"] if robots.wheels else []
         names += ["uncounted"] if self.uncounted.size else []
         names += ["hit_x", "hit_y"] if self.contact else []
-        found: dict[str, NDArray[np.generic]] = {name: getattr(self, name) for name in names}
+        arrays: dict[str, NDArray[np.generic]] = {name: getattr(self, name) for name in names}
         for number, ring in enumerate(self.rings):
-            found |= {f"{name} of ring {number}": values for name, values in ring.arrays().items()}
-        return found
+            arrays |= {f"{name} of ring {number}": values for name, values in ring.arrays().items()}
+        return arrays
 
     def _start(self) -> None:
         robots = self.scenario.robots
-        given = self._each([float(bool(sort.starts)) for sort in self.scenario.each_sort]) > 0.0
+        given = self._each([float(bool(spec.starts)) for spec in self.scenario.each_type]) > 0.0
         try:
             self.x[:], self.y[:] = self._places(given)
             if self.contact:
@@ -462,7 +470,7 @@ class Bodies:
         """Random points of the rectangles or discs in which the robots start."""
         if self.parts[1:]:
             places = [part._anywhere(again) for part in self.parts]
-            return np.concatenate([across for across, _ in places]), np.concatenate([up for _, up in places])
+            return np.concatenate([x for x, _ in places]), np.concatenate([y for _, y in places])
         robots = self.scenario.robots
         if robots.starts:
             return start_columns(robots.starts, self.count)[:2]

@@ -14,9 +14,9 @@ import numpy as np
 
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import HostFunction, Quantity, RestState
-from sleepcast.core.units import LENGTH, NONE, RATE, SPEED
+from sleepcast.core.units import LENGTH, NONE, RATE, SPEED, Dimension
 from sleepcast.robot import Geometry, Reading, RobotModel, Setpoint
-from sleepcast.simulator.bodies.bodies import TURN, Bodies, Mode, Saying
+from sleepcast.simulator.bodies.bodies import TURN, Bodies, Floats, Mode, Saying, Whole
 from sleepcast.simulator.scenario.robot_settings import TENTH
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.sensors import sonar_sensors
@@ -100,7 +100,7 @@ class Body:
         return side
 
     def say(self, text: str) -> None:
-        self._bodies.said.append(Saying(self._bodies.time, self.number, text))
+        self._bodies.sayings.append(Saying(self._bodies.time, self.number, text))
 
     def turn_wheels(self, right: float, left: float) -> None:
         wheels = self._bodies.part_of(self.number).scenario.robots.wheels
@@ -122,10 +122,10 @@ class Body:
         sonars = self._bodies.rings_of(self.number)
         if sonars is None:
             return nearest(self._bodies, self.number, self._sectors().sonar_range, first, last)
-        there = np.mod(sonars.cones.axes - first, TURN) <= (
+        within = np.mod(sonars.cones.axes - first, TURN) <= (
             last - first if last - first >= TURN else np.mod(last - first, TURN)
         )
-        ranges = self._bodies.sonar_ranges([self.number])[0, : sonars.ring.count][there]
+        ranges = self._bodies.sonar_ranges([self.number])[0, : sonars.ring.count][within]
         return float(ranges.min()) if ranges.size else sonars.ring.most
 
     def _sectors(self) -> Geometry:
@@ -133,6 +133,25 @@ class Body:
         if not geometry.sonars:
             raise LackError("this robot has no sonars")
         return geometry
+
+
+def acting(
+    name: str, dimension: Dimension, argument: str, doc: str, act: Callable[[Whole, Floats], None]
+) -> HostFunction:
+    """A function that acts without moving the body.
+
+    name, doc: of the function
+    argument, dimension: of the one number that it takes
+    act: does it for many bodies: their indices, and the number of each
+    """
+
+    def many(bodies: object, robots: Whole, numbers: Floats) -> None:
+        act(robots, numbers)
+
+    def call(body: Body, number: float) -> None:
+        act(np.array([body.number]), np.array([number]))
+
+    return HostFunction(name, call, (dimension,), arguments=argument, doc=doc, many=many, moves=False)
 
 
 def _by(method: str) -> Callable[..., Any]:
@@ -255,14 +274,14 @@ def nearest(bodies: Bodies, number: int, reach: float, first: float, last: float
     """Distance from robot `number` to the nearest other one between the angles `first` and `last` (rad,
     counter-clockwise from its heading, counted from first to last), m; `reach` if there is none nearer."""
     around_x, around_y = bodies.scenario.around
-    across, up = shortest(bodies.x - bodies.x[number], around_x), shortest(bodies.y - bodies.y[number], around_y)
-    away = np.sqrt(across * across + up * up) - (bodies.radii + bodies.radii[number])
+    dx, dy = shortest(bodies.x - bodies.x[number], around_x), shortest(bodies.y - bodies.y[number], around_y)
+    away = np.sqrt(dx * dx + dy * dy) - (bodies.radii + bodies.radii[number])
     away[number] = np.inf
     near = np.flatnonzero(away < reach)
     width = last - first
     if width < TURN:
-        bearing = np.arctan2(up[near], across[near]) - bodies.heading[number]
-        at_one_place = (across[near] == 0.0) & (up[near] == 0.0)  # which is no direction: it is in every sector
+        bearing = np.arctan2(dy[near], dx[near]) - bodies.heading[number]
+        at_one_place = (dx[near] == 0.0) & (dy[near] == 0.0)  # which is no direction: it is in every sector
         near = near[at_one_place | (np.mod(bearing - first, TURN) <= width % TURN)]
     return max(0.0, float(away[near].min())) if near.size else reach
 

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sleepcast.simulator.bodies.bodies import Floats
-from sleepcast.simulator.bodies.local_fields import flow, values
+from sleepcast.simulator.bodies.local_fields import cell_middles, flow, values
 from sleepcast.simulator.scenario.fields import Field, VectorField
 from sleepcast.simulator.scenario.scenario import Scenario
 
@@ -27,27 +26,21 @@ def still_map(field: Field, scenario: Scenario, most: int) -> FieldMap:
     """A field of a scenario that does not grow, or the start of one that does. most: cells along the longer side."""
     side = max(scenario.width, scenario.height) / most
     columns, rows = (max(1, ceil(each / side - 1e-9)) for each in (scenario.width, scenario.height))
-    across = (np.arange(columns) + 0.5) * (scenario.width / columns)
-    up = (np.arange(rows) + 0.5) * (scenario.height / rows)
-    x, y = (each.ravel() for each in np.meshgrid(across, up))
+    size = (scenario.width, scenario.height)
+    x, y = cell_middles(columns, rows, size)
     if isinstance(field, VectorField):
         east, north = (each.reshape(rows, columns) for each in flow(field, x, y, scenario.around))
         return FieldMap(np.hypot(east, north), np.arctan2(north, east))
-    size = (scenario.width, scenario.height)
     return FieldMap(values(field, x, y, size, scenario.around)[0].reshape(rows, columns))
 
 
 def coarse(amount: Floats, most: int) -> FieldMap:
     """The cells of a growing field, or the means of blocks of them where there are more than `most` along a side."""
-    found = amount.copy()
+    means = amount.copy()
     for axis in (0, 1):
-        blocks = -(-found.shape[axis] // ceil(found.shape[axis] / most))
-        starts = np.arange(blocks) * found.shape[axis] // blocks
-        found = np.add.reduceat(found, starts, axis) / _counts(starts, found.shape[axis], axis)
-    return FieldMap(found)
-
-
-def _counts(starts: NDArray[np.int64], count: int, axis: int) -> NDArray[np.int64]:
-    """How many cells each block has, to divide sums along an axis by."""
-    found = np.diff(starts, append=count)
-    return found[:, None] if axis == 0 else found
+        length = means.shape[axis]
+        blocks = -(-length // ceil(length / most))
+        starts = np.arange(blocks) * length // blocks
+        counts = np.diff(starts, append=length)
+        means = np.add.reduceat(means, starts, axis) / (counts[:, None] if axis == 0 else counts)
+    return FieldMap(means)

@@ -2,8 +2,8 @@
 
 What robots ask for in a tick is collected, with the cell in which each was at that moment, and resolved in the next
 one, all at once: first what is taken, then what is added. If a cell has less than is asked for, or less room, everybody
-there gets the same share of the wish; so no result depends on the order of the robots. Afterwards the field spreads and
-grows.
+there gets the same share of what it asked for; so no result depends on the order of the robots. Afterwards the field
+spreads and grows.
 """
 
 from __future__ import annotations
@@ -22,15 +22,21 @@ TAKE, ADD = 0, 1
 
 
 class GrowingField:
-    """size: of the world, m; torus: whether it has no edge; tick: s. start: the amounts at the start, shape (rows,
-    columns), bottom row first."""
+    """The cells of one field, and what robots ask of them.
+
+    growth: how it grows
+    size: of the world, m
+    torus: whether it has no edge
+    tick: s
+    start: the amounts at the start, shape (rows, columns), bottom row first
+    """
 
     def __init__(
         self, growth: Growth, size: tuple[float, float], torus: bool, tick: float, robots: int, start: Floats
     ) -> None:
         self._growth, self._size, self._tick = growth, size, tick
         self._around = "wrap" if torus else "edge"
-        self._across, self._up = spread(growth, size, tick)
+        self._share_x, self._share_y = spread(growth, size, tick)
         self._factor = float(exponential(np.array([growth.rate * tick]))[0]) if growth.logistic else 1.0
         self.amount: Floats = np.clip(start, 0.0, growth.most)
         self._wanted: Floats = np.zeros((2, robots))
@@ -46,8 +52,8 @@ class GrowingField:
         return cells
 
     def ask(self, what: int, robots: Whole, amounts: Floats, x: Floats, y: Floats) -> None:
-        """Robots at these points want to TAKE or ADD these amounts; a second wish in a tick replaces the first, and
-        nobody can wish for more than a cell can have."""
+        """Robots at these points ask to TAKE or ADD these amounts; a second request in a tick replaces the first, and
+        nobody can ask for more than a cell can have."""
         self._wanted[what, robots] = np.clip(amounts, 0.0, self._growth.most)
         self._cells[what, robots] = self.cells(x, y)
 
@@ -68,16 +74,16 @@ class GrowingField:
         mean slope to the cells on both sides."""
         growth, amount = self._growth, self.amount
         row, column = np.divmod(self.cells(x, y), growth.columns)
-        east = self._slope(lambda place: amount[row, place], column, growth.columns, self._size[0])
-        north = self._slope(lambda place: amount[place, column], row, growth.rows, self._size[1])
+        east = self._slope(lambda index: amount[row, index], column, growth.columns, self._size[0])
+        north = self._slope(lambda index: amount[index, column], row, growth.rows, self._size[1])
         return amount[row, column], east, north
 
-    def _slope(self, amount_at: Callable[[Whole], Floats], place: Whole, count: int, side: float) -> Floats:
+    def _slope(self, amount_at: Callable[[Whole], Floats], index: Whole, count: int, side: float) -> Floats:
         """How the amount rises over a metre along one axis with so many cells. place: of the cells, along this axis;
         side: of the world, m."""
         if self._around == "wrap":
-            return (amount_at((place + 1) % count) - amount_at((place - 1) % count)) / (2.0 * side / count)
-        before, after = np.maximum(place - 1, 0), np.minimum(place + 1, count - 1)
+            return (amount_at((index + 1) % count) - amount_at((index - 1) % count)) / (2.0 * side / count)
+        before, after = np.maximum(index - 1, 0), np.minimum(index + 1, count - 1)
         slope: Floats = (amount_at(after) - amount_at(before)) / (np.maximum(after - before, 1) * (side / count))
         return slope
 
@@ -85,21 +91,22 @@ class GrowingField:
         """The arrays that a run changes and that the next ticks depend on."""
         return {"amount": self.amount, "wanted": self._wanted, "cells": self._cells}
 
-    def _shares(self, what: int, there: Floats) -> tuple[Floats, Floats]:
-        """What each robot gets of its wish, and what all get in each cell. there: the most that all can get there."""
+    def _shares(self, what: int, available: Floats) -> tuple[Floats, Floats]:
+        """What each robot gets of its request, and what all get in each cell. available: the most that all can get
+        there."""
         wanted, cells = self._wanted[what], self._cells[what]
-        asked = np.bincount(cells, wanted, there.size)
-        given = np.minimum(asked, there)
+        total = np.bincount(cells, wanted, available.size)
+        given = np.minimum(total, available)
         with np.errstate(invalid="ignore"):
-            share = np.where(asked > 0.0, given / asked, 0.0)
+            share = np.where(total > 0.0, given / total, 0.0)
         return wanted * share[cells], given
 
     def _spread(self) -> None:
         """Diffusion, by the explicit scheme with the four cells around each; nothing leaves at the world's edge."""
         old = np.pad(self.amount, 1, mode=self._around)  # type: ignore[call-overload]  # one of two modes
         middle = old[1:-1, 1:-1]
-        self.amount += self._across * ((old[1:-1, :-2] - middle) + (old[1:-1, 2:] - middle))
-        self.amount += self._up * ((old[:-2, 1:-1] - middle) + (old[2:, 1:-1] - middle))
+        self.amount += self._share_x * ((old[1:-1, :-2] - middle) + (old[1:-1, 2:] - middle))
+        self.amount += self._share_y * ((old[:-2, 1:-1] - middle) + (old[2:, 1:-1] - middle))
         np.clip(self.amount, 0.0, self._growth.most, out=self.amount)
 
     def _grow(self) -> None:

@@ -7,27 +7,23 @@ on every processor. Lengths in m, values in SI.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.model import HostFunction
 from sleepcast.simulator.bodies.bodies import Bodies, Floats, Whole
-from sleepcast.simulator.bodies.body import Body
+from sleepcast.simulator.bodies.body import acting
 from sleepcast.simulator.bodies.growing_field import ADD, TAKE, GrowingField
 from sleepcast.simulator.scenario.fields import (
     Field,
-    Growth,
     Hill,
     Picture,
     ScalarField,
-    Swirl,
     VectorField,
     dimension_of,
     field_sensors,
 )
-from sleepcast.simulator.simd.formulas import exponential, shortest, sine_cosine
+from sleepcast.simulator.simd.formulas import exponential, rotated, shortest, sine_cosine
 from sleepcast.simulator.world.areas import inside
 from sleepcast.simulator.world.torus import Around
 
@@ -53,10 +49,10 @@ class LocalFields:
             rows[:] = 0.0
         self._look()
         self.functions = tuple(
-            function
+            _asking(bodies, field, cells, what)
             for field, _, cells in self._each
             if cells is not None
-            for function in _functions(bodies, field, cells)
+            for what in (TAKE, ADD)
         )
 
     def step(self) -> None:
@@ -77,8 +73,8 @@ class LocalFields:
 
     def amount(self, name: str) -> Floats | None:
         """The amounts in the cells of a growing field, shape (rows, columns), bottom row first; None of others."""
-        found = (cells for field, _, cells in self._each if field.name == name)
-        cells = next(found, None)
+        matching = (cells for field, _, cells in self._each if field.name == name)
+        cells = next(matching, None)
         return None if cells is None else cells.amount
 
     def _look(self) -> None:
@@ -89,19 +85,18 @@ class LocalFields:
                 rows[0], rows[1] = self._turned(*flow(field, bodies.x, bodies.y, scenario.around))
                 continue
             if cells is not None:
-                value, across, up = cells.read(bodies.x, bodies.y)
+                value, dx, dy = cells.read(bodies.x, bodies.y)
             else:
-                value, across, up = values(field, bodies.x, bodies.y, size, scenario.around)
+                value, dx, dy = values(field, bodies.x, bodies.y, size, scenario.around)
             rows[0] = value
-            rows[1], rows[2] = self._turned(across, up)
+            rows[1], rows[2] = self._turned(dx, dy)
 
-    def _turned(self, across: Floats, up: Floats) -> tuple[Floats, Floats]:
+    def _turned(self, dx: Floats, dy: Floats) -> tuple[Floats, Floats]:
         """Vectors in the world's frame, as robots see them whose odometry has turned."""
         bodies = self._bodies
         if not bodies.scenario.robots.wheels:
-            return across, up
-        sine, cosine = sine_cosine(bodies.encoder_heading - bodies.heading)
-        return across * cosine - up * sine, across * sine + up * cosine
+            return dx, dy
+        return rotated(dx, dy, *sine_cosine(bodies.encoder_heading - bodies.heading))
 
 
 # ---- values at points
@@ -109,31 +104,35 @@ class LocalFields:
 
 def values(field: ScalarField, x: Floats, y: Floats, size: tuple[float, float], around: Around) -> Sensed:
     """A field that does not grow, or the start of one that does. size: of the world; around: of a torus."""
-    value, across, up = np.full(x.size, field.base), np.zeros(x.size), np.zeros(x.size)
+    value, dx, dy = np.full(x.size, field.base), np.zeros(x.size), np.zeros(x.size)
     for hill in field.hills:
-        for total, part in zip((value, across, up), _hill(hill, x, y, around), strict=True):
+        for total, part in zip((value, dx, dy), _hill(hill, x, y, around), strict=True):
             total += part
     for zone in field.zones:
         value[inside(zone.shape, x, y)] += zone.value
     if field.picture is not None:
-        for total, part in zip((value, across, up), _shown(field.picture, x, y, size), strict=True):
+        for total, part in zip((value, dx, dy), _shown(field.picture, x, y, size), strict=True):
             total += part
-    return value, across, up
+    return value, dx, dy
 
 
 def flow(field: VectorField, x: Floats, y: Floats, around: Around) -> tuple[Floats, Floats]:
     """A vector field, to the east and to the north."""
-    across, up = (np.full(x.size, each) for each in field.uniform)
+    dx, dy = (np.full(x.size, each) for each in field.uniform)
     for swirl in field.swirls:
-        turning = _turning(swirl, x, y, around)
-        across += turning[0]
-        up += turning[1]
-    return across, up
+        # The stream function is Gaussian: the speed grows with the distance d as d exp(-d^2/(2 radius^2)), which is
+        # greatest at `radius`.
+        from_x, from_y = shortest(x - swirl.x, around[0]), shortest(y - swirl.y, around[1])
+        square, radius = from_x * from_x + from_y * from_y, swirl.radius
+        rate = swirl.peak * ROOT_OF_E / radius * exponential(square / (-2.0 * radius * radius))
+        dx += -rate * from_y
+        dy += rate * from_x
+    return dx, dy
 
 
 def _hill(hill: Hill, x: Floats, y: Floats, around: Around) -> Sensed:
-    across, up = shortest(hill.x - x, around[0]), shortest(hill.y - y, around[1])
-    square, radius = across * across + up * up, hill.radius
+    dx, dy = shortest(hill.x - x, around[0]), shortest(hill.y - y, around[1])
+    square, radius = dx * dx + dy * dy, hill.radius
     if hill.gaussian:
         value = hill.peak * exponential(square / (-2.0 * radius * radius))
         slope = value / (radius * radius)
@@ -141,28 +140,19 @@ def _hill(hill: Hill, x: Floats, y: Floats, around: Around) -> Sensed:
         away = np.sqrt(square)
         value = hill.peak * np.maximum(1.0 - away / radius, 0.0)
         slope = np.where((away > 0.0) & (away < radius), hill.peak / radius, 0.0) / np.where(away > 0.0, away, 1.0)
-    return value, slope * across, slope * up
-
-
-def _turning(swirl: Swirl, x: Floats, y: Floats, around: Around) -> tuple[Floats, Floats]:
-    """The speed of a vortex with a Gaussian stream function: it grows with the distance d as d exp(-d^2/(2 radius^2)),
-    which is greatest at `radius`."""
-    across, up = shortest(x - swirl.x, around[0]), shortest(y - swirl.y, around[1])
-    radius = swirl.radius
-    rate = swirl.peak * ROOT_OF_E / radius * exponential((across * across + up * up) / (-2.0 * radius * radius))
-    return -rate * up, rate * across
+    return value, slope * dx, slope * dy
 
 
 def _shown(picture: Picture, x: Floats, y: Floats, size: tuple[float, float]) -> Sensed:
     """A picture, linear between the middles of its pixels and even in the outer half of those at its border."""
     grey = np.frombuffer(bytes.fromhex(picture.grey), np.uint8).reshape(picture.rows, picture.columns)[::-1]
-    place = []
-    for at, side, count in ((x, size[0], picture.columns), (y, size[1], picture.rows)):
-        wanted = at * (count / side) - 0.5
+    axes = []
+    for points, side, count in ((x, size[0], picture.columns), (y, size[1], picture.rows)):
+        wanted = points * (count / side) - 0.5
         here = np.clip(wanted, 0.0, count - 1.0)
         before = np.minimum(np.floor(here), max(count - 2, 0)).astype(np.int64)
-        place.append((before, np.minimum(before + 1, count - 1), here - before, (wanted == here) * (count / side)))
-    (left, right, share, per_x), (below, above, height, per_y) = place
+        axes.append((before, np.minimum(before + 1, count - 1), here - before, (wanted == here) * (count / side)))
+    (left, right, share, per_x), (below, above, height, per_y) = axes
     step = (picture.high - picture.low) / 255.0
     corners = [picture.low + step * grey[row, column] for row in (below, above) for column in (left, right)]
     bottom, top = (corners[i] + share * (corners[i + 1] - corners[i]) for i in (0, 2))
@@ -179,37 +169,27 @@ def _cells_of(bodies: Bodies, field: ScalarField) -> GrowingField | None:
         return None
     scenario, growth = bodies.scenario, field.growth
     size = (scenario.width, scenario.height)
-    x, y = _middles(growth, size)
+    x, y = cell_middles(growth.columns, growth.rows, size)
     start = values(field, x, y, size, scenario.around)[0].reshape(growth.rows, growth.columns)
     return GrowingField(growth, size, scenario.torus, scenario.tick, bodies.count, start)
 
 
-def _middles(growth: Growth, size: tuple[float, float]) -> tuple[Floats, Floats]:
-    across = (np.arange(growth.columns) + 0.5) * (size[0] / growth.columns)
-    up = (np.arange(growth.rows) + 0.5) * (size[1] / growth.rows)
-    x, y = np.meshgrid(across, up)
+def cell_middles(columns: int, rows: int, size: tuple[float, float]) -> tuple[Floats, Floats]:
+    """x and y of the middles of cells that fill a world of this size, row by row from the bottom, m."""
+    column_x = (np.arange(columns) + 0.5) * (size[0] / columns)
+    row_y = (np.arange(rows) + 0.5) * (size[1] / rows)
+    x, y = np.meshgrid(column_x, row_y)
     return x.ravel(), y.ravel()
 
 
-def _functions(bodies: Bodies, field: Field, cells: GrowingField) -> Iterator[HostFunction]:
-    """The functions with which robots act on the cell under them."""
-    yield _asking(bodies, field, cells, TAKE, f"Takes up to this amount of {field.name} from the cell under the robot.")
-    yield _asking(bodies, field, cells, ADD, f"Adds this amount of {field.name} to the cell under the robot.")
+def _asking(bodies: Bodies, field: Field, cells: GrowingField, what: int) -> HostFunction:
+    """The function with which robots TAKE from the cell under them, or ADD to it."""
 
-
-def _asking(bodies: Bodies, field: Field, cells: GrowingField, what: int, doc: str) -> HostFunction:
-    def many(_: object, robots: Whole, amounts: Floats) -> None:
+    def ask(robots: Whole, amounts: Floats) -> None:
         cells.ask(what, robots, amounts, bodies.x[robots], bodies.y[robots])
 
-    def call(body: Body, amount: float) -> None:
-        many(None, np.array([body.number]), np.array([amount]))
-
-    return HostFunction(
-        f"{('TAKE', 'ADD')[what]}_{field.name.upper()}",
-        call,
-        (dimension_of(field),),
-        arguments="amount",
-        doc=doc,
-        many=many,
-        moves=False,
-    )
+    doc = (
+        f"Takes up to this amount of {field.name} from the cell under the robot.",
+        f"Adds this amount of {field.name} to the cell under the robot.",
+    )[what]
+    return acting(f"{('TAKE', 'ADD')[what]}_{field.name.upper()}", dimension_of(field), "amount", doc, ask)

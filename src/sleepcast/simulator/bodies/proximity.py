@@ -44,8 +44,13 @@ from sleepcast.simulator.world.world import World
 
 
 class Neighbours:
-    """The spatial index of motion and sonar. size: of the world, m; cell: least side, m; count: of bodies; around,
-    reach: see `torus.cells_over`."""
+    """The spatial index of motion and sonar.
+
+    size: of the world, m
+    cell: least side, m
+    count: of bodies
+    around, reach: see `torus.cells_over`
+    """
 
     def __init__(
         self,
@@ -136,14 +141,14 @@ class Bumpers:
         self._of_each = radii[:1].copy() if alike else radii
         self._near, self._machine, self._reach = near, machine, reach
 
-    def settle(self, x: Floats, y: Floats, across: Floats, up: Floats, settled: Settled) -> None:
+    def settle(self, x: Floats, y: Floats, dx: Floats, dy: Floats, settled: Settled) -> None:
         """Write into `settled` how far bodies at x, y (m) get along `across` and `up` (m)."""
         near, listed = self._near, self._near.solids(self._reach)
         every_x, every_y, of = near.images(x, y)
         radii = self._of_each[of] if len(self._of_each) > 1 else self._of_each
         every = settled if len(every_x) == len(x) else Settled(*np.empty((3, len(every_x))))
-        place, way = (every_x, every_y), (across[of], up[of])
-        self._machine.settle(near.grid, near.points(x, y), listed, near.lines, radii, place, way, every)
+        positions, way = (every_x, every_y), (dx[of], dy[of])
+        self._machine.settle(near.grid, near.points(x, y), listed, near.lines, radii, positions, way, every)
         if every is not settled:
             for mine, each in zip(settled, every, strict=True):
                 mine[:] = each[: len(x)]
@@ -155,7 +160,7 @@ class Bumpers:
         given: bodies that must stay where they are. Of two others that overlap, the one with the higher index moves.
         Raises MisuseError if they do not fit, StartError for one that must stay."""
         wide = self._near.grid  # the sonars' cells would give too many pairs in a full room
-        fine = grid_over(wide.across * wide.size, wide.up * wide.size, CELL * self.radii.max(), len(x))
+        fine = grid_over(wide.columns * wide.size, wide.rows * wide.size, CELL * self.radii.max(), len(x))
         for attempt in range(MAX_ATTEMPTS):
             i, j = self._overlapping(fine, x, y)
             inside = self._in_solids(x, y)
@@ -194,19 +199,19 @@ class Bumpers:
         """Bodies that overlap, each pair in both orders."""
         every, radii = np.arange(len(x)), self.radii
         self._near.forget()
-        found = self._near.images(x, y)
-        x, y = found.x, found.y
+        images = self._near.images(x, y)
+        x, y = images.x, images.y
         i, j = pairs(fine, sort(fine, x, y), x, y, 2.0 * radii.max() + SKIN, every)
         if radii.min() < radii.max():
-            close = np.hypot(x[i] - x[j], y[i] - y[j]) <= radii[i] + radii[found.of][j] + SKIN
+            close = np.hypot(x[i] - x[j], y[i] - y[j]) <= radii[i] + radii[images.of][j] + SKIN
             i, j = i[close], j[close]
-        return i, found.whose(j)
+        return i, images.whose(j)
 
     def _in_solids(self, x: Floats, y: Floats) -> Whole:
         """Bodies that something solid is too near to."""
         every, radii = np.arange(len(x)), self.radii
-        found = self._near.images(x, y)
-        x, y = found.x[: len(radii)], found.y[: len(radii)]
+        images = self._near.images(x, y)
+        x, y = images.x[: len(radii)], images.y[: len(radii)]
         listed, solids = self._near.solids(self._reach), self._near.lines
         cell = self._near.grid.cells_of(x, y)
         k, item = spread(every, listed.start[cell], listed.start[cell + 1])
@@ -238,12 +243,15 @@ class Sonars:
     """The sonars of many robots.
 
     sensed: readings, m, shape (sonars + 1, robots), updated by `sense`; the last row is the minimum of the front
-    sonars. firing: which sonar fires when. readings: with a firing order, the last reading of each sonar, m, shape
-    (robots, sonars), float32, NaN before the first. turret: angle of the ring from each robot's heading, rad,
-    changed by its owner between ticks; None: 0.
+        sonars
+    firing: which sonar fires when
+    readings: with a firing order, the last reading of each sonar, m, shape (robots, sonars), float32, NaN before the
+        first
+    turret: angle of the ring from each robot's heading, rad, changed by its owner between ticks; None: 0
 
-    With several robot types, robots: the slice of robots that have these sonars; radii: of all bodies, m. The arrays
-    then hold only these robots, while indices in arguments are those of all.
+    robots: with several robot types, the slice of robots that have these sonars: the arrays then hold only these, while
+        indices in arguments are those of all
+    radii: with several robot types, of all bodies, m
     """
 
     def __init__(
@@ -325,9 +333,9 @@ class Sonars:
         self._fresh[slice(None) if which is None else old] = True
         if self.firing.in_order:
             at_once = self.firing.at_once(old)
-            old, kept = old[at_once], old[~at_once]
-            for begin in range(0, len(kept), AT_ONCE):
-                some = kept[begin : begin + AT_ONCE]
+            old, in_order = old[at_once], old[~at_once]
+            for begin in range(0, len(in_order), AT_ONCE):
+                some = in_order[begin : begin + AT_ONCE]
                 their: slice | Whole = some
                 if (np.diff(some) == 1).all():  # contiguous: nothing need be copied
                     their = slice(int(some[0]), int(some[-1]) + 1)
@@ -412,8 +420,8 @@ class Sonars:
         ring = self.ring
         if not (ring.noise or ring.dropout):
             return None
-        sort = (self.robots.start,) if self.robots.start else ()  # each robot type has its own random numbers
-        keys = (key(self._seed, what, tick, *sort) for what in ("echo", "dropout"))
+        type_key = (self.robots.start,) if self.robots.start else ()  # each robot type has its own random numbers
+        keys = (key(self._seed, what, tick, *type_key) for what in ("echo", "dropout"))
         return Noise(ring.noise, ring.dropout, ring.most, *keys)
 
 
@@ -458,10 +466,10 @@ class SonarGroups:
             first, last = ring.robots.start, ring.robots.stop
             mine = None if which is None else which[(which >= first) & (which < last)]
             ring.sense(mine, tick, pose)
-            there = ring.robots if mine is None else mine
+            columns = ring.robots if mine is None else mine
             heard = ring.sensed if mine is None else ring.sensed[:, mine - first]
-            self.sensed[: len(heard) - 1, there] = heard[:-1]
-            self.sensed[-1, there] = heard[-1]
+            self.sensed[: len(heard) - 1, columns] = heard[:-1]
+            self.sensed[-1, columns] = heard[-1]
 
     def fire(self, tick: int, until: float, pose: tuple[Floats, Floats, Floats]) -> None:
         """Fire the sonars that are due before the time `until` (s), then apply cross-talk among all of them."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from math import ceil, inf
 from typing import NamedTuple
@@ -22,18 +23,18 @@ from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.model import HostFunction
 from sleepcast.core.units import LENGTH, NONE, UNITS, Dimension, is_angle
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats
-from sleepcast.simulator.bodies.body import Body
+from sleepcast.simulator.bodies.body import Body, acting
 from sleepcast.simulator.bodies.voronoi import centroids
 from sleepcast.simulator.scenario.signals import NeighbourModel
-from sleepcast.simulator.simd.formulas import arc_tangent, sine_cosine, wrap
+from sleepcast.simulator.simd.formulas import arc_tangent, rotated, sine_cosine, wrap
 from sleepcast.simulator.sonar.noise import deviates
 from sleepcast.simulator.world.grid import Grid, Sorted, Whole
 from sleepcast.simulator.world.torus import Images, cells_over
 
 MAX_PAIRS = 1 << 20
 """Pairs of neighbours processed at once: some hundred megabytes."""
-MAX_KEPT = 4
-"""Sets of pairs that are kept until the tick ends: rules often ask several things about the same neighbours."""
+MAX_RECENT = 4
+"""Sets of pairs that are stored until the tick ends: rules often ask several things about the same neighbours."""
 COLOUR = 0
 """The row of the colours in the table of shared numbers."""
 
@@ -42,17 +43,20 @@ COLOUR = 0
 class Pairs:
     """Robots that asked, each with what it senses of every neighbour: one entry for each pair.
 
-    asked: indices of the robots; robot: the place among them of the one that senses; other: index of its neighbour;
-    across, up: vector to the neighbour in the robot's frame of reference, m; away: its length, m. within: the radius
-    that each robot asked for, m.
+    asked: indices of the robots
+    robot: the index among them of the one that senses
+    other: index of its neighbour
+    dx, dy: vector to the neighbour in the robot's frame of reference, m
+    away: its length, m
+    within: the radius that each robot asked for, m
     """
 
     asked: Whole
     within: Floats
     robot: Whole
     other: Whole
-    across: Floats
-    up: Floats
+    dx: Floats
+    dy: Floats
     away: Floats
 
     def count(self) -> Floats:
@@ -71,9 +75,9 @@ class Pairs:
 
     def most(self, values: Floats) -> Floats:
         """Largest of `values`, one for each pair; NaN without neighbours."""
-        found = np.full(self.asked.size, -np.inf)
-        np.maximum.at(found, self.robot, values)
-        return np.where(found == -np.inf, np.nan, found)
+        greatest = np.full(self.asked.size, -np.inf)
+        np.maximum.at(greatest, self.robot, values)
+        return np.where(greatest == -np.inf, np.nan, greatest)
 
     def least(self, values: Floats) -> Floats:
         """Smallest of `values`, one for each pair; NaN without neighbours."""
@@ -81,36 +85,36 @@ class Pairs:
 
     def nearest(self, values: Floats) -> Floats:
         """The one of `values` that belongs to the nearest neighbour; NaN without neighbours."""
-        found = np.full(self.asked.size, np.nan)
+        values_of_nearest = np.full(self.asked.size, np.nan)
         first = np.flatnonzero(self.away == self.least(self.away)[self.robot])[::-1]
-        found[self.robot[first]] = values[first]
-        return found
+        values_of_nearest[self.robot[first]] = values[first]
+        return values_of_nearest
 
     def outlier(self, values: Floats) -> Floats:
         """The one of `values` that belongs to the neighbour farthest from the mean position of all; NaN without
         neighbours."""
-        across, up = self.across - self.mean(self.across)[self.robot], self.up - self.mean(self.up)[self.robot]
-        away = np.sqrt(across * across + up * up)
-        return Pairs(self.asked, self.within, self.robot, self.other, across, up, -away).nearest(values)
+        dx, dy = self.dx - self.mean(self.dx)[self.robot], self.dy - self.mean(self.dy)[self.robot]
+        away = np.sqrt(dx * dx + dy * dy)
+        return Pairs(self.asked, self.within, self.robot, self.other, dx, dy, -away).nearest(values)
 
     def distance_of(self, rank: Floats) -> Floats:
         """Distance of the neighbour with this rank by distance, 1 for the nearest, m; rank: one for each robot that
         asked. Of the farthest if there are fewer neighbours; NaN without neighbours, and for a rank below 1."""
         count = self.count()
-        found = np.full(self.asked.size, np.nan)
+        distances = np.full(self.asked.size, np.nan)
         known = np.flatnonzero((count > 0.0) & (rank >= 1.0))
         first = np.cumsum(count) - count
-        place = (first + np.minimum(np.floor(rank), count) - 1.0)[known].astype(np.int64)
-        found[known] = self.away[np.lexsort((self.away, self.robot))][place]
-        return found
+        index = (first + np.minimum(np.floor(rank), count) - 1.0)[known].astype(np.int64)
+        distances[known] = self.away[np.lexsort((self.away, self.robot))][index]
+        return distances
 
     def widest_gap(self) -> tuple[Floats, Floats]:
         """The widest angle that contains no neighbour, rad, and the direction of its middle, rad in -pi..pi; both NaN
         without neighbours. Those at the robot's own place are in no direction."""
-        beside = (self.across == 0.0) & (self.up == 0.0)
+        beside = (self.dx == 0.0) & (self.dy == 0.0)
         if beside.any():
             return self.where(~beside).widest_gap()
-        direction = arc_tangent(self.up, self.across)
+        direction = arc_tangent(self.dy, self.dx)
         order = np.lexsort((direction, self.robot))
         robot, direction = self.robot[order], direction[order]
         last = np.append(robot[1:] != robot[:-1], True)[: robot.size]
@@ -123,14 +127,19 @@ class Pairs:
 
     def where(self, chosen: Flags) -> Pairs:
         """Some of the pairs."""
-        floats = (self.across, self.up, self.away)
+        floats = (self.dx, self.dy, self.away)
         return Pairs(
             self.asked, self.within, self.robot[chosen], self.other[chosen], *(each[chosen] for each in floats)
         )
 
 
 class _NeighbourQuery(NamedTuple):
-    """Which neighbours were asked for. robots: indices; radius: m; colour: NaN for any; one for each robot."""
+    """Which neighbours were asked for.
+
+    robots: indices
+    radius: m
+    colour: NaN for any; one for each robot
+    """
 
     robots: Whole
     radius: Floats
@@ -156,7 +165,7 @@ class RangeAndBearing:
         self._reach = min(model.reach, bodies.scenario.width + bodies.scenario.height)
         self._sorted: dict[float, tuple[Grid, Sorted, Images]] = {}
         """All bodies in cells as large as the greatest radius asked for, by that radius."""
-        self._kept: list[tuple[_NeighbourQuery, Pairs]] = []
+        self._recent: list[tuple[_NeighbourQuery, Pairs]] = []
         self._measured: tuple[Pairs, tuple[Floats, Floats]] | None = None
         """The cells that were measured last: rules ask for x and y of the same ones."""
         self.functions = (
@@ -170,7 +179,7 @@ class RangeAndBearing:
         """Begin a tick: bodies have moved, and what they set in the last tick can be seen."""
         self._shared[:] = self._set
         self._sorted.clear()
-        self._kept.clear()
+        self._recent.clear()
         self._measured = None
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
@@ -196,9 +205,9 @@ class RangeAndBearing:
         """The result of `formula` for each of `robots`, from its neighbours within `radius` (m) and reach. colour: of
         the neighbours that count, one for each robot; none: all count."""
         radius = np.clip(radius, 0.0, self._reach)
-        asked = _NeighbourQuery(robots, radius, colour[0] if colour else np.full(robots.size, np.nan))
-        found = [formula(self, each) for each in self._pairs(asked)]
-        return np.concatenate(found) if len(found) != 1 else found[0]
+        query = _NeighbourQuery(robots, radius, colour[0] if colour else np.full(robots.size, np.nan))
+        results = [formula(self, each) for each in self._pairs(query)]
+        return np.concatenate(results) if len(results) != 1 else results[0]
 
     def own_frame(self, robots: Whole) -> Floats:
         """Sensed x (m), y (m) and heading (rad) of these robots, shape (3, robots)."""
@@ -213,8 +222,8 @@ class RangeAndBearing:
             scenario = self._bodies.scenario
             x, y, _ = self.own_frame(pairs.asked)
             size = (inf, inf) if scenario.torus else (scenario.width, scenario.height)
-            found = centroids(pairs.robot, pairs.across, pairs.up, pairs.within / 2.0, x, y, size)
-            self._measured = pairs, found
+            middles = centroids(pairs.robot, pairs.dx, pairs.dy, pairs.within / 2.0, x, y, size)
+            self._measured = pairs, middles
         return self._measured[1]
 
     def headings(self, pairs: Pairs) -> tuple[Floats, Floats]:
@@ -223,32 +232,31 @@ class RangeAndBearing:
         sine, cosine = sine_cosine(bodies.heading)
         return self._turned(pairs.asked, pairs.robot, cosine[pairs.other], sine[pairs.other])
 
-    def _turned(self, asked: Whole, robot: Whole, across: Floats, up: Floats) -> tuple[Floats, Floats]:
+    def _turned(self, asked: Whole, robot: Whole, dx: Floats, dy: Floats) -> tuple[Floats, Floats]:
         """Vectors in the world's frame, as robots see them whose sensed heading is not their true one."""
         scenario = self._bodies.scenario
         if not scenario.noise and not scenario.robots.wheels and not scenario.sorts:
-            return across, up
+            return dx, dy
         sine, cosine = sine_cosine(wrap(self.own_frame(asked)[2] - self._bodies.heading[asked]))
-        sine, cosine = sine[robot], cosine[robot]
-        return across * cosine - up * sine, across * sine + up * cosine
+        return rotated(dx, dy, sine[robot], cosine[robot])
 
-    def _pairs(self, asked: _NeighbourQuery) -> list[Pairs]:
+    def _pairs(self, query: _NeighbourQuery) -> list[Pairs]:
         """The pairs of these robots and their neighbours, in one block or several ones that fit into memory."""
-        for before, pairs_before in self._kept:
-            if before.same(asked):
+        for before, pairs_before in self._recent:
+            if before.same(query):
                 return [pairs_before]
-        bodies, reach = self._bodies, float(asked.radius.max(initial=0.0)) * (1.0 + 1e-9)
-        block = np.zeros(asked.robots.size, np.int64)
-        if asked.robots.size > MAX_PAIRS // bodies.count:
-            grid, points, found = self._cells(reach)
+        bodies, reach = self._bodies, float(query.radius.max(initial=0.0)) * (1.0 + 1e-9)
+        block = np.zeros(query.robots.size, np.int64)
+        if query.robots.size > MAX_PAIRS // bodies.count:
+            grid, points, images = self._cells(reach)
             around = (2 * ceil(reach / grid.size) + 1) ** 2
-            if asked.robots.size * around * int(np.diff(points.start).max()) > MAX_PAIRS:
-                x, y = found.x[asked.robots], found.y[asked.robots]
+            if query.robots.size * around * int(np.diff(points.start).max()) > MAX_PAIRS:
+                x, y = images.x[query.robots], images.y[query.robots]
                 block = np.cumsum(bodies.machine.candidates(grid, points, x, y, reach)) // MAX_PAIRS
-        ends = [0, *(np.flatnonzero(np.diff(block)) + 1).tolist(), asked.robots.size]
-        blocks = [self._block(asked.part(slice(*each)), reach) for each in pairwise(ends)]
+        ends = [0, *(np.flatnonzero(np.diff(block)) + 1).tolist(), query.robots.size]
+        blocks = [self._block(query.part(slice(*each)), reach) for each in pairwise(ends)]
         if len(blocks) == 1:
-            self._kept = [*self._kept[1 - MAX_KEPT :], (asked, blocks[0])]
+            self._recent = [*self._recent[1 - MAX_RECENT :], (query, blocks[0])]
         return blocks
 
     def _cells(self, reach: float) -> tuple[Grid, Sorted, Images]:
@@ -256,41 +264,41 @@ class RangeAndBearing:
         if reach not in self._sorted:
             bodies, scenario = self._bodies, self._bodies.scenario
             cells = cells_over((scenario.width, scenario.height), scenario.around, reach, reach, bodies.count)
-            found = cells.images(bodies.x, bodies.y)
-            if len(self._sorted) == MAX_KEPT:
+            images = cells.images(bodies.x, bodies.y)
+            if len(self._sorted) == MAX_RECENT:
                 self._sorted.clear()
-            self._sorted[reach] = cells.grid, bodies.machine.sort(cells.grid, found.x, found.y), found
+            self._sorted[reach] = cells.grid, bodies.machine.sort(cells.grid, images.x, images.y), images
         return self._sorted[reach]
 
-    def _block(self, asked: _NeighbourQuery, reach: float) -> Pairs:
+    def _block(self, query: _NeighbourQuery, reach: float) -> Pairs:
         """The pairs of one block, after losses and with noise."""
         bodies, model = self._bodies, self._model
-        place = np.empty(bodies.count, np.int64)
-        place[asked.robots] = np.arange(asked.robots.size)
+        index = np.empty(bodies.count, np.int64)
+        index[query.robots] = np.arange(query.robots.size)
         grid, points, every = self._cells(reach)
-        first, other = bodies.machine.pairs(grid, points, every.x, every.y, reach, asked.robots)
-        across, up = every.x[other] - every.x[first], every.y[other] - every.y[first]
+        first, other = bodies.machine.pairs(grid, points, every.x, every.y, reach, query.robots)
+        dx, dy = every.x[other] - every.x[first], every.y[other] - every.y[first]
         other = every.whose(other)
-        away = np.sqrt(across * across + up * up)
-        robot = place[first]
-        sensed: Flags = away <= asked.radius[robot]
-        if not np.isnan(asked.colour).all():
-            colour = asked.colour[robot]
+        away = np.sqrt(dx * dx + dy * dy)
+        robot = index[first]
+        sensed: Flags = away <= query.radius[robot]
+        if not np.isnan(query.colour).all():
+            colour = query.colour[robot]
             sensed &= np.isnan(colour) | (colour == self._shared[COLOUR, other])
         if model.loss:
             drawn = uniform(key(bodies.seed, "neighbour lost", bodies.tick), _tokens(other, first))
             sensed &= drawn >= model.loss
-        found = Pairs(asked.robots, asked.radius, robot, other, across, up, away)
+        pairs = Pairs(query.robots, query.radius, robot, other, dx, dy, away)
         if not sensed.all():
-            found, first = found.where(sensed), first[sensed]
-        across, up, away = found.across, found.up, found.away
+            pairs, first = pairs.where(sensed), first[sensed]
+        dx, dy, away = pairs.dx, pairs.dy, pairs.away
         if model.noise:
-            size, tokens = model.noise * away, _tokens(found.other, first)
-            across = across + size * self._normal("neighbour across", tokens)
-            up = up + size * self._normal("neighbour up", tokens)
-            away = np.sqrt(across * across + up * up)
-        across, up = self._turned(asked.robots, found.robot, across, up)
-        return Pairs(asked.robots, asked.radius, found.robot, found.other, across, up, away)
+            size, tokens = model.noise * away, _tokens(pairs.other, first)
+            dx = dx + size * self._normal("neighbour across", tokens)
+            dy = dy + size * self._normal("neighbour up", tokens)
+            away = np.sqrt(dx * dx + dy * dy)
+        dx, dy = self._turned(query.robots, pairs.robot, dx, dy)
+        return Pairs(query.robots, query.radius, pairs.robot, pairs.other, dx, dy, away)
 
     def _normal(self, purpose: str, tokens: NDArray[np.uint64]) -> Floats:
         """Normal noise of this tick, one number for each token."""
@@ -319,9 +327,9 @@ def _mean_heading(near: RangeAndBearing, pairs: Pairs) -> Floats:
 
 def _direction(pairs: Pairs, cosine: Floats, sine: Floats) -> Floats:
     """The direction of the sum of unit vectors, one for each pair; NaN without neighbours, and where they cancel."""
-    across, up = pairs.total(cosine), pairs.total(sine)
-    there = np.sqrt(across * across + up * up) > CANCELLED * pairs.count()
-    return np.where(there, arc_tangent(up, across), np.nan)
+    x, y = pairs.total(cosine), pairs.total(sine)
+    known = np.sqrt(x * x + y * y) > CANCELLED * pairs.count()
+    return np.where(known, arc_tangent(y, x), np.nan)
 
 
 def _mean_angle(pairs: Pairs, angles: Floats) -> Floats:
@@ -336,26 +344,26 @@ _FORMULAS: tuple[tuple[str, Dimension, str, Formula], ...] = (
         "MEAN_X",
         LENGTH,
         "Mean x of the neighbours within r.",
-        lambda near, pairs: near.own_frame(pairs.asked)[0] + pairs.mean(pairs.across),
+        lambda near, pairs: near.own_frame(pairs.asked)[0] + pairs.mean(pairs.dx),
     ),
     (
         "MEAN_Y",
         LENGTH,
         "Mean y of the neighbours within r.",
-        lambda near, pairs: near.own_frame(pairs.asked)[1] + pairs.mean(pairs.up),
+        lambda near, pairs: near.own_frame(pairs.asked)[1] + pairs.mean(pairs.dy),
     ),
     ("MEAN_HEADING", NONE, "Direction in which the neighbours within r head on average.", _mean_heading),
     (
         "NEAREST_X",
         LENGTH,
         "x of the nearest neighbour within r.",
-        lambda near, pairs: near.own_frame(pairs.asked)[0] + pairs.nearest(pairs.across),
+        lambda near, pairs: near.own_frame(pairs.asked)[0] + pairs.nearest(pairs.dx),
     ),
     (
         "NEAREST_Y",
         LENGTH,
         "y of the nearest neighbour within r.",
-        lambda near, pairs: near.own_frame(pairs.asked)[1] + pairs.nearest(pairs.up),
+        lambda near, pairs: near.own_frame(pairs.asked)[1] + pairs.nearest(pairs.dy),
     ),
     (
         "NEAREST_DIST",
@@ -373,13 +381,13 @@ _FORMULAS: tuple[tuple[str, Dimension, str, Formula], ...] = (
         "OUTLIER_X",
         LENGTH,
         "x of the neighbour within r that is farthest from their mean position.",
-        lambda near, pairs: near.own_frame(pairs.asked)[0] + pairs.outlier(pairs.across),
+        lambda near, pairs: near.own_frame(pairs.asked)[0] + pairs.outlier(pairs.dx),
     ),
     (
         "OUTLIER_Y",
         LENGTH,
         "y of that neighbour.",
-        lambda near, pairs: near.own_frame(pairs.asked)[1] + pairs.outlier(pairs.up),
+        lambda near, pairs: near.own_frame(pairs.asked)[1] + pairs.outlier(pairs.dy),
     ),
     (
         "CELL_X",
@@ -438,22 +446,8 @@ def _over_share(row: int, reduce: Callable[[Pairs, Floats], Floats]) -> Formula:
 
 def _sharing(near: RangeAndBearing, name: str, argument: str, row: int, dimension: Dimension) -> HostFunction:
     """A function that shares a number with the neighbours."""
-
-    def many(bodies: object, robots: Whole, values: Floats) -> None:
-        near.share(row, robots, values)
-
-    def call(body: Body, value: float) -> None:
-        many(None, np.array([body.number]), np.array([value]))
-
-    return HostFunction(
-        name,
-        call,
-        (dimension,),
-        arguments=argument,
-        doc=f"Shows this {argument} to the neighbours from the next tick on.",
-        many=many,
-        moves=False,
-    )
+    doc = f"Shows this {argument} to the neighbours from the next tick on."
+    return acting(name, dimension, argument, doc, partial(near.share, row))
 
 
 def _sensing(

@@ -104,12 +104,12 @@ class Senses:
         x, y, heading = bodies.x[sees], bodies.y[sees], bodies.heading[sees]
         flags, ranges, bearings = np.zeros(sees.size), np.full(sees.size, np.nan), np.full(sees.size, np.nan)
         for light in bodies.scenario.lights:
-            across, up = shortest(light.x - x, around[0]), shortest(light.y - y, around[1])
-            away = np.sqrt(across * across + up * up)
+            dx, dy = shortest(light.x - x, around[0]), shortest(light.y - y, around[1])
+            away = np.sqrt(dx * dx + dy * dy)
             nearest = (away <= light.reach) & ~(ranges <= away)
             flags[nearest] = 1.0
             ranges[nearest] = away[nearest]
-            bearings[nearest] = bearing(across, up, heading)[nearest]
+            bearings[nearest] = bearing(dx, dy, heading)[nearest]
         self._seen[:, sees] = flags, ranges, bearings
 
 
@@ -167,37 +167,43 @@ class _PingReceiver:
     def _hear(self, senders: NDArray[np.intp], castes: Floats) -> None:
         """Queue the sent pings at all receivers in reach, in blocks whose pairs fit into memory."""
         bodies = self._bodies
-        found = self._cells.images(bodies.x, bodies.y)
-        sent = np.flatnonzero(self._sent[found.of])
-        points = sort(self._cells.grid, found.x[sent], found.y[sent])
+        images = self._cells.images(bodies.x, bodies.y)
+        sent = np.flatnonzero(self._sent[images.of])
+        points = sort(self._cells.grid, images.x[sent], images.y[sent])
         points = Sorted(sent[points.order].astype(np.int32), points.start)
-        own_x, own_y = found.x[: bodies.count], found.y[: bodies.count]
+        own_x, own_y = images.x[: bodies.count], images.y[: bodies.count]
         chances = candidates(self._cells.grid, points, own_x, own_y, self._reach)
         hearers = np.flatnonzero(chances)
         block = np.cumsum(chances[hearers]) // MAX_PAIRS
         caste = np.zeros(bodies.count)
         caste[senders] = castes
         for some in np.split(hearers, np.flatnonzero(np.diff(block)) + 1):
-            self._hear_block(found, points, caste, some)
+            self._hear_block(images, points, caste, some)
 
-    def _hear_block(self, found: Images, points: Sorted, caste: Floats, hearers: NDArray[np.intp]) -> None:
+    def _hear_block(self, images: Images, points: Sorted, caste: Floats, hearers: NDArray[np.intp]) -> None:
         """Queue pings at one block of receivers, each in a random order, at most one queue length each."""
         bodies, model = self._bodies, self._model
-        hearers, sources = pairs(self._cells.grid, points, found.x, found.y, self._reach, hearers)
-        across, up = found.x[sources] - found.x[hearers], found.y[sources] - found.y[hearers]
-        sources = found.whose(sources)
-        away = np.sqrt(across * across + up * up)
+        hearers, sources = pairs(self._cells.grid, points, images.x, images.y, self._reach, hearers)
+        dx, dy = images.x[sources] - images.x[hearers], images.y[sources] - images.y[hearers]
+        sources = images.whose(sources)
+        away = np.sqrt(dx * dx + dy * dy)
         tokens = (sources.astype(np.uint64) << np.uint64(32)) + hearers.astype(np.uint64)
         heard = away <= model.reach
         if model.loss:
             heard &= uniform(key(bodies.seed, "ping lost", bodies.tick), tokens) >= model.loss
         turn = uniform(key(bodies.seed, "ping order", bodies.tick), tokens)
-        kept = np.flatnonzero(heard)
-        kept = kept[np.lexsort((sources[kept], turn[kept], hearers[kept]))]
-        hearers = hearers[kept]
-        ping = np.stack((away[kept], bearing(across[kept], up[kept], bodies.heading[hearers]), caste[sources[kept]]))
-        places = np.arange(len(hearers))
-        rank = places - np.maximum.accumulate(np.where(np.diff(hearers, prepend=-1) != 0, places, 0))
+        chosen_pairs = np.flatnonzero(heard)
+        chosen_pairs = chosen_pairs[np.lexsort((sources[chosen_pairs], turn[chosen_pairs], hearers[chosen_pairs]))]
+        hearers = hearers[chosen_pairs]
+        ping = np.stack(
+            (
+                away[chosen_pairs],
+                bearing(dx[chosen_pairs], dy[chosen_pairs], bodies.heading[hearers]),
+                caste[sources[chosen_pairs]],
+            )
+        )
+        indices = np.arange(len(hearers))
+        rank = indices - np.maximum.accumulate(np.where(np.diff(hearers, prepend=-1) != 0, indices, 0))
         for number in range(min(model.queue, 1 + int(rank.max(initial=-1)))):
             chosen = np.flatnonzero(rank == number)
             self._queue(hearers[chosen], ping[:, chosen])
@@ -213,8 +219,8 @@ class _PingReceiver:
         self._length[hearers] -= 1
 
 
-def bearing(across: Floats, up: Floats, heading: Floats) -> Floats:
-    """FRONT or REAR: the side of a point `across` m east and `up` m north, seen along `heading` (rad); NaN for one at
+def bearing(dx: Floats, dy: Floats, heading: Floats) -> Floats:
+    """FRONT or REAR: the side of a point `dx` m east and `dy` m north, seen along `heading` (rad); NaN for one at
     the robot's own place."""
-    side = np.where(across * np.cos(heading) + up * np.sin(heading) > 0.0, FRONT, REAR)
-    return np.where((across == 0.0) & (up == 0.0), np.nan, side)
+    side = np.where(dx * np.cos(heading) + dy * np.sin(heading) > 0.0, FRONT, REAR)
+    return np.where((dx == 0.0) & (dy == 0.0), np.nan, side)

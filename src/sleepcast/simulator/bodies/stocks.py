@@ -9,13 +9,14 @@ that fills a store leaves less room in it for the next one.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.model import HostFunction
 from sleepcast.simulator.bodies.bodies import Bodies, Flags, Floats, Whole
-from sleepcast.simulator.bodies.body import Body
+from sleepcast.simulator.bodies.body import acting
 from sleepcast.simulator.scenario.stocks import MAX_AMOUNT, Stock
 from sleepcast.simulator.simd.formulas import shortest
 
@@ -23,7 +24,7 @@ from sleepcast.simulator.simd.formulas import shortest
 class Stocks:
     """All stocks of a world. functions: what expressions may call.
 
-    level: what is there, in SI, shape (stocks,); in the order of the scenario, as all rows below.
+    level: what is left, in SI, shape (stocks,); in the order of the scenario, as all rows below.
     """
 
     def __init__(self, bodies: Bodies) -> None:
@@ -101,8 +102,8 @@ class Stocks:
         such store."""
         bodies = self._bodies
         full = np.full(bodies.count, np.nan)
-        for sort, which in zip(bodies.scenario.each_sort, bodies.of_each_sort, strict=True):
-            for store in sort.stores:
+        for spec, which in zip(bodies.scenario.each_type, bodies.of_each_type, strict=True):
+            for store in spec.stores:
                 if store.name.casefold() == name.casefold():
                     full[which] = store.full
         return bodies.stores[bodies.store_names.index(name.casefold())], full
@@ -121,8 +122,8 @@ class Stocks:
         """The distance of these robots from a stock, m."""
         bodies = self._bodies
         around_x, around_y = bodies.scenario.around
-        across, up = shortest(bodies.x[robots] - stock.x, around_x), shortest(bodies.y[robots] - stock.y, around_y)
-        away: Floats = np.sqrt(across * across + up * up)
+        dx, dy = shortest(bodies.x[robots] - stock.x, around_x), shortest(bodies.y[robots] - stock.y, around_y)
+        away: Floats = np.sqrt(dx * dx + dy * dy)
         return away
 
     def _functions(self, row: int) -> Iterator[HostFunction]:
@@ -130,28 +131,8 @@ class Stocks:
         stock = self._stocks[row]
         into, out = (f" into its {stock.store}", f" from its {stock.store}") if stock.store else ("", "")
 
-        def taking(bodies: object, robots: Whole, amounts: Floats) -> None:
-            self.take(row, robots, amounts)
-
-        def giving(bodies: object, robots: Whole, amounts: Floats) -> None:
-            self.give(row, robots, amounts)
-
-        def take(body: Body, amount: float) -> None:
-            self.take(row, np.array([body.number]), np.array([amount]))
-
-        def give(body: Body, amount: float) -> None:
-            self.give(row, np.array([body.number]), np.array([amount]))
-
-        for name, call, many, doc in (
-            ("TAKE", take, taking, f"Takes so much of {stock.title}{into}; only within its radius."),
-            ("GIVE", give, giving, f"Adds so much to {stock.title}{out}; only within its radius."),
+        for name, act, doc in (
+            ("TAKE", self.take, f"Takes so much of {stock.title}{into}; only within its radius."),
+            ("GIVE", self.give, f"Adds so much to {stock.title}{out}; only within its radius."),
         ):
-            yield HostFunction(
-                f"{name}_{stock.name.upper()}",
-                call,
-                (stock.dimension,),
-                arguments="amount",
-                doc=doc,
-                many=many,
-                moves=False,
-            )
+            yield acting(f"{name}_{stock.name.upper()}", stock.dimension, "amount", doc, partial(act, row))

@@ -25,7 +25,7 @@ _SINES, _COSINES = sine_cosine(np.array([(ray + 0.5) * (2.0 * pi / DIRECTIONS) -
 
 
 def centroids(
-    robot: Whole, across: Floats, up: Floats, radius: Floats, x: Floats, y: Floats, size: tuple[float, float]
+    robot: Whole, dx: Floats, dy: Floats, radius: Floats, x: Floats, y: Floats, size: tuple[float, float]
 ) -> tuple[Floats, Floats]:
     """Centroid x, y (m) of the cell of each robot, within a disc of `radius` (m) around it and a world of this size (m,
     infinite without edges).
@@ -34,9 +34,9 @@ def centroids(
     the vector to it, m.
     """
     order = np.argsort(robot, kind="stable")
-    robot, across, up = robot[order], across[order], up[order]
+    robot, dx, dy = robot[order], dx[order], dy[order]
     start = np.searchsorted(robot, np.arange(x.size + 1))
-    found = np.empty((2, x.size))
+    centres = np.empty((2, x.size))
     first = 0
     while first < x.size:
         last = int(np.searchsorted(start, start[first] + MAX_LENGTHS // DIRECTIONS, side="right")) - 1
@@ -45,29 +45,32 @@ def centroids(
         rays = _to_edge(x[own], y[own], size)
         np.minimum(rays, radius[own, None], out=rays)
         pairs = slice(start[first], start[last])
-        _cut(rays, robot[pairs] - first, across[pairs], up[pairs])
-        found[:, own] = x[own], y[own]
-        found[:, own] += _middle(rays)
+        _cut(rays, robot[pairs] - first, dx[pairs], dy[pairs])
+        centres[:, own] = x[own], y[own]
+        centres[:, own] += _middle(rays)
         first = last
-    return found[0], found[1]
+    return centres[0], centres[1]
 
 
 def _to_edge(x: Floats, y: Floats, size: tuple[float, float]) -> Floats:
     """Length of each ray, m, up to the edge of the world; 0 from outside towards farther outside."""
-    found = np.full((x.size, DIRECTIONS), np.inf)
-    for along, place, most in ((_COSINES, x, size[0]), (_SINES, y, size[1])):
-        for towards, away in ((along > 0.0, most - place), (along < 0.0, place if most < np.inf else most - place)):
+    rays = np.full((x.size, DIRECTIONS), np.inf)
+    for along, position, most in ((_COSINES, x, size[0]), (_SINES, y, size[1])):
+        for towards, away in (
+            (along > 0.0, most - position),
+            (along < 0.0, position if most < np.inf else most - position),
+        ):
             lengths = np.maximum(away, 0.0)[:, None] / np.abs(along[towards])
-            found[:, towards] = np.minimum(found[:, towards], lengths)
-    return found
+            rays[:, towards] = np.minimum(rays[:, towards], lengths)
+    return rays
 
 
-def _cut(rays: Floats, robot: Whole, across: Floats, up: Floats) -> None:
+def _cut(rays: Floats, robot: Whole, dx: Floats, dy: Floats) -> None:
     """Shorten rays in place to what is nearer to their robot than to its neighbours. robot: in ascending order."""
     if not robot.size:
         return
-    along = across[:, None] * _COSINES + up[:, None] * _SINES
-    half = (across * across + up * up)[:, None] / 2.0
+    along = dx[:, None] * _COSINES + dy[:, None] * _SINES
+    half = (dx * dx + dy * dy)[:, None] / 2.0
     with np.errstate(divide="ignore", invalid="ignore"):
         lengths = np.where(along > 0.0, half / along, np.inf)
     first = np.flatnonzero(np.append(True, robot[1:] != robot[:-1]))

@@ -22,7 +22,7 @@ BRAKING = 0.8
 """Share of the acceleration that an approach to a point plans with; the rest is for corrections."""
 AT_ONCE = 1e9
 """Turn acceleration of a body without wheels, which turns without inertia, rad/s2."""
-MOST_SLIP = 1.0
+MAX_SLIP = 1.0
 """Share of a wheel's path that slip may add or remove in one tick, so that bodies stay within the reach assumed for
 contact."""
 TINIEST = 1e-300
@@ -35,12 +35,20 @@ WANDER, DRIVE, GOTO = 0, 1, 2
 class Laws(NamedTuple):
     """Parameters common to the bodies of one type, SI.
 
-    tick: s. speed, turn_rate, acceleration: the limits; turn_acceleration: largest change of the turn rate. radius:
-    m. track: between the wheels, m, 0 without wheels; slip_left, slip_right, slip_noise: see
-    `robot_settings.Wheels`. roam_speed: of wandering; kept: share of a wandering body's turn rate that remains after
-    a tick; strayed: standard deviation of what a tick adds. left, bottom, right, top: edges that no body passes;
-    margin: distance from them at which a body turns back, m, negative if it does not. around_x, around_y: see `torus`.
-    parts: of the bumper. slides: 1 if bodies slide along what they touch, 0 if they stop there.
+    tick: s
+    speed, turn_rate, acceleration: the limits
+    turn_acceleration: largest change of the turn rate
+    radius: m
+    track: between the wheels, m, 0 without wheels
+    slip_left, slip_right, slip_noise: see `robot_settings.Wheels`
+    roam_speed: of wandering
+    kept: share of a wandering body's turn rate that remains after a tick
+    strayed: standard deviation of what a tick adds
+    left, bottom, right, top: edges that no body passes
+    margin: distance from them at which a body turns back, m, negative if it does not
+    around_x, around_y: see `torus`
+    parts: of the bumper
+    slides: 1 if bodies slide along what they touch, 0 if they stop there
     """
 
     tick: float
@@ -115,11 +123,11 @@ def bounded(value: Floats, low: Floats | float, high: Floats | float) -> Floats:
     return either(value < low, low, either(value > high, high, value))
 
 
-def approach(laws: Laws, across: Floats, up: Floats, heading: Floats) -> tuple[Floats, Floats]:
-    """Speed and turn rate of a body with this `heading` that drives to a point `across` and `up` from it, m, and stops
+def approach(laws: Laws, dx: Floats, dy: Floats, heading: Floats) -> tuple[Floats, Floats]:
+    """Speed and turn rate of a body with this `heading` that drives to a point `dx` and `dy` from it, m, and stops
     there."""
-    away = np.sqrt(across * across + up * up)
-    error = wrap(arc_tangent(up, across) - heading)
+    away = np.sqrt(dx * dx + dy * dy)
+    error = wrap(arc_tangent(dy, dx) - heading)
     size = np.abs(error)
     # On a circle through the point: any faster, even the tightest turn would miss it. For a point behind, half a turn.
     bend = either(size < pi / 2, np.abs(sine_cosine(error)[0]), 1.0)
@@ -129,8 +137,8 @@ def approach(laws: Laws, across: Floats, up: Floats, heading: Floats) -> tuple[F
     fastest = either(away / laws.tick < fastest, away / laws.tick, fastest)
     # Wheels need time to end a turn, just as they need time to stop.
     ending = np.sqrt(2.0 * BRAKING * laws.turn_acceleration * size)
-    there = away <= laws.radius
-    return either(there, 0.0, fastest), either(there, 0.0, bounded(error / laws.tick, -ending, ending))
+    arrived = away <= laws.radius
+    return either(arrived, 0.0, fastest), either(arrived, 0.0, bounded(error / laws.tick, -ending, ending))
 
 
 def tumbling(laws: Laws, swing: Floats) -> Floats:
@@ -182,11 +190,11 @@ def slipped(laws: Laws, way: Floats, bias: float, deviate: Floats | float) -> Fl
     """The true path of a wheel that appears to roll `way` m; its noise grows with the square root of the path."""
     size = np.abs(way)
     root = np.sqrt(either(size > 1e-12, size, 1e-12))
-    return way * (1.0 + bounded(bias + laws.slip_noise * deviate / root, -MOST_SLIP, MOST_SLIP))
+    return way * (1.0 + bounded(bias + laws.slip_noise * deviate / root, -MAX_SLIP, MAX_SLIP))
 
 
 def arc(laws: Laws, left: Floats, right: Floats, heading: Floats) -> tuple[Floats, Floats, Floats]:
-    """Displacement across and up (m) and turn (rad) of a body whose wheels roll `left` and `right` m, starting from
+    """Displacement in x and y (m) and turn (rad) of a body whose wheels roll `left` and `right` m, starting from
     `heading`."""
     turn = (right - left) / laws.track
     half = turn / 2.0
@@ -196,10 +204,10 @@ def arc(laws: Laws, left: Floats, right: Floats, heading: Floats) -> tuple[Float
     return chord * cosine, chord * sine, turn
 
 
-def touched_part(laws: Laws, across: Floats, up: Floats, heading: Floats) -> Floats:
-    """The number of the bumper segment touched by a thing that lies `across` and `up` from the body."""
-    place = np.floor((arc_tangent(up, across) - heading) * (laws.parts / (2.0 * pi)) + 0.5)
-    return 1.0 + (place - laws.parts * np.floor(place / laws.parts))
+def touched_part(laws: Laws, dx: Floats, dy: Floats, heading: Floats) -> Floats:
+    """The number of the bumper segment touched by a thing that lies `dx` and `dy` from the body."""
+    part = np.floor((arc_tangent(dy, dx) - heading) * (laws.parts / (2.0 * pi)) + 0.5)
+    return 1.0 + (part - laws.parts * np.floor(part / laws.parts))
 
 
 FORMULAS = (

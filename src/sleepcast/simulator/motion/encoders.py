@@ -39,15 +39,18 @@ def before_tick(bodies: BodyColumns, laws: Laws) -> WheelOdometry:
 def count(
     bodies: BodyColumns, laws: Laws, before: WheelOdometry, free: Floats, uncounted: Floats, counts: float
 ) -> None:
-    """Let bodies of one type believe what their encoders have counted in this tick. free: the share of their way that
-    they made; uncounted: what each wheel has turned since its last step, m, changed in place, shape (2, count); counts:
-    steps in a metre."""
+    """Let bodies of one type believe what their encoders have counted in this tick.
+
+    free: the share of their way that they made
+    uncounted: what each wheel has turned since its last step, m, changed in place, shape (2, count)
+    counts: steps in a metre
+    """
     left, right = (
         _counted(rest, way, counts) for rest, way in zip(uncounted, (before.left, before.right), strict=True)
     )
-    across, up, turn = arc(laws, left, right, before.heading)
-    bodies.encoder_x[:] = before.x + free * across
-    bodies.encoder_y[:] = before.y + free * up
+    dx, dy, turn = arc(laws, left, right, before.heading)
+    bodies.encoder_x[:] = before.x + free * dx
+    bodies.encoder_y[:] = before.y + free * dy
     bodies.encoder_heading[:] = wrap(before.heading + turn)
 
 

@@ -77,7 +77,7 @@ def propose(bodies, laws, roam, draw_left, draw_right, proposal, first, last):
     """See `steps.propose`: for the bodies from `first` to `last` (exclusive)."""
     mode, held, wanted_speed, wanted_turn, _, _, swing = bodies[:7]
     numbers, x, y, heading, _, _, encoder_heading, wheel_mean, wheel_left, wheel_right, _, stores, uses = bodies[9:]
-    out_across, out_up, out_turn = proposal
+    out_dx, out_dy, out_turn = proposal
     slips = laws.slip_left != 0.0 or laws.slip_right != 0.0 or laws.slip_noise != 0.0
     towards = heading if slips else encoder_heading
     room = np.zeros(2 * BLOCK)
@@ -90,7 +90,7 @@ def propose(bodies, laws, roam, draw_left, draw_right, proposal, first, last):
             want(bodies, laws, roam, room, begin, others, ends)
         set_out(
             *(laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right),
-            *(out_across, out_up, out_turn, begin, end),
+            *(out_dx, out_dy, out_turn, begin, end),
         )
 
 
@@ -136,9 +136,9 @@ def want(bodies, laws, roam, room, begin, first, last):
     for i in range(first, last):
         speed, turn = wanted_speed[i], wanted_turn[i]
         if mode[i] == GOTO:
-            across = shortest(target_x[i] - encoder_x[i], laws.around_x)
-            up = shortest(target_y[i] - encoder_y[i], laws.around_y)
-            speed, turn = approach(laws, across, up, encoder_heading[i])
+            dx = shortest(target_x[i] - encoder_x[i], laws.around_x)
+            dy = shortest(target_y[i] - encoder_y[i], laws.around_y)
+            speed, turn = approach(laws, dx, dy, encoder_heading[i])
         elif mode[i] != DRIVE:
             drawn = float(mixed(chance[i], roam) >> U(11)) * UNIT - 0.5
             roaming[i] = roaming[i] * laws.kept + drawn * (UNIT_SPREAD * laws.strayed)
@@ -160,26 +160,26 @@ def want(bodies, laws, roam, room, begin, first, last):
 @part
 def set_out(
     laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right,
-    out_across, out_up, out_turn, begin, end,
+    out_dx, out_dy, out_turn, begin, end,
 ):  # fmt: skip
     """Let the wheels follow what is wanted, and propose the resulting displacement."""
     whole = end - (end - begin) % LANES
     for i in range(begin, whole, LANES):
         some_set_out(
             *(laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right),
-            *(out_across, out_up, out_turn, begin, i, None),
+            *(out_dx, out_dy, out_turn, begin, i, None),
         )
     if whole < end:
         some_set_out(
             *(laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right),
-            *(out_across, out_up, out_turn, begin, whole, end - whole),
+            *(out_dx, out_dy, out_turn, begin, whole, end - whole),
         )
 
 
 @woven
 def some_set_out(
     laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right,
-    out_across, out_up, out_turn, begin, i, most,
+    out_dx, out_dy, out_turn, begin, i, most,
 ):  # fmt: skip
     """As `set_out`, for at most `most` bodies from `i` on."""
     speed, turn = at(room, SPEED + i - begin), at(room, TURN + i - begin)
@@ -191,26 +191,26 @@ def some_set_out(
     if slips:
         left = slipped(laws, left, laws.slip_left, deviate(mixed(multiples, draw_left)))
         right = slipped(laws, right, laws.slip_right, deviate(mixed(multiples, draw_right)))
-    across, up, turned = short_arc(laws, left, right, some(towards, i, most))
+    dx, dy, turned = short_arc(laws, left, right, some(towards, i, most))
     own_x, own_y = some(x, i, most), some(y, i, most)
-    put_some(out_across, i, bounded(own_x + across, laws.left, laws.right) - own_x, most)
-    put_some(out_up, i, bounded(own_y + up, laws.bottom, laws.top) - own_y, most)
+    put_some(out_dx, i, bounded(own_x + dx, laws.left, laws.right) - own_x, most)
+    put_some(out_dy, i, bounded(own_y + dy, laws.bottom, laws.top) - own_y, most)
     put_some(out_turn, i, turned, most)
 
 
 @strict
-def commit(bodies, laws, proposal, free, across, up, first, last):
+def commit(bodies, laws, proposal, free, hit_x, hit_y, first, last):
     """See `steps.commit`: for the bodies from `first` to `last` (exclusive)."""
     x, y, heading, encoder_x, encoder_y, encoder_heading, speed, left, right, bumper, stores, uses = bodies[10:]
-    way_across, way_up, turn = proposal
+    dx, dy, turn = proposal
     for begin in range(first, last, BLOCK):
         end = min(begin + BLOCK, last)
         for store in range(uses.shape[0]):
             if uses[store] != 0.0:
                 spend(laws, left, right, free, uses[store], stores[store], begin, end)
         believe(laws, encoder_x, encoder_y, encoder_heading, left, right, free, begin, end)
-        feel(laws, heading, speed, left, right, bumper, free, across, up, begin, end)
-        arrive(x, y, heading, way_across, way_up, turn, free, begin, end)
+        feel(laws, heading, speed, left, right, bumper, free, hit_x, hit_y, begin, end)
+        arrive(x, y, heading, dx, dy, turn, free, begin, end)
 
 
 @part
@@ -246,14 +246,14 @@ def some_believe(laws, x, y, heading, left, right, free, i, most):
     """As `believe`, for at most `most` bodies from `i` on."""
     share, towards = some(free, i, most), some(heading, i, most)
     wheel_left, wheel_right = some(left, i, most) * laws.tick, some(right, i, most) * laws.tick
-    across, up, turn = short_arc(laws, wheel_left, wheel_right, towards)
-    put_some(x, i, some(x, i, most) + share * across, most)
-    put_some(y, i, some(y, i, most) + share * up, most)
+    dx, dy, turn = short_arc(laws, wheel_left, wheel_right, towards)
+    put_some(x, i, some(x, i, most) + share * dx, most)
+    put_some(y, i, some(y, i, most) + share * dy, most)
     put_some(heading, i, wrapped(towards + turn), most)
 
 
 @part
-def feel(laws, heading, speed, left, right, bumper, free, across, up, first, last):
+def feel(laws, heading, speed, left, right, bumper, free, hit_x, hit_y, first, last):
     """Let the bumpers report what stopped their bodies, if anything did."""
     feels = laws.parts != 0.0
     touched = False
@@ -264,7 +264,7 @@ def feel(laws, heading, speed, left, right, bumper, free, across, up, first, las
     for i in range(first, last):
         if free[i] < 1.0:
             if feels:
-                bumper[i] = touched_part(laws, across[i], up[i], heading[i])
+                bumper[i] = touched_part(laws, hit_x[i], hit_y[i], heading[i])
             if laws.slides == 0.0:
                 speed[i], left[i], right[i] = 0.0, 0.0, 0.0
         elif feels and bumper[i] != 0.0:
@@ -272,21 +272,21 @@ def feel(laws, heading, speed, left, right, bumper, free, across, up, first, las
 
 
 @part
-def arrive(x, y, heading, across, up, turn, free, first, last):
+def arrive(x, y, heading, dx, dy, turn, free, first, last):
     """Move the bodies as far as they are free to."""
     whole = last - (last - first) % LANES
     for i in range(first, whole, LANES):
-        some_arrive(x, y, heading, across, up, turn, free, i, None)
+        some_arrive(x, y, heading, dx, dy, turn, free, i, None)
     if whole < last:
-        some_arrive(x, y, heading, across, up, turn, free, whole, last - whole)
+        some_arrive(x, y, heading, dx, dy, turn, free, whole, last - whole)
 
 
 @woven
-def some_arrive(x, y, heading, across, up, turn, free, i, most):
+def some_arrive(x, y, heading, dx, dy, turn, free, i, most):
     """As `arrive`, for at most `most` bodies from `i` on."""
     share = some(free, i, most)
-    put_some(x, i, some(x, i, most) + share * some(across, i, most), most)
-    put_some(y, i, some(y, i, most) + share * some(up, i, most), most)
+    put_some(x, i, some(x, i, most) + share * some(dx, i, most), most)
+    put_some(y, i, some(y, i, most) + share * some(dy, i, most), most)
     put_some(heading, i, wrapped(some(heading, i, most) + some(turn, i, most)), most)
 
 
@@ -310,10 +310,10 @@ def off(px, py, x0, y0, x1, y1):
 
 
 @inlined
-def touch_point(across, up, dx, dy, apart):
+def touch_point(gap_x, gap_y, dx, dy, apart):
     """See `steps.touch`: for a point."""
-    towards = dx * across + dy * up
-    rest = across * across + up * up - apart * apart
+    towards = dx * gap_x + dy * gap_y
+    rest = gap_x * gap_x + gap_y * gap_y - apart * apart
     root = towards * towards - (dx * dx + dy * dy) * rest
     if towards <= 0.0 or root < 0.0:
         return 2.0
@@ -324,9 +324,9 @@ def touch_point(across, up, dx, dy, apart):
 @compiled
 def touch(px, py, dx, dy, x0, y0, x1, y1, apart):
     """See `steps.touch`."""
-    across, up = off(px, py, x0, y0, x1, y1)
-    if across * across + up * up < apart * apart:
-        stop = 0.0 if dx * across + dy * up > 0.0 else 2.0
+    gap_x, gap_y = off(px, py, x0, y0, x1, y1)
+    if gap_x * gap_x + gap_y * gap_y < apart * apart:
+        stop = 0.0 if dx * gap_x + dy * gap_y > 0.0 else 2.0
     else:
         stop = min(touch_point(x0 - px, y0 - py, dx, dy, apart), touch_point(x1 - px, y1 - py, dx, dy, apart))
         ex, ey = x1 - x0, y1 - y0
@@ -339,8 +339,8 @@ def touch(px, py, dx, dy, x0, y0, x1, y1, apart):
             if side < 1.0 and 0.0 <= along <= length2:
                 stop = min(stop, side)
     gone = stop if stop < 1.0 else 0.0
-    across, up = off(px + gone * dx, py + gone * dy, x0, y0, x1, y1)
-    return stop, across, up
+    gap_x, gap_y = off(px + gone * dx, py + gone * dy, x0, y0, x1, y1)
+    return stop, gap_x, gap_y
 
 
 @compiled
@@ -376,40 +376,44 @@ def lines_near(x, reach, inverse, most):
 
 @inlined
 def from_boxes(boxes, items, first, last, px, py):
-    """Distance of a point, across or up, from the nearest of the boxes of the listed solids `first` to `last`; negative
+    """Distance of a point, in x or in y, from the nearest of the boxes of the listed solids `first` to `last`; negative
     inside a box."""
     least = FAR
     for w in range(first, last):
         s = U(items[w])
-        across, up = max(boxes[s, 0] - px, px - boxes[s, 1]), max(boxes[s, 2] - py, py - boxes[s, 3])
-        least = min(least, max(across, up))
+        beside, above = max(boxes[s, 0] - px, px - boxes[s, 1]), max(boxes[s, 2] - py, py - boxes[s, 3])
+        least = min(least, max(beside, above))
     return least
 
 
 @inlined
-def anybody_near(x, y, px, py, start, reach, inverse, across, up):
+def anybody_near(x, y, px, py, start, reach, inverse, grid_columns, grid_rows):
     """Whether another body is within reach of the one at px, py."""
-    found = 0
-    left, right = lines_near(px, reach + LITTLE, inverse, across)
-    below, above = lines_near(py, reach + LITTLE, inverse, up)
+    near_ones = 0
+    left, right = lines_near(px, reach + LITTLE, inverse, grid_columns)
+    below, above = lines_near(py, reach + LITTLE, inverse, grid_rows)
     for r in range(below, above + U(1)):
-        for j in range(U(start[r * U(across) + left]), U(start[r * U(across) + right + U(1)])):
+        for j in range(U(start[r * U(grid_columns) + left]), U(start[r * U(grid_columns) + right + U(1)])):
             gx, gy = x[j] - px, y[j] - py
-            found += np.int64(gx * gx + gy * gy <= reach * reach)
-    return found > 1  # one of them is the body itself
+            near_ones += np.int64(gx * gx + gy * gy <= reach * reach)
+    return near_ones > 1  # one of them is the body itself
 
 
 @compiled
 def stop_at_old(
-    x, y, way_x, way_y, radii, order, start, size, across, up, solids, boxes, listed, items, skin, longest, reach,
-    first_row, last_row, close, near, free, hit_x, hit_y, out_free, out_x, out_y,
+    x, y, way_x, way_y, radii, order, start, size, grid_columns, grid_rows, solids, boxes, listed, items, skin, longest,
+    reach, first_row, last_row, close, near, free, hit_x, hit_y, out_free, out_x, out_y,
 ):  # fmt: skip
-    """First round of `steps.settle`, in sorted order: ways end at solids and at old positions of others. way_x, way_y:
-    by body; longest: the longest way, m. boxes: around the solids, see `steps.boxes_of`. close: False if no body is
-    known to be within reach. near: set to whether there is one; if not, this round is the last, and writes the
-    results."""
+    """First round of `steps.settle`, in sorted order: ways end at solids and at old positions of others.
+
+    way_x, way_y: by body
+    longest: the longest way, m
+    boxes: around the solids, see `steps.boxes_of`
+    close: False if no body is known to be within reach
+    near: set to whether there is one; if not, this round is the last, and writes the results
+    """
     inverse = 1.0 / size
-    for cell in range(U(first_row * across), U(last_row * across)):
+    for cell in range(U(first_row * grid_columns), U(last_row * grid_columns)):
         first_item, last_item = U(listed[cell]), U(listed[cell + U(1)])
         for i in range(U(start[cell]), U(start[cell + U(1)])):
             near[i] = close[i]
@@ -439,13 +443,13 @@ def stop_at_old(
                 if stop < 1.0 and comes_first(stop, hx, hy, best, best_x, best_y):
                     best, best_x, best_y = stop, hx, hy
             if near[i]:
-                near[i] = anybody_near(x, y, px, py, start, reach, inverse, across, up)
+                near[i] = anybody_near(x, y, px, py, start, reach, inverse, grid_columns, grid_rows)
             if near[i]:
                 wx, wy, other, other_x, other_y = way_x[order[i]], way_y[order[i]], best, 0.0, 0.0
-                left, right = lines_near(px, reach + LITTLE, inverse, across)
-                below, above = lines_near(py, reach + LITTLE, inverse, up)
+                left, right = lines_near(px, reach + LITTLE, inverse, grid_columns)
+                below, above = lines_near(py, reach + LITTLE, inverse, grid_rows)
                 for r in range(below, above + U(1)):
-                    for j in range(U(start[r * U(across) + left]), U(start[r * U(across) + right + U(1)])):
+                    for j in range(U(start[r * U(grid_columns) + left]), U(start[r * U(grid_columns) + right + U(1)])):
                         gx, gy = x[j] - px, y[j] - py
                         if gx * gx + gy * gy > reach * reach or j == i:
                             continue
@@ -463,22 +467,22 @@ def stop_at_old(
 
 @compiled
 def stop_at_ways(
-    x, y, way_x, way_y, radii, order, start, size, across, up, skin, reach, first_row, last_row,
+    x, y, way_x, way_y, radii, order, start, size, grid_columns, grid_rows, skin, reach, first_row, last_row,
     near, free, hit_x, hit_y, out_free, out_x, out_y,
 ):  # fmt: skip
     """Second round, for bodies with others near: ways end at the remaining ways of others. Writes the results of the
     bodies that are stopped."""
     inverse = 1.0 / size
-    for i in range(U(start[first_row * across]), U(start[last_row * across])):
+    for i in range(U(start[first_row * grid_columns]), U(start[last_row * grid_columns])):
         if not near[i]:
             continue
         best, best_x, best_y, first = free[i], hit_x[i], hit_y[i], free[i]
         px, py, wx, wy = x[i], y[i], way_x[order[i]], way_y[order[i]]
         mx, my = best * wx, best * wy
-        left, right = lines_near(px, reach + LITTLE, inverse, across)
-        below, above = lines_near(py, reach + LITTLE, inverse, up)
+        left, right = lines_near(px, reach + LITTLE, inverse, grid_columns)
+        below, above = lines_near(py, reach + LITTLE, inverse, grid_rows)
         for r in range(below, above + U(1)):
-            for j in range(U(start[r * U(across) + left]), U(start[r * U(across) + right + U(1)])):
+            for j in range(U(start[r * U(grid_columns) + left]), U(start[r * U(grid_columns) + right + U(1)])):
                 gx, gy = x[j] - px, y[j] - py
                 if gx * gx + gy * gy > reach * reach or j == i:
                     continue

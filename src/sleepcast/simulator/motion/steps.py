@@ -72,11 +72,11 @@ class BodyColumns(NamedTuple):
 
 
 class Displacement(NamedTuple):
-    """The displacement of each body in this tick, if nothing is in its way: across and up, m, and turn, rad. Shape
+    """The displacement of each body in this tick, if nothing is in its way: in x and y, m, and turn, rad. Shape
     (count,)."""
 
-    across: Floats
-    up: Floats
+    dx: Floats
+    dy: Floats
     turn: Floats
 
     def of(self, which: slice) -> Displacement:
@@ -112,8 +112,8 @@ def propose(bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Displacemen
         _roll(bodies, laws, draws, speed, turn, proposal)
     else:
         _glide(bodies, laws, speed, turn, proposal)
-    proposal.across[:] = bounded(bodies.x + proposal.across, laws.left, laws.right) - bodies.x
-    proposal.up[:] = bounded(bodies.y + proposal.up, laws.bottom, laws.top) - bodies.y
+    proposal.dx[:] = bounded(bodies.x + proposal.dx, laws.left, laws.right) - bodies.x
+    proposal.dy[:] = bounded(bodies.y + proposal.dy, laws.bottom, laws.top) - bodies.y
 
 
 def commit(bodies: BodyColumns, laws: Laws, proposal: Displacement, settled: Settled) -> None:
@@ -122,17 +122,17 @@ def commit(bodies: BodyColumns, laws: Laws, proposal: Displacement, settled: Set
     touched = np.flatnonzero(free < 1.0)
     if laws.parts:
         bodies.bumper[:] = 0.0
-        across, up = settled.across[touched], settled.up[touched]
-        bodies.bumper[touched] = touched_part(laws, across, up, bodies.heading[touched])
+        hit_x, hit_y = settled.hit_x[touched], settled.hit_y[touched]
+        bodies.bumper[touched] = touched_part(laws, hit_x, hit_y, bodies.heading[touched])
     used = np.abs(bodies.speed) * laws.tick * free
-    bodies.x[:] += free * proposal.across
-    bodies.y[:] += free * proposal.up
+    bodies.x[:] += free * proposal.dx
+    bodies.y[:] += free * proposal.dy
     bodies.heading[:] = wrap(bodies.heading + proposal.turn)
     if laws.track:
         left, right = bodies.left * laws.tick, bodies.right * laws.tick
-        seen_across, seen_up, seen_turn = arc(laws, left, right, bodies.encoder_heading)
-        bodies.encoder_x[:] += free * seen_across
-        bodies.encoder_y[:] += free * seen_up
+        seen_dx, seen_dy, seen_turn = arc(laws, left, right, bodies.encoder_heading)
+        bodies.encoder_x[:] += free * seen_dx
+        bodies.encoder_y[:] += free * seen_dy
         bodies.encoder_heading[:] = wrap(bodies.encoder_heading + seen_turn)
     if not laws.slides:
         for speed in (bodies.speed, bodies.left, bodies.right):
@@ -155,9 +155,9 @@ def _wanted(bodies: BodyColumns, laws: Laws, draws: Draws) -> tuple[Floats, Floa
         turn[roams] = bodies.roaming[roams]
     goes = np.flatnonzero(bodies.mode == GOTO)
     if goes.size:
-        across = shortest(bodies.target_x[goes] - bodies.encoder_x[goes], laws.around_x)
-        up = shortest(bodies.target_y[goes] - bodies.encoder_y[goes], laws.around_y)
-        speed[goes], turn[goes] = approach(laws, across, up, bodies.encoder_heading[goes])
+        to_x = shortest(bodies.target_x[goes] - bodies.encoder_x[goes], laws.around_x)
+        to_y = shortest(bodies.target_y[goes] - bodies.encoder_y[goes], laws.around_y)
+        speed[goes], turn[goes] = approach(laws, to_x, to_y, bodies.encoder_heading[goes])
     return speed, turn
 
 
@@ -197,7 +197,7 @@ def _roll(bodies: BodyColumns, laws: Laws, draws: Draws, speed: Floats, turn: Fl
         left = slipped(laws, left, laws.slip_left, drawn[0])
         right = slipped(laws, right, laws.slip_right, drawn[1])
         towards = bodies.heading
-    proposal.across[:], proposal.up[:], proposal.turn[:] = arc(laws, left, right, towards)
+    proposal.dx[:], proposal.dy[:], proposal.turn[:] = arc(laws, left, right, towards)
 
 
 def _glide(bodies: BodyColumns, laws: Laws, speed: Floats, turn: Floats, proposal: Displacement) -> None:
@@ -207,7 +207,7 @@ def _glide(bodies: BodyColumns, laws: Laws, speed: Floats, turn: Floats, proposa
     turned = bounded(turn, -laws.turn_rate, laws.turn_rate) * laws.tick
     way = bodies.speed * laws.tick
     sine, cosine = sine_cosine(bodies.heading + turned)
-    proposal.across[:], proposal.up[:], proposal.turn[:] = way * cosine, way * sine, turned
+    proposal.dx[:], proposal.dy[:], proposal.turn[:] = way * cosine, way * sine, turned
 
 
 # ---- contact: how far bodies get before they touch something, independent of their order
@@ -220,12 +220,12 @@ LIFT = 1e-9
 
 
 class Settled(NamedTuple):
-    """Results of contact. free: the share of its way that each body may go, 1 if nothing is in the way. across, up:
+    """Results of contact. free: the share of its way that each body may go, 1 if nothing is in the way. hit_x, hit_y:
     vector from the body to what stopped it, m; 0, 0 if nothing did. Shape (count,)."""
 
     free: Floats
-    across: Floats
-    up: Floats
+    hit_x: Floats
+    hit_y: Floats
 
 
 def settle(
@@ -234,49 +234,49 @@ def settle(
     listed: CellLists,
     solids: Floats,
     radii: Floats,
-    place: tuple[Floats, Floats],
+    positions: tuple[Floats, Floats],
     way: tuple[Floats, Floats],
     settled: Settled,
 ) -> None:
-    """Write into `settled` how far bodies with these `radii` (m; each, or one for all) at `place` (x, y; m) get on
-    their `way` (across, up; m).
+    """Write into `settled` how far bodies with these `radii` (m; each, or one for all) at `positions` (x, y; m) get on
+    their `way` (dx, dy; m).
 
     points: the positions, sorted in `grid`. listed: the `solids` within the greatest radius plus the longest way of
     each of its cells.
     """
-    (x, y), (dx, dy) = place, way
+    (x, y), (dx, dy) = positions, way
     clear(settled)
     radii = np.broadcast_to(radii, len(x))
     cell = grid.cells_of(x, y)
     i, item = spread(np.arange(len(x)), listed.start[cell], listed.start[cell + 1])
     if i.size:
         lines = solids[listed.items[item]]
-        stop, across, up = touch(x[i], y[i], dx[i], dy[i], lines[:, :4].T, radii[i] + lines[:, 4] + SKIN)
-        _take_first(settled, i, stop, across, up)
+        stop, hit_x, hit_y = touch(x[i], y[i], dx[i], dy[i], lines[:, :4].T, radii[i] + lines[:, 4] + SKIN)
+        _take_first(settled, i, stop, hit_x, hit_y)
     longest = float(np.sqrt(np.max(dx * dx + dy * dy, initial=0.0)))
     widest = 2.0 * float(radii.max(initial=0.0)) + SKIN
     i, j = pairs(grid, points, x, y, widest + 2.0 * longest, np.arange(len(x)))
     if not i.size:
         return
     apart = radii[i] + radii[j] + SKIN
-    stop, across, up = touch(x[i], y[i], dx[i], dy[i], (x[j], y[j], x[j], y[j]), apart)
-    _take_first(settled, i, stop, across, up)
+    stop, hit_x, hit_y = touch(x[i], y[i], dx[i], dy[i], (x[j], y[j], x[j], y[j]), apart)
+    _take_first(settled, i, stop, hit_x, hit_y)
     left_x, left_y = settled.free * dx, settled.free * dy
-    _meet(settled, i, j, place, (left_x, left_y), (dx, dy), apart)
+    _meet(settled, i, j, positions, (left_x, left_y), (dx, dy), apart)
 
 
 def slide(proposal: Displacement, settled: Settled, which: Whole) -> tuple[Floats, Floats]:
-    """The ways, across and up, m, that the bodies `which`, once stopped, still want to go along what stopped them: the
+    """The ways, in x and y, m, that the bodies `which`, once stopped, still want to go along what stopped them: the
     rest of their ways without the part towards it."""
     rest = 1.0 - settled.free[which]
-    across, up = rest * proposal.across[which], rest * proposal.up[which]
-    hit_x, hit_y = settled.across[which], settled.up[which]
+    dx, dy = rest * proposal.dx[which], rest * proposal.dy[which]
+    hit_x, hit_y = settled.hit_x[which], settled.hit_y[which]
     away = np.sqrt(hit_x * hit_x + hit_y * hit_y)
     away = either(away > 0.0, away, 1.0)
     hit_x, hit_y = hit_x / away, hit_y / away
-    towards = across * hit_x + up * hit_y
-    towards = either(towards < 0.0, 0.0, towards) + LIFT * np.sqrt(across * across + up * up)
-    return across - towards * hit_x, up - towards * hit_y
+    towards = dx * hit_x + dy * hit_y
+    towards = either(towards < 0.0, 0.0, towards) + LIFT * np.sqrt(dx * dx + dy * dy)
+    return dx - towards * hit_x, dy - towards * hit_y
 
 
 def boxes_of(solids: Floats) -> Floats:
@@ -289,30 +289,30 @@ def boxes_of(solids: Floats) -> Floats:
 def clear(settled: Settled) -> None:
     """Reset: nothing is in any body's way."""
     settled.free.fill(1.0)
-    settled.across.fill(0.0)
-    settled.up.fill(0.0)
+    settled.hit_x.fill(0.0)
+    settled.hit_y.fill(0.0)
 
 
 def _meet(
     settled: Settled,
     i: Whole,
     j: Whole,
-    place: tuple[Floats, Floats],
+    positions: tuple[Floats, Floats],
     left: tuple[Floats, Floats],
     way: tuple[Floats, Floats],
     apart: Floats,
 ) -> None:
     """End ways where they touch the ways `left` to others."""
-    (x, y), (dx, dy) = place, left
-    across, up = x[j] - x[i], y[j] - y[i]
+    (x, y), (dx, dy) = positions, left
+    gap_x, gap_y = x[j] - x[i], y[j] - y[i]
     moves = (dx[j] != 0.0) | (dy[j] != 0.0)
-    parting = (dx[i] * across + dy[i] * up <= 0.0) & (dx[j] * across + dy[j] * up >= 0.0)
+    parting = (dx[i] * gap_x + dy[i] * gap_y <= 0.0) & (dx[j] * gap_x + dy[j] * gap_y >= 0.0)
     some = np.flatnonzero(moves & ~parting)
     i, j, apart = i[some], j[some], apart[some]
     line = (x[j], y[j], x[j] + dx[j], y[j] + dy[j])
-    stop, across, up = touch(x[i], y[i], way[0][i], way[1][i], line, apart)
-    across, up = nearest_point(x[i], y[i], *line)
-    stop = np.where(across * across + up * up < apart * apart, 0.0, stop)
+    stop, gap_x, gap_y = touch(x[i], y[i], way[0][i], way[1][i], line, apart)
+    gap_x, gap_y = nearest_point(x[i], y[i], *line)
+    stop = np.where(gap_x * gap_x + gap_y * gap_y < apart * apart, 0.0, stop)
     _take_first(settled, i, stop, x[j] - x[i], y[j] - y[i])
 
 
@@ -328,19 +328,19 @@ def touch(
     end and of the other), 2 if it does not; and the vector from there to the nearest point of the line. A point that
     starts closer than `apart` may move on if it does not get closer still."""
     x0, y0, x1, y1 = line
-    across, up = nearest_point(x, y, x0, y0, x1, y1)
-    inside = across * across + up * up < apart * apart
+    gap_x, gap_y = nearest_point(x, y, x0, y0, x1, y1)
+    inside = gap_x * gap_x + gap_y * gap_y < apart * apart
     ends = np.minimum(_touch_point(x0 - x, y0 - y, dx, dy, apart), _touch_point(x1 - x, y1 - y, dx, dy, apart))
     stop = np.minimum(ends, _touch_side(x, y, dx, dy, line, apart))
-    stop = np.where(inside, np.where(dx * across + dy * up > 0.0, 0.0, 2.0), stop)
+    stop = np.where(inside, np.where(dx * gap_x + dy * gap_y > 0.0, 0.0, 2.0), stop)
     gone = np.where(stop < 1.0, stop, 0.0)
     return stop, *nearest_point(x + gone * dx, y + gone * dy, x0, y0, x1, y1)
 
 
-def _touch_point(across: Floats, up: Floats, dx: Floats, dy: Floats, apart: float | Floats) -> Floats:
-    """As `touch`, for a point that lies `across` and `up` from the start; only from outside."""
-    towards = dx * across + dy * up
-    rest = across * across + up * up - apart * apart
+def _touch_point(gap_x: Floats, gap_y: Floats, dx: Floats, dy: Floats, apart: float | Floats) -> Floats:
+    """As `touch`, for a point that lies `gap_x` and `gap_y` from the start; only from outside."""
+    towards = dx * gap_x + dy * gap_y
+    rest = gap_x * gap_x + gap_y * gap_y - apart * apart
     root = towards * towards - (dx * dx + dy * dy) * rest
     with np.errstate(divide="ignore", invalid="ignore"):
         stop = rest / (towards + np.sqrt(root))
@@ -370,11 +370,11 @@ def _touch_side(
     return np.where(met, stop, 2.0)
 
 
-def _take_first(settled: Settled, i: Whole, stop: Floats, across: Floats, up: Floats) -> None:
+def _take_first(settled: Settled, i: Whole, stop: Floats, hit_x: Floats, hit_y: Floats) -> None:
     """Shorten ways by stops; among equal first stops, the one last in x, then y, counts as the cause."""
     some = np.flatnonzero(stop < settled.free[i])
-    some = some[np.lexsort((up[some], across[some], -stop[some]))]
-    # The last assignment wins: the smallest stop, and among equals the greatest across, then up.
+    some = some[np.lexsort((hit_y[some], hit_x[some], -stop[some]))]
+    # The last assignment wins: the smallest stop, and among equals the greatest x, then y.
     settled.free[i[some]] = stop[some]
-    settled.across[i[some]] = across[some]
-    settled.up[i[some]] = up[some]
+    settled.hit_x[i[some]] = hit_x[some]
+    settled.hit_y[i[some]] = hit_y[some]

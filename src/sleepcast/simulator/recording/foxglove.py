@@ -88,8 +88,12 @@ def poses(
     y: NDArray[np.float64],
     heading: NDArray[np.float64],
 ) -> bytes:
-    """A `PosesInFrame`. x, y: m; heading: rad, counter-clockwise from x; float64, shape (count,). frame: `pose_frame`
-    of that count, overwritten."""
+    """A `PosesInFrame`.
+
+    x, y: m
+    heading: rad, counter-clockwise from x; float64, shape (count,)
+    frame: `pose_frame` of that count, overwritten
+    """
     half = heading / 2.0
     # Single-precision values have a zero low half, which compresses well; the error is a millimetre at 10 km.
     for name, values in (("x", x), ("y", y), ("c", np.sin(half)), ("w", np.cos(half))):
@@ -138,21 +142,21 @@ def log(nanoseconds: int, level: Level, who: str, text: str) -> bytes:
 
 def read_log(data: bytes) -> tuple[str, str]:
     """Who said what, from the bytes of a `Log`. Raises ValueError."""
-    found = {3: "", 4: ""}
+    texts = {3: "", 4: ""}
     at = 0
     try:
         while at < len(data):
             tag, at = read_varint(data, at)
             value, at = read_varint(data, at)
             if tag & 7 == LENGTH_DELIMITED:
-                if tag >> 3 in found:
-                    found[tag >> 3] = data[at : at + value].decode()
+                if tag >> 3 in texts:
+                    texts[tag >> 3] = data[at : at + value].decode()
                 at += value
             elif tag & 7 != 0:
                 raise ValueError(f"a log line has no fields of wire type {tag & 7}")
     except IndexError:
         raise ValueError("a log line breaks off") from None
-    return found[4], found[3]
+    return texts[4], texts[3]
 
 
 # ---- the schemas

@@ -113,12 +113,12 @@ class RecordedMessage(msgspec.Struct, kw_only=True):
     def of(cls, message: Message) -> Self:
         """Of `message`. A new field of messages is no field of recordings before it stands here, and must then be
         optional, as older recordings lack it."""
-        found = {name: getattr(message, name) for name in cls.__struct_fields__}
+        fields = {name: getattr(message, name) for name in cls.__struct_fields__}
         if message.deadline == inf:  # which JSON does not have; it is what a message without one has
-            found["deadline"] = UNSET
+            fields["deadline"] = UNSET
         if message.heard is None:
-            found["heard"] = UNSET
-        return cls(**found)
+            fields["heard"] = UNSET
+        return cls(**fields)
 
 
 class PostedBody(msgspec.Struct):
@@ -147,37 +147,33 @@ class ObstaclesBody(msgspec.Struct, rename={"type_of": "type of"}):
 
 def schema_of(body: type[msgspec.Struct]) -> Schema:
     """The JSON schema of a class of this module."""
-    (found,), definitions = msgspec.json.schema_components([body], ref_template="{name}")
-    return cast(Schema, _inlined(found, definitions))
+    (schema,), definitions = msgspec.json.schema_components([body], ref_template="{name}")
+    return cast(Schema, _inlined(schema, definitions))
 
 
-def _inlined(found: Any, definitions: Schema) -> Any:
+def _inlined(schema: Any, definitions: Schema) -> Any:
     """The same with every definition in its place, no other fields than those of a class, and no names of ours."""
-    if isinstance(found, list):
-        return [_inlined(each, definitions) for each in found]
-    if not isinstance(found, dict):
-        return found
-    if "$ref" in found:
-        return _inlined(definitions[found["$ref"]], definitions)
-    typed = {"type": "string"} if "enum" in found else {}
-    closed = {"additionalProperties": False} if found.get("properties") else {}
-    left = {key: each for key, each in found.items() if key not in ("title", "additionalProperties", "default")}
+    if isinstance(schema, list):
+        return [_inlined(each, definitions) for each in schema]
+    if not isinstance(schema, dict):
+        return schema
+    if "$ref" in schema:
+        return _inlined(definitions[schema["$ref"]], definitions)
+    typed = {"type": "string"} if "enum" in schema else {}
+    closed = {"additionalProperties": False} if schema.get("properties") else {}
+    left = {key: each for key, each in schema.items() if key not in ("title", "additionalProperties", "default")}
     return typed | {key: _inlined(each, definitions) for key, each in left.items()} | closed
 
 
 def readings(sensors: Iterable[Quantity]) -> Schema:
     """Of the values of these sensors."""
-    properties = {
-        sensor.name: {"type": "array", "items": {"type": "number"}, "description": _described(sensor)}
-        for sensor in sensors
-    }
-    about = {"description": "one value for each robot", "required": list(properties), "additionalProperties": False}
-    return {"type": "object", "properties": properties} | about
-
-
-def _described(sensor: Quantity) -> str:
-    unit = "" if sensor.unit == "%" else sensor.unit
-    return ", ".join(each for each in (sensor.doc, unit or "a plain number", "null where unknown") if each)
+    properties = {}
+    for sensor in sensors:
+        unit = "" if sensor.unit == "%" else sensor.unit
+        about = ", ".join(each for each in (sensor.doc, unit or "a plain number", "null where unknown") if each)
+        properties[sensor.name] = {"type": "array", "items": {"type": "number"}, "description": about}
+    of_all = {"description": "one value for each robot", "required": list(properties), "additionalProperties": False}
+    return {"type": "object", "properties": properties} | of_all
 
 
 def written(schema: Schema) -> bytes:

@@ -78,12 +78,12 @@ TIME, DURATION = of("google.protobuf.Timestamp"), of("google.protobuf.Duration")
 
 def described(name: str, fields: Mapping[str, FieldType], repeated: Collection[str] = ()) -> bytes:
     """A DescriptorProto; its fields are numbered from 1. repeated: those of which there may be many."""
-    found = field(1, name)
+    content = field(1, name)
     for number, (called, kind) in enumerate(fields.items(), start=1):
         label = 3 if called in repeated else 1
         about = field(1, called) + whole(3, number) + whole(4, label) + whole(5, kind.number)
-        found += field(2, about + (field(6, kind.name) if kind.name else b""))
-    return found
+        content += field(2, about + (field(6, kind.name) if kind.name else b""))
+    return content
 
 
 def with_values(descriptor: bytes, name: str, values: tuple[str, ...]) -> bytes:
@@ -94,10 +94,10 @@ def with_values(descriptor: bytes, name: str, values: tuple[str, ...]) -> bytes:
 
 def described_file(package: str, name: str, messages: Collection[bytes], needs: Collection[str] = ()) -> bytes:
     """A FileDescriptorProto, as it stands in a FileDescriptorSet. needs: names of other files."""
-    found = field(1, name) + field(2, package)
-    found += b"".join(field(3, each) for each in needs)
-    found += b"".join(field(4, each) for each in messages)
-    return field(1, found + field(12, "proto3"))
+    content = field(1, name) + field(2, package)
+    content += b"".join(field(3, each) for each in needs)
+    content += b"".join(field(4, each) for each in messages)
+    return field(1, content + field(12, "proto3"))
 
 
 _SECONDS = {"seconds": LONG, "nanos": INT}

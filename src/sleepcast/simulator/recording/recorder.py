@@ -100,10 +100,10 @@ MAX_START = MAX_RECORD // 2
 _GREY = (122, 139, 156, 255)
 """The colour of points before any other is said: red, green, blue, alpha."""
 
-LEAST_BYTES, MOST_BYTES = 1e5, 1e12
+LEAST_BYTES, MAX_BYTES = 1e5, 1e12
 """Size of a part: smaller ones hold little besides their headers, and no disk is larger."""
-LEAST_SECONDS, MOST_SECONDS = 1.0, 1e9
-MOST_PARTS = 9_999
+LEAST_SECONDS, MAX_SECONDS = 1.0, 1e9
+MAX_PARTS = 9_999
 """Parts that four digits can number; the last one is not split further."""
 
 _BYTES = {"kb": 1e3, "mb": 1e6, "gb": 1e9}
@@ -125,15 +125,15 @@ ONE_FILE = Rotation()
 
 def read_rotation(text: str) -> Rotation:
     """`100MB`, `10min` of simulated time, or both: `100MB,10min`. Raises MisuseError."""
-    found = {"size": inf, "age": inf}
+    limits = {"size": inf, "age": inf}
     comma = decimal_comma(text)
     for piece in text.lower().split(","):
         match = _PIECE.fullmatch(piece.strip())
         if match is not None and match[2] in _BYTES:
-            kind, value, least, most = "size", float(match[1]) * _BYTES[match[2]], LEAST_BYTES, MOST_BYTES
+            kind, value, least, most = "size", float(match[1]) * _BYTES[match[2]], LEAST_BYTES, MAX_BYTES
         elif match is not None and match[2] in _TIMES:
             kind, value = "age", float(match[1]) * UNITS[match[2]].factor
-            least, most = LEAST_SECONDS, MOST_SECONDS
+            least, most = LEAST_SECONDS, MAX_SECONDS
         else:
             raise MisuseError(
                 f'"{piece[:40]}" says not when to begin another file: write 100MB, 10min, or 100MB,10min{comma}'
@@ -141,8 +141,8 @@ def read_rotation(text: str) -> Rotation:
         if not least <= value <= most:
             unit = "bytes" if kind == "size" else "s"
             raise MisuseError(f"{piece.strip()}: another file begins after {least:g} to {most:g} {unit}, not {value:g}")
-        found[kind] = min(found[kind], value)
-    return Rotation(**found)
+        limits[kind] = min(limits[kind], value)
+    return Rotation(**limits)
 
 
 def part_file(first: Path, number: int) -> Path:
@@ -157,8 +157,11 @@ class RecordingError(SleepcastError):
 @dataclass(frozen=True, slots=True)
 class WorldChange:
     """A change of the solid things, by their numbers in the world, before anything moved in the tick of this number.
-    put: those added or moved; gone: those removed. own: whether the scenario itself caused it, so that it happens again
-    when the run is repeated."""
+
+    put: those added or moved
+    gone: those removed
+    own: whether the scenario itself caused it, so that it happens again when the run is repeated
+    """
 
     tick: int
     put: dict[str, Shape]
@@ -169,9 +172,13 @@ class WorldChange:
 class Recorder:
     """Records a run in `file`, which must not exist yet; see the module for the contents.
 
-    version: of the program. first: the tick from which the run was resumed, and the swarm at that time, unless it is
-    too large for a record. complain: called with a sentence when nothing more can be written, or no further part can
-    be started, possibly from another thread. rotation: when a part is full. sensors: whose readings are recorded.
+    version: of the program
+    first: the tick from which the run was resumed, and the swarm at that time, unless it is too large for a record
+    complain: called with a sentence when nothing more can be written, or no further part can be started, possibly
+        from another thread
+    rotation: when a part is full
+    sensors: whose readings are recorded
+
     Raises MisuseError if the file exists, RecordingError if it cannot be created.
     """
 
@@ -206,8 +213,8 @@ class Recorder:
             STATE: ("State", schema_of(StateBody)),
             OBSTACLES: ("Obstacles", schema_of(ObstaclesBody)),
         }
-        if rotation != ONE_FILE:
-            _refuse(part_file(file, 2))
+        if rotation != ONE_FILE and (second := part_file(file, 2)).exists():
+            raise MisuseError(f"{second} already exists: choose another name")
         output = _create(file)
         try:
             self._begin(output, 0.0)
@@ -254,7 +261,7 @@ class Recorder:
     def full(self, time: float) -> bool:
         """Whether it is time to begin the next part."""
         aged = time - self._began >= self._rotation.age
-        return (aged or self._buffer.tell() >= self._rotation.size) and self.part < MOST_PARTS and not self.failed
+        return (aged or self._buffer.tell() >= self._rotation.size) and self.part < MAX_PARTS and not self.failed
 
     def turn(self, time: float) -> bool:
         """End this part and begin the next one at `time`; returns whether that worked. If not, this part is not split
@@ -303,29 +310,37 @@ class Recorder:
             self._writer.add_attachment(0, 0, SNAPSHOT, "application/msgpack", self._start)
         self._writer.add_attachment(0, 0, SCENARIO, "application/json", self._scenario)
         self._channels = {
-            POSES: self._standard(POSES, foxglove.POSES, foxglove.POSES_SCHEMA),
-            POINTS: self._standard(POINTS, foxglove.POINTS, foxglove.POINTS_SCHEMA),
-            SCENE: self._standard(SCENE, SCENE_NAME, SCENE_SCHEMA),
-            GROUPS: self._standard(GROUPS, SCENE_NAME, SCENE_SCHEMA),
-            LOG: self._standard(LOG, foxglove.LOG, foxglove.LOG_SCHEMA),
+            topic: self._register(topic, name, schema, SchemaEncoding.Protobuf, MessageEncoding.Protobuf)
+            for topic, name, schema in (
+                (POSES, foxglove.POSES, foxglove.POSES_SCHEMA),
+                (POINTS, foxglove.POINTS, foxglove.POINTS_SCHEMA),
+                (SCENE, SCENE_NAME, SCENE_SCHEMA),
+                (GROUPS, SCENE_NAME, SCENE_SCHEMA),
+                (LOG, foxglove.LOG, foxglove.LOG_SCHEMA),
+            )
         }
-        for topic, (name, schema) in self._schemas.items():
-            self._channels[topic] = self._own(topic, f"sleepcast.{name}", written(schema))
+        for topic, (own, fields) in self._schemas.items():
+            self._channels[topic] = self._register(
+                topic, f"sleepcast.{own}", written(fields), SchemaEncoding.JSONSchema, MessageEncoding.JSON
+            )
         self._save()
 
     def _end(self) -> None:
+        """Write what is left, and the index, and close the file."""
         if not self.failed:
             self._writer.finish()  # type: ignore[no-untyped-call]  # the library forgot to say `-> None`
             self._store()
-        self._output_closed()
+        try:
+            self._output.close()
+        except OSError as error:  # some disks report only here that they are full
+            if not self.failed:
+                self.failed = True
+                self._complain(f"the end of the recording {self.file} may be missing: {error.strerror or error}")
 
-    def _standard(self, topic: str, name: str, schema: bytes) -> int:
-        number = self._writer.register_schema(name, SchemaEncoding.Protobuf, schema)
-        return self._writer.register_channel(topic, MessageEncoding.Protobuf, number)
-
-    def _own(self, topic: str, name: str, schema: bytes) -> int:
-        number = self._writer.register_schema(name, SchemaEncoding.JSONSchema, schema)
-        return self._writer.register_channel(topic, MessageEncoding.JSON, number)
+    def _register(self, topic: str, name: str, schema: bytes, schema_encoding: str, message_encoding: str) -> int:
+        """The number of a new channel with this schema."""
+        number = self._writer.register_schema(name, schema_encoding, schema)
+        return self._writer.register_channel(topic, message_encoding, number)
 
     def _write(self, topic: str, stamp: int, data: bytes) -> None:
         with self._lock:
@@ -355,7 +370,8 @@ class Recorder:
                 data = data[self._output.write(data) :]
         except OSError as error:
             self.failed = True
-            self._cut(start)
+            with suppress(OSError):  # else readers skip the incomplete chunk at the end
+                os.ftruncate(self._output.fileno(), start)
             reason = error.strerror or str(error)
             if not start:
                 with suppress(OSError):
@@ -366,21 +382,6 @@ class Recorder:
                 f"cannot record any further to {self.file}: {reason}. "
                 "The run goes on; the recording holds what came before"
             )
-
-    def _cut(self, end: int) -> None:
-        """Cut an incomplete chunk off the file's end. If that fails too, readers skip it."""
-        try:
-            os.ftruncate(self._output.fileno(), end)
-        except OSError:
-            return
-
-    def _output_closed(self) -> None:
-        try:
-            self._output.close()
-        except OSError as error:  # some disks report only here that they are full
-            if not self.failed:
-                self.failed = True
-                self._complain(f"the end of the recording {self.file} may be missing: {error.strerror or error}")
 
 
 class _Buffer(BytesIO):
@@ -403,12 +404,6 @@ class _Buffer(BytesIO):
         self.seek(0)
         self.truncate()
         return memoryview(data)
-
-
-def _refuse(file: Path) -> None:
-    """Raise MisuseError if `file` exists."""
-    if file.exists():
-        raise MisuseError(f"{file} already exists: choose another name")
 
 
 def _create(file: Path) -> FileIO:

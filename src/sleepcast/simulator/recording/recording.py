@@ -95,12 +95,19 @@ class RecordedEntry:
 class Recording:
     """A recorded run.
 
-    version: of the program that recorded it. part, began: number of this part, from 1, and the simulated time at
-    which it begins, s; following: file name of the next part, "" if this is the last. first: the tick from which the
-    run was resumed; snapshot: of the swarm in that tick, empty if the run began with the scenario, or the snapshot
-    was too large to record. posted: in order, including earlier parts; obstacles: likewise. states: hash of the
-    state by tick. accounting: the last account of each command by its id. counts: messages by topic. seconds:
-    simulated time of the last message. complete: whether the file was closed properly.
+    version: of the program that recorded it
+    part, began: number of this part, from 1, and the simulated time at which it begins, s
+    following: file name of the next part, "" if this is the last
+    first: the tick from which the run was resumed
+    snapshot: of the swarm in that tick, empty if the run began with the scenario, or the snapshot was too large to
+        record
+    posted: in order, including earlier parts
+    obstacles: likewise
+    states: hash of the state by tick
+    accounting: the last account of each command by its id
+    counts: messages by topic
+    seconds: simulated time of the last message
+    complete: whether the file was closed properly
     """
 
     file: Path
@@ -131,43 +138,43 @@ def decoded(kind: type[Body], data: bytes) -> Body:
 
 def load_recording(file: Path) -> Recording:
     """The contents of `file`, without poses and readings. Raises NoRecordingError, RecordingError."""
-    found, kept_bytes = _start(file), dict[str, int]()
-    for entry in entries(file, found):
+    recording, kept_bytes = _start(file), dict[str, int]()
+    for entry in entries(file, recording):
         try:
-            _take(found, entry, kept_bytes)
+            _take(recording, entry, kept_bytes)
         except (ValueError, KeyError, TypeError, RecursionError) as error:  # msgspec's ValidationError is a ValueError
             raise NoRecordingError(f"{file}: {entry.topic} at {entry.time:g} s holds something else: {error}") from None
-        kept = (found.posted, found.states, found.accounting, found.obstacles)
-        if max(len(each) for each in kept) > MAX_MESSAGES:
+        stored = (recording.posted, recording.states, recording.accounting, recording.obstacles)
+        if max(len(each) for each in stored) > MAX_MESSAGES:
             raise NoRecordingError(f"{file} holds more than {MAX_MESSAGES} messages of an operator, or states")
         if kept_bytes.get("", 0) > MAX_KEPT:
             raise NoRecordingError(f"{file} holds more than {MAX_KEPT} bytes of messages, accounts and states")
-    return found
+    return recording
 
 
-def _take(found: Recording, entry: RecordedEntry, kept: dict[str, int]) -> None:
+def _take(recording: Recording, entry: RecordedEntry, stored_bytes: dict[str, int]) -> None:
     """Store the contents of an entry, if its topic is used here. kept: bytes that are stored, "" for all, and by
     command, since only its last account is."""
     if entry.topic in (OBSTACLES, POSTED, STATE):
-        kept[""] = kept.get("", 0) + len(entry.data)
+        stored_bytes[""] = stored_bytes.get("", 0) + len(entry.data)
     if entry.topic == OBSTACLES:
         change = unpack(WorldChange, entry.data)
         if not all(name.isascii() and name.isdigit() and len(name) < 20 for name in change.put):
             raise ValueError("a solid thing without a number")
-        found.obstacles.append(change)
+        recording.obstacles.append(change)
     if entry.topic == ACCOUNTING:
         account = decoded(dict[str, object], entry.data)
         command = str(account["command"])
-        kept[""] = kept.get("", 0) + len(entry.data) - kept.get(f"={command}", 0)
-        kept[f"={command}"] = len(entry.data)
-        found.accounting[command] = account
+        stored_bytes[""] = stored_bytes.get("", 0) + len(entry.data) - stored_bytes.get(f"={command}", 0)
+        stored_bytes[f"={command}"] = len(entry.data)
+        recording.accounting[command] = account
     if entry.topic not in (POSTED, STATE):
         return
     body = json.loads(entry.data)
     if entry.topic == POSTED:
-        found.posted.append(Posted(_tick(body), msgspec.convert(body["message"], Message)))
+        recording.posted.append(Posted(_tick(body), msgspec.convert(body["message"], Message)))
     else:
-        found.states[_tick(body)] = str(body["hash"])
+        recording.states[_tick(body)] = str(body["hash"])
 
 
 def _tick(body: dict[str, object]) -> int:
@@ -177,20 +184,20 @@ def _tick(body: dict[str, object]) -> int:
     return tick
 
 
-def entries(file: Path, found: Recording) -> Iterator[RecordedEntry]:
+def entries(file: Path, recording: Recording) -> Iterator[RecordedEntry]:
     """Every message of `file` in order, up to its end or to where it breaks off; counted in `found`."""
     topics: dict[int, str] = {}
-    found.counts, found.complete = {}, False
+    recording.counts, recording.complete = {}, False
     for record in _records(file):
         if isinstance(record, Channel):
             topics[record.id] = record.topic
         elif isinstance(record, Metadata) and record.name == FOLLOWING:
-            found.following = record.metadata.get("file", "")
+            recording.following = record.metadata.get("file", "")
         elif isinstance(record, Footer):
-            found.complete = True
+            recording.complete = True
         elif isinstance(record, Record) and (topic := topics.get(record.channel_id)) is not None:
-            found.counts[topic] = found.counts.get(topic, 0) + 1
-            found.seconds = max(found.seconds, record.log_time / NANO)
+            recording.counts[topic] = recording.counts.get(topic, 0) + 1
+            recording.seconds = max(recording.seconds, record.log_time / NANO)
             yield RecordedEntry(topic, record.log_time / NANO, record.data)
 
 
@@ -234,12 +241,12 @@ def _whole(about: dict[str, str], name: str) -> int:
 def _time(about: dict[str, str], name: str) -> float:
     text = about.get(name, "")
     try:
-        found = float(text)
+        seconds = float(text)
     except ValueError:
-        found = -1.0
-    if not 0.0 <= found < float("inf"):
+        seconds = -1.0
+    if not 0.0 <= seconds < float("inf"):
         raise NoRecordingError(f'the recording says {name} "{text[:40]}", wanted seconds')
-    return found
+    return seconds
 
 
 def _scenario(file: Path, data: bytes) -> Scenario:

@@ -145,8 +145,8 @@ def members(
 
 def _entity(nanoseconds: int, name: str, parts: Sequence[bytes], about: Mapping[str, str] | None = None) -> bytes:
     head = timestamp(1, nanoseconds) + field(2, WORLD) + field(3, name)
-    told = b"".join(field(6, field(1, key) + field(2, value)) for key, value in (about or {}).items())
-    return head + told + b"".join(parts)
+    metadata = b"".join(field(6, field(1, key) + field(2, value)) for key, value in (about or {}).items())
+    return head + metadata + b"".join(parts)
 
 
 def _line(segments: Sequence[tuple[Point, Point]], colour: Colour) -> bytes:

@@ -20,15 +20,15 @@ _KINDS = (("corners",), ("center", "radius"), ("x", "y"))
 
 def read_areas(root: Table, size: tuple[float, float]) -> tuple[NamedArea, ...]:
     """The areas of a world of this size, m. Raises SettingsError."""
-    found = dict[str, NamedArea]()
+    areas = dict[str, NamedArea]()
     for name, table in root.tables("areas", most=MAX_AREAS).items():
         with table:
             around = root.table("areas")
             folded = checked_name(around, name).casefold()
-            if folded in found:
-                raise around.error(name, f"an area is called {found[folded].name} already; choose another name")
-            found[folded] = NamedArea(name, _sizes(table, around, name, size))
-    return tuple(found.values())
+            if folded in areas:
+                raise around.error(name, f"an area is called {areas[folded].name} already; choose another name")
+            areas[folded] = NamedArea(name, _sizes(table, around, name, size))
+    return tuple(areas.values())
 
 
 def _sizes(table: Table, around: Table, name: str, high: tuple[float, float]) -> tuple[float, ...]:

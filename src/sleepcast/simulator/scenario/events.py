@@ -31,7 +31,7 @@ from sleepcast.simulator.world.world import Point, Shape, World
 
 MAX_EVENTS = 1_000
 """Events of one scenario: one per second for a quarter of an hour."""
-SORTS = ("add", "remove", "move")
+ACTIONS = ("add", "remove", "move")
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,34 +45,38 @@ class Event:
 
 
 def read_events(
-    root: Table, there: Sequence[Shape], absent: Sequence[Shape], size: Point, most: float
+    root: Table, present: Sequence[Shape], absent: Sequence[Shape], size: Point, most: float
 ) -> tuple[Event, ...]:
-    """The tables `[[events]]`, sorted by time. there, absent: the things in the world at the start, and those that are
-    not; size: of the world, m; most: latest time, s."""
-    found: list[tuple[Event, Table]] = []
+    """The tables `[[events]]`, sorted by time.
+
+    present, absent: the things in the world at the start, and those that are not
+    size: of the world, m
+    most: latest time, s
+    """
+    events: list[tuple[Event, Table]] = []
     for table in root.array("events", most=MAX_EVENTS):
         with table:
-            said = [sort for sort in SORTS if table.has(sort)]
-            if len(said) != 1:
-                raise table.error((said or ["add"])[-1], "wanted one of add, remove and move in each event")
-            by = table.point("by", (-size[0], -size[1]), size) if said == ["move"] else (0.0, 0.0)
-            event = Event(table.number("at", TIME, low=0.0, high=most), said[0], table.text(said[0], most=64), by)
-            found.append((event, table))
-    found.sort(key=lambda each: each[0].time)
-    _check(found, {shape.name for shape in there if shape.name}, {shape.name for shape in absent})
-    return tuple(event for event, _ in found)
+            named = [action for action in ACTIONS if table.has(action)]
+            if len(named) != 1:
+                raise table.error((named or ["add"])[-1], "wanted one of add, remove and move in each event")
+            by = table.point("by", (-size[0], -size[1]), size) if named == ["move"] else (0.0, 0.0)
+            event = Event(table.number("at", TIME, low=0.0, high=most), named[0], table.text(named[0], most=64), by)
+            events.append((event, table))
+    events.sort(key=lambda each: each[0].time)
+    _check(events, {shape.name for shape in present if shape.name}, {shape.name for shape in absent})
+    return tuple(event for event, _ in events)
 
 
-def _check(events: Sequence[tuple[Event, Table]], there: set[str], absent: set[str]) -> None:
+def _check(events: Sequence[tuple[Event, Table]], present_at_start: set[str], absent: set[str]) -> None:
     """Raise SettingsError for an event about a thing that is not in the world at that time."""
-    known = there | absent
-    present = set(there)
+    known = present_at_start | absent
+    present = set(present_at_start)
     for event, table in events:
         if event.name not in known:
             raise table.error(event.sort, f'there is no thing called "{event.name}"{did_you_mean(event.name, known)}')
         if (event.name in present) == (event.sort == "add"):
-            is_there = "there already" if event.sort == "add" else "not there"
-            raise table.error(event.sort, f'"{event.name}" is {is_there} at that time')
+            how = "there already" if event.sort == "add" else "not there"
+            raise table.error(event.sort, f'"{event.name}" is {how} at that time')
         if event.sort == "add":
             present.add(event.name)
         elif event.sort == "remove":

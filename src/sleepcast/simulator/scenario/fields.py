@@ -70,8 +70,13 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Growth:
-    """How a field grows. columns, rows: of its cells, which fill the world. most: greatest amount in a cell. rate: of
-    logistic growth, 1/s, or by how much each cell grows in a second. diffusion: m2/s."""
+    """How a field grows.
+
+    columns, rows: of its cells, which fill the world
+    most: greatest amount in a cell
+    rate: of logistic growth, 1/s, or by how much each cell grows in a second
+    diffusion: m2/s
+    """
 
     columns: int
     rows: int
@@ -120,8 +125,13 @@ Field = ScalarField | VectorField
 
 
 def read_fields(root: Table, size: tuple[float, float], tick: float, taken: Sequence[str]) -> tuple[Field, ...]:
-    """The tables `[fields.NAME]`. size: of the world, m; tick: s; taken: names already in use."""
-    found: list[Field] = []
+    """The tables `[fields.NAME]`.
+
+    size: of the world, m
+    tick: s
+    taken: names already in use
+    """
+    fields: list[Field] = []
     known = {name.casefold() for name in taken}
     for name, table in root.tables("fields", most=MAX_FIELDS).items():
         checked_name(root.table("fields"), name)
@@ -134,8 +144,8 @@ def read_fields(root: Table, size: tuple[float, float], tick: float, taken: Sequ
                     name, f"robots know something called {sensor.name} already; choose another name"
                 )
             known.add(sensor.name.casefold())
-        found.append(field)
-    return tuple(found)
+        fields.append(field)
+    return tuple(fields)
 
 
 def field_sensors(fields: Sequence[Field]) -> tuple[Quantity, ...]:

@@ -40,10 +40,11 @@ _PLACEHOLDER = re.compile(r"\{([A-Za-z_]\w*)\}")
 
 @dataclass(frozen=True, slots=True)
 class RobotGroup:
-    """A group of robots. count: their number, or their proportion if the run changes the number of robots.
+    """A group of robots.
 
-    values: the group's own values by name, in SI with the unit that was written. sees_light: whether its robots have
-    a light sensor.
+    count: their number, or their proportion if the run changes the number of robots
+    values: the group's own values by name, in SI with the unit that was written
+    sees_light: whether its robots have a light sensor
     """
 
     name: str
@@ -58,7 +59,9 @@ def read_constants(root: Table) -> tuple[BodyConstant, ...]:
         if len(table.values) > MAX_CONSTANTS:
             raise root.error("constants", f"{len(table.values)} of them; at most {MAX_CONSTANTS} fit")
         measures = {checked_name(table, name): table.measure(name, None) for name in table.values}
-    return tuple(BodyConstant(name, found.value, found.unit, "of this scenario") for name, found in measures.items())
+    return tuple(
+        BodyConstant(name, measure.value, measure.unit, "of this scenario") for name, measure in measures.items()
+    )
 
 
 def filled(text: str, constants: Sequence[BodyConstant], place: str) -> str:
@@ -66,11 +69,11 @@ def filled(text: str, constants: Sequence[BodyConstant], place: str) -> str:
     for errors. Raises SettingsError for a name that there is not."""
     known = {constant.name.casefold(): constant for constant in constants}
 
-    def value(found: re.Match[str]) -> str:
-        constant = known.get(found[1].casefold())
+    def value(match: re.Match[str]) -> str:
+        constant = known.get(match[1].casefold())
         if constant is None:
-            near = did_you_mean(found[1], [each.name for each in constants])
-            raise SettingsError(f"{place}: there is no constant {found[1]:.40}{near}: write it into [constants]")
+            near = did_you_mean(match[1], [each.name for each in constants])
+            raise SettingsError(f"{place}: there is no constant {match[1]:.40}{near}: write it into [constants]")
         factor = UNITS[constant.unit].factor if constant.unit else 1.0
         return f"{constant.value / factor:.15g}{constant.unit}"
 
@@ -79,13 +82,13 @@ def filled(text: str, constants: Sequence[BodyConstant], place: str) -> str:
 
 def read_groups(robots: Table, constants: Sequence[BodyConstant], most: int) -> tuple[RobotGroup, ...]:
     """The tables `[robots.groups.NAME]`, none if all robots are alike; at most `most` robots in each."""
-    found = []
+    groups = []
     for name, table in robots.tables("groups", most=MAX_GROUPS).items():
         checked_name(robots.table("groups"), name)
         with table:
             count = table.whole("count", low=1, high=most)
-            found.append(RobotGroup(name, count, _values(table, constants), table.flag("sees_light", True)))
-    return tuple(found)
+            groups.append(RobotGroup(name, count, _values(table, constants), table.flag("sees_light", True)))
+    return tuple(groups)
 
 
 def _values(group: Table, constants: Sequence[BodyConstant]) -> dict[str, Measure]:
@@ -93,7 +96,7 @@ def _values(group: Table, constants: Sequence[BodyConstant]) -> dict[str, Measur
     with group.table("values") as table:
         if len(table.values) > MAX_VALUES:
             raise group.error("values", f"{len(table.values)} of them; at most {MAX_VALUES} fit")
-        found = {}
+        values = {}
         for name, written in table.values.items():
             checked_name(table, name)
             if isinstance(written, str) and written[:1].isalpha():
@@ -101,10 +104,10 @@ def _values(group: Table, constants: Sequence[BodyConstant]) -> dict[str, Measur
                 if constant is None:
                     near = did_you_mean(written, (each.name for each in constants))
                     raise table.error(name, f'there is no constant "{written[:40]}"{near} under [constants]')
-                found[name] = Measure(constant.value, constant.unit)
+                values[name] = Measure(constant.value, constant.unit)
             else:
-                found[name] = table.measure(name, None)
-        return found
+                values[name] = table.measure(name, None)
+        return values
 
 
 def _refuse_unlike_units(groups: Iterable[tuple[Table, RobotGroup]]) -> None:
@@ -129,13 +132,13 @@ def _dimension(unit: str) -> object:
 def value_quantities(groups: Sequence[RobotGroup]) -> tuple[Quantity, ...]:
     """The sensors for the groups' values, each with the range that the values span."""
     names = dict.fromkeys(name for group in groups for name in group.values)
-    found = []
+    quantities = []
     for name in names:
         values = [group.values[name] for group in groups if name in group.values]
         low, high = min(value.value for value in values), max(value.value for value in values)
         unit = next((value.unit for value in values if value.unit), "")
-        found.append(Quantity(name, unit, low, high, doc="a value of the robot's group", shown_as=unit))
-    return tuple(found)
+        quantities.append(Quantity(name, unit, low, high, doc="a value of the robot's group", shown_as=unit))
+    return tuple(quantities)
 
 
 def group_indices(groups: Sequence[RobotGroup], count: int) -> NDArray[np.intp]:
@@ -173,8 +176,8 @@ def refuse_clashes(
             table = root.table("constants")
             raise table.error(constant.name, "robots know something of this name already; choose another")
         known.add(constant.name.casefold())
-    for sort, table in enumerate(robots):
-        for group in groups[sort]:
+    for number, table in enumerate(robots):
+        for group in groups[number]:
             for name in group.values:
                 if name.casefold() in known:
                     place = table.table("groups").table(group.name).table("values")

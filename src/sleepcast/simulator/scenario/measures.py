@@ -46,7 +46,7 @@ class MeasureSpec:
 
 def read_measures(root: Table, points: Mapping[str, Point], longest: float) -> tuple[MeasureSpec, ...]:
     """The tables `[measures.NAME]`. points: named points for distances; longest: largest sampling period, s."""
-    found = []
+    specs = []
     for name, table in root.tables("measures", most=MAX_MEASURES).items():
         around = root.table("measures")
         if checked_name(around, name) in RESERVED:
@@ -57,8 +57,8 @@ def read_measures(root: Table, points: Mapping[str, Point], longest: float) -> t
                 raise table.error("to", "there is no place and no light to which a distance could lead")
             to = points[table.text("to", choices=tuple(points))] if kind == "distance" else None
             every = table.number("every", TIME, 1.0, low=0.001, high=longest)
-            found.append(MeasureSpec(name, kind, to, every))
-    return tuple(found)
+            specs.append(MeasureSpec(name, kind, to, every))
+    return tuple(specs)
 
 
 class Measuring:

@@ -109,9 +109,14 @@ class Order:
 
 
 class Instruction(NamedTuple):
-    """What an order comes to. text: "" where there are no words; of a lease what is done about it. within: s for which
-    it is good, or for which the lease is had, None for the usual. only, but: for these robots, or for all except these.
-    to: who is granted a lease. by: the operator who sends it, "" for the first."""
+    """What an order comes to.
+
+    text: "" where there are no words; of a lease what is done about it
+    within: s for which it is good, or for which the lease is had, None for the usual
+    only, but: for these robots, or for all except these
+    to: who is granted a lease
+    by: the operator who sends it, "" for the first
+    """
 
     sort: Sort
     text: str = ""
@@ -146,24 +151,24 @@ class Instruction(NamedTuple):
 
 def instruction(order: Order) -> Instruction:
     """What an order comes to. Raises MissionError for words without an expression."""
-    found, rest = Instruction("once"), order.text
+    parsed, rest = Instruction("once"), order.text
     if match := _BY.match(rest):
-        found, rest = found._replace(by=match[1]), rest[match.end() :].lstrip()
+        parsed, rest = parsed._replace(by=match[1]), rest[match.end() :].lstrip()
     if (whole := _bare(rest)) in _WORDLESS:
-        return found._replace(sort=_WORDLESS[whole])
+        return parsed._replace(sort=_WORDLESS[whole])
     if match := _LEASE.fullmatch(rest.strip()):
         seconds = _seconds(match[4], match[5], order.place) if match[4] else None
-        return found._replace(sort="lease", text=f"{match[1]} {match[2]}", to=match[3] or "", within=seconds)
+        return parsed._replace(sort="lease", text=f"{match[1]} {match[2]}", to=match[3] or "", within=seconds)
     while True:
         if match := _SORT.match(rest):
-            found = found._replace(sort=_SORTS[match[1]])
+            parsed = parsed._replace(sort=_SORTS[match[1]])
         elif match := _WITHIN.match(rest):
-            found = found._replace(within=_seconds(match[1], match[2], order.place))
+            parsed = parsed._replace(within=_seconds(match[1], match[2], order.place))
         elif match := _NAMED.match(rest):
             names = tuple(match[2].split(","))
-            found = found._replace(only=names) if match[1] == "only" else found._replace(but=names)
+            parsed = parsed._replace(only=names) if match[1] == "only" else parsed._replace(but=names)
         else:
-            return found._replace(text=dedent(rest).strip())
+            return parsed._replace(text=dedent(rest).strip())
         rest = rest[match.end() :].lstrip(" \t").removeprefix("\n")
         if not _bare(rest):
             raise MissionError(f"{order.place}: wanted an expression after {order.text.strip()[:40]}")
@@ -194,8 +199,8 @@ def read_mission(path: Path, constants: Sequence[BodyConstant] = ()) -> tuple[Or
         raise MissionError(str(error)) from error
     lines = []
     for number, line in enumerate(text.split("\n"), 1):
-        said, semicolon, comment = line.partition(";")
-        lines.append(f"{filled(said, constants, f'{path}:{number}')}{semicolon}{comment}")
+        words, semicolon, comment = line.partition(";")
+        lines.append(f"{filled(words, constants, f'{path}:{number}')}{semicolon}{comment}")
     return parse_mission("\n".join(lines), str(path))
 
 
@@ -246,15 +251,15 @@ def _times(line: str, place: str, before: float) -> tuple[tuple[float, ...], str
     match = _TIMES.match(line)
     if match is None:
         raise _no_time(line, place)
-    found: list[float] = []
+    times: list[float] = []
     for number, unit in _TIME.findall(match[1]):
         time = _seconds(number, unit, place, line.split()[0])
-        if found and time <= found[-1]:
-            raise MissionError(f"{place}: {time:g} s does not come after {found[-1]:g} s; sort an order's times")
+        if times and time <= times[-1]:
+            raise MissionError(f"{place}: {time:g} s does not come after {times[-1]:g} s; sort an order's times")
         if time < before:
             raise MissionError(f"{place}: {time:g} s comes before the order above it ({before:g} s); sort them by time")
-        found.append(time)
-    return tuple(found), line[match.end() :].strip()
+        times.append(time)
+    return tuple(times), line[match.end() :].strip()
 
 
 def _seconds(number: str, unit: str, place: str, shown: str = "") -> float:
@@ -270,7 +275,7 @@ def _seconds(number: str, unit: str, place: str, shown: str = "") -> float:
 
 def _wanted(line: str, place: str) -> tuple[Wanted, ...]:
     """What a line says that shall become of the order above it."""
-    found = []
+    wanted = []
     for part in line[1:].partition(";")[0].split(","):
         match = _WANTED.fullmatch(part.strip())
         if match is None:
@@ -278,11 +283,11 @@ def _wanted(line: str, place: str) -> tuple[Wanted, ...]:
                 f"{place}: wanted counts such as = matched 98, unknown at most 3, not {part.strip()[:40]!r}; what is "
                 f"counted: {', '.join(COUNTS)}"
             )
-        found.append(Wanted(match[1], int(match[3]), match[2] or "exactly"))
-    return tuple(found)
+        wanted.append(Wanted(match[1], int(match[3]), match[2] or "exactly"))
+    return tuple(wanted)
 
 
 def _no_time(line: str, place: str) -> MissionError:
-    said = line.split()[0]
-    comma = decimal_comma(said.removeprefix("@"))
-    return MissionError(f"{place}: wanted a time with its unit, such as @12.5s or @2min, not {said[:40]}{comma}")
+    word = line.split()[0]
+    comma = decimal_comma(word.removeprefix("@"))
+    return MissionError(f"{place}: wanted a time with its unit, such as @12.5s or @2min, not {word[:40]}{comma}")

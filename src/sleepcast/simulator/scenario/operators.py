@@ -30,7 +30,7 @@ MAX_LOCKED = 16
 """Rules that robots hold from the start: as many as somebody can still take in."""
 ROLES = (Role.OPERATOR.value, Role.COMMANDER.value, Role.OBSERVER.value)
 TELLS = ("all", "marks", "none")
-LEASE, LEAST_LEASE, MOST_LEASE = 1.0, 0.2, 3_600.0
+LEASE, LEAST_LEASE, MAX_LEASE = 1.0, 0.2, 3_600.0
 """Seconds of the dead man's lease: as of nodes."""
 OFF = "off"
 
@@ -53,9 +53,12 @@ class LockedRule:
 
 @dataclass(frozen=True, slots=True)
 class MindSettings:
-    """What robots go by where operators are named. lease: s for which a driven robot goes on without hearing its
-    operator, inf for ever; tells: what others may have it do by TELL, as of a node (`--tells`); locked: see
-    `LockedRule`."""
+    """What robots go by where operators are named.
+
+    lease: s for which a driven robot goes on without hearing its operator, inf for ever
+    tells: what others may have it do by TELL, as of a node (`--tells`)
+    locked: see `LockedRule`
+    """
 
     lease: float = inf
     tells: str = TELLS[0]
@@ -68,13 +71,13 @@ NO_AUTHORITY = MindSettings()
 
 def read_operators(root: Table) -> tuple[ScenarioOperator, ...]:
     """The tables `[operators.NAME]`, in the file's order."""
-    found = []
+    operators = []
     for name, table in root.tables("operators", most=MAX_OPERATORS).items():
         if not is_robot_name(name):
             raise root.table("operators").error(name, "an operator's name is one word of at most 64 characters")
         with table:
-            found.append(ScenarioOperator(name, table.text("role", choices=ROLES)))
-    return tuple(found)
+            operators.append(ScenarioOperator(name, table.text("role", choices=ROLES)))
+    return tuple(operators)
 
 
 def read_minds(root: Table, operators: tuple[ScenarioOperator, ...]) -> MindSettings:
@@ -86,7 +89,7 @@ def read_minds(root: Table, operators: tuple[ScenarioOperator, ...]) -> MindSett
     with root.table("minds") as table:
         lease = inf
         if not table.has("lease") or table.values["lease"] != OFF:
-            lease = table.number("lease", TIME, LEASE, low=LEAST_LEASE, high=MOST_LEASE)
+            lease = table.number("lease", TIME, LEASE, low=LEAST_LEASE, high=MAX_LEASE)
         tells = table.text("tells", TELLS[0], choices=TELLS)
         with table.table("locked") as rules:
             if len(rules.values) > MAX_LOCKED:

@@ -24,8 +24,8 @@ def written_origin(name: str, changes: Changes) -> str:
 def read_origin(text: str) -> tuple[str, Changes]:
     """The name and the changes. Raises MisuseError for a text that is none."""
     try:
-        found = json.loads(text)
-        over = tuple((str(key), value) for key, value in found.pop("over"))
-        return str(found.pop("name")), Changes(**found, over=over)
+        values = json.loads(text)
+        over = tuple((str(key), value) for key, value in values.pop("over"))
+        return str(values.pop("name")), Changes(**values, over=over)
     except (ValueError, TypeError, KeyError, AttributeError):
         raise MisuseError("nobody knows from which file this scenario was read") from None

@@ -32,7 +32,7 @@ MAX_TICKS = 10_000_000_000
 """Ticks of one run: the same time in the shortest ticks."""
 MAX_WORLD = 10_000_000.0
 """Size of a world, m: a quarter of the way around the earth; beyond that, a flat world makes no sense."""
-MOST_COUNTS = 1e7
+MAX_COUNTS = 1e7
 """Steps of an encoder in a metre of travel: a tenth of a micrometre each."""
 LEAST = 1e-6
 """Least value of anything that must be above zero, in SI."""
@@ -55,9 +55,10 @@ SIGNAL_NAMES = (*LIGHT_NAMES, *PING_NAMES, "FRONT", "REAR")
 class Supply:
     """A supply that robots carry: a variable `name` in SI, shown in `unit`.
 
-    low, high: range of the uniform initial value, for the `share` of the robots that carry any. full: capacity.
-    reach: distance that a body drives on a full store, m; inf if driving uses none of it. lasts: time after which a
-    full store is empty, whatever the body does, s; inf if time uses none of it.
+    low, high: range of the uniform initial value, for the `share` of the robots that carry any
+    full: capacity
+    reach: distance that a body drives on a full store, m; inf if driving uses none of it
+    lasts: time after which a full store is empty, whatever the body does, s; inf if time uses none of it
     """
 
     name: str
@@ -103,9 +104,12 @@ class Wheels:
 
 @dataclass(frozen=True, slots=True)
 class CrosstalkModel:
-    """How sonars mistake other pings for their own. chance: probability that an audible foreign ping is mistaken;
-    spread: largest angle between the axes of sending and receiving sonar, rad; robots: whether pings of other robots
-    count too."""
+    """How sonars mistake other pings for their own.
+
+    chance: probability that an audible foreign ping is mistaken
+    spread: largest angle between the axes of sending and receiving sonar, rad
+    robots: whether pings of other robots count too
+    """
 
     chance: float
     spread: float
@@ -116,10 +120,14 @@ class CrosstalkModel:
 class Ring:
     """Sonars evenly spaced around the rim, number 0 in front, then counter-clockwise.
 
-    beam: full opening angle of each cone, rad. least, most: m; ranges outside are clamped to these. noise: standard
-    deviation as a share of the range. dropout: probability of a missed echo. incidence: angle from the perpendicular
-    beyond which a surface reflects nothing back, rad. pause: time between one sonar's echo and the next one's ping,
-    s; None if all sonars fire in every tick. order: firing order. crosstalk: None without.
+    beam: full opening angle of each cone, rad
+    least, most: m; ranges outside are clamped to these
+    noise: standard deviation as a share of the range
+    dropout: probability of a missed echo
+    incidence: angle from the perpendicular beyond which a surface reflects nothing back, rad
+    pause: time between one sonar's echo and the next one's ping, s; None if all sonars fire in every tick
+    order: firing order
+    crosstalk: None without
     """
 
     count: int
@@ -138,12 +146,16 @@ class Ring:
 class RobotSpec:
     """The robots: number and type, start area (uniform in x and y, m), and equipment.
 
-    wanders: whether they roam from the start; otherwise they stand until commanded. wheels: None for bodies that
-    turn and drive without wheels. ring: None without sonars. bumpers: number of bumper segments; 0 for bodies that
-    nothing stops. speed_unit: unit in which speeds are shown. disc: x, y and radius (m) of a disc to start in
-    instead, or None. in_rows: whether robots are numbered along rows of the world, so that neighbours have close
-    numbers. groups: empty if all robots are alike. slides: whether bodies slide along what they touch, instead of
-    stopping there. starts: where each of them starts, empty if that is left to chance.
+    wanders: whether they roam from the start; otherwise they stand until commanded
+    wheels: None for bodies that turn and drive without wheels
+    ring: None without sonars
+    bumpers: number of bumper segments; 0 for bodies that nothing stops
+    speed_unit: unit in which speeds are shown
+    disc: x, y and radius (m) of a disc to start in instead, or None
+    in_rows: whether robots are numbered along rows of the world, so that neighbours have close numbers
+    groups: empty if all robots are alike
+    slides: whether bodies slide along what they touch, instead of stopping there
+    starts: where each of them starts, empty if that is left to chance
     """
 
     type: str
@@ -190,8 +202,12 @@ def read_robots(
     size: tuple[float, float],
     taken: Iterable[str],
 ) -> RobotSpec:
-    """A table of robots, except for `count`, `groups` and the poses of its starts, `rows`. count: number of robots,
-    which may differ from the groups' sum; size: of the world, m; taken: names already in use."""
+    """A table of robots, except for `count`, `groups` and the poses of its starts, `rows`.
+
+    count: number of robots, which may differ from the groups' sum
+    size: of the world, m
+    taken: names already in use
+    """
     whole_x, whole_y = ((Measure(0.0), Measure(end)) for end in size)
     with table:
         table.has("count"), table.has("groups")
@@ -270,10 +286,10 @@ def _wheels(robots: Table) -> Wheels:
 
 
 def _counts(wheels: Table) -> float:
-    found = wheels.number("counts", default=0.0, low=0.0, high=MOST_COUNTS)
-    if 0.0 < found < 1.0:
+    counts = wheels.number("counts", default=0.0, low=0.0, high=MAX_COUNTS)
+    if 0.0 < counts < 1.0:
         raise wheels.error("counts", "wanted at least 1 step a metre, or 0 for exact encoders")
-    return found
+    return counts
 
 
 def _ring(robots: Table) -> Ring:
@@ -316,7 +332,7 @@ def _wander(robots: Table, limits: Limits) -> Wander:
 
 def _stores(robots: Table, others: Iterable[str]) -> tuple[Supply, ...]:
     taken = {name.casefold() for name in others}
-    found = []
+    stores = []
     for name, table in robots.tables("stores", most=MAX_STORES).items():
         around = robots.table("stores")
         folded = checked_name(around, name).casefold()
@@ -324,8 +340,8 @@ def _stores(robots: Table, others: Iterable[str]) -> tuple[Supply, ...]:
             raise around.error(name, "every robot has a variable of this name already; choose another")
         taken.add(folded)
         with table:
-            found.append(_store(table, name))
-    return tuple(found)
+            stores.append(_store(table, name))
+    return tuple(stores)
 
 
 def _store(table: Table, name: str) -> Supply:

@@ -27,7 +27,7 @@ from sleepcast.simulator.scenario.starts import StartPose
 FORMAT = 1
 """Version of the format of type files; newer ones are refused."""
 TYPES = Path(__file__).parent.parent / "types"
-MAX_SORTS = 8
+MAX_TYPES = 8
 """Types of robots in one world: motion and sonar of each type are computed separately."""
 MADE = ("limits", "body", "wheels", "sonar", "stores", "wander")
 """What a type defines; the scenario defines how many robots there are, and where."""
@@ -41,7 +41,7 @@ def type_names() -> list[str]:
 def robot_tables(root: Table) -> list[Table]:
     """The table [robots], or each of [[robots]], with the values of its type filled in. Raises SettingsError."""
     if isinstance(root.values.get("robots"), list):
-        tables = root.array("robots", most=MAX_SORTS)
+        tables = root.array("robots", most=MAX_TYPES)
         if not tables:
             raise root.error("robots", "no robots at all; wanted at least one [[robots]]")
     else:
@@ -70,39 +70,39 @@ def _on_its_type(robots: Table) -> Table:
         for part in MADE:
             below.has(part)
     made = {part: below.values[part] for part in MADE if part in below.values} | {"type": file.stem}
-    found = Table(robots.document, robots.values, robots.where, Table(below.document, made, ()))
-    found.has("like")
-    return found
+    completed = Table(robots.document, robots.values, robots.where, Table(below.document, made, ()))
+    completed.has("like")
+    return completed
 
 
-def combined(tables: Sequence[Table], sorts: Sequence[RobotSpec]) -> RobotSpec:
+def combined(tables: Sequence[Table], specs: Sequence[RobotSpec]) -> RobotSpec:
     """The union of robots of several types, given with their tables: every name and the widest ranges. Raises
     SettingsError if two of them use one name with different meanings."""
-    if len(sorts) == 1:
-        return sorts[0]
-    kinds = {sort.type for sort in sorts}
-    for table, sort in zip(tables, sorts, strict=True):
+    if len(specs) == 1:
+        return specs[0]
+    kinds = {spec.type for spec in specs}
+    for table, spec in zip(tables, specs, strict=True):
         for other in kinds:
-            if other.startswith(sort.type) and other[len(sort.type) :].isdigit():
-                raise table.error("type", f"{sort.type} with a number may mean a {other}, too: call it something else")
-    rings = [sort.ring for sort in sorts if sort.ring]
-    wheels = [sort.wheels for sort in sorts if sort.wheels]
+            if other.startswith(spec.type) and other[len(spec.type) :].isdigit():
+                raise table.error("type", f"{spec.type} with a number may mean a {other}, too: call it something else")
+    rings = [spec.ring for spec in specs if spec.ring]
+    wheels = [spec.wheels for spec in specs if spec.wheels]
     return replace(
-        sorts[0],
-        type=sorts[0].type if len(kinds) == 1 else "robot",
-        count=sum(sort.count for sort in sorts),
-        limits=_widest([sort.limits for sort in sorts]),
+        specs[0],
+        type=specs[0].type if len(kinds) == 1 else "robot",
+        count=sum(spec.count for spec in specs),
+        limits=_widest([spec.limits for spec in specs]),
         geometry=Geometry(
-            max(sort.geometry.radius for sort in sorts),
-            max(sort.geometry.sonars for sort in sorts),
-            max(sort.geometry.sonar_range for sort in sorts),
+            max(spec.geometry.radius for spec in specs),
+            max(spec.geometry.sonars for spec in specs),
+            max(spec.geometry.sonar_range for spec in specs),
         ),
-        stores=_stores(tables, sorts),
+        stores=_stores(tables, specs),
         wheels=wheels[0] if wheels else None,
         ring=_ring(rings) if rings else None,
-        bumpers=max(sort.bumpers for sort in sorts),
+        bumpers=max(spec.bumpers for spec in specs),
         starts=(),
-        groups=tuple(group for sort in sorts for group in sort.groups or (RobotGroup(sort.type, sort.count, {}),)),
+        groups=tuple(group for spec in specs for group in spec.groups or (RobotGroup(spec.type, spec.count, {}),)),
     )
 
 
@@ -128,67 +128,67 @@ def _ring(rings: Sequence[Ring]) -> Ring:
     )
 
 
-def _stores(tables: Sequence[Table], sorts: Sequence[RobotSpec]) -> tuple[Supply, ...]:
-    found: dict[str, Supply] = {}
-    for table, sort in zip(tables, sorts, strict=True):
-        for store in sort.stores:
-            other = found.setdefault(store.name.casefold(), store)
+def _stores(tables: Sequence[Table], specs: Sequence[RobotSpec]) -> tuple[Supply, ...]:
+    stores: dict[str, Supply] = {}
+    for table, spec in zip(tables, specs, strict=True):
+        for store in spec.stores:
+            other = stores.setdefault(store.name.casefold(), store)
             if other.name != store.name:
                 raise table.table("stores").error(store.name, f"other robots spell it {other.name}; use one spelling")
             if other.dimension != store.dimension:
                 raise table.table("stores").error(
                     store.name, f'other robots have it in "{other.unit or "plain numbers"}"; use one dimension'
                 )
-            found[store.name.casefold()] = replace(other, full=max(other.full, store.full))
-    return tuple(found.values())
+            stores[store.name.casefold()] = replace(other, full=max(other.full, store.full))
+    return tuple(stores.values())
 
 
-def slices(sorts: Sequence[RobotSpec], count: int) -> list[slice]:
+def slices(specs: Sequence[RobotSpec], count: int) -> list[slice]:
     """The slice of `count` robots that each type has: sizes as in the file, or in proportion to them, in its order."""
-    ends = np.cumsum([sort.count for sort in sorts])
+    ends = np.cumsum([spec.count for spec in specs])
     bounds = np.rint(ends * (count / ends[-1])).astype(np.int64).tolist()
     return [slice(begin, end) for begin, end in pairwise([0, *bounds])]
 
 
-def names_of(sorts: Sequence[RobotSpec], count: int) -> NameIndex:
+def names_of(specs: Sequence[RobotSpec], count: int) -> NameIndex:
     """Names of the robots: those that their starts give them, else their type, and a number within it."""
-    if given := given_names(sorts, count):
+    if given := given_names(specs, count):
         return NameIndex(given)
-    if len({sort.type for sort in sorts}) == 1:
-        return NameIndex(prefix=sorts[0].type, count=count)
-    return NameIndex(_numbered(sorts, count))
+    if len({spec.type for spec in specs}) == 1:
+        return NameIndex(prefix=specs[0].type, count=count)
+    return NameIndex(_numbered(specs, count))
 
 
-def given_names(sorts: Sequence[RobotSpec], count: int) -> list[str]:
+def given_names(specs: Sequence[RobotSpec], count: int) -> list[str]:
     """The names of all robots, if starts name any of them; else none."""
-    named = any(pose.name for sort in sorts for pose in _poses(sort))
-    return named_by_starts(sorts, _numbered(sorts, count)) if named else []
+    named = any(pose.name for spec in specs for pose in _poses(spec))
+    return named_by_starts(specs, _numbered(specs, count)) if named else []
 
 
-def named_by_starts(sorts: Sequence[RobotSpec], names: Sequence[str]) -> list[str]:
+def named_by_starts(specs: Sequence[RobotSpec], names: Sequence[str]) -> list[str]:
     """These names of all robots, but for those that their starts name."""
-    found = list(names)
-    for sort, part in zip(sorts, slices(sorts, len(found)), strict=True):
-        for place, pose in zip(range(part.start, part.stop), _poses(sort), strict=False):
-            found[place] = pose.name or found[place]
-    return found
+    named = list(names)
+    for spec, part in zip(specs, slices(specs, len(named)), strict=True):
+        for index, pose in zip(range(part.start, part.stop), _poses(spec), strict=False):
+            named[index] = pose.name or named[index]
+    return named
 
 
-def later_starts(sort: RobotSpec, skipped: int) -> RobotSpec | None:
+def later_starts(spec: RobotSpec, skipped: int) -> RobotSpec | None:
     """These robots without the first starts of a list; None if too few are left."""
-    rest = _poses(sort)[skipped:]
-    return replace(sort, starts=rest) if len(rest) >= sort.count else None
+    rest = _poses(spec)[skipped:]
+    return replace(spec, starts=rest) if len(rest) >= spec.count else None
 
 
-def _poses(sort: RobotSpec) -> tuple[StartPose, ...]:
-    return sort.starts if isinstance(sort.starts, tuple) else ()
+def _poses(spec: RobotSpec) -> tuple[StartPose, ...]:
+    return spec.starts if isinstance(spec.starts, tuple) else ()
 
 
-def _numbered(sorts: Sequence[RobotSpec], count: int) -> list[str]:
+def _numbered(specs: Sequence[RobotSpec], count: int) -> list[str]:
     used: dict[str, int] = {}
     names = []
-    for sort, part in zip(sorts, slices(sorts, count), strict=True):
-        first = used.get(sort.type, 0)
-        used[sort.type] = first + part.stop - part.start
-        names += [f"{sort.type}{number + 1}" for number in range(first, used[sort.type])]
+    for spec, part in zip(specs, slices(specs, count), strict=True):
+        first = used.get(spec.type, 0)
+        used[spec.type] = first + part.stop - part.start
+        names += [f"{spec.type}{number + 1}" for number in range(first, used[spec.type])]
     return names

@@ -56,7 +56,7 @@ from sleepcast.simulator.scenario.signals import (
 from sleepcast.simulator.scenario.sliders import Slider, blanks_of, read_sliders
 from sleepcast.simulator.scenario.starts import refuse_equal_names, refuse_misfits, rows_of_starts
 from sleepcast.simulator.scenario.stocks import Stock, read_stocks
-from sleepcast.simulator.scenario.world_settings import Changes, WorldSpec, read_world, refuse_overridden
+from sleepcast.simulator.scenario.world_settings import Changes, read_world, refuse_overridden
 from sleepcast.simulator.world.map_picture import MapPicture
 from sleepcast.simulator.world.torus import PLAIN, Around
 from sleepcast.simulator.world.world import Shape
@@ -66,7 +66,7 @@ FORMAT = 1
 FILE = "scenario.toml"
 MISSED = 0.002
 """The share of robots that may have missed what everybody must hear."""
-MOST_REPEATS = 8
+MAX_REPEATS = 8
 """Times that such a command is said at once."""
 MAX_QUEUED = 10_000
 """Messages queued for one transmitter: at one per second, three hours."""
@@ -91,19 +91,31 @@ class Place:
 class Scenario:
     """A world at its start. Lengths in m, times in s of simulated time.
 
-    speed_up: simulated seconds per second of real time. seconds: default length of a headless run. telemetry: period
-    of each robot's telemetry. noise: standard deviation of each noisy sensor, by name. length_unit: unit in which
-    lengths are shown. shapes: solid things in the world at the start; absent: things that may be added later;
-    events: timed changes. fenced: whether robots turn back at the world's edge on their own; torus: whether it has no
-    edge. constants: named
-    numbers for rules. pings: how they are received, None if robots have none. neighbours: how robots sense each other,
-    None if they do not. areas: what robots know by name from the start. stocks: what robots take from and add to.
-    fields: values that fill the world. measures: time series to record.
-    robots: all robots together; sorts: each type of them with its count or proportion, empty if there is only one
-    type. nomad: whether VM takes tenths of inches, as a Nomad's programs do. sliders: numbers that people are invited
-    to change. picture: of the map that the world was made of; in a recording or snapshot only the name of its file is
-    left. operators: who may command, none where whoever sends may do anything; minds: what robots go by then.
-    origin: where it was found and what was changed in it, see `origin`; "" for one that was not found.
+    speed_up: simulated seconds per second of real time
+    seconds: default length of a headless run
+    telemetry: period of each robot's telemetry
+    noise: standard deviation of each noisy sensor, by name
+    length_unit: unit in which lengths are shown
+    shapes: solid things in the world at the start
+    absent: things that may be added later
+    events: timed changes
+    fenced: whether robots turn back at the world's edge on their own
+    torus: whether it has no edge
+    constants: named numbers for rules
+    pings: how they are received, None if robots have none
+    neighbours: how robots sense each other, None if they do not
+    areas: what robots know by name from the start
+    stocks: what robots take from and add to
+    fields: values that fill the world
+    measures: time series to record
+    robots: all robots together
+    sorts: each type of them with its count or proportion, empty if there is only one type
+    nomad: whether VM takes tenths of inches, as a Nomad's programs do
+    sliders: numbers that people are invited to change
+    picture: of the map that the world was made of; in a recording or snapshot only the name of its file is left
+    operators: who may command, none where whoever sends may do anything
+    minds: what robots go by then
+    origin: where it was found and what was changed in it, see `origin`; "" for one that was not found
     """
 
     name: str
@@ -146,7 +158,7 @@ class Scenario:
     minds: MindSettings = NO_AUTHORITY
 
     @property
-    def each_sort(self) -> tuple[RobotSpec, ...]:
+    def each_type(self) -> tuple[RobotSpec, ...]:
         """The types of robots, also if there is only one."""
         return self.sorts or (self.robots,)
 
@@ -159,7 +171,7 @@ class Scenario:
     def repeats(self) -> int:
         """How often a command that everybody must hear is said at once: the radio sends each once, and may lose it."""
         loss = self.radio.loss
-        return 1 if loss <= MISSED else min(MOST_REPEATS, ceil(log(MISSED) / log(min(loss, 0.99))))
+        return 1 if loss <= MISSED else min(MAX_REPEATS, ceil(log(MISSED) / log(min(loss, 0.99))))
 
     @property
     def around(self) -> Around:
@@ -212,22 +224,24 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
         taken = [*BODY_NAMES, *SIGNAL_NAMES, *(f"{place.name}_{axis}" for place in places for axis in "xy")]
         local_fields = read_fields(root, size, tick, taken)
         taken += [sensor.name for sensor in field_sensors(local_fields)]
-        sorts = tuple(read_robots(*each, size, taken) for each in zip(tables, counts(), groups, rows, strict=True))
-        robots = replace(combined(tables, sorts), count=count())
+        specs = tuple(read_robots(*each, size, taken) for each in zip(tables, counts(), groups, rows, strict=True))
+        robots = replace(combined(tables, specs), count=count())
         if robots.count > MAX_ROBOTS:
             raise root.error("robots", f"{robots.count} robots in all; at most {MAX_ROBOTS} fit")
-        for table, sort, part in zip(tables, sorts, slices(sorts, robots.count), strict=True):
-            refuse_misfits(table, sort.starts, part.stop - part.start, size)
+        for table, spec, part in zip(tables, specs, slices(specs, robots.count), strict=True):
+            refuse_misfits(table, spec.starts, part.stop - part.start, size)
         operators = read_operators(root)
-        refuse_robots(root, operators, names_of(sorts, robots.count))
-        refuse_equal_names(given_names(sorts, robots.count), (row for some in rows for row in some or ()))
+        refuse_robots(root, operators, names_of(specs, robots.count))
+        refuse_equal_names(given_names(specs, robots.count), (row for some in rows for row in some or ()))
         areas = read_areas(root, size)
         taken += [store.name for store in robots.stores]
         stocks = read_stocks(root, size, robots.stores, taken)
         taken += [name for stock in stocks for name in stock.names]
         refuse_clashes(root, tables, taken, constants, groups)
         radio, telemetry = _radio(root, size)
-        found = Scenario(
+        points = {each.name: (each.x, each.y) for each in places} | {each.name: (each.x, each.y) for each in lights}
+        timed = root.has("events") and changes.walls  # a run without solid things has no changes of them
+        scenario = Scenario(
             name=name,
             path=file,
             title=root.text("title"),
@@ -243,8 +257,8 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
             fenced=world.fenced,
             robots=robots,
             absent=world.absent,
-            events=_events(root, world, changes),
-            sorts=sorts if len(sorts) > 1 else (),
+            events=read_events(root, world.shapes, world.absent, size, MAX_TIME) if timed else (),
+            sorts=specs if len(specs) > 1 else (),
             places=places,
             noise=_noise(root, robots, local_fields),
             radio=radio,
@@ -258,7 +272,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
             fields=local_fields,
             torus=world.torus,
             picture=world.picture,
-            measures=read_measures(root, _points(places, lights), MAX_TIME),
+            measures=read_measures(root, points, MAX_TIME),
             areas=areas,
             nomad=root.text("vocabulary", "standard", choices=("standard", "nomad")) == "nomad",
             stocks=stocks,
@@ -266,16 +280,16 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
             operators=operators,
             minds=read_minds(root, operators),
         )
-        if found.torus:
-            _check_torus(root, found)
-        return found
+        if scenario.torus:
+            _check_torus(root, scenario)
+        return scenario
 
 
 def _check_torus(root: Table, scenario: Scenario) -> None:
     """Raise SettingsError for what a world without edges cannot have."""
     least, tick = min(scenario.width, scenario.height), scenario.tick
-    bodies = [4.0 * (sort.geometry.radius + 2.0 * sort.limits.speed * tick) for sort in scenario.each_sort]
-    sonars = [2.0 * sort.geometry.radius + sort.ring.most for sort in scenario.each_sort if sort.ring]
+    bodies = [4.0 * (spec.geometry.radius + 2.0 * spec.limits.speed * tick) for spec in scenario.each_type]
+    sonars = [2.0 * spec.geometry.radius + spec.ring.most for spec in scenario.each_type if spec.ring]
     signals = [each.reach for each in (scenario.pings, scenario.neighbours) if each]
     for far, what in ((bodies, "their bodies move"), (sonars, "their sonars see"), (signals, "they sense others")):
         if 2.0 * max(far, default=0.0) >= least:
@@ -284,7 +298,7 @@ def _check_torus(root: Table, scenario: Scenario) -> None:
                 f"a torus of {least:g} m is too small: {what} up to {max(far):g} m far, and it must be larger than "
                 "twice that",
             )
-    if any(sort.ring and sort.ring.pause is not None for sort in scenario.each_sort):
+    if any(spec.ring and spec.ring.pause is not None for spec in scenario.each_type):
         raise root.table("world").error("edge", "sonars with a pause do not look around a torus: leave the pause out")
     if scenario.measures:
         raise root.error("measures", "robots on a torus have no centre, from which these are measured: leave them out")
@@ -299,7 +313,7 @@ def _check_format(root: Table) -> None:
 
 
 def _places(root: Table, size: tuple[float, float]) -> tuple[Place, ...]:
-    found, taken = [], dict[str, str]()
+    places, taken = [], dict[str, str]()
     for name, table in root.tables("places", most=MAX_PLACES).items():
         with table:
             around = root.table("places")
@@ -310,20 +324,8 @@ def _places(root: Table, size: tuple[float, float]) -> tuple[Place, ...]:
             x = table.number("x", LENGTH, low=0.0, high=size[0])
             y = table.number("y", LENGTH, low=0.0, high=size[1])
             title = table.text("title", name, most=60)
-            found.append(Place(name, title, x, y, table.text("about", "")))
-    return tuple(found)
-
-
-def _events(root: Table, world: WorldSpec, changes: Changes) -> tuple[Event, ...]:
-    """The timed changes of the world; none in a run without solid things."""
-    if root.has("events") and changes.walls:
-        return read_events(root, world.shapes, world.absent, (world.width, world.height), MAX_TIME)
-    return ()
-
-
-def _points(places: tuple[Place, ...], lights: tuple[Light, ...]) -> dict[str, tuple[float, float]]:
-    """All named points."""
-    return {place.name: (place.x, place.y) for place in places} | {light.name: (light.x, light.y) for light in lights}
+            places.append(Place(name, title, x, y, table.text("about", "")))
+    return tuple(places)
 
 
 def _radio(root: Table, size: tuple[float, float]) -> tuple[RadioModel, float]:
@@ -349,32 +351,32 @@ def _radio(root: Table, size: tuple[float, float]) -> tuple[RadioModel, float]:
 
 def _noise(root: Table, robots: RobotSpec, local_fields: tuple[Field, ...]) -> dict[str, float]:
     with root.table("noise") as table:
-        found = {
+        deviations = {
             "x": table.number("x", LENGTH, 0.0, low=0.0),
             "y": table.number("y", LENGTH, 0.0, low=0.0),
             "heading": table.number("heading", default=0.0, low=0.0, high=2 * pi),
             "speed": table.number("speed", SPEED, 0.0, low=0.0),
         }
         for store in robots.stores:
-            found[store.name] = table.number(store.name, store.dimension, 0.0, low=0.0)
+            deviations[store.name] = table.number(store.name, store.dimension, 0.0, low=0.0)
         for sensor in field_sensors(local_fields):
-            found[sensor.name] = table.number(sensor.name, sensor.dimension, 0.0, low=0.0)
-    return {name: deviation for name, deviation in found.items() if deviation}
+            deviations[sensor.name] = table.number(sensor.name, sensor.dimension, 0.0, low=0.0)
+    return {name: deviation for name, deviation in deviations.items() if deviation}
 
 
 def _commands(root: Table, numbers: Sequence[BodyConstant]) -> tuple[ReadyCommand, ...]:
     """numbers: those that commands may name in braces."""
-    found: list[ReadyCommand] = []
+    commands: list[ReadyCommand] = []
     for table in root.array("commands", most=MAX_COMMANDS):
         with table:
             blank = table.text("text", most=16_384)
             with table.answering("text"):
                 text = filled(blank, numbers, "text")
             blank = "" if blank == text else blank
-            needs = table.whole("needs", 0, low=0, high=len(found))
+            needs = table.whole("needs", 0, low=0, high=len(commands))
             title, about = table.text("title", most=80), table.text("about", "")
-            found.append(ReadyCommand(title, text, about, blank, needs, table.flag("together", False)))
-    return tuple(found)
+            commands.append(ReadyCommand(title, text, about, blank, needs, table.flag("together", False)))
+    return tuple(commands)
 
 
 # Finding scenarios: those included with sleepcast and those of installed packages by name, others by path.

@@ -7,10 +7,13 @@ from math import inf, pi
 from sleepcast.core.model import Quantity
 from sleepcast.simulator.scenario.fields import field_sensors
 from sleepcast.simulator.scenario.groups import value_quantities
-from sleepcast.simulator.scenario.robot_settings import Ring, Supply
+from sleepcast.simulator.scenario.robot_settings import Ring
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.signals import signal_sensors
 from sleepcast.simulator.scenario.stocks import stock_sensors
+
+BUMPER = "the part of the bumper that touches something, from 1 in front, counter-clockwise; 0 for none"
+"""The description of the bumper's sensor."""
 
 
 def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
@@ -24,14 +27,17 @@ def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
         Quantity("y", "m", low, top, doc="where the robot is, to the north", shown_as=length),
         Quantity("heading", "rad", -pi, pi, doc="counter-clockwise from east", shown_as="deg"),
         Quantity("speed", "m/s", -speed, speed, doc="along the heading", shown_as=robots.speed_unit),
-        *(_of_store(store) for store in robots.stores),
+        *(
+            Quantity(store.name, store.unit, 0.0, store.full, doc=store.about, shown_as=store.unit)
+            for store in robots.stores
+        ),
         *(
             Quantity(f"{place.name}_{axis}", "m", 0.0, size, doc=f"where {place.title} is, {way}", shown_as=length)
             for place in scenario.places
             for axis, size, way in (("x", scenario.width, "to the east"), ("y", scenario.height, "to the north"))
         ),
         *value_quantities(robots.groups),
-        *(_bumper_sensor(robots.bumpers) if robots.bumpers else ()),
+        *((Quantity("bumper", "", 0.0, float(robots.bumpers), doc=BUMPER),) if robots.bumpers else ()),
         *signal_sensors(scenario.lights, scenario.pings, length),
         *stock_sensors(scenario.stocks, length),
         *field_sensors(scenario.fields),
@@ -48,12 +54,3 @@ def sonar_sensors(ring: Ring, length: str) -> tuple[Quantity, ...]:
         ),
         Quantity("front_range", "m", ring.least, ring.most, doc="least range of the sonars in front", shown_as=unit),
     )
-
-
-def _bumper_sensor(parts: int) -> tuple[Quantity]:
-    said = "the part of the bumper that touches something, from 1 in front, counter-clockwise; 0 for none"
-    return (Quantity("bumper", "", 0.0, float(parts), doc=said),)
-
-
-def _of_store(store: Supply) -> Quantity:
-    return Quantity(store.name, store.unit, 0.0, store.full, doc=store.about, shown_as=store.unit)

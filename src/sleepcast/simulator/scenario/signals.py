@@ -44,9 +44,11 @@ class Light:
 
 @dataclass(frozen=True, slots=True)
 class PingModel:
-    """How pings are received. reach: range, m. loss: probability that a robot misses a ping.
+    """How pings are received.
 
-    queue: pings that a robot queues; a new one replaces the oldest.
+    reach: range, m
+    loss: probability that a robot misses a ping
+    queue: pings that a robot queues; a new one replaces the oldest
     """
 
     reach: float
@@ -56,10 +58,12 @@ class PingModel:
 
 @dataclass(frozen=True, slots=True)
 class NeighbourModel:
-    """How robots sense their neighbours. reach: range, m. loss: probability of missing a neighbour in a tick.
+    """How robots sense their neighbours.
 
-    noise: standard deviation, in each direction, of a neighbour's sensed place, as a share of its distance. shares:
-    the numbers that robots show to their neighbours, by name, each with its unit ("" for a plain number).
+    reach: range, m
+    loss: probability of missing a neighbour in a tick
+    noise: standard deviation, in each direction, of a neighbour's sensed place, as a share of its distance
+    shares: the numbers that robots show to their neighbours, by name, each with its unit ("" for a plain number)
     """
 
     reach: float
@@ -70,7 +74,7 @@ class NeighbourModel:
 
 def read_lights(root: Table, size: tuple[float, float], places: Sequence[str]) -> tuple[Light, ...]:
     """The tables `[lights.NAME]`. places: names already in use."""
-    found = []
+    lights = []
     for name, table in root.tables("lights", most=MAX_LIGHTS).items():
         if checked_name(root.table("lights"), name) in places:
             raise root.table("lights").error(name, "a place has this name already; choose another")
@@ -78,8 +82,8 @@ def read_lights(root: Table, size: tuple[float, float], places: Sequence[str]) -
             x = table.number("x", LENGTH, low=0.0, high=size[0])
             y = table.number("y", LENGTH, low=0.0, high=size[1])
             reach = table.number("reach", LENGTH, inf, low=0.0)
-            found.append(Light(name, table.text("title", name, most=60), x, y, reach))
-    return tuple(found)
+            lights.append(Light(name, table.text("title", name, most=60), x, y, reach))
+    return tuple(lights)
 
 
 def read_pings(root: Table) -> PingModel | None:

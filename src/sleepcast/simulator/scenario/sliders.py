@@ -33,8 +33,12 @@ STEPS = 100
 
 @dataclass(frozen=True, slots=True)
 class Slider:
-    """A number that may be changed. key: where the file has it. value, low, high, step: in `unit`, "" for plain
-    numbers. live: whether it is a number of commands alone, which may change while a run goes on."""
+    """A number that may be changed.
+
+    key: where the file has it
+    value, low, high, step: in `unit`, "" for plain numbers
+    live: whether it is a number of commands alone, which may change while a run goes on
+    """
 
     name: str
     title: str
@@ -54,12 +58,12 @@ class Slider:
 def read_sliders(root: Table, document: Document, constants: Sequence[BodyConstant]) -> tuple[Slider, ...]:
     """The tables `[sliders.NAME]`. Raises SettingsError, also where a number stands outside its slider."""
     taken = {constant.name.casefold() for constant in constants}
-    found = []
+    sliders = []
     for name, table in root.tables("sliders", most=MAX_SLIDERS).items():
         checked_name(root.table("sliders"), name)
         with table:
-            found.append(_read(name, table, document, taken))
-    return tuple(found)
+            sliders.append(_read(name, table, document, taken))
+    return tuple(sliders)
 
 
 def _read(name: str, table: Table, document: Document, taken: set[str]) -> Slider:

@@ -27,7 +27,7 @@ from sleepcast.core.errors import decimal_comma, did_you_mean
 from sleepcast.core.quantities import shown_value
 from sleepcast.core.settings import Document, SettingsError, Table, read_text
 from sleepcast.core.units import LENGTH, UNITS
-from sleepcast.simulator.simd.formulas import sine_cosine
+from sleepcast.simulator.simd.formulas import rotated, sine_cosine
 
 MAX_STARTS = 100_000
 """Poses of one scenario: they are kept in every recording and snapshot, some 40 bytes each."""
@@ -93,14 +93,14 @@ def rows_of_starts(robots: Table) -> list[Table] | None:
 
 def _row(robots: Table, number: int, pose: object) -> Table:
     """A pose of the scenario's file: a list in the order of COLUMNS, or a table with these keys."""
-    place, name = (*robots.where, "starts"), f"pose {number}"
+    where, name = (*robots.where, "starts"), f"pose {number}"
     if isinstance(pose, list) and 2 <= len(pose) <= len(COLUMNS):
         pose = dict(zip(COLUMNS, pose, strict=False))
     if not isinstance(pose, dict):
         raise robots.document.error(
-            (*place, name), 'wanted x, y, and perhaps heading and name, such as ["1m", "2m", "90deg", "ada"]'
+            (*where, name), 'wanted x, y, and perhaps heading and name, such as ["1m", "2m", "90deg", "ada"]'
         )
-    return Table(robots.document, pose, (*place, name))
+    return Table(robots.document, pose, (*where, name))
 
 
 def _rows_of_file(file: Path) -> list[Table]:
@@ -108,7 +108,7 @@ def _rows_of_file(file: Path) -> list[Table]:
     text = read_text(file, MAX_CSV, "a file of starts")
     lines = csv.reader(StringIO(text, newline=""), strict=True)
     units: dict[str, str] = {}
-    found: list[Table] = []
+    rows: list[Table] = []
     try:
         for values in lines:
             if not any(map(str.strip, values)) or values[0].lstrip().startswith("#"):
@@ -116,43 +116,39 @@ def _rows_of_file(file: Path) -> list[Table]:
             if not units:
                 units = _columns(file, lines.line_num, values)
                 continue
-            if len(found) == MAX_STARTS:
+            if len(rows) == MAX_STARTS:
                 raise SettingsError(f"{file}:{lines.line_num}: more than {MAX_STARTS} poses: use fewer")
-            found.append(_line(file, lines.line_num, values, units))
+            rows.append(_line(file, lines.line_num, values, units))
     except csv.Error as error:
         raise SettingsError(f"{file}:{lines.line_num}: not CSV: {error}") from None
-    if not found:
+    if not rows:
         raise SettingsError(f"{file}:1: no poses: wanted a line with the columns x, y, and a line for each robot")
-    return found
+    return rows
 
 
 def _columns(file: Path, line: int, header: Sequence[str]) -> dict[str, str]:
     """The columns that the first line names, each with its unit: `x [m]`, `heading (deg)`."""
-    found: dict[str, str] = {}
+    columns: dict[str, str] = {}
     for title in header:
         name, _, unit = (part.strip(" )]") for part in title.replace("[", "(").partition("("))
         name, unit = name.casefold(), unit.replace(DEGREES, "deg")
         if ";" in title:
             raise SettingsError(f'{file}:{line}: "{title:.40}": wanted commas between the columns, not semicolons')
-        if name not in COLUMNS or name in found:
+        if name not in COLUMNS or name in columns:
             near = did_you_mean(name, COLUMNS)
-            what = "is there twice" if name in found else f"is no column{near}"
-            first = ". The first line names the columns, as in x,y,heading" if _is_value(title) else ""
+            what = "is there twice" if name in columns else f"is no column{near}"
+            is_value = title.strip().lstrip("+-.")[:1].isdigit()
+            first = ". The first line names the columns, as in x,y,heading" if is_value else ""
             raise SettingsError(
                 f'{file}:{line}: "{title:.40}" {what}: wanted x, y, and perhaps heading and name{first}'
             )
         if unit and (name == "name" or unit not in UNITS):
             raise SettingsError(f'{file}:{line}: unknown unit in "{title:.40}"{did_you_mean(unit, UNITS)}')
-        found[name] = unit
+        columns[name] = unit
     for name in ("x", "y"):
-        if name not in found:
+        if name not in columns:
             raise SettingsError(f"{file}:{line}: there is no column {name}: wanted x, y, and perhaps heading and name")
-    return found
-
-
-def _is_value(title: str) -> bool:
-    """Whether this is a value rather than the name of a column."""
-    return title.strip().lstrip("+-.")[:1].isdigit()
+    return columns
 
 
 def _line(file: Path, line: int, values: Sequence[str], units: dict[str, str]) -> Table:
@@ -193,23 +189,23 @@ def _pose(row: Table, size: tuple[float, float]) -> StartPose:
 
 
 def _inside(row: Table, key: str, side: float) -> float:
-    place = row.number(key, LENGTH)
-    if not 0.0 <= place <= side:
-        raise row.error(key, f"{place:g} m is outside the world, which goes from 0 to {side:g} m")
-    return place
+    position = row.number(key, LENGTH)
+    if not 0.0 <= position <= side:
+        raise row.error(key, f"{position:g} m is outside the world, which goes from 0 to {side:g} m")
+    return position
 
 
 def _angle(table: Table) -> float:
     try:
-        found = table.measure("heading")
+        angle = table.measure("heading")
     except SettingsError:
         around = f", {OUTWARD} or {INWARD}" if table.values.get("shape") == "circle" else ""
         wrong, comma = shown_value(table.values["heading"]), decimal_comma(table.values["heading"])
         raise table.error("heading", f'wanted an angle such as "90deg"{around}, not {wrong}{comma}') from None
-    if abs(found.value) > TURN:
-        plain = "" if found.unit else f'. {found.value:g} alone are radians, "{found.value:g}deg" degrees'
+    if abs(angle.value) > TURN:
+        plain = "" if angle.unit else f'. {angle.value:g} alone are radians, "{angle.value:g}deg" degrees'
         raise table.error("heading", f"wanted an angle from -360deg to 360deg{plain}")
-    return found.value
+    return angle.value
 
 
 def _formation(robots: Table, size: tuple[float, float]) -> Formation:
@@ -285,6 +281,5 @@ def _columns_of(formation: Formation, count: int) -> tuple[Floats, Floats, Float
     lines = ceil(count / max(columns, 1))
     ahead = ((lines - 1) / 2.0 - number // columns) * formation.spacing
     left = ((columns - 1) / 2.0 - number % columns) * formation.spacing
-    sine, cosine = sine_cosine(heading)
-    x, y = ahead * cosine - left * sine, ahead * sine + left * cosine
+    x, y = rotated(ahead, left, *sine_cosine(heading))
     return formation.center[0] + x, formation.center[1] + y, heading

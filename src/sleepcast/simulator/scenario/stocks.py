@@ -32,10 +32,13 @@ MAX_AMOUNT = 1e12
 class Stock:
     """An amount at (x, y), m, of which robots within `radius` m take and to which they add. Amounts are in SI.
 
-    unit: in which the amount is shown, "" for a plain number. start, capacity: amount at the start and at most (inf
-    without a limit). inflow: what comes in per second. endless: whether the amount never changes, however much is
-    taken. rate: what one robot can take or add per second. reach: distance from which the amount is sensed, m.
-    store: the robots' store into which goes what they take and from which comes what they add; "" for none.
+    unit: in which the amount is shown, "" for a plain number
+    start, capacity: amount at the start and at most (inf without a limit)
+    inflow: what comes in per second
+    endless: whether the amount never changes, however much is taken
+    rate: what one robot can take or add per second
+    reach: distance from which the amount is sensed, m
+    store: the robots' store into which goes what they take and from which comes what they add; "" for none
     """
 
     name: str
@@ -66,8 +69,13 @@ class Stock:
 def read_stocks(
     root: Table, size: tuple[float, float], stores: Sequence[Supply], taken: Iterable[str]
 ) -> tuple[Stock, ...]:
-    """The tables `[stocks.NAME]`. size: of the world, m; stores: of the robots; taken: names already in use."""
-    used, found = {name.casefold() for name in taken}, list[Stock]()
+    """The tables `[stocks.NAME]`.
+
+    size: of the world, m
+    stores: of the robots
+    taken: names already in use
+    """
+    used, stocks = {name.casefold() for name in taken}, list[Stock]()
     carried = {store.name.casefold(): store for store in stores}
     for name, table in root.tables("stocks", most=MAX_STOCKS).items():
         around = root.table("stocks")
@@ -78,8 +86,8 @@ def read_stocks(
             if each.casefold() in used:
                 raise around.error(name, f"robots have a variable {each} already; choose another name")
             used.add(each.casefold())
-        found.append(stock)
-    return tuple(found)
+        stocks.append(stock)
+    return tuple(stocks)
 
 
 def _read(table: Table, name: str, size: tuple[float, float], carried: Mapping[str, Supply]) -> Stock:

@@ -34,9 +34,14 @@ torus on one side comes in on the opposite one."""
 
 @dataclass(frozen=True, slots=True)
 class Changes:
-    """What a run changes in its scenario's file. robots: their number; area_per_robot: sizes the world, m2 per robot;
-    walls: False leaves out everything solid. seed: random seed, used for mazes too. over: keys of the file as errors
-    write them (`radio.loss`), each with its new value."""
+    """What a run changes in its scenario's file.
+
+    robots: their number
+    area_per_robot: sizes the world, m2 per robot
+    walls: False leaves out everything solid
+    seed: random seed, used for mazes too
+    over: keys of the file as errors write them (`radio.loss`), each with its new value
+    """
 
     robots: int | None = None
     area_per_robot: float | None = None
@@ -64,8 +69,8 @@ def refuse_overridden(changes: Changes) -> None:
         ("that nothing is solid", None if changes.walls else True, (*_SOLID, "events")),
     ]
     for key, value in changes.over:
-        for what, said, keys in decided:
-            if said is not None and value != said and any(_inside(key, each) for each in keys):
+        for what, given, keys in decided:
+            if given is not None and value != given and any(_inside(key, each) for each in keys):
                 raise MisuseError(f"over {key:.80}: {what} is given as well, and decides: leave one of them out")
 
 
@@ -76,9 +81,13 @@ def _inside(key: str, table: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class WorldSpec:
-    """The world's rectangle, m, and the unit in which it is shown; the things in it at the start, and those that may be
-    added. fenced: whether robots turn back at its edge on their own; torus: whether it has no edge. picture: of the map
-    that it was made of."""
+    """The world's rectangle, m, and the unit in which it is shown; the things in it at the start, and those that may
+    be added.
+
+    fenced: whether robots turn back at its edge on their own
+    torus: whether it has no edge
+    picture: of the map that it was made of
+    """
 
     width: float
     height: float
@@ -181,19 +190,19 @@ _WIDE_FREE = (
 
 def _from_files(world: Table) -> list[_Taken]:
     """The shapes that [world.map] and [world.drawing] take from other files."""
-    found = []
+    contents = []
     if world.has("map"):
         with world.table_or_text("map", "file") as each:
             path = each.file("file")
             at = each.point("zero", (-MAX_WORLD, -MAX_WORLD), (MAX_WORLD, MAX_WORLD)) if each.has("zero") else None
             solid = each.text("unknown", "open", choices=("open", "solid")) == "solid"
-            found_map = read_map(path)
-            if solid and found_map.opened:
+            ros_map = read_map(path)
+            if solid and ros_map.opened:
                 raise each.error("unknown", _WIDE_FREE.format(path.name))
             with each.answering("file"):
-                area, low, high = found_map.area(at, unknown_is_solid=solid)
-            picture = MapPicture(found_map.file, *found_map.corner(at), found_map.yaw, found_map.resolution)
-            found.append(_Taken("map", (area,) if area.outlines else (), low, high, picture))
+                area, low, high = ros_map.area(at, unknown_is_solid=solid)
+            picture = MapPicture(ros_map.file, *ros_map.corner(at), ros_map.yaw, ros_map.resolution)
+            contents.append(_Taken("map", (area,) if area.outlines else (), low, high, picture))
     if world.has("drawing"):
         with world.table_or_text("drawing", "file") as each:
             path = each.file("file")
@@ -201,8 +210,8 @@ def _from_files(world: Table) -> list[_Taken]:
             at = each.point("at", (0.0, 0.0), (MAX_WORLD, MAX_WORLD)) if each.has("at") else (0.0, 0.0)
             walls = each.text("walls", "unfilled", choices=("unfilled", "all")) == "all"
             drawing = read_drawing(path, metre, at, walls=walls)
-            found.append(_Taken("drawing", drawing.shapes, drawing.low, drawing.high))
-    return found
+            contents.append(_Taken("drawing", drawing.shapes, drawing.low, drawing.high))
+    return contents
 
 
 def _parted(table: Table, size: tuple[float, float], seed: int) -> list[Wall]:
@@ -237,6 +246,6 @@ def _size(
         table.has("width"), table.has("height")
         side = Measure(sqrt(area * robots()))
         return side, side
-    across, up = (Measure(max(each.high[i] for each in taken)) if taken else None for i in (0, 1))
-    width = table.measure("width", LENGTH, across, low=LEAST, high=MAX_WORLD)
-    return width, table.measure("height", LENGTH, up, low=LEAST, high=MAX_WORLD)
+    widest, highest = (Measure(max(each.high[i] for each in taken)) if taken else None for i in (0, 1))
+    width = table.measure("width", LENGTH, widest, low=LEAST, high=MAX_WORLD)
+    return width, table.measure("height", LENGTH, highest, low=LEAST, high=MAX_WORLD)

@@ -33,10 +33,15 @@ def sine_cosine(angle: Floats) -> tuple[Floats, Floats]:
         -2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)
     )
     c = 1.0 - (0.5 * z - z * z * (4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * high)))
-    place = quarters - 4.0 * np.floor(quarters * 0.25)
-    odd = (place == 1.0) | (place == 3.0)
+    quadrant = quarters - 4.0 * np.floor(quarters * 0.25)
+    odd = (quadrant == 1.0) | (quadrant == 3.0)
     sine, cosine = either(odd, c, s), either(odd, s, c)
-    return either(place >= 2.0, -sine, sine), either((place == 1.0) | (place == 2.0), -cosine, cosine)
+    return either(quadrant >= 2.0, -sine, sine), either((quadrant == 1.0) | (quadrant == 2.0), -cosine, cosine)
+
+
+def rotated(dx: Floats, dy: Floats, sine: Floats, cosine: Floats) -> tuple[Floats, Floats]:
+    """The vectors (`dx`, `dy`), turned by an angle with this sine and cosine."""
+    return dx * cosine - dy * sine, dx * sine + dy * cosine
 
 
 def sine_of_rest(r: Floats) -> Floats:
@@ -48,9 +53,9 @@ def sine_of_rest(r: Floats) -> Floats:
     return r + r * z * (-1.66666666666666324348e-01 + z * (8.33333333332248946124e-03 + z * high))
 
 
-def arc_tangent(up: Floats, across: Floats) -> Floats:
-    """The angle, -pi..pi, of the vector (`across`, `up`), to a few units in the last place; 0 for the zero vector."""
-    a, b = np.abs(across), np.abs(up)
+def arc_tangent(dy: Floats, dx: Floats) -> Floats:
+    """The angle, -pi..pi, of the vector (`dx`, `dy`), to a few units in the last place; 0 for the zero vector."""
+    a, b = np.abs(dx), np.abs(dy)
     swapped = b > a
     low, high = either(swapped, a, b), either(swapped, b, a)
     t = low / either(high > 0.0, high, 1.0)
@@ -61,8 +66,8 @@ def arc_tangent(up: Floats, across: Floats) -> Floats:
     rest = 1.0 / 7.0 - z * (1.0 / 9.0 - z * (1.0 / 11.0 - z * rest))
     angle = 4.0 * (t - t * z * (1.0 / 3.0 - z * (1.0 / 5.0 - z * rest)))
     angle = either(swapped, np.pi / 2.0 - angle, angle)
-    angle = either(across < 0.0, np.pi - angle, angle)
-    return either(up < 0.0, -angle, angle)
+    angle = either(dx < 0.0, np.pi - angle, angle)
+    return either(dy < 0.0, -angle, angle)
 
 
 _LN2, _LN2_REST = 6.93147180369123816490e-01, 1.90821492927058770002e-10
@@ -75,17 +80,17 @@ def exponential(power: Floats) -> Floats:
     bounded = np.clip(power, -700.0, 700.0)
     twos = np.floor(bounded * (1.0 / (_LN2 + _LN2_REST)) + 0.5)
     r = (bounded - twos * _LN2) - twos * _LN2_REST
-    found = np.ones_like(r)
+    series = np.ones_like(r)
     for n in range(14, 0, -1):
-        found = 1.0 + found * (r / n)
-    return either(power < -700.0, 0.0, np.ldexp(found, twos.astype(np.int32)))
+        series = 1.0 + series * (r / n)
+    return either(power < -700.0, 0.0, np.ldexp(series, twos.astype(np.int32)))
 
 
-def shortest(across: Floats, around: float) -> Floats:
-    """The shortest way between two points that lie `across` from each other along one axis, m.
+def shortest(way: Floats, around: float) -> Floats:
+    """The shortest way between two points that are `way` apart along one axis, m.
     around: the size of a torus, infinite for a plain world."""
     half = around / 2.0
-    return either(across > half, across - around, either(across < -half, across + around, across))
+    return either(way > half, way - around, either(way < -half, way + around, way))
 
 
 def wrap(angle: Floats) -> Floats:

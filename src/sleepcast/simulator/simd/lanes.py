@@ -54,11 +54,11 @@ def some(typing, array, first, most):
 
     def generate(context, build, signature, given):
         vector, size = vector_of(array.dtype), array.dtype.bitwidth // 8
-        place = _place(context, build, array, *given[:2], vector)
+        address = _place(context, build, array, *given[:2], vector)
         if most == types.none:
-            return build.load(place, align=size)
+            return build.load(address, align=size)
         room = cgutils.alloca_once_value(build, ir.Constant(vector, [0] * LANES))
-        cgutils.raw_memcpy(build, room, place, given[2], size)
+        cgutils.raw_memcpy(build, room, address, given[2], size)
         return build.load(room)
 
     return Lanes(array.dtype)(array, LONG, most), generate
@@ -70,11 +70,11 @@ def put_some(typing, array, first, values, most):
 
     def generate(context, build, signature, given):
         into, first, values, _ = given
-        place, size = _place(context, build, array, into, first, values.type), array.dtype.bitwidth // 8
+        address, size = _place(context, build, array, into, first, values.type), array.dtype.bitwidth // 8
         if most == types.none:
-            build.store(values, place, align=size)
+            build.store(values, address, align=size)
         else:
-            cgutils.raw_memcpy(build, place, cgutils.alloca_once_value(build, values), given[3], size)
+            cgutils.raw_memcpy(build, address, cgutils.alloca_once_value(build, values), given[3], size)
         return context.get_dummy_value()
 
     return types.void(array, LONG, values, most), generate
@@ -120,13 +120,13 @@ def put_turned(typing, table, row, column, last, into, first, step):
         begin = build.gep(build.bitcast(read.data, ir.IntType(8).as_pointer()), [build.mul(row, way)])
         rest, rows = build.sub(last, row), []
         for lane in lanes:
-            there = build.icmp_signed("<", lane, rest)
-            place = build.gep(begin, [build.select(there, build.mul(lane, way), build.mul(rest, way))])
-            place = build.gep(build.bitcast(place, read.data.type), [column])
-            rows.append(build.load(build.bitcast(place, vector.as_pointer()), align=size))
+            inside = build.icmp_signed("<", lane, rest)
+            address = build.gep(begin, [build.select(inside, build.mul(lane, way), build.mul(rest, way))])
+            address = build.gep(build.bitcast(address, read.data.type), [column])
+            rows.append(build.load(build.bitcast(address, vector.as_pointer()), align=size))
         for lane, values in zip(lanes, _turned_over(build, rows), strict=True):
-            place = _place(context, build, into, into_, build.add(first, build.mul(lane, step)), vector)
-            build.store(values, place, align=size)
+            address = _place(context, build, into, into_, build.add(first, build.mul(lane, step)), vector)
+            build.store(values, address, align=size)
         return context.get_dummy_value()
 
     whole = types.int64
@@ -206,11 +206,11 @@ def put_by(typing, array, row, column, values):
 
     def generate(context, build, signature, given):
         its, row, column, values = given
-        found = context.make_array(array)(context, build, its)
-        way = build.mul(row, build.extract_value(found.strides, 0))
-        place = build.gep(build.bitcast(found.data, ir.IntType(8).as_pointer()), [way])
-        place = build.gep(build.bitcast(place, found.data.type), [column])
-        store = build.store(values, build.bitcast(place, values.type.as_pointer()), align=64)
+        table = context.make_array(array)(context, build, its)
+        way = build.mul(row, build.extract_value(table.strides, 0))
+        address = build.gep(build.bitcast(table.data, ir.IntType(8).as_pointer()), [way])
+        address = build.gep(build.bitcast(address, table.data.type), [column])
+        store = build.store(values, build.bitcast(address, values.type.as_pointer()), align=64)
         store.set_metadata("nontemporal", build.module.add_metadata([ir.IntType(32)(1)]))
         return context.get_dummy_value()
 

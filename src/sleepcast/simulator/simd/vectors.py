@@ -171,8 +171,8 @@ def _library(name: str) -> Callable[[Any, Any], Any]:
     """The LLVM intrinsic of this name."""
 
     def make(build: Any, value: Any) -> Any:
-        sort = "f32" if value.type.element == KINDS[SINGLE] else "f64"
-        return called(build, f"llvm.{name}.v{LANES}{sort}", value.type, [value])
+        suffix = "f32" if value.type.element == KINDS[SINGLE] else "f64"
+        return called(build, f"llvm.{name}.v{LANES}{suffix}", value.type, [value])
 
     return make
 

@@ -34,9 +34,10 @@ Ranges = NDArray[np.float32]
 class Cones:
     """A ring of `count` cones, number 0 in front, then counter-clockwise, on the rim of a disc of `radius` m.
 
-    half: half of a cone's opening, rad. most: greatest range from the rim, m. incidence: angle from the
-    perpendicular beyond which a surface reflects nothing back, rad. widest: greatest radius of any body, m, if other
-    bodies differ in radius.
+    half: half of a cone's opening, rad
+    most: greatest range from the rim, m
+    incidence: angle from the perpendicular beyond which a surface reflects nothing back, rad
+    widest: greatest radius of any body, m, if other bodies differ in radius
     """
 
     count: int
@@ -77,10 +78,10 @@ class Cones:
         most = 0.0
         for step in range(2_001):
             t = self.most * step / 2_000
-            across = self.radius + t * cos(self.half) - self.radius * sin(self.half)
-            up = t * sin(self.half) + self.radius * cos(self.half)
-            if np.arctan2(up, across) >= angle:
-                most = max(most, hypot(across, up))
+            x = self.radius + t * cos(self.half) - self.radius * sin(self.half)
+            y = t * sin(self.half) + self.radius * cos(self.half)
+            if np.arctan2(y, x) >= angle:
+                most = max(most, hypot(x, y))
         return max(most, 2.0 * self.radius) + self.most / 1_000
 
 
@@ -88,9 +89,14 @@ Seen = CellLists | Walls
 
 
 class VisibleScene(NamedTuple):
-    """The visible scene. pose: x, y in m and heading in rad of all robots; points: these positions, sorted in `grid`;
-    listed: the `solids` within `radius` + `most` of each of its cells, as World rows (for `look`) or in the form of the
-    array backend (for `ranges`). radii: of all bodies, m; None if all are equal."""
+    """The visible scene.
+
+    pose: x, y in m and heading in rad of all robots
+    points: these positions, sorted in `grid`
+    listed: the `solids` within `radius` + `most` of each of its cells, as World rows (for `look`) or in the form of
+        the array backend (for `ranges`)
+    radii: of all bodies, m; None if all are equal
+    """
 
     cones: Cones
     grid: Grid
@@ -106,16 +112,16 @@ def ranges(view: VisibleScene, which: Whole) -> Ranges:
     `most` where there is nothing."""
     cones, grid, points, listed, solids, pose, radii = view
     assert isinstance(listed, CellLists)
-    found = np.full((len(which), cones.count), cones.most, np.float32)
-    place = np.empty(len(pose[0]), np.int64)
+    seen = np.full((len(which), cones.count), cones.most, np.float32)
+    row_of = np.empty(len(pose[0]), np.int64)
     for begin in range(0, len(which), AT_ONCE):
         some = which[begin : begin + AT_ONCE]
-        rows = found[begin : begin + AT_ONCE]
-        place[some] = np.arange(len(some))
-        _see_bodies(cones, grid, points, pose, some, rows, place, radii)
+        rows = seen[begin : begin + AT_ONCE]
+        row_of[some] = np.arange(len(some))
+        _see_bodies(cones, grid, points, pose, some, rows, row_of, radii)
         if len(listed.items):
-            _see_solids(cones, grid, listed, solids, pose, some, rows, place)
-    return found
+            _see_solids(cones, grid, listed, solids, pose, some, rows, row_of)
+    return seen
 
 
 def _see_bodies(
@@ -125,16 +131,16 @@ def _see_bodies(
     pose: tuple[Floats, Floats, Floats],
     some: Whole,
     rows: Ranges,
-    place: Whole,
+    row_of: Whole,
     radii: Floats | None,
 ) -> None:
     x, y, heading = pose
     i, j = pairs(grid, points, x, y, cones.reach, some)
-    across, up = x[j] - x[i], y[j] - y[i]
+    dx, dy = x[j] - x[i], y[j] - y[i]
     cosine, sine = np.cos(heading)[i], np.sin(heading)[i]
-    ahead, left = across * cosine + up * sine, up * cosine - across * sine
+    ahead, left = dx * cosine + dy * sine, dy * cosine - dx * sine
     apart = 2.0 * pi / cones.count
-    bearing, row = np.arctan2(left, ahead) / apart, place[i]
+    bearing, row = np.arctan2(left, ahead) / apart, row_of[i]
     wide = np.full(len(j), cones.radius) if radii is None else radii[j]
     # A distant body is seen only by the two cones that its bearing falls between.
     far = ahead * ahead + left * left > (cones.lone(apart) ** 2 if radii is None else inf)
@@ -151,45 +157,45 @@ def _see_bodies(
 def look(view: VisibleScene, which: Whole, sonars: Whole) -> Ranges:
     """Ranges seen by one cone of each of the robots `which`: m from the rim, shape (len(which),), float32; `most` where
     there is nothing. sonars: the cones' numbers."""
-    found = np.full(len(which), view.cones.most)
+    seen = np.full(len(which), view.cones.most)
     for begin in range(0, len(which), AT_ONCE):
         some = slice(begin, begin + AT_ONCE)
-        _look_at(view, which[some], sonars[some], found[some])
-    return found.astype(np.float32)
+        _look_at(view, which[some], sonars[some], seen[some])
+    return seen.astype(np.float32)
 
 
-def _look_at(view: VisibleScene, which: Whole, sonars: Whole, found: Floats) -> None:
+def _look_at(view: VisibleScene, which: Whole, sonars: Whole, seen: Floats) -> None:
     """As `look`, for a few robots; writes into `found`."""
     cones, grid, points, listed, solids, (x, y, heading), radii = view
     assert isinstance(listed, CellLists)
     sine, cosine = sine_cosine(heading[which])
     axis_sin, axis_cos = (each[sonars] for each in sine_cosine(cones.axes))
     ahead, aside = axis_cos * cosine - axis_sin * sine, axis_sin * cosine + axis_cos * sine
-    place = np.empty(len(x), np.int64)
-    place[which] = np.arange(len(which))
+    row_of = np.empty(len(x), np.int64)
+    row_of[which] = np.arange(len(which))
     i, j = pairs(grid, points, x, y, cones.reach, which)
-    row = place[i]
+    row = row_of[i]
     wide = cones.radius if radii is None else radii[j]
-    np.minimum.at(found, row, disc_range(cones, wide, x[j] - x[i], y[j] - y[i], ahead[row], aside[row]))
+    np.minimum.at(seen, row, disc_range(cones, wide, x[j] - x[i], y[j] - y[i], ahead[row], aside[row]))
     cell = grid.cells_of(x[which], y[which])
     row, item = spread(np.arange(len(which)), listed.start[cell], listed.start[cell + 1])
     item = listed.items[item].astype(np.int64)
     round_ = solids[item, 4] > 0.0
     disc, at = solids[item[round_]], row[round_]
-    across, up = disc[:, 0] - x[which[at]], disc[:, 1] - y[which[at]]
-    np.minimum.at(found, at, disc_range(cones, disc[:, 4], across, up, ahead[at], aside[at]))
+    dx, dy = disc[:, 0] - x[which[at]], disc[:, 1] - y[which[at]]
+    np.minimum.at(seen, at, disc_range(cones, disc[:, 4], dx, dy, ahead[at], aside[at]))
     lines, at = solids[item[~round_]], row[~round_]
-    seen = line_range(cones, ahead[at, None], aside[at, None], lines, x[which[at]], y[which[at]])
-    np.minimum.at(found, at, seen[:, 0])
+    of_lines = line_range(cones, ahead[at, None], aside[at, None], lines, x[which[at]], y[which[at]])
+    np.minimum.at(seen, at, of_lines[:, 0])
 
 
 def disc_range(
-    cones: Cones, radius: float | Floats, across: Floats, up: Floats, axis_cos: Floats, axis_sin: Floats
+    cones: Cones, radius: float | Floats, dx: Floats, dy: Floats, axis_cos: Floats, axis_sin: Floats
 ) -> Floats:
-    """Range of a disc of `radius` m whose centre is at `across`, `up` (m, from the robot's centre) in a cone whose axis
+    """Range of a disc of `radius` m whose centre is at `dx`, `dy` (m, from the robot's centre) in a cone whose axis
     has this cosine and sine in the same frame; inf if it is not visible. All arrays broadcast."""
-    along = across * axis_cos + up * axis_sin - cones.radius
-    aside = np.abs(up * axis_cos - across * axis_sin)
+    along = dx * axis_cos + dy * axis_sin - cones.radius
+    aside = np.abs(dy * axis_cos - dx * axis_sin)
     outside = aside * cos(cones.half) - along * sin(cones.half)
     forward = along * cos(cones.half) + aside * sin(cones.half)
     within = outside <= 0.0
@@ -198,8 +204,8 @@ def disc_range(
     # The transducer itself is in the disc; on the rim, too, as where two robots are at exactly one place.
     amid = along * along + aside * aside <= radius * radius
     met = within | amid | ((outside < radius * sin(cones.incidence)) & (forward > 0.0))
-    found: Floats = np.where(met, np.maximum(seen, 0.0), inf)
-    return found
+    visible: Floats = np.where(met, np.maximum(seen, 0.0), inf)
+    return visible
 
 
 def _see_solids(
@@ -210,31 +216,31 @@ def _see_solids(
     pose: tuple[Floats, Floats, Floats],
     some: Whole,
     rows: Ranges,
-    place: Whole,
+    row_of: Whole,
 ) -> None:
     x, y, heading = pose
     cell = grid.cells_of(x[some], y[some])
     i, item = spread(some, listed.start[cell], listed.start[cell + 1])
     item = listed.items[item].astype(np.int64)
     far = cones.radius + cones.most + solids[item, 4]
-    across, up = nearest_point(x[i], y[i], *solids[item, :4].T)
-    near = across * across + up * up <= far * far
+    dx, dy = nearest_point(x[i], y[i], *solids[item, :4].T)
+    near = dx * dx + dy * dy <= far * far
     i, item = i[near], item[near]
     round_ = solids[item, 4] > 0.0
     axes = heading[some, None] + cones.axes
     cosines, sines = np.cos(axes), np.sin(axes)
     seen = np.empty((len(i), cones.count))
     lines, robot = item[~round_], i[~round_]
-    which = place[robot]
+    which = row_of[robot]
     seen[~round_] = line_range(cones, cosines[which], sines[which], solids[lines], x[robot], y[robot])
     middle = solids[item[round_]]
-    across, up = middle[:, 0] - x[i[round_]], middle[:, 1] - y[i[round_]]
+    dx, dy = middle[:, 0] - x[i[round_]], middle[:, 1] - y[i[round_]]
     turned = heading[i[round_]]
-    ahead = across * np.cos(turned) + up * np.sin(turned)
-    left = up * np.cos(turned) - across * np.sin(turned)
+    ahead = dx * np.cos(turned) + dy * np.sin(turned)
+    left = dy * np.cos(turned) - dx * np.sin(turned)
     along = np.cos(cones.axes), np.sin(cones.axes)
     seen[round_] = disc_range(cones, middle[:, 4, None], ahead[:, None], left[:, None], *along)
-    np.minimum.at(rows, place[i], seen.astype(np.float32))
+    np.minimum.at(rows, row_of[i], seen.astype(np.float32))
 
 
 def line_range(cones: Cones, axis_cos: Floats, axis_sin: Floats, solids: Floats, x: Floats, y: Floats) -> Floats:
@@ -243,8 +249,8 @@ def line_range(cones: Cones, axis_cos: Floats, axis_sin: Floats, solids: Floats,
     ex, ey = solids[:, 2] - solids[:, 0], solids[:, 3] - solids[:, 1]
     length = np.sqrt(ex * ex + ey * ey)
     ex, ey = ex / length, ey / length
-    across, up = solids[:, 0] - x, solids[:, 1] - y
-    height, begin = (up * ex - across * ey)[:, None], (across * ex + up * ey)[:, None]
+    dx, dy = solids[:, 0] - x, solids[:, 1] - y
+    height, begin = (dy * ex - dx * ey)[:, None], (dx * ex + dy * ey)[:, None]
     normal, tangent = axis_sin * ex[:, None] - axis_cos * ey[:, None], axis_cos * ex[:, None] + axis_sin * ey[:, None]
     away = height - cones.radius * normal  # from the transducer to the line
     normal = np.where(away < 0.0, -normal, normal)
@@ -259,5 +265,5 @@ def line_range(cones: Cones, axis_cos: Floats, axis_sin: Floats, solids: Floats,
     high = np.minimum(np.minimum(high, away * cones.grazing), begin + length[:, None])
     foot = np.minimum(np.maximum(0.0, low), high)
     met = (low <= high) & ((first > 0.0) | (last > 0.0))
-    found: Floats = np.where(met, np.sqrt(away * away + foot * foot), inf)
-    return found
+    visible: Floats = np.where(met, np.sqrt(away * away + foot * foot), inf)
+    return visible

@@ -42,8 +42,13 @@ CLEAR = 0.05
 
 
 class Pings(NamedTuple):
-    """Pings of one tick, arrays of equal length. robot, sonar: the sender; axis: of the sonar, rad from the heading;
-    sent: time, s; seen: the true range, and read: the measured range, m (equal for earlier ticks)."""
+    """Pings of one tick, arrays of equal length.
+
+    robot, sonar: the sender
+    axis: of the sonar, rad from the heading
+    sent: time, s
+    seen: the true range, and read: the measured range, m (equal for earlier ticks)
+    """
 
     robot: Whole
     sonar: Whole
@@ -73,8 +78,12 @@ class RingPoses(NamedTuple):
 
 
 class Crosstalk:
-    """Recent pings of the sonars of `count` robots; the first of these robots has index `first`. axes: of the sonars,
-    rad; radius: of the bodies, m; grid: over the world."""
+    """Recent pings of the sonars of `count` robots; the first of these robots has index `first`.
+
+    axes: of the sonars, rad
+    radius: of the bodies, m
+    grid: over the world
+    """
 
     def __init__(
         self,
@@ -107,8 +116,8 @@ class Crosstalk:
         oldest_first = (self._next[:, None] + np.arange(self._sent.shape[1])) % self._sent.shape[1]
         self._next[:] = self._sent.shape[1] if more else 0
         for name, empty in (("_sent", -np.inf), ("_by", 0), ("_seen", 0.0)):
-            kept = np.take_along_axis(getattr(self, name), oldest_first, axis=1)
-            setattr(self, name, np.pad(kept, ((0, 0), (0, more)), constant_values=empty))
+            oldest_first_values = np.take_along_axis(getattr(self, name), oldest_first, axis=1)
+            setattr(self, name, np.pad(oldest_first_values, ((0, 0), (0, more)), constant_values=empty))
 
     def _most_under_way(self, pause: float) -> int:
         """Number of pings of one ring that can be audible at once, with this pause (s)."""
@@ -129,9 +138,9 @@ class Crosstalk:
         beside = self._near(self._axes[self._by[robots]], self._axes[sonar][:, None])
         farther, again = seen[:, None], 2.0 * self._seen[robots]
         read = seen.copy()
-        for path, there in ((farther, farther < ring.most), (again, again <= ring.most)):
+        for path, in_range in ((farther, farther < ring.most), (again, again <= ring.most)):
             taken = path - on_its_way
-            heard = beside & there & (taken >= ring.least) & self._by_chance("own", tick, taken.shape)
+            heard = beside & in_range & (taken >= ring.least) & self._by_chance("own", tick, taken.shape)
             read = np.minimum(read, np.where(heard, taken, np.inf).min(axis=1))
         slot = self._next[robots]
         self._sent[robots, slot], self._by[robots, slot], self._seen[robots, slot] = sent, sonar, seen
@@ -158,8 +167,12 @@ class Crosstalk:
         return Pings(robot + self._first, sonar, self._axes[sonar], self._sent[robot, slot], seen, seen)
 
     def hear_others(self, tick: int, scene: RingPoses, mine: Pings, theirs: Pings, readings: Ranges) -> None:
-        """Shorten the readings of this tick by pings of other robots. mine: pings of this tick, by these robots;
-        theirs: by all; readings: shape (robots, sonars), changed in place."""
+        """Shorten the readings of this tick by pings of other robots.
+
+        mine: pings of this tick, by these robots
+        theirs: by all
+        readings: shape (robots, sonars), changed in place
+        """
         if not len(mine.robot):
             return
         mine = by_robot(mine)
@@ -184,15 +197,15 @@ class Crosstalk:
         """Shorten the ranges `read` by `mine` where the robots `i` receive pings of the robots `j`, pair by pair."""
         x, y, heading, radii = scene
         apart = np.hypot(x[j] - x[i], y[j] - y[i]) - (radii[i] + radii[j])
-        there = np.arctan2(y[j] - y[i], x[j] - x[i])
-        there[(x[j] == x[i]) & (y[j] == y[i])] = np.nan  # at one place: in every direction, see `_near`
+        direction = np.arctan2(y[j] - y[i], x[j] - x[i])
+        direction[(x[j] == x[i]) & (y[j] == y[i])] = np.nan  # at one place: in every direction, see `_near`
         # Combine each pair with each ping of the receiver, then these with each ping of the sender.
         pair, ping = spread(np.arange(len(i)), *_between(mine.robot, i))
-        faces = self._faces(mine, ping, heading[i][pair], there[pair], apart[pair])
+        faces = self._faces(mine, ping, heading[i][pair], direction[pair], apart[pair])
         pair, ping = pair[faces], ping[faces]
-        place, other = spread(np.arange(len(pair)), *_between(theirs.robot, j[pair]))
-        pair, ping = pair[place], ping[place]
-        faces = self._faces(theirs, other, heading[j][pair], there[pair] + pi, apart[pair])
+        index, other = spread(np.arange(len(pair)), *_between(theirs.robot, j[pair]))
+        pair, ping = pair[index], ping[index]
+        faces = self._faces(theirs, other, heading[j][pair], direction[pair] + pi, apart[pair])
         pair, ping, other = pair[faces], ping[faces], other[faces]
         taken = (apart[pair] + SOUND * (theirs.sent[other] - mine.sent[ping])) / 2.0
         heard = (taken >= self._ring.least) & (taken < mine.read[ping])
@@ -216,8 +229,10 @@ class Crosstalk:
             return np.ones(shape, bool)
         numbers = np.arange(self._draws, self._draws + int(np.prod(shape)), dtype=np.uint64)
         self._draws += len(numbers)
-        sort = (self._first,) if self._first else ()  # each robot type has its own random numbers
-        return (uniform(key(self._seed, "crosstalk", what, tick, *sort), numbers) < self._model.chance).reshape(shape)
+        type_key = (self._first,) if self._first else ()  # each robot type has its own random numbers
+        return (uniform(key(self._seed, "crosstalk", what, tick, *type_key), numbers) < self._model.chance).reshape(
+            shape
+        )
 
 
 def add_crosstalk(tick: int, scene: RingPoses, talks: Sequence[tuple[Crosstalk, Ranges]]) -> None:

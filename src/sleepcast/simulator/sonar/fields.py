@@ -21,10 +21,18 @@ from sleepcast.simulator.world.grid import CellLists, Floats, Short, Whole
 
 
 class SonarField(NamedTuple):
-    """The scene as the kernel expects it. x, y, cosines, sines: of all bodies, sorted by cell; short_x, short_y: x and
-    y in single precision, padded with LANES far-away entries; order: the bodies' indices; radii: of the sorted bodies,
-    shape (count,), or (1,) if all are equal. start: first body of each cell; listed, items: the solids visible from
-    each cell; solids: see `solid_columns`. size: of a cell, m; across, up: numbers of cells."""
+    """The scene as the kernel expects it.
+
+    x, y, cosines, sines: of all bodies, sorted by cell
+    short_x, short_y: x and y in single precision, padded with LANES far-away entries
+    order: the bodies' indices
+    radii: of the sorted bodies, shape (count,), or (1,) if all are equal
+    start: first body of each cell
+    listed, items: the solids visible from each cell
+    solids: see `solid_columns`
+    size: of a cell, m
+    columns, rows: numbers of cells
+    """
 
     x: Floats
     y: Floats
@@ -39,14 +47,21 @@ class SonarField(NamedTuple):
     items: Short
     solids: Floats
     size: float
-    across: int
-    up: int
+    columns: int
+    rows: int
 
 
 class Beam(NamedTuple):
-    """The cones of one ring. own: distance from the robot's centre to its transducers, m; cosine, sine, tangent: of
-    half the opening; most: greatest range, m; widest: greatest radius of any body, m; graze: sine of the greatest angle
-    of incidence; grazing: its tangent; axis_cos, axis_sin: of the axes, shape (sonars,)."""
+    """The cones of one ring.
+
+    own: distance from the robot's centre to its transducers, m
+    cosine, sine, tangent: of half the opening
+    most: greatest range, m
+    widest: greatest radius of any body, m
+    graze: sine of the greatest angle of incidence
+    grazing: its tangent
+    axis_cos, axis_sin: of the axes, shape (sonars,)
+    """
 
     own: float
     cosine: float
@@ -61,8 +76,12 @@ class Beam(NamedTuple):
 
 
 class Shots(NamedTuple):
-    """The arrays that pings of one tick read and change; see `firing.Firing` and `firing.Tick`. first: index of the
-    robot in row 0; least: m; noisy: whether there is noise; share, dropout and their keys."""
+    """The arrays that pings of one tick read and change; see `firing.Firing` and `firing.Tick`.
+
+    first: index of the robot in row 0
+    least: m
+    noisy: whether there is noise; share, dropout and their keys
+    """
 
     due: Floats
     turn: Whole
@@ -105,21 +124,21 @@ class Fields:
             self._known, self._solids = view.solids, solid_columns(view.solids)
         order, start = view.points
         self._arena.begin()
-        places = self._arena.take(np.float64, 4, len(order))
+        sorted_poses = self._arena.take(np.float64, 4, len(order))
         short = self._arena.take(np.float32, 2, len(order) + LANES)
         short[:, len(order) :] = AWAY
 
         def work(first: int, last: int) -> None:
-            arrange(order, *view.pose, first, last, places)
-            short[:, first:last] = places[:2, first:last]
+            arrange(order, *view.pose, first, last, sorted_poses)
+            short[:, first:last] = sorted_poses[:2, first:last]
 
         share(len(order), work)
         radii = np.array([view.cones.radius]) if view.radii is None else view.radii[order]
         listed, grid = view.listed, view.grid
-        x, y, cosines, sines = places
+        x, y, cosines, sines = sorted_poses
         return SonarField(
             *(x, y, cosines, sines, short[0], short[1], order, radii, start),
-            *(listed.start, listed.items, self._solids, grid.size, grid.across, grid.up),
+            *(listed.start, listed.items, self._solids, grid.size, grid.columns, grid.rows),
         )
 
 
@@ -155,8 +174,8 @@ def one_of_each(view: VisibleScene, which: Whole, sonars: Whole) -> tuple[Shots,
     count = len(view.pose[0])
     due, order = np.ones(count), np.zeros((count, 1), np.int8)
     due[which], order[which, 0] = 0.0, sonars
-    found = np.empty((count, view.cones.count), np.float32)
+    ranges = np.empty((count, view.cones.count), np.float32)
     turn, length = np.zeros(count, np.int64), np.ones(count, np.int64)
     nothing = np.uint64(0)
-    shots = Shots(*(due, turn, order, length, np.ones(count), found, 0, 1.0, 0.0, False, 0.0, 0.0, nothing, nothing))
-    return shots, found
+    shots = Shots(*(due, turn, order, length, np.ones(count), ranges, 0, 1.0, 0.0, False, 0.0, 0.0, nothing, nothing))
+    return shots, ranges

@@ -30,9 +30,11 @@ AT_ONCE = -1
 class Firing:
     """The firing state of the sonars of `count` robots.
 
-    order: numbers of sonars, shape (1 or count, width), int8; length: how many of them are used, 0 for none, or
-    AT_ONCE; pause: s, shape (1 or count,): one for all robots, or one for each. due: time at which each robot's next
-    sonar fires, s, and turn: its position in the order, shape (count,); empty if no sonars fire in order.
+    order: numbers of sonars, shape (1 or count, width), int8
+    length: how many of them are used, 0 for none, or AT_ONCE
+    pause: s, shape (1 or count,): one for all robots, or one for each
+    due: time at which each robot's next sonar fires, s, and turn: its position in the order, shape (count,); empty if
+        no sonars fire in order
     """
 
     def __init__(self, ring: Ring, count: int) -> None:
@@ -78,8 +80,8 @@ class Firing:
 
     def at_once(self, rows: Whole) -> NDArray[np.bool_]:
         """Whether all sonars of these robots fire in every tick."""
-        found: NDArray[np.bool_] = self.length[rows * self.arranged] == AT_ONCE
-        return found
+        all_fire: NDArray[np.bool_] = self.length[rows * self.arranged] == AT_ONCE
+        return all_fire
 
     def ready(self, until: float) -> Whole:
         """Rows of the robots with a sonar that fires before the time `until` (s)."""
@@ -104,9 +106,15 @@ class Firing:
 
 
 class Tick(NamedTuple):
-    """A tick in which sonars fire. view: the visible scene; first: index of the robot in row 0 of all arrays; until:
-    end of the tick, s; least: least reading, m; noise: noise of the echoes; readings: shape (robots, sonars), m,
-    changed in place."""
+    """A tick in which sonars fire.
+
+    view: the visible scene
+    first: index of the robot in row 0 of all arrays
+    until: end of the tick, s
+    least: least reading, m
+    noise: noise of the echoes
+    readings: shape (robots, sonars), m, changed in place
+    """
 
     view: VisibleScene
     first: int

@@ -25,22 +25,22 @@ LINE = 8
 
 
 @compiled
-def count(x, y, size, across, up, first, last, cells, counts):
+def count(x, y, size, grid_columns, grid_rows, first, last, cells, counts):
     """First step of a counting sort by cell, see `grid.sort`: writes the cells of the points from `first` to `last`
     (exclusive), and counts the points of each cell in `counts`, which must be 0."""
     whole = last - (last - first) % LANES
     for i in range(first, whole, LANES):
-        count_some(x, y, size, across, up, i, None, cells, counts)
+        count_some(x, y, size, grid_columns, grid_rows, i, None, cells, counts)
     if whole < last:
-        count_some(x, y, size, across, up, whole, last - whole, cells, counts)
+        count_some(x, y, size, grid_columns, grid_rows, whole, last - whole, cells, counts)
 
 
 @inlined
-def count_some(x, y, size, across, up, first, most, cells, counts):
+def count_some(x, y, size, grid_columns, grid_rows, first, most, cells, counts):
     """As `count`, for LANES points, or for at most `most`."""
-    columns = most_of(least_of(some(x, first, most) / size, across - 1.0), 0.0)
-    rows = most_of(least_of(some(y, first, most) / size, up - 1.0), 0.0)
-    put_some(cells, first, shorts(rows) * I(across) + shorts(columns), most)
+    columns = most_of(least_of(some(x, first, most) / size, grid_columns - 1.0), 0.0)
+    rows = most_of(least_of(some(y, first, most) / size, grid_rows - 1.0), 0.0)
+    put_some(cells, first, shorts(rows) * I(grid_columns) + shorts(columns), most)
     for i in range(first, first + (LANES if most is None else most)):
         counts[U(cells[i])] += 1
 
@@ -68,43 +68,43 @@ def place(cells, first, last, places, order):
 
 
 @strict
-def candidates(x, y, start, size, across, up, reach, counts):
+def candidates(x, y, start, size, grid_columns, grid_rows, reach, counts):
     """See `grid.candidates`: writes them into `counts`."""
     for i in range(x.shape[0]):
-        first, last, left, right = cells_around(x[i], y[i], size, across, up, reach)
+        first, last, left, right = cells_around(x[i], y[i], size, grid_columns, grid_rows, reach)
         counts[i] = 0
         for row in range(first, last):
-            counts[i] += start[row * across + right] - start[row * across + left]
+            counts[i] += start[row * grid_columns + right] - start[row * grid_columns + left]
 
 
 @strict
-def pairs(x, y, order, start, size, across, up, reach, which, first, second):
+def pairs(x, y, order, start, size, grid_columns, grid_rows, reach, which, first, second):
     """See `grid.pairs`: writes the pairs of the points `which` into `first` and `second`, and returns their number."""
     sorted_x, sorted_y = np.empty(order.shape[0]), np.empty(order.shape[0])
     for k in range(order.shape[0]):
         sorted_x[k], sorted_y[k] = x[U(order[k])], y[U(order[k])]
-    found = 0
-    for place in range(which.shape[0]):
-        i = which[place]
+    count = 0
+    for index in range(which.shape[0]):
+        i = which[index]
         own_x, own_y = x[i], y[i]
-        lowest, last, left, right = cells_around(own_x, own_y, size, across, up, reach)
+        lowest, last, left, right = cells_around(own_x, own_y, size, grid_columns, grid_rows, reach)
         for row in range(lowest, last):
-            for k in range(start[row * across + left], start[row * across + right]):
+            for k in range(start[row * grid_columns + left], start[row * grid_columns + right]):
                 aside, above = own_x - sorted_x[U(k)], own_y - sorted_y[U(k)]
                 j = order[U(k)]
                 # Written whether it counts or not, and then overwritten: faster than a branch that is hard to predict.
-                first[U(found)], second[U(found)] = i, j
-                found += (aside * aside + above * above <= reach * reach) & (i != j)
-    return found
+                first[U(count)], second[U(count)] = i, j
+                count += (aside * aside + above * above <= reach * reach) & (i != j)
+    return count
 
 
 @part
-def cells_around(x, y, size, across, up, reach):
+def cells_around(x, y, size, grid_columns, grid_rows, reach):
     """The cells within `reach` m of a point: the first row and the one after the last, and the same of columns."""
-    row, cells = min(max(int(y / size), 0), up - 1), int(np.ceil(reach / size))
+    row, cells = min(max(int(y / size), 0), grid_rows - 1), int(np.ceil(reach / size))
     left, right = int((x - reach) / size), int((x + reach) / size)
-    left, right = min(max(left, 0), across - 1), min(max(right, 0), across - 1)
-    return max(row - cells, 0), min(row + cells, up - 1) + 1, left, right + 1
+    left, right = min(max(left, 0), grid_columns - 1), min(max(right, 0), grid_columns - 1)
+    return max(row - cells, 0), min(row + cells, grid_rows - 1) + 1, left, right + 1
 
 
 @compiled

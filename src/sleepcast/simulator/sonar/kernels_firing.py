@@ -26,10 +26,10 @@ AWAY = F(1e9)
 
 
 @inlined
-def disc(across, up, ax, ay, radius, own, cosine, sine, graze, found):
+def disc(dx, dy, ax, ay, radius, own, cosine, sine, graze, nearest):
     """Range of a disc in a cone, or `found` if that is smaller; see `cones.disc_range`."""
-    along = across * ax + up * ay - own
-    aside = abs(up * ax - across * ay)
+    along = dx * ax + dy * ay - own
+    aside = abs(dy * ax - dx * ay)
     outside, forward = aside * cosine - along * sine, along * cosine + aside * sine
     within = outside <= 0.0
     # This branch is unpredictable: computing both cases is faster than a mispredicted jump.
@@ -37,20 +37,20 @@ def disc(across, up, ax, ay, radius, own, cosine, sine, graze, found):
     root = sqrt(away if within else max(size - outside * outside, 0.0))
     seen = max(root - radius if within else forward - root, 0.0)
     met = within | (away <= size) | ((outside < radius * graze) & (forward > 0.0))
-    return min(found, seen) if met else found
+    return min(nearest, seen) if met else nearest
 
 
 @inlined
-def line(across, up, ex, ey, length, ax, ay, own, cosine, sine, grazing, found):
+def line(dx, dy, ex, ey, length, ax, ay, own, cosine, sine, grazing, nearest):
     """Range of a line in a cone, or `found` if that is smaller; see `cones.line_range`."""
-    height, begin = up * ex - across * ey, across * ex + up * ey
+    height, begin = dy * ex - dx * ey, dx * ex + dy * ey
     normal, tangent = ay * ex - ax * ey, ax * ex + ay * ey
     away = height - own * normal
     if away < 0.0:
         normal, away = -normal, -away
     begin -= own * tangent
     first, last = normal * cosine + tangent * sine, normal * cosine - tangent * sine
-    if away < found and (first > 0.0 or last > 0.0):
+    if away < nearest and (first > 0.0 or last > 0.0):
         low, high = -away * grazing, away * grazing
         if first > 0.0:
             low = max(away * (tangent * cosine - normal * sine) / first, low)
@@ -59,8 +59,8 @@ def line(across, up, ex, ey, length, ax, ay, own, cosine, sine, grazing, found):
         low, high = max(low, begin), min(high, begin + length)
         foot = min(max(0.0, low), high)
         if low <= high:
-            found = min(found, sqrt(away * away + foot * foot))
-    return found
+            nearest = min(nearest, sqrt(away * away + foot * foot))
+    return nearest
 
 
 @inlined
@@ -93,9 +93,9 @@ def near_solids(x0, y0, x1, y1, breadth, w, fx, fy, ax, ay, cosine, sine, far, k
 
 
 @inlined
-def cell_of(place, size, cells):
+def cell_of(position, size, cells):
     """The row or column of a coordinate; see `grid.Grid`."""
-    return min(max(int(place / size), 0), cells - 1)
+    return min(max(int(position / size), 0), cells - 1)
 
 
 @strict
@@ -104,19 +104,35 @@ def fire(field, beam, shots, first_row, last_row):
 
     field, beam, shots: see `fields`.
     """
-    px, py, cosines, sines, short_x, short_y, order, radii, start, listed, items, solids, size, across, up = field
+    (
+        px,
+        py,
+        cosines,
+        sines,
+        short_x,
+        short_y,
+        order,
+        radii,
+        start,
+        listed,
+        items,
+        solids,
+        size,
+        grid_columns,
+        grid_rows,
+    ) = field
     own, cosine, sine, tangent, most, widest, graze, grazing, axis_cos, axis_sin = beam
     dues, turns, orders, lengths, pauses, readings, first, until, least, noisy, share, dropout, key, dropout_key = shots
     robots, sonars = readings.shape
     arranged, alike = lengths.shape[0] > 1, radii.shape[0] == 1
     short_cos, short_sin, nothing = F(cosine), F(sine), F(most)
-    margin = F(MARGIN + SHARE * (size * max(across, up) + most))
+    margin = F(MARGIN + SHARE * (size * max(grid_columns, grid_rows) + most))
     wide, aside = F(widest) + margin, most * tangent
     kept, room = np.empty(len(order) + LANES, I), 1024
     x0, y0, x1, y1 = np.empty(room, F), np.empty(room, F), np.empty(room, F), np.empty(room, F)
     breadth, pieces, kept_pieces = np.empty(room, F), np.empty(room, I), np.empty(room, I)
     for row in range(first_row, last_row):
-        for cell in range(row * across, (row + 1) * across):
+        for cell in range(row * grid_columns, (row + 1) * grid_columns):
             if start[cell] == start[cell + 1]:
                 continue
             total = listed[cell + 1] - listed[cell]
@@ -154,14 +170,14 @@ def fire(field, beam, shots, first_row, last_row):
                         aside * abs(ay),
                         aside * abs(ax),
                     )
-                    left = cell_of(min(from_x, to_x - aside_x) - widest, size, across)
-                    right = cell_of(max(from_x, to_x + aside_x) + widest, size, across)
-                    bottom = cell_of(min(from_y, to_y - aside_y) - widest, size, up)
-                    top = cell_of(max(from_y, to_y + aside_y) + widest, size, up)
+                    left = cell_of(min(from_x, to_x - aside_x) - widest, size, grid_columns)
+                    right = cell_of(max(from_x, to_x + aside_x) + widest, size, grid_columns)
+                    bottom = cell_of(min(from_y, to_y - aside_y) - widest, size, grid_rows)
+                    top = cell_of(max(from_y, to_y + aside_y) + widest, size, grid_rows)
                     fx, fy, sx, sy = F(from_x), F(from_y), F(ax), F(ay)
-                    far, found, n = nothing + wide, most, U(0)
+                    far, nearest, n = nothing + wide, most, U(0)
                     for r in range(bottom, top + 1):
-                        begin, end = start[r * across + left], start[r * across + right + 1]
+                        begin, end = start[r * grid_columns + left], start[r * grid_columns + right + 1]
                         n = near_bodies(
                             short_x,
                             short_y,
@@ -182,20 +198,22 @@ def fire(field, beam, shots, first_row, last_row):
                         j = kept[q]
                         if j != me:
                             radius = radii[0 if alike else j]
-                            found = disc(px[j] - own_x, py[j] - own_y, ax, ay, radius, own, cosine, sine, graze, found)
-                    far = F(found)
+                            nearest = disc(
+                                px[j] - own_x, py[j] - own_y, ax, ay, radius, own, cosine, sine, graze, nearest
+                            )
+                    far = F(nearest)
                     n = near_solids(x0, y0, x1, y1, breadth, w, fx, fy, sx, sy, short_cos, short_sin, far, kept_pieces)
                     for q in range(n):
                         s = pieces[kept_pieces[q]]
                         dx, dy, radius = solids[s, 0] - own_x, solids[s, 1] - own_y, solids[s, 5]
                         if radius > 0.0:
-                            found = disc(dx, dy, ax, ay, radius, own, cosine, sine, graze, found)
+                            nearest = disc(dx, dy, ax, ay, radius, own, cosine, sine, graze, nearest)
                         else:
-                            found = line(
+                            nearest = line(
                                 dx, dy, solids[s, 2], solids[s, 3], solids[s, 4], ax, ay, own, cosine, sine, grazing,
-                                found,
+                                nearest,
                             )  # fmt: skip
-                    seen = F(found)
+                    seen = F(nearest)
                     if noisy:
                         multiple = (U(robot) * U(sonars) + U(sonar)) * GOLDEN
                         seen = disturbed(seen, multiple, share, dropout, nothing, key, dropout_key)

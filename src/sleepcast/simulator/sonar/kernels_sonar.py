@@ -168,7 +168,7 @@ def walls(zero, axis_x, axis_y, pieces, local, room, news, begin, count, own, co
     cos_x, sin_x, cos_y, sin_y = axis_x * cosine, axis_x * sine, axis_y * cosine, axis_y * sine
     sum_y, rest_y = like(zero, cos_y + sin_x), like(zero, cos_y - sin_x)
     rest_x, sum_x = like(zero, cos_x - sin_y), like(zero, cos_x + sin_y)
-    found, barely, none, far = every(nothing), every(nothing), every(zero), every(real(FAR))
+    squares, barely, none, far = every(nothing), every(nothing), every(zero), every(real(FAR))
     off, on, near, beyond, before, after = axis_x, none, none, none, none > zero, none > zero
     low, high, met, away, foot = none, none, before, none, far
     for p in range(U(0), count):
@@ -189,13 +189,13 @@ def walls(zero, axis_x, axis_y, pieces, local, room, news, begin, count, own, co
             )
         if new != SAME_LINE:
             foot = most_of(foot, zero)
-            found = least_of(found, away * away + foot * foot)
+            squares = least_of(squares, away * away + foot * foot)
             away, foot = like(zero, pieces[U(5) * room + p] - off), far
             low, high, met = meet(zero, away, near, beyond, before, after, grazing)
         its, width = look_along(zero, low, high, met, on, local[p], local[room + p])
         foot, barely = least_of(foot, its), least_of(barely, width)
     foot = most_of(foot, zero)
-    return least_of(found, away * away + foot * foot), barely
+    return least_of(squares, away * away + foot * foot), barely
 
 
 @part
@@ -223,13 +223,13 @@ def look_at_solids(
     room for a sixth run, see `list_pieces`. local, again: scratch memory."""
     nothing = most * most
     axis_x, axis_y = axes(axis_cos, axis_sin, first, co, si)
-    found = every(F(nothing))
+    squares = every(F(nothing))
     while begin < end and news[begin] == ROUND:
         s = U(items[begin])
         round_ = look_closely(
             axis_x, axis_y, solids[0, s] - own_x, solids[1, s] - own_y, solids[5, s], own, cosine, sine, graze
         )
-        found = least_of(found, singles(round_))
+        squares = least_of(squares, singles(round_))
         begin += U(1)
     if begin < end:
         count = end - begin
@@ -243,8 +243,8 @@ def look_at_solids(
                 sine, grazing, nothing, seen, place,
             )  # fmt: skip
             lines = at(seen, place)
-        found = least_of(found, lines)
-    put(seen, place, found)
+        squares = least_of(squares, lines)
+    put(seen, place, squares)
 
 
 @inlined
@@ -265,7 +265,7 @@ def look_around(
     """Compute each of `n` bodies for the two cones beside it, in single precision, and write the places of the doubtful
     ones into `doubtful`; returns their number. For each body, `pairs` gets the squared ranges of the even and the odd
     cone, and `whose` the two cones as bits, with the robot in the bits above."""
-    found = U(0)
+    doubts = U(0)
     for j0 in range(U(0), n, U(LANES)):
         ahead, aside = at(list_ahead, j0), at(list_aside, j0)
         # The bearing is folded into 0 to 22.5 degrees; each fold mirrors the numbers of the sectors.
@@ -287,9 +287,9 @@ def look_around(
         beside = (every(I(1)) << ((sector + I(1)) & I(14))) | (every(I(1)) << (sector | I(1)))
         put(whose, j0, beside | (at(number, j0) >> I(OWNER) << I(LANES)))
         doubt = (either(alone, every(I(0)), I(1)) > I(0)) | doubt0 | doubt1
-        pack(doubtful, found, places() + I(j0), doubt)
-        found += how_many(doubt)
-    return found
+        pack(doubtful, doubts, places() + I(j0), doubt)
+        doubts += how_many(doubt)
+    return doubts
 
 
 @inlined
@@ -335,12 +335,12 @@ def turn(values, order, first, last, into):
 
 
 @inlined
-def list_near(fixed_x, fixed_y, start, across, below, above, left, right, near_x, near_y, near_number):
+def list_near(fixed_x, fixed_y, start, grid_columns, below, above, left, right, near_x, near_y, near_number):
     """List the bodies in the cells from `left` to `right` of the rows from `below` to `above`; returns their number. A
     few padding entries follow."""
     n = U(0)
     for row in range(below, above + 1):
-        begin, end = U(start[row * across + left]), U(start[row * across + right])
+        begin, end = U(start[row * grid_columns + left]), U(start[row * grid_columns + right])
         for j0 in range(begin, end, U(LANES)):
             at_n = n + (j0 - begin)
             put(near_x, at_n, at(fixed_x, j0))
@@ -360,10 +360,10 @@ def keep_near(
     for j0 in range(U(0), near, U(LANES)):
         dx, dy = reals(at(near_x, j0) - own_x), reals(at(near_y, j0) - own_y)
         its = at(near_number, j0)
-        along, across = dx * co + dy * si, dy * co - dx * si
+        along, sideways = dx * co + dy * si, dy * co - dx * si
         kept = (dx * dx + dy * dy < limit) & (along > behind) & (its != me)
         pack(ahead, n, along, kept)
-        pack(aside, n, across, kept)
+        pack(aside, n, sideways, kept)
         pack(number, n, its + mark, kept)
         n += how_many(kept)
     return n
@@ -371,22 +371,26 @@ def keep_near(
 
 @compiled
 def see(
-    x, y, heading, order, fixed_x, fixed_y, radii, rows, start, size, across, up, solids, listed, items, news,
-    own, common, reach, most, cosine, sine, graze, grazing, lone, unit, mixed, forward, axis_cos, axis_sin,
+    x, y, heading, order, fixed_x, fixed_y, radii, rows, start, size, grid_columns, grid_rows, solids, listed, items,
+    news, own, common, reach, most, cosine, sine, graze, grazing, lone, unit, mixed, forward, axis_cos, axis_sin,
     first_row, last_row, beside, close, out,
 ):  # fmt: skip
     """Squared ranges seen by the robots in the rows of cells from `first_row` to `last_row` (exclusive); see
     `cones.ranges`.
 
-    x, y, heading: of all robots, whose cell order is `order`; everything else is sorted by it. fixed_x, fixed_y: x
-    and y in units of `unit` m, padded with LANES. rows: the row of each robot in `out`, or -1 if not requested.
-    size: of a cell, at least the reach. solids, listed, items, news: see `walls.Walls`. own: radius of the looking
-    robots; common: the most common radius (other bodies cost more; unless `mixed`, there are none and radii is not
-    read); reach: greatest distance of a centre. lone: beyond this distance a body of the common radius is seen only
-    by the two nearest of sixteen sonars; negative if all are computed in double precision, because there are not
-    sixteen or the units are coarse. forward: whether cones that look behind are not needed. axis_cos, axis_sin: of
-    the cones, padded to the length of a row of `out`, a multiple of LANES. close: set to False for robots with no
-    other one within `beside` m, which is at most `lone`.
+    x, y, heading: of all robots, whose cell order is `order`; everything else is sorted by it
+    fixed_x, fixed_y: x and y in units of `unit` m, padded with LANES
+    rows: the row of each robot in `out`, or -1 if not requested
+    size: of a cell, at least the reach
+    solids, listed, items, news: see `walls.Walls`
+    own: radius of the looking robots
+    common: the most common radius (other bodies cost more; unless `mixed`, there are none and radii is not read)
+    reach: greatest distance of a centre
+    lone: beyond this distance a body of the common radius is seen only by the two nearest of sixteen sonars; negative
+        if all are computed in double precision, because there are not sixteen or the units are coarse
+    forward: whether cones that look behind are not needed
+    axis_cos, axis_sin: of the cones, padded to the length of a row of `out`, a multiple of LANES
+    close: set to False for robots with no other one within `beside` m, which is at most `lone`
     """
     count = axis_cos.shape[0]
     nothing = F(most * most)
@@ -406,19 +410,19 @@ def see(
     batch = np.empty(BATCH, np.int64)
     cosines, sines, turned = np.empty(BLOCK), np.empty(BLOCK), np.empty(2 * BATCH)
     own_x, own_y = np.empty(BLOCK), np.empty(BLOCK)
-    held, n, last = 0, U(0), start[last_row * across] - 1
-    ready = block = start[first_row * across]
+    held, n, last = 0, U(0), start[last_row * grid_columns] - 1
+    ready = block = start[first_row * grid_columns]
     walled = items.shape[0] > 0
     for row in range(first_row, last_row):
-        below, above = max(row - 1, 0), min(row + 1, up - 1)
-        for column in range(across):
-            cell = row * across + column
+        below, above = max(row - 1, 0), min(row + 1, grid_rows - 1)
+        for column in range(grid_columns):
+            cell = row * grid_columns + column
             if start[cell] == start[cell + 1]:
                 continue
-            left, right = max(column - 1, 0), min(column + 1, across - 1) + 1
+            left, right = max(column - 1, 0), min(column + 1, grid_columns - 1) + 1
             total, near, walls_from, walls_to = 0, U(0), U(listed[cell]), U(listed[cell + 1])
             for r in range(below, above + 1):
-                total += start[r * across + right] - start[r * across + left]
+                total += start[r * grid_columns + right] - start[r * grid_columns + left]
             if total + 2 * LANES > near_room:
                 near_room = 2 * total + 2 * LANES
                 near_x, near_y, near_number = np.empty(near_room, I), np.empty(near_room, I), np.empty(near_room, I)
@@ -466,7 +470,17 @@ def see(
                             put(least, place, every(nothing))
                     if near == U(0):
                         near = list_near(
-                            fixed_x, fixed_y, start, across, below, above, left, right, near_x, near_y, near_number
+                            fixed_x,
+                            fixed_y,
+                            start,
+                            grid_columns,
+                            below,
+                            above,
+                            left,
+                            right,
+                            near_x,
+                            near_y,
+                            near_number,
                         )
                         put(near_x, near, every(fixed_x[i]) + ACROSS_THE_WORLD)
                         put(near_y, near, every(fixed_y[i]))
@@ -502,9 +516,9 @@ def see(
                     close[batch[b]] |= far_x[d] * far_x[d] + far_y[d] * far_y[d] < beside * beside
                     for k in range(0, count, LANES):
                         axis_x, axis_y = axes(axis_cos, axis_sin, k, turned[b], turned[BATCH + b])
-                        found = look_closely(axis_x, axis_y, far_x[d], far_y[d], wide, own, cosine, sine, graze)
+                        squares = look_closely(axis_x, axis_y, far_x[d], far_y[d], wide, own, cosine, sine, graze)
                         place = U(b * count + k)
-                        put(least, place, least_of(at(least, place), singles(found)))
+                        put(least, place, least_of(at(least, place), singles(squares)))
                 for b in range(held):
                     for k in range(0, count, LANES):
                         put_by(out, rows[batch[b]], k, at(least, U(b * count + k)))

@@ -25,8 +25,13 @@ SCALE = sqrt(3.0) / QUARTER
 
 
 class Noise(NamedTuple):
-    """Sonar noise. share: standard deviation as a share of the range; dropout: probability of a missed echo; most: the
-    reading without an echo, m; key, dropout_key: 64 bits, new in each tick."""
+    """Sonar noise.
+
+    share: standard deviation as a share of the range
+    dropout: probability of a missed echo
+    most: the reading without an echo, m
+    key, dropout_key: 64 bits, new in each tick
+    """
 
     share: float
     dropout: float
@@ -37,8 +42,13 @@ class Noise(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class SonarReceiver:
-    """How ranges become readings. least, most: limits, m. front: numbers of the front sonars. noise: None without
-    noise, or if already applied. wanted: the requested rows of the readings, shape (sonars + 1,)."""
+    """How ranges become readings.
+
+    least, most: limits, m
+    front: numbers of the front sonars
+    noise: None without noise, or if already applied
+    wanted: the requested rows of the readings, shape (sonars + 1,)
+    """
 
     least: float
     most: float

@@ -23,13 +23,13 @@ def inside(area: Area | Circle, x: Floats, y: Floats) -> NDArray[np.bool_]:
     """Whether each point x, y (m, shape (n,)) lies inside the area. Points on a lower or left side do, points on others
     do not."""
     if isinstance(area, Circle):
-        within: NDArray[np.bool_] = (x - area.x) ** 2 + (y - area.y) ** 2 < area.radius**2
-        return within
-    found = np.zeros(len(x), bool)
+        in_disc: NDArray[np.bool_] = (x - area.x) ** 2 + (y - area.y) ** 2 < area.radius**2
+        return in_disc
+    within = np.zeros(len(x), bool)
     sides = np.array(rows_of(area), np.float64).reshape(-1, 5)[:, :4]
     sides = sides[sides[:, 1] != sides[:, 3]]
     if not len(sides):
-        return found
+        return within
     low, high = sides[:, [1, 3]].min(), sides[:, [1, 3]].max()
     left, right = sides[:, [0, 2]].min(), sides[:, [0, 2]].max()
     near = np.flatnonzero((x >= left) & (x <= right) & (y >= low) & (y < high))
@@ -49,10 +49,10 @@ def inside(area: Area | Circle, x: Floats, y: Floats) -> NDArray[np.bool_]:
     for first in range(0, len(near), step):
         some = near[first : first + step]
         mine = strip_of(y[some])
-        point, place = spread(np.arange(len(some)), start[mine], start[mine + 1])
-        crossed = _crosses(sides[side[place]], x[some][point], y[some][point])
-        found[some] = np.bincount(point[crossed], minlength=len(some)) % 2 == 1
-    return found
+        point, index = spread(np.arange(len(some)), start[mine], start[mine + 1])
+        crossed = _crosses(sides[side[index]], x[some][point], y[some][point])
+        within[some] = np.bincount(point[crossed], minlength=len(some)) % 2 == 1
+    return within
 
 
 def _crosses(sides: Floats, x: Floats, y: Floats) -> NDArray[np.bool_]:

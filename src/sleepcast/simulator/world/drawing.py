@@ -73,8 +73,12 @@ class Drawing:
 
 @dataclass(frozen=True, slots=True)
 class _Inherited:
-    """What an element inherits from the groups around it. shown: whether anything of it is; visible: unless it says
-    otherwise itself. match: which selectors it fits."""
+    """What an element inherits from the groups around it.
+
+    shown: whether anything of it is
+    visible: unless it says otherwise itself
+    match: which selectors it fits
+    """
 
     matrix: Matrix = Matrix()  # noqa: RUF009  # frozen: nobody can change it
     name: str = ""
@@ -112,8 +116,12 @@ class _Inherited:
 
 @dataclass(frozen=True, slots=True)
 class _Drawn:
-    """One element, in units of the drawing. solid: whether it is filled. disc: centre and radius of a circle, which is
-    also given as lines. number: line number in the file."""
+    """One element, in units of the drawing.
+
+    solid: whether it is filled
+    disc: centre and radius of a circle, which is also given as lines
+    number: line number in the file
+    """
 
     lines: list[Subpath]
     around: _Inherited
@@ -123,17 +131,22 @@ class _Drawn:
 
 
 def read_drawing(path: Path, metre: float | None, at: Point = (0.0, 0.0), *, walls: bool = False) -> Drawing:
-    """The drawing in the SVG file at `path`. metre: units of the drawing per metre; None uses the size that the file
-    states. at: position of the page's lower left corner in the world, m. walls: whether filled shapes are thin walls
-    along their outlines, too. Raises SettingsError."""
+    """The drawing in the SVG file at `path`.
+
+    metre: units of the drawing per metre; None uses the size that the file states
+    at: position of the page's lower left corner in the world, m
+    walls: whether filled shapes are thin walls along their outlines, too
+
+    Raises SettingsError.
+    """
     reader = _DrawingReader(path, walls=walls)
     reader.read(read_text(path, MAX_BYTES))
     page = reader.page
     scale = 1.0 / metre if metre else page.unit
     if scale is None:
         raise SettingsError(
-            f"{path}:{reader.page_number}: how large it is in the world it does not say (its width is no length in mm, "
-            "cm or in): say how many of its units are a metre, such as metre = 100"
+            f"{path}:{reader.page_number}: the SVG does not say how large it is in the world (its width is no length "
+            "in mm, cm or in): say how many of its units are a metre, such as metre = 100"
         )
     low, top = complex(page.x, page.y), page.y + page.height
     upright = Matrix(scale, 0.0, 0.0, -scale, at[0] - low.real * scale, at[1] + top * scale)
@@ -189,24 +202,24 @@ def _shapes(drawn: _Drawn, upright: Matrix, room: int, compared: ComparisonBudge
 
 def _flat(drawn: _Drawn, whole: Matrix, room: int) -> tuple[tuple[Point, ...], ...]:
     """Points along each line of an element. room: for so many lines. Raises PathError for more."""
-    found = list[tuple[Point, ...]]()
+    lines = list[tuple[Point, ...]]()
     for line in drawn.lines:
-        found.append(_points(line.moved(whole.of), room))
-        room -= len(found[-1]) - 1
+        lines.append(_points(line.moved(whole.of), room))
+        room -= len(lines[-1]) - 1
         if room < 0:
             raise PathError(TOO_MANY)
-    return tuple(found)
+    return tuple(lines)
 
 
 def _points(line: Subpath, room: int) -> tuple[Point, ...]:
     """Points along a line, without repeats, at most two more than there is room for."""
-    found: list[Point] = []
+    points: list[Point] = []
     for point in line.flat(TOLERANCE):
-        if not found or found[-1] != (point.real, point.imag):
-            found.append((point.real, point.imag))
-        if len(found) > room + 1:
+        if not points or points[-1] != (point.real, point.imag):
+            points.append((point.real, point.imag))
+        if len(points) > room + 1:
             break
-    return tuple(found)
+    return tuple(points)
 
 
 def _open(points: tuple[Point, ...]) -> tuple[Point, ...]:
@@ -238,26 +251,26 @@ def _lines(name: str, attributes: dict[str, str]) -> list[Subpath]:
         return read_path(f"M{x1!r},{y1!r}L{x2!r},{y2!r}")
     if name == "rect":
         return _rectangle(attributes)
-    across, up = (length(attributes, "r" if name == "circle" else key) for key in ("rx", "ry"))
-    if across <= 0.0 or up <= 0.0:
+    radius_x, radius_y = (length(attributes, "r" if name == "circle" else key) for key in ("rx", "ry"))
+    if radius_x <= 0.0 or radius_y <= 0.0:
         return []
-    x, y, arc = length(attributes, "cx"), length(attributes, "cy"), f"A{across!r},{up!r} 0 0 1"
-    return read_path(f"M{x - across!r},{y!r}{arc}{x + across!r},{y!r}{arc}{x - across!r},{y!r}z")
+    x, y, arc = length(attributes, "cx"), length(attributes, "cy"), f"A{radius_x!r},{radius_y!r} 0 0 1"
+    return read_path(f"M{x - radius_x!r},{y!r}{arc}{x + radius_x!r},{y!r}{arc}{x - radius_x!r},{y!r}z")
 
 
 def _rectangle(attributes: dict[str, str]) -> list[Subpath]:
     x, y, width, height = (length(attributes, key) for key in ("x", "y", "width", "height"))
     if width <= 0.0 or height <= 0.0:
         return []
-    across = length(attributes, "rx", length(attributes, "ry"))
-    up = min(length(attributes, "ry", across), height / 2.0)
-    across = min(across, width / 2.0)
-    if across <= 0.0 or up <= 0.0:
+    radius_x = length(attributes, "rx", length(attributes, "ry"))
+    radius_y = min(length(attributes, "ry", radius_x), height / 2.0)
+    radius_x = min(radius_x, width / 2.0)
+    if radius_x <= 0.0 or radius_y <= 0.0:
         return read_path(f"M{x!r},{y!r}h{width!r}v{height!r}h{-width!r}z")
-    level, upright, arc = width - 2.0 * across, height - 2.0 * up, f"a{across!r},{up!r} 0 0 1"
+    level, upright, arc = width - 2.0 * radius_x, height - 2.0 * radius_y, f"a{radius_x!r},{radius_y!r} 0 0 1"
     return read_path(
-        f"M{x + across!r},{y!r}h{level!r}{arc}{across!r},{up!r}v{upright!r}{arc}{-across!r},{up!r}"
-        f"h{-level!r}{arc}{-across!r},{-up!r}v{-upright!r}{arc}{across!r},{-up!r}z"
+        f"M{x + radius_x!r},{y!r}h{level!r}{arc}{radius_x!r},{radius_y!r}v{upright!r}{arc}{-radius_x!r},{radius_y!r}"
+        f"h{-level!r}{arc}{-radius_x!r},{-radius_y!r}v{-upright!r}{arc}{radius_x!r},{-radius_y!r}z"
     )
 
 

@@ -41,8 +41,11 @@ def filled(outlines: tuple[Outline, ...], rule: str) -> tuple[Outline, ...]:
         return outlines
     sides = _sides(outlines)
     contacts = _contacts(sides) if len(sides.corners) <= MAX_SIDES else None
-    parted = None if contacts is None else _boundary(sides, *contacts)
-    return _nested(outlines) if parted is None else parted
+    if contacts is None:
+        return _nested(outlines)
+    places, pieces, turns = _pieces(sides, *contacts)
+    parted = _chained(places, pieces[_parting(places, pieces, turns)])
+    return _nested(outlines) if parted is None else parted  # None: rounding has left them open
 
 
 def pairs_compared(outlines: tuple[Outline, ...]) -> int:
@@ -99,8 +102,8 @@ class _Sides(NamedTuple):
 
     @property
     def ways(self) -> Floats:
-        found: Floats = self.corners[self.ends] - self.corners
-        return found
+        ways: Floats = self.corners[self.ends] - self.corners
+        return ways
 
     @property
     def near(self) -> float:
@@ -147,9 +150,9 @@ def _crossed(sides: _Sides, first: Numbers, second: Numbers) -> tuple[Numbers, F
     way, other, gap = sides.ways[first], sides.ways[second], sides.corners[second] - sides.corners[first]
     turn = _cross(way, other)
     with np.errstate(divide="ignore", invalid="ignore"):
-        along, there = _cross(gap, other) / turn, _cross(gap, way) / turn
-        found = (first < second) & (along > 0.0) & (along < 1.0) & (there > 0.0) & (there < 1.0)
-    met = np.flatnonzero(found)
+        along, across = _cross(gap, other) / turn, _cross(gap, way) / turn
+        crossing = (first < second) & (along > 0.0) & (along < 1.0) & (across > 0.0) & (across < 1.0)
+    met = np.flatnonzero(crossing)
     return met, sides.corners[first[met]] + along[met, None] * way[met]
 
 
@@ -162,19 +165,16 @@ def _touched(sides: _Sides, first: Numbers, second: Numbers) -> Numbers:
 
 
 def _cross(one: Floats, other: Floats) -> Floats:
-    found: Floats = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
-    return found
-
-
-def _boundary(sides: _Sides, numbers: Numbers, points: Floats) -> tuple[Outline, ...] | None:
-    """The outlines of the area within, of sides that meet others at these points; None if rounding leaves them open."""
-    places, pieces, turns = _pieces(sides, numbers, points)
-    return _chained(places, pieces[_parting(places, pieces, turns)])
+    product: Floats = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    return product
 
 
 def _pieces(sides: _Sides, numbers: Numbers, points: Floats) -> tuple[Floats, Numbers, Numbers]:
-    """Places, and the pieces between them: each once, as the numbers of its two places, with how many more sides run
-    from the first to the second than back."""
+    """Places, and the pieces of sides between them, where the sides with these numbers meet others at these points.
+
+    Each piece comes once, as the numbers of its two places, with how many more sides run from the first to the second
+    than back.
+    """
     count = len(sides.corners)
     steps = np.concatenate((np.arange(count), np.arange(count), numbers))
     at = _together(np.concatenate((sides.corners, sides.corners[sides.ends], points)), sides.near)
@@ -191,37 +191,37 @@ def _pieces(sides: _Sides, numbers: Numbers, points: Floats) -> tuple[Floats, Nu
 
 def _together(points: Floats, near: float) -> Floats:
     """The points, where those that rounding has parted have become equal."""
-    found = points.copy()
-    for axis in found.T:
+    points_together = points.copy()
+    for axis in points_together.T:
         order = np.argsort(axis, kind="stable")
         first = np.flatnonzero(np.diff(axis[order], prepend=-np.inf) > near)
         axis[order] = np.repeat(axis[order][first], np.diff(first, append=len(axis)))
-    return found
+    return points_together
 
 
 def _parting(places: Floats, pieces: Numbers, turns: Numbers) -> NDArray[np.bool_]:
     """Which pieces have the inside on just one side."""
     begin, end = places[pieces[:, 0]], places[pieces[:, 1]]
     steep = np.abs(end[:, 1] - begin[:, 1]) >= np.abs(end[:, 0] - begin[:, 0])
-    found = np.zeros(len(pieces), np.bool_)
+    parting = np.zeros(len(pieces), np.bool_)
     for some, axes in ((steep, [0, 1]), (~steep, [1, 0])):
         rows, size = np.flatnonzero(some), max(1, AT_ONCE // max(len(pieces), 1))
         for part in (rows[first : first + size] for first in range(0, len(rows), size)):
-            found[part] = _parts(begin[:, axes], end[:, axes], turns, part)
-    return found
+            parting[part] = _parts(begin[:, axes], end[:, axes], turns, part)
+    return parting
 
 
 def _parts(begin: Floats, end: Floats, turns: Numbers, some: Numbers) -> NDArray[np.bool_]:
     """Whether some of the pieces part inside and outside. A ray from the middle of each to the right tells how often
     all others wind around it, and the piece itself adds what lies on its left."""
-    middle, up = (begin[some] + end[some]) / 2.0, np.where(end[:, 1] > begin[:, 1], turns, -turns)
+    middle, winding = (begin[some] + end[some]) / 2.0, np.where(end[:, 1] > begin[:, 1], turns, -turns)
     row, other = np.nonzero((begin[:, 1] > middle[:, None, 1]) != (end[:, 1] > middle[:, None, 1]))
     a, way = begin[other], end[other] - begin[other]
     beyond = a[:, 0] + (middle[row, 1] - a[:, 1]) * way[:, 0] / way[:, 1] > middle[row, 0]
     counted = beyond & (other != some[row])
-    outer = np.bincount(row[counted], up[other[counted]], len(some))
-    found: NDArray[np.bool_] = (outer == 0.0) != (outer + up[some] == 0.0)
-    return found
+    outer = np.bincount(row[counted], winding[other[counted]], len(some))
+    parting: NDArray[np.bool_] = (outer == 0.0) != (outer + winding[some] == 0.0)
+    return parting
 
 
 def _chained(places: Floats, pieces: Numbers) -> tuple[Outline, ...] | None:
@@ -232,7 +232,7 @@ def _chained(places: Floats, pieces: Numbers) -> tuple[Outline, ...] | None:
         ways.setdefault(other, set()).add(one)
     if any(len(each) % 2 for each in ways.values()):
         return None
-    found = list[Outline]()
+    outlines = list[Outline]()
     for begin in sorted(ways):
         walk, at = dict[int, None](), begin
         while ways[at]:
@@ -242,8 +242,8 @@ def _chained(places: Floats, pieces: Numbers) -> tuple[Outline, ...] | None:
             ways[following].remove(at)
             at = following
             if at in walk:
-                found.append(tuple((float(x), float(y)) for x, y in places[_since(walk, at)]))
-    return tuple(found)
+                outlines.append(tuple((float(x), float(y)) for x, y in places[_since(walk, at)]))
+    return tuple(outlines)
 
 
 def _since(walk: dict[int, None], at: int) -> list[int]:

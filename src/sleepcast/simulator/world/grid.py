@@ -27,25 +27,25 @@ LEAST_CELLS = 4_096
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Square cells of `size` m over a rectangle whose lower left corner is 0, 0: `across` of them in each of `up` rows.
-    Points outside belong to the nearest cell at the edge."""
+    """Square cells of `size` m over a rectangle whose lower left corner is 0, 0. Points outside belong to the nearest
+    cell at the edge."""
 
     size: float
-    across: int
-    up: int
+    columns: int
+    rows: int
     cells: int = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "cells", self.across * self.up)
+        object.__setattr__(self, "cells", self.columns * self.rows)
 
-    def columns(self, x: Floats) -> Whole:
-        return np.clip((x / self.size).astype(np.int64), 0, self.across - 1)
+    def columns_of(self, x: Floats) -> Whole:
+        return np.clip((x / self.size).astype(np.int64), 0, self.columns - 1)
 
-    def rows(self, y: Floats) -> Whole:
-        return np.clip((y / self.size).astype(np.int64), 0, self.up - 1)
+    def rows_of(self, y: Floats) -> Whole:
+        return np.clip((y / self.size).astype(np.int64), 0, self.rows - 1)
 
     def cells_of(self, x: Floats, y: Floats) -> Whole:
-        return self.rows(y) * self.across + self.columns(x)
+        return self.rows_of(y) * self.columns + self.columns_of(x)
 
 
 class Sorted(NamedTuple):
@@ -86,31 +86,31 @@ def pairs(grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, first:
     """All ordered pairs of different points at most `reach` m apart: two arrays of indices. points: x and y, sorted.
     first: indices to use as the first of a pair."""
     order, start = points
-    row, cells = grid.rows(y[first]), ceil(reach / grid.size)
-    left, right = grid.columns(x[first] - reach), grid.columns(x[first] + reach)
-    found_first, found_second = [], []
+    row, cells = grid.rows_of(y[first]), ceil(reach / grid.size)
+    left, right = grid.columns_of(x[first] - reach), grid.columns_of(x[first] + reach)
+    firsts, seconds = [], []
     for step in range(-cells, cells + 1):
-        there = np.flatnonzero((row + step >= 0) & (row + step < grid.up))
-        base = (row[there] + step) * grid.across
-        i, place = spread(first[there], start[base + left[there]], start[base + right[there] + 1])
-        j = order[place].astype(np.int64)
+        inside = np.flatnonzero((row + step >= 0) & (row + step < grid.rows))
+        base = (row[inside] + step) * grid.columns
+        i, index = spread(first[inside], start[base + left[inside]], start[base + right[inside] + 1])
+        j = order[index].astype(np.int64)
         near = (x[i] - x[j]) ** 2 + (y[i] - y[j]) ** 2 <= reach * reach
         near &= i != j
-        found_first.append(i[near])
-        found_second.append(j[near])
-    return np.concatenate(found_first), np.concatenate(found_second)
+        firsts.append(i[near])
+        seconds.append(j[near])
+    return np.concatenate(firsts), np.concatenate(seconds)
 
 
 def candidates(grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float) -> Whole:
     """For each place x, y the number of `points` in cells within `reach` m: an upper bound of those within reach."""
-    row, cells = grid.rows(y), ceil(reach / grid.size)
-    left, right = grid.columns(x - reach), grid.columns(x + reach)
-    found = np.zeros(len(x), np.int64)
+    row, cells = grid.rows_of(y), ceil(reach / grid.size)
+    left, right = grid.columns_of(x - reach), grid.columns_of(x + reach)
+    counts = np.zeros(len(x), np.int64)
     for step in range(-cells, cells + 1):
-        there = np.flatnonzero((row + step >= 0) & (row + step < grid.up))
-        base = (row[there] + step) * grid.across
-        found[there] += points.start[base + right[there] + 1] - points.start[base + left[there]]
-    return found
+        inside = np.flatnonzero((row + step >= 0) & (row + step < grid.rows))
+        base = (row[inside] + step) * grid.columns
+        counts[inside] += points.start[base + right[inside] + 1] - points.start[base + left[inside]]
+    return counts
 
 
 def spread(items: Whole, begin: Whole | Short, end: Whole | Short) -> tuple[Whole, Whole]:
@@ -132,25 +132,25 @@ def _cells_near(grid: Grid, solids: Floats, reach: float, first: int, last: int)
     """The solids in these rows, each paired with the number of every cell near it."""
     x0, y0, x1, y1, radius = solids[first:last].T
     far = reach + radius
-    left, right = grid.columns(np.minimum(x0, x1) - far), grid.columns(np.maximum(x0, x1) + far)
-    bottom, top = grid.rows(np.minimum(y0, y1) - far), grid.rows(np.maximum(y0, y1) + far)
+    left, right = grid.columns_of(np.minimum(x0, x1) - far), grid.columns_of(np.maximum(x0, x1) + far)
+    bottom, top = grid.rows_of(np.minimum(y0, y1) - far), grid.rows_of(np.maximum(y0, y1) + far)
     # Pair each solid with each row, then with each cell of its bounding box, then drop the cells that it misses.
     item, row = spread(np.arange(len(far)), bottom, top + 1)
-    place, column = spread(np.arange(len(item)), left[item], right[item] + 1)
-    item, row = item[place], row[place]
+    index, column = spread(np.arange(len(item)), left[item], right[item] + 1)
+    item, row = item[index], row[index]
     middle_x = (column.astype(np.float64) + 0.5) * grid.size
     middle_y = (row.astype(np.float64) + 0.5) * grid.size
     away = distance(middle_x, middle_y, x0[item], y0[item], x1[item], y1[item])
-    edge = (column == 0) | (row == 0) | (column == grid.across - 1) | (row == grid.up - 1)
+    edge = (column == 0) | (row == 0) | (column == grid.columns - 1) | (row == grid.rows - 1)
     near = edge | (away <= far[item] + grid.size * sqrt(0.5))
-    cells = (row * grid.across + column)[near]
+    cells = (row * grid.columns + column)[near]
     return cells.astype(np.int32), (item[near] + first).astype(np.int32)
 
 
 def distance(x: Floats, y: Floats, x0: Floats, y0: Floats, x1: Floats, y1: Floats) -> Floats:
     """Distance from each point x, y to the line from x0, y0 to x1, y1, m."""
-    across, up = nearest_point(x, y, x0, y0, x1, y1)
-    away: Floats = np.sqrt(across * across + up * up)
+    dx, dy = nearest_point(x, y, x0, y0, x1, y1)
+    away: Floats = np.sqrt(dx * dx + dy * dy)
     return away
 
 

@@ -20,8 +20,12 @@ MAX_PNG = 4_194_304
 
 @dataclass(frozen=True, slots=True)
 class MapPicture:
-    """x, y: the lower left corner of the image in the world, m. yaw: by which it is turned round that corner, rad,
-    counter-clockwise. resolution: side of a pixel, m."""
+    """Where the image of a map lies.
+
+    x, y: the lower left corner of the image in the world, m
+    yaw: by which it is turned round that corner, rad, counter-clockwise
+    resolution: side of a pixel, m
+    """
 
     file: Path
     x: float

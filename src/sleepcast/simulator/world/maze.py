@@ -26,50 +26,50 @@ def maze(width: float, height: float, cell: float, loops: float, seed: int) -> l
     loops: the share, 0..1, of a perfect maze's walls that are opened. Equal arguments give equal mazes. Raises
     MisuseError for more than MAX_CELLS.
     """
-    across, up = max(1, round(width / cell)), max(1, round(height / cell))
-    if across * up > MAX_CELLS:
-        raise MisuseError(f"a maze of {across} by {up} cells; at most {MAX_CELLS} cells fit: make them larger")
-    to_right, to_top = _ways(across, up, seed)
+    columns, rows = max(1, round(width / cell)), max(1, round(height / cell))
+    if columns * rows > MAX_CELLS:
+        raise MisuseError(f"a maze of {columns} by {rows} cells; at most {MAX_CELLS} cells fit: make them larger")
+    to_right, to_top = _ways(columns, rows, seed)
     _open_more(to_right, loops, key(seed, "maze", "across"))
     _open_more(to_top, loops, key(seed, "maze", "up"))
-    x: list[float] = np.linspace(0.0, width, across + 1).tolist()
-    y: list[float] = np.linspace(0.0, height, up + 1).tolist()
+    x: list[float] = np.linspace(0.0, width, columns + 1).tolist()
+    y: list[float] = np.linspace(0.0, height, rows + 1).tolist()
     upright = [Wall(((x[i], y[a]), (x[i], y[b]))) for i, a, b in _lines(~to_right.T)]
     level = [Wall(((x[a], y[i]), (x[b], y[i]))) for i, a, b in _lines(~to_top)]
     return upright + level
 
 
-def _ways(across: int, up: int, seed: int) -> tuple[Open, Open]:
-    """A perfect maze: whether each cell is open to the one on its right, shape (up, across - 1), and to the one above
-    it, shape (up - 1, across)."""
-    wide = across + 2  # a border of visited cells saves checking whether a neighbour exists
+def _ways(columns: int, rows: int, seed: int) -> tuple[Open, Open]:
+    """A perfect maze: whether each cell is open to the one on its right, shape (rows, columns - 1), and to the one
+    above it, shape (rows - 1, columns)."""
+    wide = columns + 2  # a border of visited cells saves checking whether a neighbour exists
     steps = np.array([1, -1, wide, -wide])
-    drawn = uniform(key(seed, "maze", "ways"), np.arange(4 * wide * (up + 2), dtype=np.uint64)).reshape(-1, 4)
+    drawn = uniform(key(seed, "maze", "ways"), np.arange(4 * wide * (rows + 2), dtype=np.uint64)).reshape(-1, 4)
     order: list[list[int]] = steps[np.argsort(drawn, axis=1)].tolist()
-    border = np.ones((up + 2, wide), np.uint8)
+    border = np.ones((rows + 2, wide), np.uint8)
     border[1:-1, 1:-1] = 0
     seen = bytearray(border.tobytes())
     from_right, from_below = bytearray(len(seen)), bytearray(len(seen))
     here = wide + 1
     seen[here] = 1
-    way = [here]
-    while way:
-        here = way[-1]
+    path = [here]
+    while path:
+        here = path[-1]
         untried = order[here]
         while untried:
             step = untried.pop()
-            there = here + step
-            if not seen[there]:
-                seen[there] = 1
+            neighbour = here + step
+            if not seen[neighbour]:
+                seen[neighbour] = 1
                 if abs(step) == 1:
-                    from_right[min(here, there)] = 1
+                    from_right[min(here, neighbour)] = 1
                 else:
-                    from_below[min(here, there)] = 1
-                way.append(there)
+                    from_below[min(here, neighbour)] = 1
+                path.append(neighbour)
                 break
         else:
-            way.pop()
-    right, top = (np.frombuffer(each, bool).reshape(up + 2, wide).copy() for each in (from_right, from_below))
+            path.pop()
+    right, top = (np.frombuffer(each, bool).reshape(rows + 2, wide).copy() for each in (from_right, from_below))
     return right[1:-1, 1:-2], top[1:-2, 1:-1]
 
 

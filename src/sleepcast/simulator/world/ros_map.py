@@ -44,10 +44,11 @@ Cells = NDArray[np.bool_]
 class RosMap:
     """Which cells are solid and which are unknown, both of shape (rows, columns), bottom row first.
 
-    resolution: size of a cell, m. x, y, yaw: pose of the lower left corner in the map's frame, m and rad. file: the
-    image. opened: whether cells in the grey that map_saver writes for unknown ones are free by the map's own
-    free_thresh, as
-    with the 0.25 of Nav2.
+    resolution: size of a cell, m
+    x, y, yaw: pose of the lower left corner in the map's frame, m and rad
+    file: the image
+    opened: whether cells in the grey that map_saver writes for unknown ones are free by the map's own free_thresh, as
+        with the 0.25 of Nav2
     """
 
     solid: Cells
@@ -131,10 +132,10 @@ def _document(path: Path) -> Document:
         if not isinstance(node, yaml.MappingNode):
             raise SettingsError(f"{path}:1: no map: wanted lines such as resolution: 0.05")
         lines: dict[Path_, int] = {(str(key.value),): key.start_mark.line + 1 for key, _ in node.value}
-        found = loader.construct_document(node)
-        if not isinstance(found, dict):  # for example a set
+        document = loader.construct_document(node)
+        if not isinstance(document, dict):  # for example a set
             raise SettingsError(f"{path}:1: no map: wanted lines such as resolution: 0.05")
-        values: dict[str, object] = {str(key): value for key, value in found.items()}
+        values: dict[str, object] = {str(key): value for key, value in document.items()}
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         raise SettingsError(f"{path}:{line}: not YAML: {error.problem or error.context}") from None
@@ -261,14 +262,14 @@ def contours(solid: NDArray[np.bool_]) -> list[list[Corner]]:
 def _rounds(corners: list[Corner], beside: list[int], above: list[int]) -> list[list[Corner]]:
     """The corners in order along each line, beginning with its lowest one."""
     seen = bytearray(len(corners))
-    found = []
+    lines = []
     for first in range(len(corners)):
         here, line = first, []
         while not seen[here]:
-            there = beside[here]
-            seen[here] = seen[there] = 1
-            line += [corners[here], corners[there]]
-            here = above[there]
+            beyond = beside[here]
+            seen[here] = seen[beyond] = 1
+            line += [corners[here], corners[beyond]]
+            here = above[beyond]
         if line:
-            found.append(line)
-    return found
+            lines.append(line)
+    return lines

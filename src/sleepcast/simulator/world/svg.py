@@ -127,9 +127,9 @@ class _PathReader:
     def read(self) -> list[Subpath]:
         letter = ""
         while _MORE.match(self._text, self._place):
-            found = _LETTER.match(self._text, self._place)
-            if found:
-                letter, self._place = found[1], found.end()
+            match = _LETTER.match(self._text, self._place)
+            if match:
+                letter, self._place = match[1], match.end()
             elif not letter or letter in "Zz":
                 raise PathError(f"wanted a letter such as L at {self._shown()}")
             if not self._last and letter not in "Mm":
@@ -168,14 +168,14 @@ class _PathReader:
         values = []
         for number in range(_ARGUMENTS[letter]):
             pattern = _FLAG if letter == "A" and number in (3, 4) else _NEXT_NUMBER
-            found = pattern.match(self._text, self._place)
-            if not found:
+            match = pattern.match(self._text, self._place)
+            if not match:
                 raise PathError(f"wanted {_ARGUMENTS[letter]} numbers after {letter}, at {self._shown()}")
-            value = float(found[1])
+            value = float(match[1])
             if not isfinite(value) or abs(value) > MAX_NUMBER:
-                raise PathError(f"{found[1][:20]} is too far away: at most {MAX_NUMBER:g}")
+                raise PathError(f"{match[1][:20]} is too far away: at most {MAX_NUMBER:g}")
             values.append(value)
-            self._place = found.end()
+            self._place = match.end()
         return values
 
     def _curve(self, *points: complex) -> None:
@@ -185,8 +185,8 @@ class _PathReader:
 
     def _arc(self, values: list[float], end: complex) -> None:
         if end != self._here:
-            across, up, turn, large, sweep = values[:5]
-            drawn = arc_between(self._here, end, abs(across), abs(up), radians(turn), large > 0.0, sweep > 0.0)
+            radius_x, radius_y, turn, large, sweep = values[:5]
+            drawn = arc_between(self._here, end, abs(radius_x), abs(radius_y), radians(turn), large > 0.0, sweep > 0.0)
             self._draw(drawn)
         self._here = end
 
@@ -201,24 +201,24 @@ class _PathReader:
 
 
 def arc_between(
-    start: complex, end: complex, across: float, up: float, turn: float, large: bool, sweep: bool
+    start: complex, end: complex, radius_x: float, radius_y: float, turn: float, large: bool, sweep: bool
 ) -> Arc | Bezier:
-    """The arc from `start` to `end` of an ellipse with the half axes `across` and `up`, turned by `turn` rad: the
-    `large` part or the small one, with increasing angles (`sweep`) or decreasing ones. A line if an axis is 0."""
-    if not across or not up:
+    """The arc from `start` to `end` of an ellipse with the half axes `radius_x` and `radius_y`, turned by `turn` rad:
+    the `large` part or the small one, with increasing angles (`sweep`) or decreasing ones. A line if an axis is 0."""
+    if not radius_x or not radius_y:
         return Bezier((start, end))
     turned = rect(1.0, turn)
     # In a frame where the ellipse is a unit circle: half of the chord, and the vector from its middle to the centre.
     half = (start - end) / 2.0 / turned
-    chord = complex(half.real / across, half.imag / up)
+    chord = complex(half.real / radius_x, half.imag / radius_y)
     if abs(chord) > 1.0:  # too small for its ends: scaled up until it just reaches them
-        across, up, chord = across * abs(chord), up * abs(chord), chord / abs(chord)
+        radius_x, radius_y, chord = radius_x * abs(chord), radius_y * abs(chord), chord / abs(chord)
     away = sqrt(max(0.0, 1.0 / abs(chord) ** 2 - 1.0)) * (1.0 if large != sweep else -1.0)
     middle = complex(chord.imag, -chord.real) * away
     first, last = phase(chord - middle), phase(-chord - middle)
     through = (last - first) % (2.0 * pi)
-    centre = (start + end) / 2.0 + complex(middle.real * across, middle.imag * up) * turned
-    return Arc(centre, across * turned, up * 1j * turned, first, through if sweep else through - 2.0 * pi, end)
+    centre = (start + end) / 2.0 + complex(middle.real * radius_x, middle.imag * radius_y) * turned
+    return Arc(centre, radius_x * turned, radius_y * 1j * turned, first, through if sweep else through - 2.0 * pi, end)
 
 
 PIXEL = 0.0254 / 96.0
@@ -306,30 +306,30 @@ def page_of(attributes: Mapping[str, str]) -> Page:
 
 def sized(text: str) -> tuple[float, str] | None:
     """A length in px and its unit; None if it is no length, or a percentage."""
-    found = _LENGTH.fullmatch(text)
-    if found is None or found[2] not in UNITS:
+    match = _LENGTH.fullmatch(text)
+    if match is None or match[2] not in UNITS:
         return None
-    return _bounded(found[1]) * UNITS[found[2]], found[2]
+    return _bounded(match[1]) * UNITS[match[2]], match[2]
 
 
 def length(attributes: Mapping[str, str], key: str, default: float = 0.0) -> float:
     """The length under `key` in units of the drawing. Raises PathError if it is none."""
     if key not in attributes:
         return default
-    found = sized(attributes[key])
-    if found is None:
+    size = sized(attributes[key])
+    if size is None:
         raise PathError(
             f'{key}="{attributes[key][:20]}" is no length: wanted a number, plain or in {", ".join(UNITS)[2:]}'
         )
-    return found[0]
+    return size[0]
 
 
 def numbers(text: str, what: str, count: int | None = None) -> list[float]:
     """The numbers in `text`, exactly `count` of them if given. Raises PathError for anything else."""
-    found = _NUMBER.findall(text) if _LIST.fullmatch(text) else None
-    if found is None or (count is not None and len(found) != count):
+    texts = _NUMBER.findall(text) if _LIST.fullmatch(text) else None
+    if texts is None or (count is not None and len(texts) != count):
         raise PathError(f'{what}: wanted {"" if count is None else f"{count} "}numbers, not "{text[:20]}"')
-    return [_bounded(each) for each in found]
+    return [_bounded(each) for each in texts]
 
 
 def _bounded(text: str) -> float:
@@ -341,7 +341,7 @@ def _bounded(text: str) -> float:
 
 def transform(text: str) -> Matrix:
     """The matrix of a `transform` attribute. Raises PathError for invalid text."""
-    found, place = Matrix(), 0
+    matrix, place = Matrix(), 0
     while place < len(text):
         match = _TRANSFORM.match(text, place)
         if match is None or match[1] not in _STEPS:
@@ -349,22 +349,24 @@ def transform(text: str) -> Matrix:
         values = numbers(match[2], match[1])
         if len(values) not in _STEPS[match[1]]:
             raise PathError(f'transform: {match[1]} takes {_STEPS[match[1]][-1]} numbers, not "{match[2][:20]}"')
-        found = found.after(_step(match[1], values))
+        matrix = matrix.after(_step(match[1], values))
         place = match.end()
-    return found
+    return matrix
 
 
 def css_transform(text: str) -> Matrix:
     """The matrix of a `transform` in a style, where lengths and angles have units. Raises PathError for one that is not
     read, such as a percentage or one in space."""
-    found, place = Matrix(), 0
+    matrix, place = Matrix(), 0
     while place < len(text) and text.strip().casefold() not in ("none", "inherit", "initial", "unset"):
         match = _TRANSFORM.match(text, place)
         if match is None:
             raise PathError(f'transform: wanted none, {", ".join(_STEPS)}, not "{text[place : place + 20]}"')
-        found = found.after(_css_step(match[1], [_css_number(each) for each in re.split(r"[\s,]+", match[2].strip())]))
+        matrix = matrix.after(
+            _css_step(match[1], [_css_number(each) for each in re.split(r"[\s,]+", match[2].strip())])
+        )
         place = match.end()
-    return found
+    return matrix
 
 
 def _css_step(kind: str, values: list[float]) -> Matrix:

@@ -63,9 +63,13 @@ class Declared(NamedTuple):
 
 @dataclass(slots=True)
 class _Part:
-    """One part of a selector, `path#door.wall`. follows: the part before it " " anywhere inside, ">" directly inside;
-    "" for the first one. number: among all parts of a drawing's selectors. exact: CSS's specificity up to here. ends:
-    what the rules say whose selector ends here, with their numbers."""
+    """One part of a selector, `path#door.wall`.
+
+    follows: the part before it " " anywhere inside, ">" directly inside; "" for the first one
+    number: among all parts of a drawing's selectors
+    exact: CSS's specificity up to here
+    ends: what the rules say whose selector ends here, with their numbers
+    """
 
     name: str
     ids: frozenset[str]
@@ -106,18 +110,18 @@ class StyleSheets:
     def style_of(self, name: str, attributes: Mapping[str, str], outer: Match) -> tuple[Style, Match]:
         """What is said of an element, and which parts of selectors it fits. outer: those of the element around it.
         Raises PathError where there is too much to compare."""
-        found = {key: attributes[key] for key in PROPERTIES if key in attributes}
-        if any(_too_deep(each) >= 0 for each in (*found.values(), attributes.get("style", ""))):
+        style = {key: attributes[key] for key in PROPERTIES if key in attributes}
+        if any(_too_deep(each) >= 0 for each in (*style.values(), attributes.get("style", ""))):
             raise PathError(f"style: more than {MAX_NESTED} brackets in brackets")
         match, said = self._match(name, attributes, outer)
         own = _declared(attributes.get("style", ""))
         for each in (*said, own):
-            found |= each.normal
+            style |= each.normal
         for each in (*said, own):
-            found |= each.important
-        _refuse_unread(name, found)
+            style |= each.important
+        _refuse_unread(name, style)
         self._variables |= bool(_SAYS_VARIABLE.search(attributes.get("style", "")))
-        return {key: _settled(key, value, variables=self._variables) for key, value in found.items()}, match
+        return {key: _settled(key, value, variables=self._variables) for key, value in style.items()}, match
 
     def _match(self, name: str, attributes: Mapping[str, str], outer: Match) -> tuple[Match, list[Declared]]:
         if not self._parts:
@@ -211,7 +215,7 @@ class StyleError(ValueError):
 def _parts(selector: Sequence[Any], line: int) -> list[tuple[str, list[str], list[str], str]]:
     """Names, ids, classes and how they follow, part by part; none for a selector that fits no element of a drawing at
     rest. Raises StyleError for one that is not read."""
-    found: list[tuple[str, list[str], list[str], str]] = []
+    parts: list[tuple[str, list[str], list[str], str]] = []
     shown, follows, fresh = tinycss2.serialize(selector).strip(), "", True
     tokens = [*_without_space(selector)]
     while tokens:
@@ -224,11 +228,11 @@ def _parts(selector: Sequence[Any], line: int) -> list[tuple[str, list[str], lis
             if state is not None and state.lower_value in NEVER:
                 return []
         if fresh:
-            found.append(("", [], [], follows if found else ""))
+            parts.append(("", [], [], follows if parts else ""))
             fresh, follows = False, ""
-        name, ids, classes, before = found[-1]
+        name, ids, classes, before = parts[-1]
         if token.type == "ident" and not (name or ids or classes):
-            found[-1] = (token.value, ids, classes, before)
+            parts[-1] = (token.value, ids, classes, before)
         elif token.type == "hash":
             ids.append(token.value)
         elif token == "." and tokens and tokens[0].type == "ident":
@@ -239,27 +243,27 @@ def _parts(selector: Sequence[Any], line: int) -> list[tuple[str, list[str], lis
             )
     if fresh:
         raise StyleError(line, f'the selector "{shown[:60]}" is none: something is missing at its end')
-    return found
+    return parts
 
 
 def _without_space(selector: Sequence[Any]) -> Iterator[Any]:
     """Without comments, and without blanks at both ends."""
-    found = [token for token in selector if token.type != "comment"]
-    while found and found[0].type == "whitespace":
-        found.pop(0)
-    while found and found[-1].type == "whitespace":
-        found.pop()
-    return iter(found)
+    rest = [token for token in selector if token.type != "comment"]
+    while rest and rest[0].type == "whitespace":
+        rest.pop(0)
+    while rest and rest[-1].type == "whitespace":
+        rest.pop()
+    return iter(rest)
 
 
 def _split(tokens: Sequence[Any], mark: str) -> list[list[Any]]:
-    found: list[list[Any]] = [[]]
+    pieces: list[list[Any]] = [[]]
     for token in tokens:
         if token == mark:
-            found.append([])
+            pieces.append([])
         else:
-            found[-1].append(token)
-    return found
+            pieces[-1].append(token)
+    return pieces
 
 
 # ---- declarations
@@ -268,10 +272,10 @@ def _split(tokens: Sequence[Any], mark: str) -> list[list[Any]]:
 def _too_deep(text: str) -> int:
     """Where there are too many brackets in brackets; -1 for nowhere. Those in comments and strings count, too."""
     depth = 0
-    for found in _BRACKET.finditer(text):
-        depth = max(depth + (1 if found[0] in "([{" else -1), 0)
+    for bracket in _BRACKET.finditer(text):
+        depth = max(depth + (1 if bracket[0] in "([{" else -1), 0)
         if depth > MAX_NESTED:
-            return found.start()
+            return bracket.start()
     return -1
 
 
@@ -282,13 +286,13 @@ def _declared(text: str) -> Declared:
 
 
 def _declarations(declared: Iterable[Any]) -> Declared:
-    found = Declared({}, {})
+    declared_values = Declared({}, {})
     for each in declared:
         if each.type == "declaration" and each.lower_name in (*PROPERTIES, *SIZES, *MOVES):
             value = tinycss2.serialize(each.value).strip()
             if each.lower_name != "fill" or is_paint(value):
-                (found.important if each.important else found.normal)[each.lower_name] = value  # type: ignore[index]
-    return found
+                (declared_values.important if each.important else declared_values.normal)[each.lower_name] = value  # type: ignore[index]
+    return declared_values
 
 
 # ---- values
@@ -306,10 +310,10 @@ def _settled(key: str, value: str, *, variables: bool) -> str:
     PathError."""
     if "var(" not in value.casefold():
         return value.strip()
-    found = _VARIABLE.fullmatch(value.strip()[:MAX_VARIABLE])
-    if found is None or variables:
+    match = _VARIABLE.fullmatch(value.strip()[:MAX_VARIABLE])
+    if match is None or variables:
         raise PathError(f'{key}: "{value[:40]}" is not read: write the value itself, without a variable')
-    return (found[1] or "inherit").strip()
+    return (match[1] or "inherit").strip()
 
 
 @lru_cache(maxsize=4_096)
@@ -343,11 +347,11 @@ def matrix_of(style: Mapping[str, str], attributes: Mapping[str, str]) -> Matrix
     """The transform of an element: that of its style, else that of its attribute. Raises PathError."""
     said = style.get("transform", "")
     if not said or said == attributes.get("transform", "").strip():
-        found = transform(attributes.get("transform", ""))
+        matrix = transform(attributes.get("transform", ""))
     else:
-        found = css_transform(said)
+        matrix = css_transform(said)
     origin = style.get("transform-origin", "")
-    return found if not origin or found == Matrix() else _around(found, origin)
+    return matrix if not origin or matrix == Matrix() else _around(matrix, origin)
 
 
 def _around(matrix: Matrix, origin: str) -> Matrix:

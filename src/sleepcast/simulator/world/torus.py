@@ -19,7 +19,7 @@ Around = tuple[float, float]
 PLAIN: Around = (inf, inf)
 
 
-def come_around(x: Floats, around: float) -> None:
+def wrap_position(x: Floats, around: float) -> None:
     """Move positions that lie beyond an edge to the opposite one, in place."""
     gone = np.flatnonzero((x < 0.0) | (x >= around))
     inside = np.mod(x[gone], around)
@@ -34,9 +34,9 @@ class Images(NamedTuple):
     y: Floats
     of: Whole | slice
 
-    def whose(self, found: Whole) -> Whole:
+    def whose(self, indices: Whole) -> Whole:
         """The points to which these points or images belong."""
-        return found if isinstance(self.of, slice) else self.of[found]
+        return indices if isinstance(self.of, slice) else self.of[indices]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,12 +64,12 @@ class Cells:
         """These rows of `world.World.solids` and their images in the frame of the cells."""
         if self.around == PLAIN:
             return solids
-        (width, height), (across, up) = self.around, self.margin
-        shifts = [(i * width + across, j * height + up) for i in (0, 1, -1) for j in (0, 1, -1)]
+        (width, height), (margin_x, margin_y) = self.around, self.margin
+        shifts = [(i * width + margin_x, j * height + margin_y) for i in (0, 1, -1) for j in (0, 1, -1)]
         rows = np.concatenate([solids + np.array((x, y, x, y, 0.0)) for x, y in shifts])
         x, y, radius = rows[:, 0:4:2], rows[:, 1:4:2], rows[:, 4]
-        near = (x.max(axis=1) + radius >= 0.0) & (x.min(axis=1) - radius <= width + 2.0 * across)
-        near &= (y.max(axis=1) + radius >= 0.0) & (y.min(axis=1) - radius <= height + 2.0 * up)
+        near = (x.max(axis=1) + radius >= 0.0) & (x.min(axis=1) - radius <= width + 2.0 * margin_x)
+        near &= (y.max(axis=1) + radius >= 0.0) & (y.min(axis=1) - radius <= height + 2.0 * margin_y)
         return np.ascontiguousarray(rows[near])
 
 

@@ -22,9 +22,12 @@ News = NDArray[np.int8]
 
 class Walls(NamedTuple):
     """solids: columns with the unit vector along the line (x, y), the distance by which the line passes the origin on
-    its right, where the piece begins and ends along it, and radius; for round ones x, y, 0, 0, 0, radius. m, shape (6,
-    n). start: first entry of each cell, shape (cells + 1,). items: the solid of each entry, shape (entries,). news: for
-    each entry SAME_LINE, NEW_LINE, NEW_DIRECTION or ROUND."""
+        its right, where the piece begins and ends along it, and radius; for round ones x, y, 0, 0, 0, radius. m,
+        shape (6, n).
+    start: first entry of each cell, shape (cells + 1,)
+    items: the solid of each entry, shape (entries,)
+    news: for each entry SAME_LINE, NEW_LINE, NEW_DIRECTION or ROUND
+    """
 
     solids: Floats
     start: Short

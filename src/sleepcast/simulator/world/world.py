@@ -102,9 +102,9 @@ class World:
         self._changed()
         return number
 
-    def move(self, number: int, across: float, up: float) -> None:
-        """Move a thing by `across` m to the east and `up` m to the north. Raises MisuseError if it does not exist."""
-        moved = shifted(self._known(number), across, up)
+    def move(self, number: int, dx: float, dy: float) -> None:
+        """Move a thing by `dx` m to the east and `dy` m to the north. Raises MisuseError if it does not exist."""
+        moved = shifted(self._known(number), dx, dy)
         rows_of(moved)
         self._shapes[number] = moved
         self._changed()
@@ -193,19 +193,19 @@ def _shown(points: tuple[Point, ...]) -> str:
     return f"{', '.join(map(str, points[:8]))}{', ...' if len(points) > 8 else ''}"
 
 
-def shifted(shape: Shape, across: float, up: float) -> Shape:
-    """The shape moved by `across` m to the east and `up` m to the north."""
+def shifted(shape: Shape, dx: float, dy: float) -> Shape:
+    """The shape moved by `dx` m to the east and `dy` m to the north."""
     if isinstance(shape, Circle):
-        return replace(shape, x=shape.x + across, y=shape.y + up)
+        return replace(shape, x=shape.x + dx, y=shape.y + dy)
     if isinstance(shape, Wall):
-        return replace(shape, points=_shifted(shape.points, across, up))
+        return replace(shape, points=_shifted(shape.points, dx, dy))
     if isinstance(shape, Area):
-        return replace(shape, outlines=tuple(_shifted(outline, across, up) for outline in shape.outlines))
-    return replace(shape, corners=_shifted(shape.corners, across, up))
+        return replace(shape, outlines=tuple(_shifted(outline, dx, dy) for outline in shape.outlines))
+    return replace(shape, corners=_shifted(shape.corners, dx, dy))
 
 
-def _shifted(points: tuple[Point, ...], across: float, up: float) -> tuple[Point, ...]:
-    return tuple((x + across, y + up) for x, y in points)
+def _shifted(points: tuple[Point, ...], dx: float, dy: float) -> tuple[Point, ...]:
+    return tuple((x + dx, y + dy) for x, y in points)
 
 
 def boundary(width: float, height: float) -> Wall:
@@ -217,14 +217,14 @@ def rooms(width: float, height: float, size: float, door: float) -> list[Wall]:
     """Walls that divide a rectangle into square rooms of `size` m (the last row and column may be smaller or larger),
     with a door of `door` m in the middle of each side of a room. A side too short for its door is left out. Each wall
     goes from door to door, with a corner where it crosses another one. Raises MisuseError for more than MAX_ROOMS."""
-    rooms_across, rooms_up = _rooms_along(width, size), _rooms_along(height, size)
-    if rooms_across * rooms_up > MAX_ROOMS:
-        raise MisuseError(f"{rooms_across} by {rooms_up} rooms; at most {MAX_ROOMS} fit: make them larger")
-    across, up = _marks(width, size, rooms_across), _marks(height, size, rooms_up)
-    pieces = _from_door_to_door(up, door)
-    walls = [Wall(tuple((x, y) for y in piece)) for x in across[1:-1] for piece in pieces]
-    pieces = _from_door_to_door(across, door)
-    return walls + [Wall(tuple((x, y) for x in piece)) for y in up[1:-1] for piece in pieces]
+    columns, rows = _rooms_along(width, size), _rooms_along(height, size)
+    if columns * rows > MAX_ROOMS:
+        raise MisuseError(f"{columns} by {rows} rooms; at most {MAX_ROOMS} fit: make them larger")
+    marks_x, marks_y = _marks(width, size, columns), _marks(height, size, rows)
+    pieces = _from_door_to_door(marks_y, door)
+    walls = [Wall(tuple((x, y) for y in piece)) for x in marks_x[1:-1] for piece in pieces]
+    pieces = _from_door_to_door(marks_x, door)
+    return walls + [Wall(tuple((x, y) for x in piece)) for y in marks_y[1:-1] for piece in pieces]
 
 
 def _rooms_along(length: float, size: float) -> int:
@@ -239,9 +239,9 @@ def _marks(length: float, size: float, count: int) -> list[float]:
 
 def _from_door_to_door(marks: list[float], door: float) -> list[list[float]]:
     """The walls along a line that crosses others at `marks`: for each its begin, crossing and end."""
-    found, piece = [], marks[:1]
+    walls, piece = [], marks[:1]
     for low, high in pairwise(marks):
         middle, fits = (low + high) / 2.0, high - low > door
-        found.append([*piece, middle - door / 2.0] if fits else piece)
+        walls.append([*piece, middle - door / 2.0] if fits else piece)
         piece = [middle + door / 2.0, high] if fits else [high]
-    return [piece for piece in (*found, piece) if len(piece) > 1]
+    return [piece for piece in (*walls, piece) if len(piece) > 1]

@@ -120,7 +120,13 @@ def kept(sim: Simulator) -> SimulatorState:
 
 
 def everything(sim: Simulator) -> object:
-    return sim.state_hash(), sim.measured(), list(sim.said), dict(sim.world.shapes), np.array(sim.readings()).tobytes()
+    return (
+        sim.state_hash(),
+        sim.measured(),
+        list(sim.sayings),
+        dict(sim.world.shapes),
+        np.array(sim.readings()).tobytes(),
+    )
 
 
 @pytest.mark.parametrize(

@@ -331,7 +331,7 @@ class Fleet(ABC):
             with _placed(line.order.place):
                 if not self._stops() <= known:
                     raise MisuseError("STOP ended the script, and this and what follows was not sent: release it first")
-                if order.sort in ("once", "standing"):
+                if order.kind in ("once", "standing"):
                     desk = self.desk_of(order.by)
                     prepared = self._prepare(order.text, self._terms(order, everybody, sure), desk)
                     self._warn(prepared, learned)
@@ -352,7 +352,7 @@ class Fleet(ABC):
         """Raises MissionError for a line that would end a STOP which no script has sent, but a person."""
         from sleepcast.loop.mission import is_stopped_by_others
 
-        first = next((line for line in lines if line.instruction.sort == "RELEASE"), None)
+        first = next((line for line in lines if line.instruction.kind == "RELEASE"), None)
         messages = (command.message for command in self._commands())
         if first is not None and is_stopped_by_others(messages, self._scripted | self._sent_by_desk()):
             with _placed(first.order.place):
@@ -368,12 +368,12 @@ class Fleet(ABC):
 
     def _terms(self, order: Instruction, everybody: bool, sure: bool) -> Terms:
         """How a line of a script is meant that commands."""
-        audience, standing = Audience.of(order.only, order.but), order.sort == "standing"
+        audience, standing = Audience.of(order.only, order.but), order.kind == "standing"
         return Terms(standing, order.within, everybody, audience, anyway=sure, undecided=True)
 
     def _order(self, order: Instruction, sure: bool) -> CommandResult | None:
         """Send another line now; None for HOLD and AWAY, which robots do not answer."""
-        match order.sort:
+        match order.kind:
             case "STOP":
                 return self.stop(wait=0.0, by=order.by)
             case "RELEASE":

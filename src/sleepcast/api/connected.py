@@ -133,7 +133,7 @@ class ConnectedFleet(Fleet):
         """Nothing: no scenario with a mission lies behind robots on the air."""
 
     def _order(self, order: Instruction, sure: bool) -> CommandResult | None:
-        if order.sort != "RELEASE":
+        if order.kind != "RELEASE":
             return super()._order(order, sure)
         with self._turn():
             sent = self.station.release(-inf)  # a script ends no STOP of others

@@ -22,11 +22,11 @@ from sleepcast.channel.message import FOR, LEASE, NOT
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.toml_text import toml_value
 from sleepcast.loop import Swarm
-from sleepcast.loop.mission import named_robots, order_sort
+from sleepcast.loop.mission import named_robots, order_kind
 from sleepcast.loop.swarm import give
 from sleepcast.simulator import Changes, Scenario, find_scenario, scenario_names
 from sleepcast.simulator.packing import pack
-from sleepcast.simulator.scenario.mission import MAX_ORDERS, Instruction, Order, Sort, Wanted, written_mission
+from sleepcast.simulator.scenario.mission import MAX_ORDERS, Instruction, Order, OrderKind, Wanted, written_mission
 from sleepcast.simulator.scenario.origin import read_origin
 from sleepcast.station import Account, Command, Station
 from sleepcast.station.account import COUNTED
@@ -146,7 +146,7 @@ def orders_of(swarm: Swarm, station: Station, inputs: Inputs, hold: Hold) -> lis
     orders, own = list[SessionOrder](), is_run_again(inputs, tick)
     for sent, message in _sent_first(inputs):
         by_itself = _is_missions(sent, message, tick)
-        if order_sort(message) is None or (own and by_itself):
+        if order_kind(message) is None or (own and by_itself):
             continue
         line = _instruction(message, tick if by_itself else 0.0)._replace(by=_by(message, station))
         desk = desks.get(message.id)
@@ -169,7 +169,7 @@ def _presence(swarm: Swarm, station: Station, inputs: Inputs) -> Iterator[Sessio
     last: dict[str, int] = {}
     """The tick at whose end each operator's last heartbeat was sent."""
 
-    def order(word: Sort, before: int, by: str) -> SessionOrder:
+    def order(word: OrderKind, before: int, by: str) -> SessionOrder:
         return SessionOrder(Order(_time(before, tick), Instruction(word, by=by).written(), ""))
 
     def next_after(sent: int) -> int:
@@ -229,12 +229,12 @@ def _instruction(message: Message, ahead: float) -> Instruction:
     match message.body.get(LEASE):
         case {"do": str() as action, "group": str() as group, "seconds": float() as seconds, "to": str() as to}:
             return Instruction("lease", f"{action} {group}", seconds, to=to)
-    sort = order_sort(message)
-    assert sort is not None
+    kind = order_kind(message)
+    assert kind is not None
     lasts = message.deadline - message.issued
     usual = message.kind is not Kind.COMMAND or lasts == inf or abs(lasts - DEADLINE) < 1e-9
     only, but = (named_robots(message, key) for key in (FOR, NOT))
-    return Instruction(sort, message.text.strip(), None if usual else round(lasts + ahead, 9), only, but)
+    return Instruction(kind, message.text.strip(), None if usual else round(lasts + ahead, 9), only, but)
 
 
 def source_of(scenario: Scenario, seed: int) -> tuple[str, Changes]:

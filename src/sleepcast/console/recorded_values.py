@@ -14,7 +14,7 @@ from math import nan
 import numpy as np
 
 from sleepcast.columns.rows import Rows
-from sleepcast.columns.telemetry import KnownSymbols, Sort, TelemetryTable
+from sleepcast.columns.telemetry import Key, KnownSymbols, TelemetryTable
 from sleepcast.columns.values import AskedColumns
 from sleepcast.console.completion import ShownName, names_in
 from sleepcast.console.features.plots import (
@@ -103,9 +103,9 @@ class RecordedTelemetry(TelemetryTable):
             self._columns = AskedColumns(len(timeline.scene.names), self._filled, self._members)
         return self._columns
 
-    def divide(self, rows: Rows, sort: Callable[[KnownSymbols], Sort]) -> list[tuple[Sort, Rows, Mask | None]]:
+    def divide(self, rows: Rows, key: Callable[[KnownSymbols], Key]) -> list[tuple[Key, Rows, Mask | None]]:
         """What robots have learned is not in a recording: here they know what their vocabulary gives them."""
-        return [(sort(self._learned), rows, None)]
+        return [(key(self._learned), rows, None)]
 
     def _filled(self, slot: int) -> Column | float:
         """A variable as it was recorded; of what the language itself keeps on a robot, all but flags is as at first."""

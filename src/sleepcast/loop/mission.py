@@ -1,6 +1,6 @@
 """What a mission has come to: which of its orders a desk has sent already, whoever pressed the key.
 
-A command counts as the first order with its words, its sort and its robots that has not been sent yet. So it does not
+A command counts as the first order with its words, its kind and its robots that has not been sent yet. So it does not
 matter who sent it: the mission itself, a person at the prompt, or a program. STOP and RELEASE have no words of their
 own, and everybody may press them: they count at the very time of the order alone, unless whoever plays it says more.
 
@@ -19,12 +19,12 @@ from sleepcast.channel.message import FOR, NOT
 from sleepcast.core.errors import SleepcastError, in_file
 from sleepcast.language.reader import read
 from sleepcast.simulator import MissionError, Order
-from sleepcast.simulator.scenario.mission import Sort, instruction
+from sleepcast.simulator.scenario.mission import OrderKind, instruction
 
-_SORTS: Mapping[Kind, Sort] = {Kind.COMMAND: "once", Kind.ASK: "ask", Kind.STOP: "STOP", Kind.RELEASE: "RELEASE"}
+_KINDS: Mapping[Kind, OrderKind] = {Kind.COMMAND: "once", Kind.ASK: "ask", Kind.STOP: "STOP", Kind.RELEASE: "RELEASE"}
 _WORDLESS = (Kind.STOP, Kind.RELEASE)
-Words: TypeAlias = tuple[str, Sort, str, frozenset[str] | None, frozenset[str] | None]
-"""What orders are told apart by: who sends them, their sort, their text, whom they are for, and whom they are not
+Words: TypeAlias = tuple[str, OrderKind, str, frozenset[str] | None, frozenset[str] | None]
+"""What orders are told apart by: who sends them, their kind, their text, whom they are for, and whom they are not
 for."""
 
 
@@ -57,9 +57,9 @@ class SentMessage(Protocol):
     def message(self) -> Message: ...
 
 
-def order_sort(message: Message) -> Sort | None:
-    """The sort of order that a message of a desk is; None for what no mission sends."""
-    return "standing" if message.standing and message.kind is Kind.COMMAND else _SORTS.get(message.kind)
+def order_kind(message: Message) -> OrderKind | None:
+    """The kind of order that a message of a desk is; None for what no mission sends."""
+    return "standing" if message.standing and message.kind is Kind.COMMAND else _KINDS.get(message.kind)
 
 
 def named_robots(message: Message, key: str) -> tuple[str, ...] | None:
@@ -157,7 +157,7 @@ class MissionLog:
     def _words(self, order: Order) -> Words:
         wanted = instruction(order)
         by = wanted.by or self._first
-        return by, wanted.sort, " ".join(wanted.text.split()), _names(wanted.only), _names(wanted.but)
+        return by, wanted.kind, " ".join(wanted.text.split()), _names(wanted.only), _names(wanted.but)
 
 
 def is_same(order: Order, other: Order) -> bool:
@@ -166,11 +166,11 @@ def is_same(order: Order, other: Order) -> bool:
 
 
 def _words_of(message: Message) -> Words | None:
-    sort = order_sort(message)
-    if sort is None:
+    kind = order_kind(message)
+    if kind is None:
         return None
-    text = "" if sort in ("STOP", "RELEASE") else " ".join(message.text.split())
-    return message.sender, sort, text, _names(named_robots(message, FOR)), _names(named_robots(message, NOT))
+    text = "" if kind in ("STOP", "RELEASE") else " ".join(message.text.split())
+    return message.sender, kind, text, _names(named_robots(message, FOR)), _names(named_robots(message, NOT))
 
 
 def _names(names: Sequence[str] | None) -> frozenset[str] | None:

@@ -406,11 +406,11 @@ def give(
     with placed(order):
         if not wanted.is_expression:
             return act_on(desk, wanted)
-        if wanted.sort == "ask":
+        if wanted.kind == "ask":
             return desk.ask(wanted.text, only=wanted.only, but=wanted.but)
         return desk.send(
             wanted.text,
-            standing=wanted.sort == "standing",
+            standing=wanted.kind == "standing",
             deadline=None if wanted.within is None else wanted.within + ahead,
             everybody=True,
             only=wanted.only,
@@ -423,7 +423,7 @@ def give(
 def act_on(desk: Desk, wanted: Instruction) -> SentCommand | None:
     """Let the desk do what is no expression: STOP, RELEASE, something about a lease; and HOLD or AWAY, which say
     nothing. Raises LeaseError."""
-    match wanted.sort:
+    match wanted.kind:
         case "STOP":
             return desk.stop()
         case "RELEASE":
@@ -432,7 +432,7 @@ def act_on(desk: Desk, wanted: Instruction) -> SentCommand | None:
             action, group = wanted.text.split()
             seconds = LEASE_SECONDS if wanted.within is None else wanted.within
             return desk.lease(LeaseAction(action), group, seconds, wanted.to)
-    desk.hold(wanted.sort == "HOLD")
+    desk.hold(wanted.kind == "HOLD")
     return None
 
 

@@ -15,7 +15,7 @@ from struct import unpack_from
 import numpy as np
 
 from sleepcast.columns.rows import Column, Mask, Rows
-from sleepcast.columns.telemetry import KnownSymbols, Sort, TelemetryTable, Undecided
+from sleepcast.columns.telemetry import Key, KnownSymbols, TelemetryTable, Undecided
 from sleepcast.columns.values import AskedColumns
 from sleepcast.language.parts import Part
 from sleepcast.language.program import Program
@@ -180,11 +180,11 @@ class ToldTelemetry(TelemetryTable):
             latest = self._latest = told, AskedColumns(len(rows), columns.column, columns.groups)
         return latest[1]
 
-    def divide(self, rows: Rows, sort: Callable[[KnownSymbols], Sort]) -> list[tuple[Sort, Rows, Mask | None]]:
+    def divide(self, rows: Rows, key: Callable[[KnownSymbols], Key]) -> list[tuple[Key, Rows, Mask | None]]:
         symbols = [self._symbols(self._names[place]) for place in rows.robots.tolist()]
         each = {id(one): one for one in symbols}
-        sorts: dict[Sort, int] = {}
-        code_of = {number: sorts.setdefault(sort(one), len(sorts)) for number, one in each.items()}
+        sorts: dict[Key, int] = {}
+        code_of = {number: sorts.setdefault(key(one), len(sorts)) for number, one in each.items()}
         if len(sorts) == 1:
             return [(next(iter(sorts)), rows, None)]
         codes = np.array([code_of[id(one)] for one in symbols], np.intp)

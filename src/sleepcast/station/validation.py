@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from sleepcast.channel.message import FOR, NOT
 from sleepcast.channel.message_batch import NameIndex
 from sleepcast.columns.rows import Mask, Rows
-from sleepcast.columns.telemetry import BulkTelemetry, KnownSymbols, Sort, TelemetryTable
+from sleepcast.columns.telemetry import BulkTelemetry, Key, KnownSymbols, TelemetryTable
 from sleepcast.columns.values import ValueColumns
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import Checked
@@ -420,7 +420,7 @@ class _NothingTold(TelemetryTable):
     def latest(self) -> ValueColumns:
         return ValueColumns(1, ())
 
-    def divide(self, rows: Rows, sort: Callable[[KnownSymbols], Sort]) -> list[tuple[Sort, Rows, Mask | None]]:
+    def divide(self, rows: Rows, key: Callable[[KnownSymbols], Key]) -> list[tuple[Key, Rows, Mask | None]]:
         """There is nobody to be asked."""
         return []
 

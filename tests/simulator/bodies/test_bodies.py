@@ -360,7 +360,7 @@ class TestReadings:
         sim = simulator(tmp_path)
         run(sim, 1)
         sim.robots[2].say("hello")
-        assert list(sim.said) == [Saying(1.0, 2, "hello")]
+        assert list(sim.sayings) == [Saying(1.0, 2, "hello")]
 
     def test_names_follow_the_type(self, tmp_path: Path) -> None:
         sim = simulator(tmp_path)

@@ -208,7 +208,7 @@ class TestOneResult:
     def test_one_robot_and_all_at_once(self, tmp_path: Path, name: str) -> None:
         sim = self.running(tmp_path)
         together = ask_all(sim, name, 40.0)
-        sim.senses._near._kept.clear()  # type: ignore[union-attr]  # so that each is found anew
+        sim.senses._near._recent.clear()  # type: ignore[union-attr]  # so that each is found anew
         alone = [ask(sim, name, 40.0, robot=robot) for robot in range(sim.bodies.count)]
         assert np.array_equal(together, alone, equal_nan=True)
 
@@ -216,7 +216,7 @@ class TestOneResult:
         sim = self.running(tmp_path)
         whole = [ask_all(sim, name, 40.0) for name in ASKED]
         monkeypatch.setattr(range_and_bearing, "MAX_PAIRS", 50)
-        sim.senses._near._kept.clear()  # type: ignore[union-attr]
+        sim.senses._near._recent.clear()  # type: ignore[union-attr]
         assert all(
             np.array_equal(*each, equal_nan=True)
             for each in zip(whole, [ask_all(sim, name, 40.0) for name in ASKED], strict=True)

@@ -160,9 +160,9 @@ def shown_mission(
         lines.append(
             ShownLine(
                 order.time,
-                line.text or line.sort,
+                line.text or line.kind,
                 words,
-                line.sort if typed else "",
+                line.kind if typed else "",
                 [_shown(wanted, row) for wanted in order.wanted],
                 None if message is None else message.issued - began,
                 "" if message is None else message.id,

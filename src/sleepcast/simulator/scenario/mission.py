@@ -46,9 +46,9 @@ COUNTS = ("matched", "held", "not matched", "unknown", "fault", "silent")
 """What is counted of an order: robots that obeyed, those among them that STOP held, and so on."""
 BOUNDS = ("exactly", "at least", "at most")
 
-Sort: TypeAlias = Literal["once", "standing", "ask", "lease", "STOP", "RELEASE", "HOLD", "AWAY"]
-_WORDLESS: dict[str, Sort] = {"STOP": "STOP", "RELEASE": "RELEASE", "HOLD": "HOLD", "AWAY": "AWAY"}
-_SORTS: dict[str, Sort] = {"once": "once", "standing": "standing", "ask": "ask"}
+OrderKind: TypeAlias = Literal["once", "standing", "ask", "lease", "STOP", "RELEASE", "HOLD", "AWAY"]
+_WORDLESS: dict[str, OrderKind] = {"STOP": "STOP", "RELEASE": "RELEASE", "HOLD": "HOLD", "AWAY": "AWAY"}
+_KINDS: dict[str, OrderKind] = {"once": "once", "standing": "standing", "ask": "ask"}
 _ONE = r"(\d++(?:\.\d*+)?+|\.\d++)\s*([A-Za-z%/0-9]*)"
 _TIME = re.compile(_ONE)
 _TIMES = re.compile(rf"@({_ONE}(?:,{_ONE})*)(?=\s|$)")
@@ -58,7 +58,7 @@ class MissionError(MisuseError):
     """An error in a mission script; the text begins with the file and the line."""
 
 
-_SORT = re.compile(r"(once|standing|ask)(?=\s)")
+_KIND = re.compile(r"(once|standing|ask)(?=\s)")
 _WITHIN = re.compile(rf"within\s+{_ONE}(?=\s)")
 _NAMED = re.compile(r"(only|but)\s+([^\s,();]+(?:,[^\s,();]+)*)(?=\s)")
 _BY = re.compile(r"as\s+([^\s,();]+)(?=\s)")
@@ -72,7 +72,7 @@ _WANTED = re.compile(rf"({'|'.join(COUNTS)})\s+(?:({'|'.join(BOUNDS)})\s+)?([0-9
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """How many robots there shall be of a sort (one of `COUNTS`) when the run ends. bound: one of `BOUNDS`."""
+    """How many robots of which kind (one of `COUNTS`) there shall be when the run ends. bound: one of `BOUNDS`."""
 
     count: str
     number: int
@@ -118,7 +118,7 @@ class Instruction(NamedTuple):
     by: the operator who sends it, "" for the first
     """
 
-    sort: Sort
+    kind: OrderKind
     text: str = ""
     within: float | None = None
     only: tuple[str, ...] | None = None
@@ -129,19 +129,19 @@ class Instruction(NamedTuple):
     @property
     def is_expression(self) -> bool:
         """Whether robots evaluate its text."""
-        return self.sort in _SORTS
+        return self.kind in _KINDS
 
     def written(self) -> str:
         """The text of the order that comes to this."""
         return f"as {self.by} {self._said()}" if self.by else self._said()
 
     def _said(self) -> str:
-        if self.sort in _WORDLESS:
-            return self.sort
-        if self.sort == "lease":
+        if self.kind in _WORDLESS:
+            return self.kind
+        if self.kind == "lease":
             to, seconds = f" to {self.to}" if self.to else "", f" for {self.within!r}s" if self.within else ""
             return f"lease {self.text}{to}{seconds}"
-        words: list[str] = [self.sort] if self.sort != "once" or not self.text.startswith("(") else []
+        words: list[str] = [self.kind] if self.kind != "once" or not self.text.startswith("(") else []
         words += [f"within {self.within!r}s"] if self.within is not None else []
         words += [f"only {','.join(self.only)}"] if self.only is not None else []
         words += [f"but {','.join(self.but)}"] if self.but is not None else []
@@ -155,13 +155,13 @@ def instruction(order: Order) -> Instruction:
     if match := _BY.match(rest):
         parsed, rest = parsed._replace(by=match[1]), rest[match.end() :].lstrip()
     if (whole := _bare(rest)) in _WORDLESS:
-        return parsed._replace(sort=_WORDLESS[whole])
+        return parsed._replace(kind=_WORDLESS[whole])
     if match := _LEASE.fullmatch(rest.strip()):
         seconds = _seconds(match[4], match[5], order.place) if match[4] else None
-        return parsed._replace(sort="lease", text=f"{match[1]} {match[2]}", to=match[3] or "", within=seconds)
+        return parsed._replace(kind="lease", text=f"{match[1]} {match[2]}", to=match[3] or "", within=seconds)
     while True:
-        if match := _SORT.match(rest):
-            parsed = parsed._replace(sort=_SORTS[match[1]])
+        if match := _KIND.match(rest):
+            parsed = parsed._replace(kind=_KINDS[match[1]])
         elif match := _WITHIN.match(rest):
             parsed = parsed._replace(within=_seconds(match[1], match[2], order.place))
         elif match := _NAMED.match(rest):

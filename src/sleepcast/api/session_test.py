@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 
 from sleepcast.api.assembly import others_of
 from sleepcast.channel import Kind, Message
+from sleepcast.channel.desks import sent_by
 from sleepcast.channel.message import FOR, LEASE, NOT
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.toml_text import toml_value
@@ -107,8 +108,8 @@ def missed_in(swarm: Swarm, station: Station) -> list[str]:
 def sent_commands(swarm: Swarm, station: Station) -> list[tuple[Station, Command]]:
     """What all operators of a run have sent, oldest first, each with the desk that has sent it. station: the first
     one's."""
-    desks = (station, *others_of(swarm))
-    return sorted(((desk, each) for desk in desks for each in desk.commands()), key=lambda each: each[1].message.issued)
+    desks = {desk.operator: desk for desk in (station, *others_of(swarm))}
+    return [(desks.get(command.message.sender, station), command) for command in sent_by([*desks.values()])]
 
 
 def never_sent(orders: Iterable[Order]) -> list[dict[str, object]]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence, Set
 
 import msgspec
 
+from sleepcast.channel.desks import sent_by
 from sleepcast.console.driver import AT_START
 from sleepcast.console.failing import FailingRules, ShownFailing
 from sleepcast.console.view import SwarmView
@@ -87,8 +88,7 @@ class AccountTable:
 
     def commands(self) -> list[Command]:
         """What all operators have sent, oldest first."""
-        commands = [each for desk in (self._station, *self._others.values()) for each in desk.commands()]
-        return sorted(commands, key=lambda each: each.message.issued) if self._others else commands
+        return sent_by((self._station, *self._others.values()))
 
     def desk_of(self, command: Command) -> Station:
         """The desk that has sent a command."""

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 import msgspec
 
+from sleepcast.channel.desks import desk_of
 from sleepcast.channel.simulated_radio import RadioCounts
 from sleepcast.console import outgoing, registry
 from sleepcast.console.account_table import AccountTable, CommandRow
@@ -32,7 +33,7 @@ from sleepcast.console.timeline import commands_of
 from sleepcast.console.values import TelemetryValues, Values
 from sleepcast.console.view import KeptRule, MindView, ObstacleEditor, Picture, Scene, SwarmView
 from sleepcast.core.clock import Clock
-from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.errors import MisuseError
 from sleepcast.core.tasks import together
 from sleepcast.core.units import value_in_words
 from sleepcast.language import Variable
@@ -176,10 +177,7 @@ class Backend:
 
     def desk_of(self, operator: str) -> Station:
         """The desk of an operator, "" for the first. Raises MisuseError for one who has none here."""
-        if operator and operator not in self._desks:
-            near = did_you_mean(operator, self._desks)
-            raise MisuseError(f"no operator {operator}{near}: wanted one of {', '.join(self._desks)}")
-        return self._desks.get(operator, self.station)
+        return desk_of(operator, self._desks, [*self._desks.values()])
 
     def _prepared(self, asked: Send) -> Prepared:
         """The command, as a page was asked about it before, if it was."""

@@ -23,12 +23,13 @@ from typing import Protocol
 from msgspec import structs
 
 from sleepcast.channel import Message
+from sleepcast.channel.desks import desk_of, sent_by
 from sleepcast.channel.message import LeaseAction, Role
 from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.channel.simulated_radio import OPERATOR, Radio
 from sleepcast.columns.rows import Column, Index, Rows
 from sleepcast.core.clock import Clock
-from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean, in_file
+from sleepcast.core.errors import MisuseError, SleepcastError, in_file
 from sleepcast.core.model import Constant
 from sleepcast.core.ticks import Carried, tick_at
 from sleepcast.core.units import NONE, UNITS
@@ -237,7 +238,7 @@ class Swarm:
 
     def commands(self) -> list[SentCommand]:
         """What all operators have sent, oldest first."""
-        return sorted((each for desk in self.desks for each in desk.commands()), key=lambda each: each.message.issued)
+        return sent_by(self.desks)
 
     def desk_for(self, order: Order) -> Desk:
         """The desk that sends an order. Raises MissionError where nobody of this name sits at one."""
@@ -246,14 +247,7 @@ class Swarm:
 
     def desk_of(self, operator: str) -> Desk:
         """The desk of an operator ("": the first). Raises MisuseError where nobody of this name sits at one."""
-        by = operator or next(iter(self.operators), "")
-        if by and by not in self._numbers:
-            known = f"wanted one of {', '.join(self.operators)}" if self.operators else "nobody is named in this run"
-            raise MisuseError(f"no operator {by}{did_you_mean(by, self.operators)}: {known}")
-        index = OPERATOR - self.number_of(by)
-        if index >= len(self.desks):
-            raise MisuseError(f"nobody sits at the desk of {by or 'the operator'}")
-        return self.desks[index]
+        return desk_of(operator, self.operators, self.desks)
 
     def number_of(self, sender: str) -> int:
         """The number of an operator on the radio."""

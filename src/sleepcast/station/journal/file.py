@@ -17,7 +17,7 @@ import os
 import sqlite3
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, closing, contextmanager, suppress
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import partial
 from math import inf, isfinite
@@ -49,6 +49,7 @@ MAX_BYTES = 64 * 1024 * 1024
 """Bytes of one value in the file: an entry with the longest lists has less."""
 MAX_DEPTH = 16
 """Lists within each other in details: four times what a message may have."""
+_ENCODER = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"))
 
 SCHEMA = """
 CREATE TABLE entries (
@@ -117,7 +118,7 @@ def line_of(entry: JournalEntry, written: float) -> str:
         "text": _text(entry.text),
         "details": details,
     }
-    return json.dumps(found, ensure_ascii=False, separators=(",", ":"))
+    return _ENCODER.encode(found)
 
 
 def read_line(line: str, hash: bytes) -> FiledEntry:
@@ -162,7 +163,7 @@ def _plain(value: object, depth: int = 0) -> object:
 
 def _text(text: str) -> str:
     """Text that UTF-8 can say."""
-    return text.encode(errors="backslashreplace").decode()
+    return text if text.isascii() else text.encode(errors="backslashreplace").decode()
 
 
 # ---- files
@@ -383,6 +384,9 @@ class SqliteJournal:
         self._clock, self._lock = clock, RLock()
         self._connection = open_writing(file)
         self._together = False
+        self._last: tuple[int, bytes] | None = None
+        """The number and the hash of the last entry, once one is written in this transaction, in which nobody else
+        writes."""
 
     def close(self) -> None:
         """Be done with the file."""
@@ -392,14 +396,15 @@ class SqliteJournal:
     def append(self, entry: PendingEntry) -> None:
         """Write one entry; its number is the next one. It is on the disk when this returns, or, within `together`,
         when that ends."""
-        with self.together():
-            number, before = self._head()
+        with self._lock, nullcontext() if self._together else self.together():
+            number, before = self._last or self._head()
             line = line_of(JournalEntry(number + 1, *entry), self._clock.now())
+            last = number + 1, digest(before, line)
             with journal_errors(self.file):
                 self._connection.execute(
-                    "INSERT INTO entries (number, line, hash) VALUES (?, ?, ?)",
-                    (number + 1, line, digest(before, line)),
+                    "INSERT INTO entries (number, line, hash) VALUES (?, ?, ?)", (last[0], line, last[1])
                 )
+            self._last = last
 
     @contextmanager
     def together(self) -> Iterator[None]:
@@ -416,7 +421,7 @@ class SqliteJournal:
                 try:
                     yield
                 finally:
-                    self._together = False
+                    self._together, self._last = False, None
 
     def entries(self, after: int = 0) -> Iterator[JournalEntry]:
         """The entries in this file with a number above `after`, oldest first."""

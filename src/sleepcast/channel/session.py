@@ -37,6 +37,7 @@ from sleepcast.channel.message import (
     MISSED,
     NOT,
     OTHERS,
+    TO_OPERATOR,
     WITHIN,
     Kind,
     Message,
@@ -61,6 +62,9 @@ _MAX_REPORTED = 8
 GATHER_FOR = 0.001
 """Seconds to wait after something was received, so that datagrams which arrive close together are handled together: a
 flood does not wake us for each datagram."""
+_GATHER_ANSWERS = 0.01
+"""The same for an operator, who has to hear a thousand robots in a second: a person does not see the difference, and
+each waking takes as much time as an answer."""
 _REPORT_EVERY = 1.0
 """Seconds between two such reports."""
 _MAX_HELD = 1_024
@@ -172,7 +176,8 @@ class ChannelSession:
             if message.kind is Kind.ASK and AGAIN in message.body:
                 self._say_again(message)
                 continue
-            self._asked.put(message.key, message.id, AnswerTerms(message.key, _within(message)))
+            if message.kind not in TO_OPERATOR:  # nobody answers an answer
+                self._asked.put(message.key, message.id, AnswerTerms(message.key, _within(message)))
             self._heard.append(message)
 
     def miss(self, skipped: Iterable[Skipped]) -> None:
@@ -334,7 +339,17 @@ def wait_together(sessions: Sequence[ChannelSession], received: Waitable, second
         select.select([received], [], [], max(0.0, min(until, due) - now))
         came = [session.pump() for session in sessions]
         if any(came) and not any(session.has_stop for session in sessions):
-            select.select([], [], [], max(0.0, min(GATHER_FOR, until - clock.now())))
+            now = clock.now()
+            select.select([], [], [], max(0.0, min(_gather_for(sessions, now), until - now)))
+
+
+def _gather_for(sessions: Sequence[ChannelSession], now: float) -> float:
+    """Seconds to wait for more after something was received. An operator waits longer, unless there is something to be
+    sent meanwhile: the next copy of a STOP is not to be late."""
+    if any(session.delivery.admission.robot for session in sessions):
+        return GATHER_FOR
+    due = min((session.pump_due() for session in sessions), default=inf)
+    return max(GATHER_FOR, min(_GATHER_ANSWERS, due - now))
 
 
 def sift(
